@@ -1,0 +1,156 @@
+//! Increments: the numbered batches of operations that a map consists of.
+//!
+//! Every operation carries the stamp of its increment, refined by its place in it. For each element the newest stamp
+//! wins, so increments can be applied in any order and any number of times (`fht-map` does it).
+
+use crate::geometry::{FixedPose, Rect};
+use crate::ids::{AuthorId, NodeId};
+use crate::signature::{DescriptorModel, Signature};
+use serde::{Deserialize, Serialize};
+
+/// When an element was last changed: hybrid logical clock, then author, then place in the increment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Stamp {
+    /// Hybrid logical clock: microseconds, pushed forward so that it never repeats or goes back for one author and is
+    /// newer than everything that the author had seen.
+    pub hlc_us: u64,
+    /// Who wrote.
+    pub author: AuthorId,
+    /// Which operation of the increment.
+    pub op: u16,
+}
+
+/// The two kinds of node (paper, section III-B).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NodeKind {
+    /// Carries a signature; robots relocalize at it.
+    Main,
+    /// Carries only its place and its free space; paths lead through it.
+    Support,
+}
+
+/// An undirected edge, its ends in ascending order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct EdgeKey<Id = NodeId> {
+    low: Id,
+    high: Id,
+}
+
+impl<Id: Copy + Ord> EdgeKey<Id> {
+    /// The edge between two nodes, in either order.
+    #[must_use]
+    pub fn new(a: Id, b: Id) -> Self {
+        if a <= b { Self { low: a, high: b } } else { Self { low: b, high: a } }
+    }
+
+    /// The end that sorts first.
+    #[must_use]
+    pub fn low(&self) -> Id {
+        self.low
+    }
+
+    /// The end that sorts last.
+    #[must_use]
+    pub fn high(&self) -> Id {
+        self.high
+    }
+}
+
+/// One change of the map. `Id` is [`NodeId`] everywhere but inside the codec.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Op<Id = NodeId> {
+    /// Adds a node, or gives it a new kind and pose.
+    PutNode {
+        /// Which node.
+        id: Id,
+        /// Main or support.
+        kind: NodeKind,
+        /// Where it is.
+        pose: FixedPose,
+    },
+    /// Removes a node, leaving a tombstone. Its edges are no longer shown.
+    RemoveNode {
+        /// Which node.
+        id: Id,
+    },
+    /// Moves a node, and with it everything that is kept relative to it.
+    SetPose {
+        /// Which node.
+        id: Id,
+        /// Where it is now.
+        pose: FixedPose,
+    },
+    /// Sets a node's rectangle of free space, or takes it away.
+    SetFreeSpace {
+        /// Which node.
+        id: Id,
+        /// The rectangle.
+        rect: Option<Rect>,
+    },
+    /// Sets a main node's descriptor and scan.
+    SetSignature {
+        /// Which node.
+        id: Id,
+        /// What it carries.
+        signature: Signature,
+    },
+    /// Adds an edge that can be driven in a straight line.
+    PutEdge {
+        /// Its ends. Its length follows from their poses.
+        edge: EdgeKey<Id>,
+    },
+    /// Removes an edge, leaving a tombstone.
+    RemoveEdge {
+        /// Its ends.
+        edge: EdgeKey<Id>,
+    },
+    /// Describes a descriptor model used by signatures of this map.
+    PutModel {
+        /// The description.
+        model: DescriptorModel,
+    },
+}
+
+impl<A: Copy + Ord> Op<A> {
+    /// The same operation with every node id replaced.
+    pub(crate) fn map_ids<B: Copy + Ord>(self, f: impl Fn(A) -> B) -> Op<B> {
+        let edge_of = |edge: EdgeKey<A>| EdgeKey::new(f(edge.low), f(edge.high));
+        match self {
+            Self::PutNode { id, kind, pose } => Op::PutNode { id: f(id), kind, pose },
+            Self::RemoveNode { id } => Op::RemoveNode { id: f(id) },
+            Self::SetPose { id, pose } => Op::SetPose { id: f(id), pose },
+            Self::SetFreeSpace { id, rect } => Op::SetFreeSpace { id: f(id), rect },
+            Self::SetSignature { id, signature } => Op::SetSignature { id: f(id), signature },
+            Self::PutEdge { edge } => Op::PutEdge { edge: edge_of(edge) },
+            Self::RemoveEdge { edge } => Op::RemoveEdge { edge: edge_of(edge) },
+            Self::PutModel { model } => Op::PutModel { model },
+        }
+    }
+}
+
+/// A batch of operations by one author. Numbers start at 1 and have no gaps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Increment {
+    /// Who wrote it.
+    pub author: AuthorId,
+    /// Its place in the author's sequence, from 1.
+    pub number: u64,
+    /// The hybrid logical clock of all its operations, microseconds.
+    pub hlc_us: u64,
+    /// The changes, in order.
+    pub ops: Vec<Op>,
+}
+
+impl Increment {
+    /// Most operations in one increment.
+    pub const MAX_OPS: usize = 4096;
+
+    /// The operations with their stamps.
+    pub fn stamped(&self) -> impl Iterator<Item = (Stamp, &Op)> {
+        self.ops.iter().enumerate().map(|(index, op)| {
+            let index = u16::try_from(index).unwrap_or(u16::MAX); // MAX_OPS keeps this exact
+            (Stamp { hlc_us: self.hlc_us, author: self.author, op: index }, op)
+        })
+    }
+}

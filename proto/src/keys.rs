@@ -1,0 +1,166 @@
+//! Key expressions: the one place where they are built and parsed.
+//!
+//! | key | who | what |
+//! | --- | --- | --- |
+//! | `fht/{map}/inc/{author}/{number}` | writer puts | one increment |
+//! | `fht/{map}/head` | server puts, answers | version, vector, digest, counts, bytes |
+//! | `fht/{map}/since?vector=…` | server answers | the increments that a replica lacks |
+//! | `fht/{map}/snapshot?version=…` | server answers | the whole map then |
+//! | `fht/{map}/path?from=x,y;to=x,y` | server answers | a path |
+//! | `fht/{map}/nodes?near=x,y;radius=r` | server answers | nodes |
+//! | `fht/{map}/match` | server answers | nodes that look like the descriptor in the payload |
+//! | `fht/maps` | server answers | the maps there are |
+//! | `fht/{map}/robots/{robot}` | liveliness token | who is here |
+//! | `fht/{map}/robots/{robot}/pose` | robot puts | where it is |
+
+use crate::ids::{AuthorId, MapName, is_name};
+use std::fmt;
+use std::str::FromStr;
+
+/// First chunk of every key.
+pub const PREFIX: &str = "fht";
+
+/// Matches the increments of every map (a server subscribes to it).
+pub const ALL_INCREMENTS: &str = "fht/*/inc/**";
+/// Matches every query to every map.
+pub const ALL_QUERIES: &str = "fht/**";
+
+/// What can be asked of a map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Topic {
+    /// Version, vector, digest, counts.
+    Head,
+    /// The increments that a replica lacks.
+    Since,
+    /// The whole map at a version.
+    Snapshot,
+    /// A path between two places.
+    Path,
+    /// Nodes near a place.
+    Nodes,
+    /// Nodes that look like a descriptor.
+    Match,
+}
+
+impl Topic {
+    /// All of them.
+    pub const ALL: [Self; 6] = [Self::Head, Self::Since, Self::Snapshot, Self::Path, Self::Nodes, Self::Match];
+
+    /// The chunk that names it.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Head => "head",
+            Self::Since => "since",
+            Self::Snapshot => "snapshot",
+            Self::Path => "path",
+            Self::Nodes => "nodes",
+            Self::Match => "match",
+        }
+    }
+}
+
+/// A concrete key of the service.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Key {
+    /// `fht/maps`
+    Maps,
+    /// `fht/{map}/inc/{author}/{number}`
+    Increment {
+        /// The map written to.
+        map: MapName,
+        /// The writer.
+        author: AuthorId,
+        /// The writer's running number.
+        number: u64,
+    },
+    /// `fht/{map}/{topic}`
+    Topic {
+        /// The map asked.
+        map: MapName,
+        /// What is asked.
+        topic: Topic,
+    },
+    /// `fht/{map}/robots/{robot}`
+    Robot {
+        /// The map that the robot uses.
+        map: MapName,
+        /// The robot's name.
+        robot: String,
+    },
+    /// `fht/{map}/robots/{robot}/pose`
+    RobotPose {
+        /// The map that the robot uses.
+        map: MapName,
+        /// The robot's name.
+        robot: String,
+    },
+}
+
+impl Key {
+    /// The key of one increment.
+    #[must_use]
+    pub fn increment(map: &MapName, author: AuthorId, number: u64) -> Self {
+        Self::Increment { map: map.clone(), author, number }
+    }
+
+    /// The key of a topic of a map.
+    #[must_use]
+    pub fn topic(map: &MapName, topic: Topic) -> Self {
+        Self::Topic { map: map.clone(), topic }
+    }
+}
+
+/// The expression that matches all increments of one map.
+#[must_use]
+pub fn increments_of(map: &MapName) -> String {
+    format!("{PREFIX}/{map}/inc/**")
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Maps => write!(f, "{PREFIX}/maps"),
+            Self::Increment { map, author, number } => write!(f, "{PREFIX}/{map}/inc/{author}/{number}"),
+            Self::Topic { map, topic } => write!(f, "{PREFIX}/{map}/{}", topic.as_str()),
+            Self::Robot { map, robot } => write!(f, "{PREFIX}/{map}/robots/{robot}"),
+            Self::RobotPose { map, robot } => write!(f, "{PREFIX}/{map}/robots/{robot}/pose"),
+        }
+    }
+}
+
+/// A text that is not a key of the service.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("'{0}' is not a key of the map service")]
+pub struct ParseKeyError(String);
+
+impl FromStr for Key {
+    type Err = ParseKeyError;
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let error = || ParseKeyError(text.chars().take(120).collect());
+        let map = |name: &str| name.parse::<MapName>().map_err(|_| error());
+        let robot = |name: &str| if is_name(name) { Ok(name.to_owned()) } else { Err(error()) };
+        let chunks: Vec<&str> = text.split('/').collect();
+        match chunks.as_slice() {
+            [PREFIX, "maps"] => Ok(Self::Maps),
+            [PREFIX, name, "inc", author, number] => {
+                let canonical = !number.starts_with('0') && number.bytes().all(|b| b.is_ascii_digit());
+                if !canonical {
+                    return Err(error());
+                }
+                Ok(Self::Increment {
+                    map: map(name)?,
+                    author: author.parse().map_err(|_| error())?,
+                    number: number.parse().map_err(|_| error())?,
+                })
+            }
+            [PREFIX, name, "robots", who] => Ok(Self::Robot { map: map(name)?, robot: robot(who)? }),
+            [PREFIX, name, "robots", who, "pose"] => Ok(Self::RobotPose { map: map(name)?, robot: robot(who)? }),
+            [PREFIX, name, topic] => {
+                let topic = Topic::ALL.into_iter().find(|t| t.as_str() == *topic).ok_or_else(error)?;
+                Ok(Self::Topic { map: map(name)?, topic })
+            }
+            _ => Err(error()),
+        }
+    }
+}

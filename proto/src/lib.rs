@@ -1,0 +1,35 @@
+//! What travels between explorers, the map-server and client robots: types, their compact binary form, and the keys
+//! they travel under. No I/O and no async, so that everything here can be tested with bytes alone.
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | [`ids`] | who wrote what: authors, nodes, map names |
+//! | [`geometry`] | positions, poses and rectangles in integer millimetres |
+//! | [`signature`] | what a main node carries: descriptor and scan (paper, Table I) |
+//! | [`increment`] | the operations that a map is made of, and their stamps |
+//! | [`version`] | version vectors and digests |
+//! | [`envelope`] | bytes: magic, format version, kind, length, checksum around `postcard` |
+//! | [`validate`] | what is refused although it decodes |
+//! | [`keys`] | key expressions, built and parsed |
+//! | [`query`] | requests and replies, as JSON or postcard |
+//!
+//! Lengths on the wire are integer millimetres and angles 1e-4 rad, so that a value means the same bytes on every
+//! machine, `decode(encode(x)) == x` holds exactly, and digests agree.
+
+pub mod envelope;
+pub mod geometry;
+pub mod ids;
+pub mod increment;
+pub mod keys;
+pub mod query;
+pub mod signature;
+pub mod validate;
+pub mod version;
+
+pub use envelope::{CodecError, decode, encode};
+pub use geometry::{FixedPoint, FixedPose, Rect};
+pub use ids::{AuthorId, MapName, NodeId};
+pub use increment::{EdgeKey, Increment, NodeKind, Op, Stamp};
+pub use signature::{Descriptor, DescriptorModel, ModelId, ScanRecord, Signature};
+pub use validate::Invalid;
+pub use version::{Digest, VersionVector};

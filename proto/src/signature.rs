@@ -1,0 +1,99 @@
+//! What a main node carries beyond a support node: a visual descriptor φ and a laser scan ψ (paper, Table I).
+
+use crate::geometry::FixedPose;
+use serde::{Deserialize, Serialize};
+
+/// Names the network and recipe that made a descriptor: the first four bytes of a hash over both. Descriptors of
+/// different models are never compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct ModelId(pub u32);
+
+/// The description of a descriptor model as it travels with the map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DescriptorModel {
+    /// Which model.
+    pub id: ModelId,
+    /// Its name for people, such as `mobilenet-v2-s7`.
+    pub name: String,
+    /// Numbers in a descriptor, at most [`Descriptor::MAX_DIMENSION`].
+    pub dimension: u16,
+    /// Inner products above this, in thousandths, mean "near" (the paper's th_match).
+    pub match_threshold_e3: i16,
+}
+
+/// A descriptor quantised to 8 bits: component = value × scale. It stands for a unit vector.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Descriptor {
+    /// The model that made it.
+    pub model: ModelId,
+    /// What one step of a value is worth; finite and positive.
+    pub scale: f32,
+    /// The components, in steps.
+    pub values: Vec<i8>,
+}
+
+impl Descriptor {
+    /// Most components that a descriptor may have.
+    pub const MAX_DIMENSION: usize = 512;
+
+    /// Quantises `components` so that the largest magnitude becomes ±127. Non-finite components count as 0.
+    #[must_use]
+    pub fn quantise(model: ModelId, components: &[f32]) -> Self {
+        let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
+        let largest = components.iter().map(|&v| finite(v).abs()).fold(0.0_f32, f32::max);
+        let scale = if largest > f32::MIN_POSITIVE * 127.0 { largest / 127.0 } else { 1.0 };
+        Self { model, scale, values: components.iter().map(|&v| (finite(v) / scale).round() as i8).collect() }
+    }
+
+    /// The components as numbers.
+    #[must_use]
+    pub fn components(&self) -> Vec<f32> {
+        self.values.iter().map(|&v| f32::from(v) * self.scale).collect()
+    }
+
+    /// Cosine of the angle between two descriptors; `None` if they are of different models or lengths, or zero.
+    #[must_use]
+    pub fn similarity(&self, other: &Self) -> Option<f32> {
+        if self.model != other.model || self.values.len() != other.values.len() {
+            return None;
+        }
+        let (mut dot, mut a2, mut b2) = (0_i64, 0_i64, 0_i64);
+        for (&a, &b) in self.values.iter().zip(&other.values) {
+            let (a, b) = (i64::from(a), i64::from(b));
+            dot += a * b;
+            a2 += a * a;
+            b2 += b * b;
+        }
+        if a2 == 0 || b2 == 0 {
+            return None;
+        }
+        Some((dot as f64 / ((a2 as f64).sqrt() * (b2 as f64).sqrt())) as f32)
+    }
+}
+
+/// A laser scan as a main node keeps it. Beam `i` looks at `angle_min + i·angle_increment` in the sensor's frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ScanRecord {
+    /// Pose of the sensor on the robot: `base_link` from sensor (the lever arm).
+    pub base_from_sensor: FixedPose,
+    /// Angle of the first beam, radians.
+    pub angle_min: f32,
+    /// Angle between beams, radians.
+    pub angle_increment: f32,
+    /// Ranges in millimetres; 0 means no return.
+    pub ranges_mm: Vec<u16>,
+}
+
+impl ScanRecord {
+    /// Most beams that a scan may have.
+    pub const MAX_BEAMS: usize = 4096;
+}
+
+/// Descriptor and scan of a main node. A robot without a camera leaves the descriptor out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Signature {
+    /// The visual descriptor φ.
+    pub descriptor: Option<Descriptor>,
+    /// The laser scan ψ, taken at the node's pose.
+    pub scan: ScanRecord,
+}

@@ -1,0 +1,108 @@
+//! Sensor frames: what wheels, LiDAR and cameras said at one instant.
+
+use crate::pose::{Point2, Pose2, from_fixed, to_fixed};
+use fht_proto::ScanRecord;
+use image::RgbImage;
+
+/// A planar laser scan. Beam `i` looks at `angle_min + i·angle_increment` in the sensor's frame (counter-clockwise).
+#[derive(Clone, Debug)]
+pub struct LaserScan {
+    /// Pose of the sensor on the robot (the lever arm).
+    pub base_from_sensor: Pose2,
+    /// Angle of the first beam, radians.
+    pub angle_min: f64,
+    /// Angle between beams, radians.
+    pub angle_increment: f64,
+    /// Shortest range that counts as a return, metres.
+    pub range_min_m: f64,
+    /// Ranges at or above this are no return: the beam was free up to here, metres.
+    pub range_max_m: f64,
+    /// Ranges, metres. Non-finite, below `range_min_m` or at or above `range_max_m`: no return.
+    pub ranges_m: Vec<f32>,
+}
+
+impl LaserScan {
+    /// Whether a range is a return.
+    #[must_use]
+    pub fn is_return(&self, range_m: f32) -> bool {
+        let range = f64::from(range_m);
+        range.is_finite() && range >= self.range_min_m && range < self.range_max_m
+    }
+
+    /// Angle of beam `index` in the sensor's frame, radians.
+    #[must_use]
+    pub fn angle(&self, index: usize) -> f64 {
+        self.angle_min + index as f64 * self.angle_increment
+    }
+
+    /// End points of the beams that returned, in the frame of the robot's base, in the order of the beams.
+    #[must_use]
+    pub fn points_in_base(&self) -> Vec<Point2> {
+        let returns = self.ranges_m.iter().enumerate().filter(|&(_, &range)| self.is_return(range));
+        returns
+            .map(|(index, &range)| {
+                let (sin, cos) = self.angle(index).sin_cos();
+                self.base_from_sensor * Point2::new(f64::from(range) * cos, f64::from(range) * sin)
+            })
+            .collect()
+    }
+
+    /// The scan as a main node keeps it.
+    #[must_use]
+    pub fn to_record(&self) -> ScanRecord {
+        let to_mm = |&range: &f32| {
+            let mm = (f64::from(range) * 1000.0).round();
+            if self.is_return(range) && mm <= f64::from(u16::MAX) { mm as u16 } else { 0 }
+        };
+        ScanRecord {
+            base_from_sensor: to_fixed(&self.base_from_sensor),
+            angle_min: self.angle_min as f32,
+            angle_increment: self.angle_increment as f32,
+            ranges_mm: self.ranges_m.iter().map(to_mm).collect(),
+        }
+    }
+
+    /// End points of a scan that travelled, in the frame of the base of the robot that took it.
+    #[must_use]
+    pub fn record_points_in_base(record: &ScanRecord) -> Vec<Point2> {
+        let base_from_sensor = from_fixed(record.base_from_sensor);
+        let returns = record.ranges_mm.iter().enumerate().filter(|&(_, &mm)| mm > 0);
+        returns
+            .map(|(index, &mm)| {
+                let angle = f64::from(record.angle_min) + index as f64 * f64::from(record.angle_increment);
+                let range = f64::from(mm) / 1000.0;
+                base_from_sensor * Point2::new(range * angle.cos(), range * angle.sin())
+            })
+            .collect()
+    }
+}
+
+/// Four pinhole views of 90° × 90° that together are one seamless panorama: ahead, left, behind, right (yaw 0, 90, 180,
+/// 270° in the base frame). All views are square and of one size. Pixel (0, 0) is top left; columns run to the right.
+#[derive(Clone, Debug)]
+pub struct Panorama {
+    /// Ahead, left, behind, right.
+    pub views: [RgbImage; 4],
+}
+
+/// What the robot's sensors said at one instant. Scan and panorama were taken at `odom_from_base`.
+#[derive(Clone, Debug)]
+pub struct SensorFrame {
+    /// Time since an epoch of the source's choosing, microseconds. Never goes back within one run.
+    pub time_us: u64,
+    /// Wheel odometry; it drifts.
+    pub odom_from_base: Pose2,
+    /// The laser scan.
+    pub scan: LaserScan,
+    /// The cameras' pictures, when they took one at this instant (cameras are slower than the LiDAR).
+    pub panorama: Option<Panorama>,
+}
+
+/// What the robot is told to do: forward speed and turning rate.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Twist {
+    /// Metres per second along the base's x.
+    pub linear_mps: f64,
+    /// Radians per second, counter-clockwise.
+    pub angular_radps: f64,
+}
