@@ -5,12 +5,15 @@
 //! | [`pose`] | SE(2) poses, REP-105 names |
 //! | [`frame`] | what the sensors said at one instant |
 //! | [`grid`] | occupancy grid with ray-traced free space |
-//! | `matching` | scan matching: correlative search, point-to-line refinement, covariance |
-//! | `planning` | shortest ways over the grid |
-//! | `motion` | following a path with a differential drive |
+//! | [`matching`] | scan matching: correlative search, point-to-line refinement, covariance |
+//! | [`planning`] | shortest ways over the grid |
+//! | [`motion`] | following a path with a differential drive |
 //! | `descriptor` | a CNN over the panorama, a unit vector |
 //! | `link` | the robot's Zenoh session |
 
 pub mod frame;
 pub mod grid;
+pub mod matching;
+pub mod motion;
+pub mod planning;
 pub mod pose;

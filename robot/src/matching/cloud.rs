@@ -1,0 +1,162 @@
+//! A set of reference points with normals and a hash grid for nearest neighbours.
+
+use crate::pose::{Point2, Pose2};
+use nalgebra::{Matrix2, Vector2};
+use std::collections::HashMap;
+
+/// Side of a hash bucket, metres; also the farthest that a nearest neighbour is looked for.
+const BUCKET_M: f64 = 0.4;
+/// Neighbours within this make a point's normal, metres; wider rings are tried when there are too few.
+const NORMAL_RADII_M: [f64; 3] = [0.12, 0.25, 0.4];
+/// A neighbourhood whose lesser spread is above this share of the greater is no line.
+const MAX_FLATNESS: f64 = 0.15;
+
+/// A reference point; `normal` is absent where the neighbourhood is no line.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ReferencePoint {
+    pub position: Point2,
+    pub normal: Option<Vector2<f64>>,
+}
+
+/// Points to match against, in any frame.
+#[derive(Clone, Debug, Default)]
+pub struct ReferenceCloud {
+    points: Vec<ReferencePoint>,
+    buckets: HashMap<(i32, i32), Vec<u32>>,
+}
+
+fn bucket_of(point: Point2) -> (i32, i32) {
+    ((point.x / BUCKET_M).floor() as i32, (point.y / BUCKET_M).floor() as i32)
+}
+
+impl ReferenceCloud {
+    /// A cloud of `points`, whose normals come from their neighbours. Non-finite points are left out.
+    #[must_use]
+    pub fn from_points(points: &[Point2]) -> Self {
+        let mut cloud = Self::default();
+        cloud.extend(points.iter().copied());
+        cloud
+    }
+
+    /// Adds points; normals near them are estimated anew.
+    pub fn extend(&mut self, points: impl IntoIterator<Item = Point2>) {
+        let first = self.points.len();
+        for position in points {
+            if !position.x.is_finite() || !position.y.is_finite() {
+                continue;
+            }
+            let index = self.points.len() as u32;
+            self.points.push(ReferencePoint { position, normal: None });
+            self.buckets.entry(bucket_of(position)).or_default().push(index);
+        }
+        let mut touched: Vec<u32> = (first as u32..self.points.len() as u32).collect();
+        if first > 0 {
+            let near = |index: &u32, cloud: &Self| cloud.neighbours(cloud.points[*index as usize].position, 0.25);
+            touched = touched.iter().flat_map(|index| near(index, self)).map(|(index, _)| index).collect();
+            touched.sort_unstable();
+            touched.dedup();
+        }
+        let normals: Vec<_> = touched.iter().map(|&index| self.normal_at(index)).collect();
+        for (index, normal) in touched.into_iter().zip(normals) {
+            self.points[index as usize].normal = normal;
+        }
+    }
+
+    /// How many points.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// The points, in the order in which they were added.
+    pub fn positions(&self) -> impl Iterator<Item = Point2> + '_ {
+        self.points.iter().map(|point| point.position)
+    }
+
+    /// Whether some point lies within `radius_m` (at most 0.4) of `point`.
+    #[must_use]
+    pub fn has_point_within(&self, point: Point2, radius_m: f64) -> bool {
+        self.nearest(point, radius_m).is_some()
+    }
+
+    pub(super) fn nearest(&self, point: Point2, radius_m: f64) -> Option<&ReferencePoint> {
+        let mut best: Option<(f64, u32)> = None;
+        self.for_each_near(point, radius_m, |index, distance_squared| {
+            if best.is_none_or(|(least, _)| distance_squared < least) {
+                best = Some((distance_squared, index));
+            }
+        });
+        best.map(|(_, index)| &self.points[index as usize])
+    }
+
+    fn neighbours(&self, point: Point2, radius_m: f64) -> Vec<(u32, f64)> {
+        let mut found = Vec::new();
+        self.for_each_near(point, radius_m, |index, distance_squared| found.push((index, distance_squared)));
+        found
+    }
+
+    fn for_each_near(&self, point: Point2, radius_m: f64, mut visit: impl FnMut(u32, f64)) {
+        let radius_m = radius_m.min(BUCKET_M);
+        let low = bucket_of(point - Vector2::repeat(radius_m));
+        let high = bucket_of(point + Vector2::repeat(radius_m));
+        for j in low.1..=high.1 {
+            for i in low.0..=high.0 {
+                for &index in self.buckets.get(&(i, j)).into_iter().flatten() {
+                    let distance_squared = (self.points[index as usize].position - point).norm_squared();
+                    if distance_squared <= radius_m * radius_m {
+                        visit(index, distance_squared);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The direction of least spread of the neighbourhood, if the neighbourhood is a line.
+    fn normal_at(&self, index: u32) -> Option<Vector2<f64>> {
+        let centre = self.points[index as usize].position;
+        for radius in NORMAL_RADII_M {
+            let neighbours = self.neighbours(centre, radius);
+            if neighbours.len() < 3 {
+                continue;
+            }
+            let count = neighbours.len() as f64;
+            let offset = |&(index, _): &(u32, f64)| self.points[index as usize].position - centre;
+            let mean = neighbours.iter().map(offset).sum::<Vector2<f64>>() / count;
+            let spread = neighbours.iter().map(offset).map(|d| (d - mean) * (d - mean).transpose());
+            let covariance: Matrix2<f64> = spread.sum::<Matrix2<f64>>() / count;
+            // Closed form of the 2 × 2 symmetric eigenproblem.
+            let (a, b, c) = (covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]);
+            let root = (0.25 * (a - c) * (a - c) + b * b).sqrt();
+            let (greater, lesser) = (0.5 * (a + c) + root, 0.5 * (a + c) - root);
+            if greater <= 0.0 || lesser / greater > MAX_FLATNESS {
+                return None;
+            }
+            let line_angle = 0.5 * (2.0 * b).atan2(a - c);
+            return Some(Vector2::new(-line_angle.sin(), line_angle.cos()));
+        }
+        None
+    }
+
+    /// Share of `points` (after `transform`) that lie within `explained_m` of the line of their nearest point. Points
+    /// farther than `known` says from the reference's origin cannot be judged and do not count; `None` when fewer than
+    /// a tenth can be judged.
+    pub(super) fn explained_share(&self, points: &[Point2], transform: &Pose2, explained_m: f64) -> Option<f64> {
+        if points.is_empty() {
+            return None;
+        }
+        let explained = points.iter().filter(|&&point| {
+            let point = transform * point;
+            self.nearest(point, 2.5 * explained_m).is_some_and(|reference| match reference.normal {
+                Some(normal) => (point - reference.position).dot(&normal).abs() <= explained_m,
+                None => (point - reference.position).norm() <= explained_m,
+            })
+        });
+        Some(explained.count() as f64 / points.len() as f64)
+    }
+}
