@@ -75,7 +75,7 @@ impl FixedPose {
 
 /// An axis-aligned rectangle of free space in the map frame (the paper's local free space `s_i`), given by how far it
 /// reaches from its node. Relative reaches keep the rectangle with its node when a correction moves the node.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Rect {
     /// Millimetres from the node towards -x.
     pub west_mm: u16,
