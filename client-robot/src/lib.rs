@@ -1,1 +1,37 @@
-//! client-robot
+//! A robot that uses the map: it keeps a replica, finds out where it is, and drives where it is told.
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | [`replica`] | a live copy of the map over Zenoh |
+//! | [`landmarks`] | the replica's main nodes, prepared for matching |
+//! | [`odometry`] | wheel odometry corrected by scans |
+//! | [`estimate`] | one estimation of the place, and how odometry errors grow |
+//! | [`consensus`] | which estimations agree |
+//! | [`pose_graph`] | the optimum over those that do |
+//! | [`visibility`] | what scans saw as free: the test against lookalikes |
+//! | [`relocalize`] | finding the place without a guess (paper, section III-C-1) |
+//! | [`tracking`] | keeping it while driving |
+//! | [`localize`] | odometry, relocalization and tracking put together |
+//! | [`local_map`] | the robot's own live grid |
+//! | [`wander`] | where to go while the place is not known |
+//! | [`route`] | following a path of the map (section III-C-2) |
+//! | [`steering`] | driving to a point on the live grid |
+//! | [`pilot`] | all of it: the paper's Algorithm 2 |
+//! | [`paths`] | paths from the server, or from the replica |
+
+pub mod consensus;
+pub mod estimate;
+pub mod landmarks;
+pub mod local_map;
+pub mod localize;
+pub mod odometry;
+pub mod paths;
+pub mod pilot;
+pub mod pose_graph;
+pub mod relocalize;
+pub mod replica;
+pub mod route;
+pub mod steering;
+pub mod tracking;
+pub mod visibility;
+pub mod wander;

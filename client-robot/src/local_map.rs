@@ -1,0 +1,95 @@
+//! The robot's own live grid, in the odometry frame, made of what it saw lately.
+//!
+//! Odometry drifts, so old scans would smear the walls: the grid is drawn anew from the scans of the last metres from time to
+//! time, and what lies farther back is forgotten.
+
+use crate::odometry::Odometry;
+use fht_robot::frame::LaserScan;
+use fht_robot::grid::{Cell, CellBounds, GridConfig, OccupancyGrid};
+use fht_robot::planning::{PlanConfig, Traversable};
+use fht_robot::pose::{Point2, Pose2};
+use std::collections::VecDeque;
+
+/// What the live grid remembers.
+#[derive(Clone, Debug)]
+pub struct LocalMapConfig {
+    /// The cells.
+    pub grid: GridConfig,
+    /// Scans are remembered over this distance driven, metres. Default 40.
+    pub memory_m: f64,
+    /// The grid is drawn anew after this distance, metres. Default 8.
+    pub redraw_m: f64,
+    /// Most scans remembered. Default 200.
+    pub scans: usize,
+}
+
+impl Default for LocalMapConfig {
+    fn default() -> Self {
+        Self { grid: GridConfig::default(), memory_m: 40.0, redraw_m: 8.0, scans: 200 }
+    }
+}
+
+struct Remembered {
+    odom_from_base: Pose2,
+    odometer_m: f64,
+    scan: LaserScan,
+}
+
+/// The live grid.
+pub struct LocalMap {
+    config: LocalMapConfig,
+    grid: OccupancyGrid,
+    scans: VecDeque<Remembered>,
+    drawn_at_m: f64,
+}
+
+impl LocalMap {
+    /// Empty.
+    #[must_use]
+    pub fn new(config: LocalMapConfig) -> Self {
+        Self { grid: OccupancyGrid::new(config.grid.clone()), config, scans: VecDeque::new(), drawn_at_m: 0.0 }
+    }
+
+    /// The grid, in the odometry frame.
+    #[must_use]
+    pub fn grid(&self) -> &OccupancyGrid {
+        &self.grid
+    }
+
+    /// Adds the scan of a frame.
+    pub fn integrate(&mut self, odometry: &Odometry, scan: &LaserScan) {
+        self.grid.integrate(&odometry.odom_from_base, scan);
+        if odometry.is_keyframe {
+            let remembered = Remembered {
+                odom_from_base: odometry.odom_from_base,
+                odometer_m: odometry.odometer_m,
+                scan: scan.clone(),
+            };
+            self.scans.push_back(remembered);
+        }
+        if odometry.odometer_m - self.drawn_at_m >= self.config.redraw_m {
+            self.redraw(odometry.odometer_m);
+        }
+    }
+
+    fn redraw(&mut self, odometer_m: f64) {
+        let oldest = odometer_m - self.config.memory_m;
+        while self.scans.len() > self.config.scans || self.scans.front().is_some_and(|kept| kept.odometer_m < oldest) {
+            self.scans.pop_front();
+        }
+        self.grid = OccupancyGrid::new(self.config.grid.clone());
+        for kept in &self.scans {
+            self.grid.integrate(&kept.odom_from_base, &kept.scan);
+        }
+        self.drawn_at_m = odometer_m;
+    }
+
+    /// Where the robot's centre may be, in a square of `reach_m` metres each way that contains both points.
+    #[must_use]
+    pub fn space_around(&self, a: Point2, b: Point2, reach_m: f64, config: &PlanConfig) -> Traversable {
+        let low = self.grid.cell_of(Point2::new(a.x.min(b.x) - reach_m, a.y.min(b.y) - reach_m));
+        let high = self.grid.cell_of(Point2::new(a.x.max(b.x) + reach_m, a.y.max(b.y) + reach_m));
+        let max = Cell { i: high.i + 1, j: high.j + 1 };
+        Traversable::in_region(&self.grid, config, CellBounds { min: low, max })
+    }
+}

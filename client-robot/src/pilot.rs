@@ -1,0 +1,329 @@
+//! Using the map (paper, Algorithm 2): move until the place is known, ask for a path, drive along it, plan anew when a better
+//! estimate or a blocked way turns up. No Zenoh and no simulator in here: frames come in, commands go out.
+
+use crate::landmarks::Landmarks;
+use crate::local_map::{LocalMap, LocalMapConfig};
+use crate::localize::{Localization, LocalizeConfig, Localizer};
+use crate::route::{PlannedPath, Route, RouteConfig};
+use crate::steering::{Steering, SteeringConfig, Steersman};
+use crate::wander::{WanderConfig, Wanderer};
+use fht_proto::query::ErrorReply;
+use fht_proto::{Descriptor, EdgeKey};
+use fht_robot::frame::{SensorFrame, Twist};
+use fht_robot::pose::{Point2, Pose2};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeSet;
+
+/// How a robot uses the map.
+#[derive(Clone, Debug)]
+pub struct PilotConfig {
+    /// Finding and keeping the place.
+    pub localize: LocalizeConfig,
+    /// The live grid.
+    pub local_map: LocalMapConfig,
+    /// Moving about.
+    pub wander: WanderConfig,
+    /// Following a path of the map.
+    pub route: RouteConfig,
+    /// Driving.
+    pub steering: SteeringConfig,
+    /// Frames in a row without a way to the next point before the edge there counts as blocked. Default 10 (2 s).
+    pub blocked_after: usize,
+    /// A goal that cannot be entered counts as reached this near to it, metres. Default 0.3.
+    pub goal_slack_m: f64,
+    /// Greatest distance driven without knowing the place, metres. Default 150.
+    pub max_search_m: f64,
+    /// Greatest time altogether, seconds of the sensors' clock. Default 1500.
+    pub max_time_s: f64,
+    /// Seed of the wandering.
+    pub seed: u64,
+}
+
+impl Default for PilotConfig {
+    fn default() -> Self {
+        Self {
+            localize: LocalizeConfig::default(),
+            local_map: LocalMapConfig::default(),
+            wander: WanderConfig::default(),
+            route: RouteConfig::default(),
+            steering: SteeringConfig::default(),
+            blocked_after: 10,
+            goal_slack_m: 0.3,
+            max_search_m: 150.0,
+            max_time_s: 1500.0,
+            seed: 0,
+        }
+    }
+}
+
+/// What the robot is to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Task {
+    /// Find out where it is.
+    Relocalize,
+    /// Then drive to a point of the map frame, metres.
+    GoTo(Point2),
+}
+
+/// Why a task failed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Failure {
+    /// The place was not found on the way allowed.
+    #[error("not localized after {driven_m:.0} m")]
+    NotLocalized {
+        /// Distance driven while searching, metres.
+        driven_m: f64,
+    },
+    /// The planner refused.
+    #[error("no path: {0}")]
+    NoPath(ErrorReply),
+    /// Something stands on the goal.
+    #[error("the goal is blocked; {left_m:.2} m are left")]
+    GoalBlocked {
+        /// Distance to the goal, metres.
+        left_m: f64,
+    },
+    /// The time is up.
+    #[error("out of time after {seconds:.0} s")]
+    Timeout {
+        /// Time since the start, seconds.
+        seconds: f64,
+    },
+}
+
+/// How a task ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outcome {
+    /// The place is known (the end of [`Task::Relocalize`]).
+    Localized,
+    /// The goal is reached.
+    Arrived,
+    /// It failed.
+    Failed(Failure),
+}
+
+/// Where paths come from.
+pub trait PathSource {
+    /// A path between two points of the map frame that uses no edge of `blocked`.
+    ///
+    /// # Errors
+    /// Why there is none, with the server's code.
+    fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<EdgeKey>) -> Result<PlannedPath, ErrorReply>;
+}
+
+/// What one frame led to.
+#[derive(Clone, Debug)]
+pub struct Step {
+    /// The command until the next frame.
+    pub command: Twist,
+    /// Where the robot is, as far as it knows.
+    pub localization: Localization,
+    /// Set once the task has ended.
+    pub outcome: Option<Outcome>,
+}
+
+/// Carries out one task.
+pub struct Pilot {
+    config: PilotConfig,
+    task: Task,
+    localizer: Localizer,
+    local_map: LocalMap,
+    wanderer: Wanderer,
+    steersman: Steersman,
+    rng: ChaCha8Rng,
+    wander_target: Option<Point2>,
+    route: Option<Route>,
+    blocked: BTreeSet<EdgeKey>,
+    no_way: usize,
+    plans: usize,
+    started_us: Option<u64>,
+    search_began_m: f64,
+}
+
+impl Pilot {
+    /// Before the first frame.
+    #[must_use]
+    pub fn new(config: PilotConfig, task: Task) -> Self {
+        Self {
+            task,
+            localizer: Localizer::new(config.localize.clone()),
+            local_map: LocalMap::new(config.local_map.clone()),
+            wanderer: Wanderer::new(config.wander.clone()),
+            steersman: Steersman::new(config.steering.clone()),
+            rng: ChaCha8Rng::seed_from_u64(config.seed),
+            wander_target: None,
+            route: None,
+            blocked: BTreeSet::new(),
+            no_way: 0,
+            plans: 0,
+            started_us: None,
+            search_began_m: 0.0,
+            config,
+        }
+    }
+
+    /// The path being driven.
+    #[must_use]
+    pub fn path(&self) -> Option<&PlannedPath> {
+        self.route.as_ref().map(Route::path)
+    }
+
+    /// How often a path was asked for.
+    #[must_use]
+    pub fn plans(&self) -> usize {
+        self.plans
+    }
+
+    /// The localizer, for people to look at.
+    #[must_use]
+    pub fn localizer(&self) -> &Localizer {
+        &self.localizer
+    }
+
+    /// Takes in a frame and says what to do. `describe` makes the descriptor of the frame's panorama when it is needed.
+    pub fn step(
+        &mut self,
+        landmarks: &Landmarks,
+        frame: &SensorFrame,
+        describe: impl FnOnce() -> Option<Descriptor>,
+        paths: &mut dyn PathSource,
+    ) -> Step {
+        let localization = self.localizer.update(landmarks, frame, describe);
+        self.local_map.integrate(&localization.odometry, &frame.scan);
+        let started = *self.started_us.get_or_insert(frame.time_us);
+        let seconds = frame.time_us.saturating_sub(started) as f64 / 1e6;
+        let (command, outcome) = if seconds > self.config.max_time_s {
+            (Twist::default(), Some(Outcome::Failed(Failure::Timeout { seconds })))
+        } else {
+            match localization.map_from_odom {
+                None => self.search(frame, &localization),
+                Some(map_from_odom) => {
+                    self.search_began_m = localization.odometry.odometer_m;
+                    self.wander_target = None;
+                    match self.task {
+                        Task::Relocalize => (Twist::default(), Some(Outcome::Localized)),
+                        Task::GoTo(goal) => self.drive(frame, &localization, &map_from_odom, goal, paths),
+                    }
+                }
+            }
+        };
+        Step { command, localization, outcome }
+    }
+
+    /// Moves about to see more.
+    fn search(&mut self, frame: &SensorFrame, localization: &Localization) -> (Twist, Option<Outcome>) {
+        self.route = None;
+        let odom_from_base = localization.odometry.odom_from_base;
+        let here = Point2::from(odom_from_base.translation.vector);
+        self.wanderer.visit(here);
+        let driven_m = localization.odometry.odometer_m - self.search_began_m;
+        if driven_m > self.config.max_search_m {
+            return (Twist::default(), Some(Outcome::Failed(Failure::NotLocalized { driven_m })));
+        }
+        if self.wander_target.is_some_and(|target| (target - here).norm() < 0.4) {
+            self.wander_target = None;
+        }
+        if self.wander_target.is_none() {
+            self.steersman.reset();
+            let way = self.wanderer.next(self.local_map.grid(), &odom_from_base, &mut self.rng);
+            self.wander_target = way.and_then(|path| path.last().copied());
+        }
+        // Nothing to go to: look around.
+        let turn = Twist { linear_mps: 0.0, angular_radps: 0.6 };
+        let Some(target) = self.wander_target else { return (turn, None) };
+        match self.steersman.steer(&self.local_map, &odom_from_base, &frame.scan, target) {
+            Steering::Drive(command) => (command, None),
+            Steering::AtEnd { .. } | Steering::NoWay => {
+                self.wanderer.give_up(target);
+                self.wander_target = None;
+                (turn, None)
+            }
+        }
+    }
+
+    /// Drives along the path to the goal.
+    fn drive(
+        &mut self,
+        frame: &SensorFrame,
+        localization: &Localization,
+        map_from_odom: &Pose2,
+        goal: Point2,
+        paths: &mut dyn PathSource,
+    ) -> (Twist, Option<Outcome>) {
+        let odom_from_base = localization.odometry.odom_from_base;
+        let here = Point2::from(odom_from_base.translation.vector);
+        let is_outdated = self.route.as_ref().is_none_or(|route| route.is_outdated(map_from_odom, here));
+        if (localization.is_new_fix || is_outdated)
+            && let Err(refusal) = self.plan(map_from_odom, here, goal, paths)
+        {
+            return (Twist::default(), Some(Outcome::Failed(Failure::NoPath(refusal))));
+        }
+        let Some(route) = &mut self.route else { return (Twist::default(), None) };
+        let Some(target) = route.target(map_from_odom, &odom_from_base, self.local_map.grid()) else {
+            return (Twist::default(), Some(Outcome::Arrived));
+        };
+        match self.steersman.steer(&self.local_map, &odom_from_base, &frame.scan, target.in_odom) {
+            Steering::Drive(command) => {
+                self.no_way = 0;
+                (command, None)
+            }
+            Steering::AtEnd { left_m } if target.is_goal && left_m <= self.config.goal_slack_m => {
+                (Twist::default(), Some(Outcome::Arrived))
+            }
+            Steering::AtEnd { left_m } if target.is_goal => {
+                (Twist::default(), Some(Outcome::Failed(Failure::GoalBlocked { left_m })))
+            }
+            Steering::AtEnd { .. } => {
+                route.skip();
+                (Twist::default(), None)
+            }
+            Steering::NoWay => self.no_way(map_from_odom, here, goal, target.distance_m, paths),
+        }
+    }
+
+    /// The next point cannot be reached: wait a little, then leave its edge out and ask for another path.
+    fn no_way(
+        &mut self,
+        map_from_odom: &Pose2,
+        here: Point2,
+        goal: Point2,
+        left_m: f64,
+        paths: &mut dyn PathSource,
+    ) -> (Twist, Option<Outcome>) {
+        self.no_way += 1;
+        // Turning shows more of the surroundings, and often that the way is free after all.
+        let turn = Twist { linear_mps: 0.0, angular_radps: 0.6 };
+        if self.no_way < self.config.blocked_after {
+            return (turn, None);
+        }
+        self.no_way = 0;
+        let Some(route) = &mut self.route else { return (turn, None) };
+        match route.current_edge() {
+            Some(edge) if self.blocked.insert(edge) => {
+                tracing::info!(low = %edge.low(), high = %edge.high(), "edge blocked, planning another way");
+            }
+            _ if route.skip() => return (turn, None),
+            _ => return (Twist::default(), Some(Outcome::Failed(Failure::GoalBlocked { left_m }))),
+        }
+        match self.plan(map_from_odom, here, goal, paths) {
+            Ok(()) => (turn, None),
+            Err(refusal) => (Twist::default(), Some(Outcome::Failed(Failure::NoPath(refusal)))),
+        }
+    }
+
+    fn plan(
+        &mut self,
+        map_from_odom: &Pose2,
+        here: Point2,
+        goal: Point2,
+        paths: &mut dyn PathSource,
+    ) -> Result<(), ErrorReply> {
+        self.plans += 1;
+        self.steersman.reset();
+        let path = paths.plan(map_from_odom * here, goal, &self.blocked)?;
+        tracing::info!(length_m = path.length_m, points = path.points.len(), planner = ?path.planner, "path planned");
+        self.route = Some(Route::new(self.config.route.clone(), path, *map_from_odom));
+        Ok(())
+    }
+}

@@ -1,0 +1,177 @@
+//! Keeping the pose right while driving: each scan against the nodes near, fused with odometry (a Kalman filter).
+
+use crate::estimate::{OdometryNoise, difference, propagate, rotate_covariance};
+use crate::landmarks::{Landmark, Landmarks};
+use crate::odometry::Odometry;
+use crate::visibility::{PolarScan, VisibilityConfig, mutual_tally};
+use fht_robot::matching::{MatchConfig, refine};
+use fht_robot::pose::{Point2, Pose2, pose, wrap_angle};
+use nalgebra::{Matrix3, Vector3};
+
+/// How a pose is tracked.
+#[derive(Clone, Debug)]
+pub struct TrackConfig {
+    /// Nodes are matched within this distance, metres. Default 6.
+    pub radius_m: f64,
+    /// Most nodes matched per scan, nearest first. Default 3.
+    pub nodes: usize,
+    /// Least share of the scan explained by a node. Default 0.3.
+    pub min_score: f64,
+    /// Greatest share of contradictions between scan and node. Default 0.12.
+    pub max_contradiction: f64,
+    /// Greatest squared Mahalanobis distance of a measurement. Default 16.27 (χ², 99.9 %, 3 degrees of freedom).
+    pub gate: f64,
+    /// Added to every measurement's sigma, since nodes are not exactly where the map says, metres. Default 0.03.
+    pub map_sigma_m: f64,
+    /// The same for headings, radians. Default 0.3°.
+    pub map_sigma_rad: f64,
+    /// Lost when the position's sigma grows beyond this, metres. Default 0.6.
+    pub lost_sigma_m: f64,
+    /// Lost after this many scans in a row that visible nodes contradict. Default 12.
+    pub lost_after: usize,
+    /// Drift of the odometry.
+    pub noise: OdometryNoise,
+    /// The free-space test.
+    pub visibility: VisibilityConfig,
+    /// The refinement.
+    pub matching: MatchConfig,
+}
+
+impl Default for TrackConfig {
+    fn default() -> Self {
+        Self {
+            radius_m: 6.0,
+            nodes: 3,
+            min_score: 0.3,
+            max_contradiction: 0.12,
+            gate: 16.27,
+            map_sigma_m: 0.03,
+            map_sigma_rad: 0.3_f64.to_radians(),
+            lost_sigma_m: 0.6,
+            lost_after: 12,
+            noise: OdometryNoise::default(),
+            visibility: VisibilityConfig::default(),
+            matching: MatchConfig::default(),
+        }
+    }
+}
+
+/// A tracked pose.
+pub struct Tracker {
+    config: TrackConfig,
+    map_from_base: Pose2,
+    covariance: Matrix3<f64>,
+    at: Odometry,
+    contradicted_in_a_row: usize,
+}
+
+impl Tracker {
+    /// Starts at a fix made at `at`.
+    #[must_use]
+    pub fn new(config: TrackConfig, map_from_base: Pose2, covariance: Matrix3<f64>, at: Odometry) -> Self {
+        Self { config, map_from_base, covariance, at, contradicted_in_a_row: 0 }
+    }
+
+    /// The robot in the map frame.
+    #[must_use]
+    pub fn map_from_base(&self) -> Pose2 {
+        self.map_from_base
+    }
+
+    /// Map frame from odometry frame.
+    #[must_use]
+    pub fn map_from_odom(&self) -> Pose2 {
+        self.map_from_base * self.at.odom_from_base.inverse()
+    }
+
+    /// Covariance of the pose: x and y (m) in the map frame, yaw (rad).
+    #[must_use]
+    pub fn covariance(&self) -> Matrix3<f64> {
+        self.covariance
+    }
+
+    /// Standard deviation of the position along its worst direction, metres.
+    #[must_use]
+    pub fn sigma_m(&self) -> f64 {
+        self.covariance.fixed_view::<2, 2>(0, 0).symmetric_eigenvalues().max().max(0.0).sqrt()
+    }
+
+    /// Whether the pose can no longer be stood by.
+    #[must_use]
+    pub fn is_lost(&self) -> bool {
+        self.sigma_m() > self.config.lost_sigma_m || self.contradicted_in_a_row >= self.config.lost_after
+    }
+
+    /// Moves the pose by odometry.
+    pub fn predict(&mut self, now: &Odometry) {
+        let moved = self.at.odom_from_base.inverse() * now.odom_from_base;
+        let to = self.map_from_base * moved;
+        // Noise of a short step: the floors stand for two far instants and would count again at every frame.
+        let noise = OdometryNoise { position_floor_m: 1e-4, yaw_floor_rad: 1e-5, ..self.config.noise.clone() };
+        let (driven, turned) = (now.odometer_m - self.at.odometer_m, now.turned_rad - self.at.turned_rad);
+        self.covariance = propagate(&self.covariance, &self.map_from_base, &to, &noise, driven, turned);
+        self.map_from_base = to;
+        self.at = *now;
+    }
+
+    /// Matches a scan taken at the pose of the last [`Tracker::predict`] to the nodes near. Returns how many nodes agreed.
+    pub fn update(&mut self, landmarks: &Landmarks, points: &[Point2], polar: &PolarScan) -> usize {
+        let here = Point2::from(self.map_from_base.translation.vector);
+        let near = landmarks.within(&self.map_from_base, self.config.radius_m);
+        let visible: Vec<&Landmark> = near
+            .into_iter()
+            .filter(|landmark| landmark.polar.sees(landmark.map_from_node.inverse() * here, 0.0))
+            .take(self.config.nodes)
+            .collect();
+        let mut agreed = 0;
+        for landmark in &visible {
+            if let Some((measured, covariance)) = self.measure(landmark, points, polar)
+                && self.fuse(&measured, &covariance)
+            {
+                agreed += 1;
+            }
+        }
+        if agreed > 0 {
+            self.contradicted_in_a_row = 0;
+        } else if !visible.is_empty() {
+            self.contradicted_in_a_row += 1;
+        }
+        agreed
+    }
+
+    fn measure(&self, landmark: &Landmark, points: &[Point2], polar: &PolarScan) -> Option<(Pose2, Matrix3<f64>)> {
+        let config = &self.config;
+        let guess = landmark.map_from_node.inverse() * self.map_from_base;
+        let found = refine(&landmark.cloud, points, &guess, &config.matching)?;
+        if found.score < config.min_score {
+            return None;
+        }
+        let node = (&landmark.polar, landmark.points.as_slice());
+        let tally = mutual_tally(node, (polar, points), &found.reference_from_moving, &config.visibility);
+        if tally.contradiction() > config.max_contradiction {
+            return None;
+        }
+        let (m, rad) = (config.map_sigma_m.powi(2), config.map_sigma_rad.powi(2));
+        let covariance = rotate_covariance(&found.covariance, landmark.map_from_node.rotation.angle())
+            + Matrix3::from_diagonal(&Vector3::new(m, m, rad));
+        Some((landmark.map_from_node * found.reference_from_moving, covariance))
+    }
+
+    /// Kalman update with a pose; false if it lies outside the gate.
+    fn fuse(&mut self, measured: &Pose2, covariance: &Matrix3<f64>) -> bool {
+        let innovation = difference(measured, &self.map_from_base);
+        let Some(inverse) = (self.covariance + covariance).try_inverse() else { return false };
+        if innovation.dot(&(inverse * innovation)) > self.config.gate {
+            return false;
+        }
+        let gain = self.covariance * inverse;
+        let by = gain * innovation;
+        let at = &self.map_from_base;
+        let yaw = wrap_angle(at.rotation.angle() + by.z);
+        self.map_from_base = pose(at.translation.x + by.x, at.translation.y + by.y, yaw);
+        // Joseph's form keeps it symmetric and positive.
+        let keep = Matrix3::identity() - gain;
+        self.covariance = keep * self.covariance * keep.transpose() + gain * covariance * gain.transpose();
+        true
+    }
+}
