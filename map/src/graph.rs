@@ -1,161 +1,63 @@
-//! Shortest ways over nodes and edges.
+//! Shortest paths over nodes and edges (Dijkstra). An edge is as long as its nodes are apart.
+//!
+//! Lengths are summed in whole micrometres, so that no order of summation and no machine makes a difference.
 
 use crate::state::MapState;
 use fht_proto::{EdgeKey, FixedPoint, NodeId};
-use std::cmp::Ordering;
-use std::collections::{BTreeMap, BinaryHeap};
+use pathfinding::directed::dijkstra::{dijkstra, dijkstra_all};
+use std::collections::{BTreeMap, BTreeSet};
 
-/// The nodes and edges of a map without their contents: light enough to be handed to another thread, and open to
-/// changes that are not in the map (an edge that is blocked today, an edge that is only planned).
-#[derive(Clone, Debug, Default)]
-pub struct Graph {
-    positions: BTreeMap<NodeId, FixedPoint>,
-    neighbours: BTreeMap<NodeId, Vec<NodeId>>,
+const UM_PER_M: f64 = 1e6;
+
+/// A length in micrometres. Coordinates are limited to 100 km, so that no sum over a map comes near the limit.
+pub(crate) fn to_um(metres: f64) -> u64 {
+    (metres * UM_PER_M).round() as u64
 }
 
-/// A node in the queue, nearest first.
-struct Queued {
-    cost_m: f64,
+/// A length in metres.
+pub(crate) fn to_metres(um: u64) -> f64 {
+    um as f64 / UM_PER_M
+}
+
+/// Distance of two points in micrometres.
+pub(crate) fn distance_um(a: FixedPoint, b: FixedPoint) -> u64 {
+    to_um(a.distance(b))
+}
+
+/// The nodes that one unblocked edge leads to from `id`, with the edge's length in micrometres.
+pub(crate) fn steps_from<'a>(
+    map: &'a MapState,
     id: NodeId,
+    blocked: &'a BTreeSet<EdgeKey>,
+) -> impl Iterator<Item = (NodeId, u64)> + 'a {
+    let from = map.node(id).map(|node| node.pose.position);
+    from.into_iter().flat_map(move |from| {
+        let open = map.neighbours(id).filter(move |other| !blocked.contains(&EdgeKey::new(id, other.id)));
+        open.map(move |other| (other.id, distance_um(from, other.pose.position)))
+    })
 }
 
-impl PartialEq for Queued {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-impl Eq for Queued {}
-impl PartialOrd for Queued {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Queued {
-    fn cmp(&self, other: &Self) -> Ordering {
-        other.cost_m.total_cmp(&self.cost_m).then_with(|| other.id.cmp(&self.id))
-    }
+/// The shortest way over edges between two nodes: its length in metres and its nodes, both ends included. `None` if a node
+/// is not shown or nothing joins the two.
+#[must_use]
+pub fn shortest_path(map: &MapState, from: NodeId, to: NodeId) -> Option<(f64, Vec<NodeId>)> {
+    map.node(from)?;
+    let none = BTreeSet::new();
+    let (nodes, length_um) = dijkstra(&from, |&id| steps_from(map, id, &none).collect::<Vec<_>>(), |&id| id == to)?;
+    Some((to_metres(length_um), nodes))
 }
 
-/// Costs from a set of starts, and the way back to them.
-#[derive(Clone, Debug, Default)]
-pub struct Distances {
-    costs_m: BTreeMap<NodeId, f64>,
-    previous: BTreeMap<NodeId, NodeId>,
-}
-
-impl Distances {
-    /// Cost of reaching a node, metres; `None` if it cannot be reached.
-    #[must_use]
-    pub fn cost_m(&self, id: NodeId) -> Option<f64> {
-        self.costs_m.get(&id).copied()
+/// How far every node that can be reached is from `from` over edges, metres; `from` itself at 0. Empty if `from` is not
+/// shown.
+#[must_use]
+pub fn distances_from(map: &MapState, from: NodeId) -> BTreeMap<NodeId, f64> {
+    if map.node(from).is_none() {
+        return BTreeMap::new();
     }
-
-    /// The nodes from a start to `id`, both included; empty if `id` cannot be reached.
-    #[must_use]
-    pub fn path_to(&self, id: NodeId) -> Vec<NodeId> {
-        if !self.costs_m.contains_key(&id) {
-            return Vec::new();
-        }
-        let mut path = vec![id];
-        let mut current = id;
-        while let Some(&before) = self.previous.get(&current) {
-            path.push(before);
-            current = before;
-        }
-        path.reverse();
-        path
-    }
-}
-
-impl Graph {
-    /// The nodes and edges that a map shows.
-    #[must_use]
-    pub fn of(state: &MapState) -> Self {
-        let mut graph = Self::default();
-        for node in state.nodes() {
-            graph.add_node(node.id, node.pose.position);
-        }
-        for edge in state.edges() {
-            graph.add_edge(edge);
-        }
-        graph
-    }
-
-    /// Adds a node, or moves it.
-    pub fn add_node(&mut self, id: NodeId, position: FixedPoint) {
-        self.positions.insert(id, position);
-    }
-
-    /// Adds an edge; its length is the distance of its ends.
-    pub fn add_edge(&mut self, edge: EdgeKey) {
-        for (from, to) in [(edge.low(), edge.high()), (edge.high(), edge.low())] {
-            let neighbours = self.neighbours.entry(from).or_default();
-            if !neighbours.contains(&to) {
-                neighbours.push(to);
-            }
-        }
-    }
-
-    /// Takes an edge away.
-    pub fn remove_edge(&mut self, edge: EdgeKey) {
-        for (from, to) in [(edge.low(), edge.high()), (edge.high(), edge.low())] {
-            if let Some(neighbours) = self.neighbours.get_mut(&from) {
-                neighbours.retain(|id| *id != to);
-            }
-        }
-    }
-
-    /// Where a node is.
-    #[must_use]
-    pub fn position(&self, id: NodeId) -> Option<FixedPoint> {
-        self.positions.get(&id).copied()
-    }
-
-    /// All nodes with their positions, in the order of their ids.
-    pub fn nodes(&self) -> impl Iterator<Item = (NodeId, FixedPoint)> + '_ {
-        self.positions.iter().map(|(id, position)| (*id, *position))
-    }
-
-    /// Least costs from any of `starts`, each with what it costs to be there (Dijkstra).
-    #[must_use]
-    pub fn distances(&self, starts: impl IntoIterator<Item = (NodeId, f64)>) -> Distances {
-        let mut distances = Distances::default();
-        let mut queue = BinaryHeap::new();
-        for (id, cost_m) in starts {
-            let known = self.positions.contains_key(&id);
-            if known && distances.costs_m.get(&id).is_none_or(|&held| cost_m < held) {
-                distances.costs_m.insert(id, cost_m);
-                queue.push(Queued { cost_m, id });
-            }
-        }
-        while let Some(Queued { cost_m, id }) = queue.pop() {
-            if distances.costs_m.get(&id).is_some_and(|&held| cost_m > held) {
-                continue;
-            }
-            let Some(&here) = self.positions.get(&id) else { continue };
-            for &next in self.neighbours.get(&id).into_iter().flatten() {
-                let Some(&there) = self.positions.get(&next) else { continue };
-                let cost_m = cost_m + here.distance(there);
-                if distances.costs_m.get(&next).is_none_or(|&held| cost_m < held) {
-                    distances.costs_m.insert(next, cost_m);
-                    distances.previous.insert(next, id);
-                    queue.push(Queued { cost_m, id: next });
-                }
-            }
-        }
-        distances
-    }
-
-    /// Shortest distances from one node, metres.
-    #[must_use]
-    pub fn distances_from(&self, id: NodeId) -> Distances {
-        self.distances([(id, 0.0)])
-    }
-
-    /// The shortest path between two nodes: its length in metres and its nodes, both ends included.
-    #[must_use]
-    pub fn shortest_path(&self, from: NodeId, to: NodeId) -> Option<(f64, Vec<NodeId>)> {
-        let distances = self.distances_from(from);
-        Some((distances.cost_m(to)?, distances.path_to(to)))
-    }
+    let none = BTreeSet::new();
+    let reached = dijkstra_all(&from, |&id| steps_from(map, id, &none).collect::<Vec<_>>());
+    let mut distances: BTreeMap<NodeId, f64> =
+        reached.into_iter().map(|(id, (_, length_um))| (id, to_metres(length_um))).collect();
+    distances.insert(from, 0.0);
+    distances
 }

@@ -1,11 +1,13 @@
-//! The FHT-Map as a data structure.
+//! The FHT-Map as a data structure: what the increments of `fht-proto` add up to, and how to find things in it. No I/O
+//! and no clock, so that server, mapper and client compute the same from the same increments.
 //!
 //! | module | idea |
 //! | --- | --- |
-//! | [`state`] | a map is a join of increments: newest stamp wins, in whatever order they come |
-//! | [`replica`] | which increments have come, and what to do with early, repeated and contradictory ones |
-//! | [`graph`] | shortest ways over nodes and edges |
-//! | [`route`] | the paper's equation 5: from any place to any place |
+//! | [`state`] | the join of increments: any order and any repetition gives the same map and the same digest |
+//! | [`sequence`] | each author's increments in order, the early ones kept aside within bounds |
+//! | [`replica`] | both together: a copy of a map that is fed from the network |
+//! | [`graph`] | shortest paths over nodes and edges |
+//! | [`route`] | a path between two places (paper, equation 5) |
 //! | [`lookup`] | nodes by place and by appearance |
 
 pub mod graph;
@@ -13,9 +15,9 @@ pub mod lookup;
 mod register;
 pub mod replica;
 pub mod route;
+pub mod sequence;
 pub mod state;
 
-pub use graph::Graph;
 pub use replica::{Accepted, Replica};
 pub use route::{Route, RouteConfig, RouteError};
 pub use state::{Counts, MapState, NodeRef};

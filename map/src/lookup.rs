@@ -3,25 +3,23 @@
 use crate::state::{MapState, NodeRef};
 use fht_proto::{Descriptor, FixedPoint, NodeId};
 
-/// The nodes within `radius_m` of a place, nearest first, with their distances in metres.
+/// The nodes within `radius_m` of `point`, nearest first, with their distances in metres. Equal distances are ordered by
+/// id.
 #[must_use]
-pub fn nearest(state: &MapState, place: FixedPoint, radius_m: f64) -> Vec<(f64, NodeRef<'_>)> {
-    let mut found: Vec<_> = state
-        .nodes()
-        .map(|node| (node.pose.position.distance(place), node))
-        .filter(|(distance, _)| *distance <= radius_m)
-        .collect();
-    found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.id.cmp(&b.1.id)));
-    found
+pub fn nearest(map: &MapState, point: FixedPoint, radius_m: f64) -> Vec<(NodeRef<'_>, f64)> {
+    let with_distance = map.nodes().map(|node| (node, node.pose.position.distance(point)));
+    let mut near: Vec<_> = with_distance.filter(|&(_, distance)| distance <= radius_m).collect();
+    near.sort_by(|a, b| a.1.total_cmp(&b.1)); // stable: the nodes come in the order of their ids
+    near
 }
 
-/// The main nodes that look most like `descriptor`, best first, at most `count`, with their cosines. Nodes whose
-/// descriptor is of another model are left out.
+/// The `k` main nodes whose descriptors are most like `descriptor`, most similar first, with the cosines. Descriptors of
+/// other models are passed over. Equal cosines are ordered by id.
 #[must_use]
-pub fn most_similar(state: &MapState, descriptor: &Descriptor, count: usize) -> Vec<(NodeId, f32)> {
-    let mut found: Vec<(NodeId, f32)> =
-        state.main_nodes().filter_map(|node| Some((node.id, node.descriptor()?.similarity(descriptor)?))).collect();
-    found.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    found.truncate(count);
-    found
+pub fn most_similar(map: &MapState, descriptor: &Descriptor, k: usize) -> Vec<(NodeId, f32)> {
+    let with_cosine = map.main_nodes().filter_map(|node| Some((node.id, node.descriptor()?.similarity(descriptor)?)));
+    let mut similar: Vec<_> = with_cosine.collect();
+    similar.sort_by(|a, b| b.1.total_cmp(&a.1)); // stable
+    similar.truncate(k);
+    similar
 }

@@ -1,39 +1,60 @@
-//! The last-writer-wins register that every element of the map is kept in.
+//! A last-writer-wins register: the smallest piece of a map that is joined.
 
 use fht_proto::Stamp;
 use serde::Serialize;
 
-/// A value and the stamp of its last change. Joining is commutative, associative and idempotent.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// BLAKE3 hash of a value's `postcard` form.
+pub(crate) type ContentHash = [u8; 32];
+
+/// Hashes a value of this crate or of `fht-proto`.
+pub(crate) fn content_hash<T: Serialize>(value: &T) -> ContentHash {
+    // Neither the hasher nor the types here (structures, and sequences of known length) have a way to fail. Were one to
+    // appear, the empty hash would still be the same on every machine.
+    let hasher = postcard::to_io(value, blake3::Hasher::new()).unwrap_or_default();
+    *hasher.finalize().as_bytes()
+}
+
+/// A value, when it was written, and the hash of the value.
+///
+/// The hash decides between different values with one stamp. An honest author never writes those, but a hostile or broken
+/// one may, and the copies of a map must not come apart over it. Only stamp and hash enter a map's digest, so that a
+/// digest does not have to read all descriptors and scans again.
+#[derive(Clone, Debug, Serialize)]
 pub(crate) struct Register<T> {
     stamp: Stamp,
+    hash: ContentHash,
+    #[serde(skip)]
     value: T,
 }
 
 impl<T: Serialize> Register<T> {
-    pub fn stamp(&self) -> Stamp {
+    /// A value as written at `stamp`.
+    pub(crate) fn new(stamp: Stamp, value: T) -> Self {
+        Self { stamp, hash: content_hash(&value), value }
+    }
+
+    /// When it was written.
+    pub(crate) fn stamp(&self) -> Stamp {
         self.stamp
     }
 
-    pub fn value(&self) -> &T {
+    /// What was written.
+    pub(crate) fn value(&self) -> &T {
         &self.value
     }
 
-    /// Keeps the newer of what `slot` holds and `(stamp, value)`. Stamps are unique among honest writers; should two
-    /// writes carry one stamp, the one whose bytes sort last wins, so that all replicas still agree.
-    pub fn join(slot: &mut Option<Self>, stamp: Stamp, value: T) {
-        let wins = match slot {
-            None => true,
-            Some(held) if stamp != held.stamp => stamp > held.stamp,
-            Some(held) => bytes(&value) > bytes(&held.value),
-        };
-        if wins {
-            *slot = Some(Self { stamp, value });
+    /// Keeps the newer of this and `other`: the join of two registers.
+    pub(crate) fn join(&mut self, other: Self) {
+        if (other.stamp, other.hash) > (self.stamp, self.hash) {
+            *self = other;
         }
     }
 }
 
-fn bytes<T: Serialize>(value: &T) -> Vec<u8> {
-    // Plain data always serialises; if it ever did not, equal bytes keep what is held.
-    postcard::to_stdvec(value).unwrap_or_default()
+/// Joins a register into a place that may still be empty.
+pub(crate) fn join_into<T: Serialize>(slot: &mut Option<Register<T>>, register: Register<T>) {
+    match slot {
+        Some(current) => current.join(register),
+        None => *slot = Some(register),
+    }
 }

@@ -1,6 +1,7 @@
-//! Which increments have come. A state at a version vector is the join of each author's first so many increments, so
-//! increments are applied in each author's order; early ones wait in a bounded buffer.
+//! A copy of a map that is fed increments as the network brings them: late, twice, out of order.
 
+use crate::register::{ContentHash, content_hash};
+use crate::sequence::{Offered, Sequence, SequenceConfig};
 use crate::state::MapState;
 use fht_proto::{AuthorId, Increment, VersionVector};
 use std::collections::BTreeMap;
@@ -8,68 +9,111 @@ use std::collections::BTreeMap;
 /// What became of an increment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Accepted {
-    /// It was applied, and with it early ones that had waited for it: how many in all.
+    /// It was applied, together with increments that had waited for it: so many in all.
     Applied(usize),
-    /// It had come before.
+    /// It was applied or kept before.
     Duplicate,
-    /// Others of its author are missing before it; it waits.
+    /// It is kept until the gap before it closes.
     Early,
-    /// It is too early to wait: the buffer is full. It will have to be sent again.
-    TooEarly,
+    /// Another increment of this author and number is already there: one of the two is forged, or the author has lost its
+    /// memory. The first one stays.
+    Conflict,
+    /// It is too far ahead to be kept.
+    Dropped,
 }
 
-/// A copy of a map that knows what it has.
-#[derive(Clone, Debug, Default)]
+/// An increment with the hash of its content.
+#[derive(Clone, Debug)]
+struct Hashed {
+    hash: ContentHash,
+    increment: Increment,
+}
+
+impl PartialEq for Hashed {
+    fn eq(&self, other: &Self) -> bool {
+        self.hash == other.hash
+    }
+}
+
+/// A map together with what it consists of: for each author the increments 1 to n without a gap.
+#[derive(Clone, Debug)]
 pub struct Replica {
     state: MapState,
-    vector: VersionVector,
-    early: BTreeMap<(AuthorId, u64), Increment>,
+    sequence: Sequence<Hashed>,
+    // Hashes of what was applied, by author and number - 1: what tells a repetition from a conflict.
+    applied: BTreeMap<AuthorId, Vec<ContentHash>>,
+}
+
+impl Default for Replica {
+    fn default() -> Self {
+        Self::new(SequenceConfig::default())
+    }
 }
 
 impl Replica {
-    /// Most increments that wait for others.
-    pub const MAX_EARLY: usize = 4096;
-
-    /// An empty copy.
+    /// The empty map.
     #[must_use]
-    pub fn new() -> Self {
-        Self::default()
+    pub fn new(config: SequenceConfig) -> Self {
+        let sequence = Sequence::starting_at(VersionVector::default(), config);
+        Self { state: MapState::new(), sequence, applied: BTreeMap::new() }
     }
 
-    /// The map.
+    /// The map as it stands.
     #[must_use]
     pub fn state(&self) -> &MapState {
         &self.state
     }
 
-    /// What the map contains.
+    /// What the map consists of.
     #[must_use]
     pub fn vector(&self) -> &VersionVector {
-        &self.vector
+        self.sequence.vector()
     }
 
-    /// Takes an increment in.
-    pub fn accept(&mut self, increment: Increment) -> Accepted {
-        let author = increment.author;
-        let next = self.vector.get(author) + 1;
-        if increment.number < next || self.early.contains_key(&(author, increment.number)) {
-            return Accepted::Duplicate;
-        }
-        if increment.number > next {
-            if self.early.len() >= Self::MAX_EARLY {
-                return Accepted::TooEarly;
-            }
-            self.early.insert((author, increment.number), increment);
-            return Accepted::Early;
-        }
-        let mut applied = 0;
-        let mut current = Some(increment);
-        while let Some(increment) = current {
-            self.state.apply(&increment);
-            self.vector.set(author, increment.number);
-            applied += 1;
-            current = self.early.remove(&(author, increment.number + 1));
-        }
-        Accepted::Applied(applied)
+    /// How many early increments are kept until the gaps before them close.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        self.sequence.waiting()
     }
+
+    /// Takes an increment that has passed validation (everything from [`fht_proto::decode`] has).
+    pub fn accept(&mut self, increment: Increment) -> Accepted {
+        let (author, number) = (increment.author, increment.number);
+        let hash = content_hash(&increment);
+        let bytes = increment.ops.iter().map(approximate_bytes).sum();
+        let waited = self.sequence.waiting();
+        match self.sequence.offer(author, number, bytes, Hashed { hash, increment }) {
+            Offered::Ready(ready) => {
+                let hashes = self.applied.entry(author).or_default();
+                for item in &ready {
+                    self.state.apply(&item.increment);
+                    hashes.push(item.hash);
+                }
+                Accepted::Applied(ready.len())
+            }
+            Offered::Past => self.compare_with_applied(author, number, hash),
+            Offered::Waiting if self.sequence.waiting() == waited => Accepted::Duplicate,
+            Offered::Waiting => Accepted::Early,
+            Offered::Conflict => Accepted::Conflict,
+            Offered::Dropped => Accepted::Dropped,
+        }
+    }
+
+    fn compare_with_applied(&self, author: AuthorId, number: u64, hash: ContentHash) -> Accepted {
+        let index = usize::try_from(number.saturating_sub(1)).ok();
+        let applied = index.and_then(|index| self.applied.get(&author)?.get(index));
+        if number >= 1 && applied == Some(&hash) { Accepted::Duplicate } else { Accepted::Conflict }
+    }
+}
+
+/// What an operation takes up in memory, roughly.
+fn approximate_bytes(op: &fht_proto::Op) -> usize {
+    let payload = match op {
+        fht_proto::Op::SetSignature { signature, .. } => {
+            let descriptor = signature.descriptor.as_ref().map_or(0, |descriptor| descriptor.values.len());
+            descriptor + 2 * signature.scan.ranges_mm.len()
+        }
+        _ => 0,
+    };
+    size_of::<fht_proto::Op>() + payload
 }

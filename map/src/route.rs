@@ -1,62 +1,55 @@
-//! From any place to any place (paper, section III-C-2, equation 5).
+//! A path between two places: the paper's equation 5 over all start and goal nodes at once.
 //!
-//! A place inside a node's rectangle reaches that node in a straight line; a place inside no rectangle reaches nodes
-//! near it at `k` times the distance. Among all ways in and out the cheapest wins: one Dijkstra from all of the
-//! start's nodes at once.
+//! A place joins the graph through every node whose rectangle of free space contains it, at the straight distance. If no
+//! rectangle contains it, it joins through the nodes near it, and the way to their rectangles, of which the map knows
+//! nothing, counts [`RouteConfig::unmapped_factor`] times (the paper's `k ≫ 1`). The paper multiplies the whole way to the
+//! node; here the part inside the rectangle, known to be free, counts once, and the path enters the rectangle at its
+//! nearest point. For a node without a rectangle both are the same.
 
-use crate::graph::Graph;
+use crate::graph::{distance_um, steps_from, to_um};
 use crate::state::{MapState, NodeRef};
 use fht_proto::{EdgeKey, FixedPoint, NodeId};
-use std::collections::BTreeSet;
+use pathfinding::directed::dijkstra::dijkstra;
+use std::collections::{BTreeMap, BTreeSet};
 
-/// Parameters of the route.
+/// How paths are planned.
 #[derive(Clone, Debug)]
 pub struct RouteConfig {
-    /// k of equation 5: what a metre outside of all rectangles costs. Default 10.
-    pub outside_factor: f64,
-    /// A place farther than this from every node's rectangle (or node) is out of the map, metres. Default 1.
-    pub max_outside_m: f64,
-    /// Edges that must not be used.
+    /// How many metres of mapped way a metre of unmapped way counts for (the paper's k). Default 10.
+    pub unmapped_factor: f64,
+    /// A place farther than this from all rectangles and nodes is out of the map, metres. Default 2.
+    pub max_detour_m: f64,
+    /// Edges that must not be used: a robot that found the way blocked plans round it. Default none.
     pub blocked: BTreeSet<EdgeKey>,
 }
 
 impl Default for RouteConfig {
     fn default() -> Self {
-        Self { outside_factor: 10.0, max_outside_m: 1.0, blocked: BTreeSet::new() }
+        Self { unmapped_factor: 10.0, max_detour_m: 2.0, blocked: BTreeSet::new() }
     }
 }
 
 /// A point of a route.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RoutePoint {
     /// Where, in the map frame.
     pub point: FixedPoint,
-    /// The node passed; none at the start and at the goal.
+    /// The node there; none at the start, at the goal and where a rectangle is entered or left.
     pub node: Option<NodeId>,
 }
 
-/// A way from start to goal.
+/// A path from start to goal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Route {
-    /// Length over all points, metres.
+    /// Length over all waypoints, metres.
     pub length_m: f64,
-    /// From start to goal.
-    pub points: Vec<RoutePoint>,
+    /// From start to goal, both included; consecutive points differ.
+    pub waypoints: Vec<RoutePoint>,
 }
 
 /// Why there is no route.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum RouteError {
-    /// A place is not in the mapped space.
-    #[error("{what} ({:.2}, {:.2}) is not in the mapped space{}", place.x(), place.y(), nearest_text(*nearest_m))]
-    OutOfMap {
-        /// "the start" or "the goal".
-        what: &'static str,
-        /// The place.
-        place: FixedPoint,
-        /// Distance to the nearest free rectangle, metres, if the map has any.
-        nearest_m: Option<f64>,
-    },
     /// Nothing joins the two places.
     #[error("no path joins ({:.2}, {:.2}) and ({:.2}, {:.2})", from.x(), from.y(), to.x(), to.y())]
     NoPath {
@@ -65,88 +58,128 @@ pub enum RouteError {
         /// The goal.
         to: FixedPoint,
     },
+    /// A place is not in the mapped space, and not near it either.
+    #[error("({:.2}, {:.2}) is {distance_m:.1} m from the nearest mapped free space (at most {max_detour_m} m are bridged)",
+        point.x(), point.y())]
+    OutOfMap {
+        /// The place.
+        point: FixedPoint,
+        /// How far the nearest rectangle or node is, metres.
+        distance_m: f64,
+        /// [`RouteConfig::max_detour_m`].
+        max_detour_m: f64,
+    },
+    /// The map has no nodes.
+    #[error("the map is empty")]
+    EmptyMap,
 }
 
-fn nearest_text(nearest_m: Option<f64>) -> String {
-    nearest_m.map_or_else(
-        || ": the map is empty".to_owned(),
-        |metres| format!(": the nearest free space is {metres:.2} m away"),
-    )
+/// How a place joins the graph through one node.
+#[derive(Clone, Copy, Debug)]
+struct Access {
+    /// Weighted length of the way between place and node, micrometres.
+    cost_um: u64,
+    /// Where the way enters the node's rectangle; `None` if the place lies in it.
+    entry: Option<FixedPoint>,
 }
 
-/// Distance from a place to a node's rectangle, 0 inside; to the node itself if it has none.
-fn distance_to_free_space(node: &NodeRef<'_>, place: FixedPoint) -> f64 {
-    let centre = node.pose.position;
-    node.free_space.map_or_else(
-        || centre.distance(place),
-        |rect| {
-            let (min, max) = (rect.min(centre), rect.max(centre));
-            let outside = |value: f64, low: f64, high: f64| (low - value).max(value - high).max(0.0);
-            outside(place.x(), min.0, max.0).hypot(outside(place.y(), min.1, max.1))
-        },
-    )
+/// A vertex of the search: the graph's nodes and the two places.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Vertex {
+    Start,
+    Node(NodeId),
+    Goal,
 }
 
-/// The nodes by which a place is joined to the map, each with what it costs to reach it.
-fn access(
-    state: &MapState,
-    place: FixedPoint,
-    what: &'static str,
-    config: &RouteConfig,
-) -> Result<Vec<(NodeId, f64)>, RouteError> {
-    let candidates: Vec<(f64, NodeId, f64)> = state
-        .nodes()
-        .map(|node| (distance_to_free_space(&node, place), node.id, node.pose.position.distance(place)))
-        .collect();
-    let inside: Vec<_> = candidates.iter().filter(|c| c.0 <= 0.0).map(|&(_, id, metres)| (id, metres)).collect();
-    if !inside.is_empty() {
-        return Ok(inside);
+/// The point of the node's rectangle that is nearest to `point` (the node itself if it has no rectangle).
+fn nearest_free(node: &NodeRef<'_>, point: FixedPoint) -> FixedPoint {
+    let position = node.pose.position;
+    let rect = node.free_space.unwrap_or_default();
+    let clamp = |value: i32, centre: i32, below: u16, above: u16| {
+        value.clamp(centre.saturating_sub(below.into()), centre.saturating_add(above.into()))
+    };
+    FixedPoint {
+        x_mm: clamp(point.x_mm, position.x_mm, rect.west_mm, rect.east_mm),
+        y_mm: clamp(point.y_mm, position.y_mm, rect.south_mm, rect.north_mm),
     }
-    let nearest_m = candidates.iter().map(|c| c.0).min_by(f64::total_cmp);
-    let reachable: Vec<_> = candidates
-        .iter()
-        .filter(|c| c.0 <= config.max_outside_m)
-        .map(|&(_, id, metres)| (id, config.outside_factor * metres))
-        .collect();
-    if reachable.is_empty() { Err(RouteError::OutOfMap { what, place, nearest_m }) } else { Ok(reachable) }
 }
 
-/// Plans a route.
+/// All ways to join `point` to the graph, by node.
+fn accesses(map: &MapState, point: FixedPoint, config: &RouteConfig) -> Result<BTreeMap<NodeId, Access>, RouteError> {
+    let near: Vec<_> = map.nodes().map(|node| (node, nearest_free(&node, point))).collect();
+    let nearest_m = near.iter().map(|(_, entry)| entry.distance(point)).min_by(f64::total_cmp);
+    let distance_m = nearest_m.ok_or(RouteError::EmptyMap)?;
+    if distance_m > config.max_detour_m {
+        return Err(RouteError::OutOfMap { point, distance_m, max_detour_m: config.max_detour_m });
+    }
+    let inside = near.iter().any(|(_, entry)| *entry == point);
+    let reach_m = if inside { 0.0 } else { config.max_detour_m };
+    let reachable = near.iter().filter(|(_, entry)| entry.distance(point) <= reach_m);
+    let access = |node: &NodeRef<'_>, entry: FixedPoint| {
+        let unmapped_um = to_um(entry.distance(point) * config.unmapped_factor.max(1.0));
+        let cost_um = unmapped_um.saturating_add(distance_um(entry, node.pose.position));
+        Access { cost_um, entry: (entry != point).then_some(entry) }
+    };
+    Ok(reachable.map(|(node, entry)| (node.id, access(node, *entry))).collect())
+}
+
+/// Plans from `from` to `to` (map frame).
 ///
 /// # Errors
-/// [`RouteError`] when a place is out of the map or nothing joins the two.
-pub fn plan(state: &MapState, from: FixedPoint, to: FixedPoint, config: &RouteConfig) -> Result<Route, RouteError> {
-    let starts = access(state, from, "the start", config)?;
-    let ends = access(state, to, "the goal", config)?;
-    let end_point = |point| RoutePoint { point, node: None };
-
-    // A rectangle is convex: two places in the same one are joined by a straight line.
-    let share_rectangle = state.nodes().any(|node| {
-        node.free_space
-            .is_some_and(|rect| rect.contains(node.pose.position, from) && rect.contains(node.pose.position, to))
-    });
+/// [`RouteError::OutOfMap`] for a place too far from the mapped space, [`RouteError::NoPath`] if nothing joins the two,
+/// [`RouteError::EmptyMap`].
+pub fn plan(map: &MapState, from: FixedPoint, to: FixedPoint, config: &RouteConfig) -> Result<Route, RouteError> {
+    let starts = accesses(map, from, config)?;
+    let goals = accesses(map, to, config)?;
+    let share_rectangle = starts
+        .iter()
+        .any(|(id, start)| start.entry.is_none() && goals.get(id).is_some_and(|goal| goal.entry.is_none()));
     if share_rectangle {
-        return Ok(Route { length_m: from.distance(to), points: vec![end_point(from), end_point(to)] });
+        return Ok(route_over([plain(from), plain(to)])); // rectangles are convex
     }
+    let steps = |vertex: &Vertex| -> Vec<(Vertex, u64)> {
+        match vertex {
+            Vertex::Start => starts.iter().map(|(&id, start)| (Vertex::Node(id), start.cost_um)).collect(),
+            Vertex::Node(id) => {
+                let goal = goals.get(id).map(|goal| (Vertex::Goal, goal.cost_um));
+                let nodes = steps_from(map, *id, &config.blocked).map(|(id, length)| (Vertex::Node(id), length));
+                nodes.chain(goal).collect()
+            }
+            Vertex::Goal => Vec::new(),
+        }
+    };
+    let (vertices, _) =
+        dijkstra(&Vertex::Start, steps, |vertex| *vertex == Vertex::Goal).ok_or(RouteError::NoPath { from, to })?;
+    let nodes: Vec<NodeId> =
+        vertices.iter().filter_map(|vertex| if let Vertex::Node(id) = vertex { Some(*id) } else { None }).collect();
+    let entry = |accesses: &BTreeMap<NodeId, Access>, id: Option<&NodeId>| {
+        id.and_then(|id| accesses.get(id)).and_then(|access| access.entry).map(plain)
+    };
+    let over = nodes.iter().filter_map(|&id| {
+        let node = map.node(id)?;
+        Some(RoutePoint { point: node.pose.position, node: Some(id) })
+    });
+    let points = std::iter::once(plain(from))
+        .chain(entry(&starts, nodes.first()))
+        .chain(over)
+        .chain(entry(&goals, nodes.last()))
+        .chain(std::iter::once(plain(to)));
+    Ok(route_over(points))
+}
 
-    let mut graph = Graph::of(state);
-    for edge in &config.blocked {
-        graph.remove_edge(*edge);
-    }
-    let distances = graph.distances(starts);
-    let best = ends
-        .into_iter()
-        .filter_map(|(id, cost_m)| Some((distances.cost_m(id)? + cost_m, id)))
-        .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let Some((_, last)) = best else { return Err(RouteError::NoPath { from, to }) };
+fn plain(point: FixedPoint) -> RoutePoint {
+    RoutePoint { point, node: None }
+}
 
-    let mut points = vec![end_point(from)];
-    for id in distances.path_to(last) {
-        if let Some(point) = graph.position(id) {
-            points.push(RoutePoint { point, node: Some(id) });
+/// The route over `points`; of points at one place, one that is a node stays.
+fn route_over(points: impl IntoIterator<Item = RoutePoint>) -> Route {
+    let mut waypoints: Vec<RoutePoint> = Vec::new();
+    for point in points {
+        match waypoints.last_mut() {
+            Some(last) if last.point == point.point => last.node = last.node.or(point.node),
+            _ => waypoints.push(point),
         }
     }
-    points.push(end_point(to));
-    let length_m = points.windows(2).map(|pair| pair[0].point.distance(pair[1].point)).sum();
-    Ok(Route { length_m, points })
+    let length_m = waypoints.windows(2).map(|pair| pair[0].point.distance(pair[1].point)).sum();
+    Route { length_m, waypoints }
 }

@@ -1,53 +1,71 @@
-//! The state of a map: the join of all increments applied to it.
+//! The state of a map: the join of its increments.
 //!
-//! Every element is a set of last-writer-wins registers. A node is shown while its newest `PutNode` is newer than its
-//! newest `RemoveNode`; writes older than a node's newest removal are void, whether they come before or after it. So
-//! the state depends on which increments were applied and on nothing else.
+//! Every element is a last-writer-wins register, and a removal is a tombstone that keeps its stamp. Therefore applying
+//! increments is commutative, associative and idempotent:
+//!
+//! * A node is shown if its newest `PutNode` is newer than its newest `RemoveNode`. Its kind comes from the newest
+//!   `PutNode`, its pose from the newest of `PutNode` and `SetPose`, free space and signature from their own writes.
+//! * Writes to a node that are not newer than its newest removal do not count, whether they arrive before or after it.
+//! * An edge is shown if its newest write is a `PutEdge` and both its nodes are shown. It comes back with them.
 
-use crate::register::Register;
+use crate::register::{ContentHash, Register, content_hash, join_into};
 use fht_proto::{
     Descriptor, DescriptorModel, Digest, EdgeKey, FixedPose, Increment, ModelId, NodeId, NodeKind, Op, Rect, Signature,
     Stamp,
 };
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-struct NodeEntry {
+/// What is known of one node, shown or not.
+#[derive(Clone, Debug, Default, Serialize)]
+struct NodeState {
     removed: Option<Stamp>,
     kind: Option<Register<NodeKind>>,
     pose: Option<Register<FixedPose>>,
     free_space: Option<Register<Option<Rect>>>,
-    signature: Option<Register<Signature>>,
+    // Shared, so that a copy of a map does not copy its descriptors and scans.
+    signature: Option<Register<Shared<Signature>>>,
 }
 
-impl NodeEntry {
-    /// Whether a write with this stamp still counts.
-    fn accepts(&self, stamp: Stamp) -> bool {
+/// A value behind an `Arc` that is serialised like the value itself.
+#[derive(Clone, Debug)]
+struct Shared<T>(Arc<T>);
+
+impl<T: Serialize> Serialize for Shared<T> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.0.serialize(serializer)
+    }
+}
+
+fn clear_up_to<T: Serialize>(slot: &mut Option<Register<T>>, removed: Stamp) {
+    if slot.as_ref().is_some_and(|register| register.stamp() <= removed) {
+        *slot = None;
+    }
+}
+
+impl NodeState {
+    fn outlives_removal(&self, stamp: Stamp) -> bool {
         self.removed.is_none_or(|removed| stamp > removed)
     }
 
     fn remove(&mut self, stamp: Stamp) {
-        self.removed = self.removed.max(Some(stamp));
-        fn void<T: Serialize>(slot: &mut Option<Register<T>>, stamp: Stamp) {
-            if slot.as_ref().is_some_and(|register| register.stamp() <= stamp) {
-                *slot = None;
-            }
-        }
-        void(&mut self.kind, stamp);
-        void(&mut self.pose, stamp);
-        void(&mut self.free_space, stamp);
-        void(&mut self.signature, stamp);
+        let removed = self.removed.map_or(stamp, |removed| removed.max(stamp));
+        self.removed = Some(removed);
+        clear_up_to(&mut self.kind, removed);
+        clear_up_to(&mut self.pose, removed);
+        clear_up_to(&mut self.free_space, removed);
+        clear_up_to(&mut self.signature, removed);
     }
 
-    /// The node as shown, if it is.
-    fn view(&self, id: NodeId) -> Option<NodeRef<'_>> {
+    /// The node if it is shown. A node with a kind has a pose too: `PutNode` writes both.
+    fn shown(&self, id: NodeId) -> Option<NodeRef<'_>> {
         Some(NodeRef {
             id,
             kind: *self.kind.as_ref()?.value(),
             pose: *self.pose.as_ref()?.value(),
             free_space: self.free_space.as_ref().and_then(|register| *register.value()),
-            signature: self.signature.as_ref().map(Register::value),
+            signature: self.signature.as_ref().map(|register| register.value().0.as_ref()),
         })
     }
 }
@@ -59,44 +77,42 @@ pub struct NodeRef<'a> {
     pub id: NodeId,
     /// Main or support.
     pub kind: NodeKind,
-    /// Where it is, in the map frame.
+    /// Its pose in the map frame.
     pub pose: FixedPose,
-    /// Its rectangle of free space.
+    /// Its rectangle of free space, relative to its position.
     pub free_space: Option<Rect>,
-    /// What a main node carries.
+    /// Descriptor and scan (main nodes).
     pub signature: Option<&'a Signature>,
 }
 
 impl<'a> NodeRef<'a> {
-    /// The descriptor of a main node with a camera.
+    /// Its visual descriptor, if it has one.
     #[must_use]
     pub fn descriptor(&self) -> Option<&'a Descriptor> {
         self.signature.and_then(|signature| signature.descriptor.as_ref())
     }
 }
 
-/// How many elements are shown.
+/// How much of what is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Main nodes.
     pub main_nodes: usize,
     /// Support nodes.
     pub support_nodes: usize,
-    /// Edges with both ends shown.
+    /// Edges.
     pub edges: usize,
 }
 
-/// A map.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+/// A map: what a set of increments adds up to. Copies share the descriptors and scans.
+#[derive(Clone, Debug, Default)]
 pub struct MapState {
-    nodes: BTreeMap<NodeId, NodeEntry>,
-    edges: BTreeMap<EdgeKey, Option<Register<bool>>>,
-    models: BTreeMap<ModelId, Option<Register<DescriptorModel>>>,
-    /// Derived from `edges`: the neighbours of a node by edges that are put, whether or not both ends are shown.
-    #[serde(skip)]
-    adjacency: BTreeMap<NodeId, BTreeSet<NodeId>>,
-    #[serde(skip)]
+    nodes: BTreeMap<NodeId, NodeState>,
+    edges: BTreeMap<EdgeKey, Register<bool>>,
+    models: BTreeMap<ModelId, Register<DescriptorModel>>,
     max_hlc_us: u64,
+    // Follows from `edges`: the nodes that a put edge joins to each node, shown or not.
+    adjacent: BTreeMap<NodeId, BTreeSet<NodeId>>,
 }
 
 impl MapState {
@@ -106,7 +122,8 @@ impl MapState {
         Self::default()
     }
 
-    /// Joins an increment. Any order, any number of times: the result is the same.
+    /// Joins an increment into the map. Order and repetition do not matter. The increment must have passed validation
+    /// (everything from [`fht_proto::decode`] has).
     pub fn apply(&mut self, increment: &Increment) {
         self.max_hlc_us = self.max_hlc_us.max(increment.hlc_us);
         for (stamp, op) in increment.stamped() {
@@ -116,57 +133,69 @@ impl MapState {
 
     fn apply_op(&mut self, stamp: Stamp, op: &Op) {
         match op {
-            Op::PutNode { id, kind, pose } => self.write_node(*id, stamp, |entry| {
-                Register::join(&mut entry.kind, stamp, *kind);
-                Register::join(&mut entry.pose, stamp, *pose);
+            Op::PutNode { id, kind, pose } => self.write(*id, stamp, |node| {
+                join_into(&mut node.kind, Register::new(stamp, *kind));
+                join_into(&mut node.pose, Register::new(stamp, *pose));
             }),
             Op::RemoveNode { id } => self.nodes.entry(*id).or_default().remove(stamp),
             Op::SetPose { id, pose } => {
-                self.write_node(*id, stamp, |entry| Register::join(&mut entry.pose, stamp, *pose));
+                self.write(*id, stamp, |node| join_into(&mut node.pose, Register::new(stamp, *pose)));
             }
             Op::SetFreeSpace { id, rect } => {
-                self.write_node(*id, stamp, |entry| Register::join(&mut entry.free_space, stamp, *rect));
+                self.write(*id, stamp, |node| join_into(&mut node.free_space, Register::new(stamp, *rect)));
             }
-            Op::SetSignature { id, signature } => {
-                self.write_node(*id, stamp, |entry| Register::join(&mut entry.signature, stamp, signature.clone()));
-            }
-            Op::PutEdge { edge } => self.write_edge(*edge, stamp, true),
-            Op::RemoveEdge { edge } => self.write_edge(*edge, stamp, false),
+            Op::SetSignature { id, signature } => self.write(*id, stamp, |node| {
+                let shared = Shared(Arc::new(signature.clone()));
+                join_into(&mut node.signature, Register::new(stamp, shared));
+            }),
+            Op::PutEdge { edge } => self.write_edge(*edge, Register::new(stamp, true)),
+            Op::RemoveEdge { edge } => self.write_edge(*edge, Register::new(stamp, false)),
             Op::PutModel { model } => {
-                Register::join(self.models.entry(model.id).or_default(), stamp, model.clone());
+                let register = Register::new(stamp, model.clone());
+                match self.models.get_mut(&model.id) {
+                    Some(current) => current.join(register),
+                    None => _ = self.models.insert(model.id, register),
+                }
             }
         }
     }
 
-    fn write_node(&mut self, id: NodeId, stamp: Stamp, write: impl FnOnce(&mut NodeEntry)) {
-        let entry = self.nodes.entry(id).or_default();
-        if entry.accepts(stamp) {
-            write(entry);
+    fn write(&mut self, id: NodeId, stamp: Stamp, write: impl FnOnce(&mut NodeState)) {
+        let node = self.nodes.entry(id).or_default();
+        if node.outlives_removal(stamp) {
+            write(node);
         }
     }
 
-    fn write_edge(&mut self, edge: EdgeKey, stamp: Stamp, is_put: bool) {
-        let slot = self.edges.entry(edge).or_default();
-        Register::join(slot, stamp, is_put);
-        let is_put = slot.as_ref().is_some_and(|register| *register.value());
-        for (from, to) in [(edge.low(), edge.high()), (edge.high(), edge.low())] {
-            let neighbours = self.adjacency.entry(from).or_default();
+    fn write_edge(&mut self, edge: EdgeKey, register: Register<bool>) {
+        let is_put = match self.edges.get_mut(&edge) {
+            Some(current) => {
+                current.join(register);
+                *current.value()
+            }
+            None => *self.edges.entry(edge).or_insert(register).value(),
+        };
+        for (end, other) in [(edge.low(), edge.high()), (edge.high(), edge.low())] {
+            let adjacent = self.adjacent.entry(end).or_default();
             if is_put {
-                neighbours.insert(to);
+                adjacent.insert(other);
             } else {
-                neighbours.remove(&to);
+                adjacent.remove(&other);
             }
         }
     }
 
-    /// BLAKE3 hash of the canonical form: all registers and tombstones with their stamps, in the order of their keys.
+    /// BLAKE3 hash of the canonical form: stamps and content hashes of all nodes, edges and models in the order of their
+    /// ids, tombstones included. Maps with equal digests are equal now, and stay equal under equal increments.
     #[must_use]
     pub fn digest(&self) -> Digest {
-        let canonical = postcard::to_stdvec(self).unwrap_or_default();
-        Digest(*blake3::hash(&canonical).as_bytes())
+        /// Format of the canonical form, so that a later one cannot be mistaken for this one.
+        const FORMAT: &str = "fht-map state 1";
+        let hash: ContentHash = content_hash(&(FORMAT, &self.nodes, &self.edges, &self.models));
+        Digest(hash)
     }
 
-    /// The newest clock of all increments applied, microseconds.
+    /// The newest hybrid logical clock that was applied, microseconds; 0 in the empty map. A writer stamps with more.
     #[must_use]
     pub fn max_hlc_us(&self) -> u64 {
         self.max_hlc_us
@@ -174,7 +203,7 @@ impl MapState {
 
     /// The nodes shown, in the order of their ids.
     pub fn nodes(&self) -> impl Iterator<Item = NodeRef<'_>> {
-        self.nodes.iter().filter_map(|(id, entry)| entry.view(*id))
+        self.nodes.iter().filter_map(|(&id, node)| node.shown(id))
     }
 
     /// The main nodes shown, in the order of their ids.
@@ -182,36 +211,30 @@ impl MapState {
         self.nodes().filter(|node| node.kind == NodeKind::Main)
     }
 
-    /// A node, if it is shown.
+    /// The node, if it is shown.
     #[must_use]
     pub fn node(&self, id: NodeId) -> Option<NodeRef<'_>> {
-        self.nodes.get(&id)?.view(id)
+        self.nodes.get(&id).and_then(|node| node.shown(id))
     }
 
-    /// The edges with both ends shown, in the order of their keys.
+    /// The edges shown, in the order of their keys.
     pub fn edges(&self) -> impl Iterator<Item = EdgeKey> + '_ {
-        let is_put = |slot: &Option<Register<bool>>| slot.as_ref().is_some_and(|register| *register.value());
-        self.edges
-            .iter()
-            .filter(move |(edge, slot)| {
-                is_put(slot) && self.node(edge.low()).is_some() && self.node(edge.high()).is_some()
-            })
-            .map(|(edge, _)| *edge)
+        let is_put = self.edges.iter().filter(|(_, register)| *register.value());
+        is_put.map(|(&edge, _)| edge).filter(|edge| self.is_shown(edge.low()) && self.is_shown(edge.high()))
     }
 
-    /// The nodes shown that a node shown has edges to, in the order of their ids.
+    /// The nodes shown that an edge joins to `id`, in the order of their ids; none if `id` is not shown.
     pub fn neighbours(&self, id: NodeId) -> impl Iterator<Item = NodeRef<'_>> {
-        let shown = self.node(id).is_some();
-        let neighbours = self.adjacency.get(&id).filter(|_| shown).into_iter().flatten();
-        neighbours.filter_map(|neighbour| self.node(*neighbour))
+        let adjacent = self.is_shown(id).then(|| self.adjacent.get(&id)).flatten();
+        adjacent.into_iter().flatten().filter_map(|&other| self.node(other))
     }
 
-    /// The descriptor models of the map's signatures.
+    /// The descriptor models used, in the order of their ids.
     pub fn models(&self) -> impl Iterator<Item = &DescriptorModel> {
-        self.models.values().filter_map(|slot| slot.as_ref().map(Register::value))
+        self.models.values().map(Register::value)
     }
 
-    /// How many elements are shown.
+    /// How many nodes and edges are shown.
     #[must_use]
     pub fn counts(&self) -> Counts {
         let mut counts = Counts { edges: self.edges().count(), ..Counts::default() };
@@ -222,5 +245,9 @@ impl MapState {
             }
         }
         counts
+    }
+
+    fn is_shown(&self, id: NodeId) -> bool {
+        self.nodes.get(&id).is_some_and(|node| node.kind.is_some())
     }
 }
