@@ -1,1 +1,30 @@
-//! sim
+//! Worlds, ray-cast LiDAR and cameras, wheels with drift: a source of sensor frames in place of a building and a robot.
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | [`world`] | a building: triangles with textures, and its true plan |
+//! | [`plan`] | the true floor plan, for scoring only |
+//! | [`simulator`] | a robot that drives and senses in a world |
+//!
+//! One scene serves the LiDAR, the cameras and the bumper. The world frame of the built-in worlds has its origin where
+//! an explorer starts, x ahead (REP-103).
+
+mod camera;
+mod draw;
+mod dress;
+mod layout;
+mod lidar;
+mod light;
+mod museum;
+mod office;
+pub mod plan;
+mod scene;
+pub mod simulator;
+mod style;
+mod texture;
+mod wheels;
+pub mod world;
+
+pub use plan::FloorPlan;
+pub use simulator::{SimConfig, Simulator};
+pub use world::{World, WorldError, load};

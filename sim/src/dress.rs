@@ -1,0 +1,265 @@
+//! Turns a layout into a scene: walls get their finish and their pictures, things their sides and tops.
+
+use crate::draw::Panel;
+use crate::draw::furniture;
+use crate::draw::surfaces::{self, Ceiling, Floor, Wall};
+use crate::layout::{Kind, Layout, Solid, sides};
+use crate::plan::FloorPlan;
+use crate::scene::{Face, Ground, Scene, SceneBuilder, TextureId};
+use crate::style::{Hanging, Style};
+use fht_robot::pose::Point2;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
+
+/// Walls are finished in pieces of at most this length, so that a long one can run through several zones, metres.
+const PIECE_M: f64 = 2.4;
+/// How far in front of a wall its zone is looked up, metres.
+const IN_FRONT_M: f64 = 0.3;
+/// How far pictures stand out from the wall, metres. Less than the LiDAR's noise.
+const PROUD_M: f64 = 0.008;
+/// Gap kept to the ends of a wall, metres.
+const END_GAP_M: f64 = 0.12;
+/// Faces of about this width are door niches, metres.
+const NICHE_M: (f64, f64) = (1.1, 1.35);
+/// Floors get darker within this distance of obstacles, metres.
+const CORNER_SHADE_M: f64 = 0.35;
+
+/// A drawn panel that may hang in several places.
+#[derive(Clone, Copy)]
+struct Hung {
+    texture: TextureId,
+    width_m: f64,
+    height_m: f64,
+    bottom_m: f64,
+}
+
+/// Draws and places everything from one seed.
+struct Dresser<'a> {
+    layout: &'a Layout<Style>,
+    builder: SceneBuilder,
+    rng: ChaCha8Rng,
+    seed: u64,
+    walls: BTreeMap<(Wall, u32), TextureId>,
+    floors: BTreeMap<Floor, TextureId>,
+    sides: BTreeMap<(Kind, u32, u32, u32), TextureId>,
+    tops: BTreeMap<(Kind, u32), TextureId>,
+    copies: BTreeMap<(usize, usize), Hung>,
+}
+
+/// The scene of a layout. `None` if it has no wall at all.
+pub(crate) fn dress(layout: &Layout<Style>, plan: &FloorPlan, ceiling: Ceiling, seed: u64) -> Option<Scene> {
+    let mut dresser = Dresser {
+        layout,
+        builder: SceneBuilder::default(),
+        rng: ChaCha8Rng::seed_from_u64(seed),
+        seed,
+        walls: BTreeMap::new(),
+        floors: BTreeMap::new(),
+        sides: BTreeMap::new(),
+        tops: BTreeMap::new(),
+        copies: BTreeMap::new(),
+    };
+    for ring in layout.rings() {
+        for (from, to) in sides(&ring) {
+            dresser.wall(Face { from, to, bottom_m: 0.0, top_m: layout.ceiling_m });
+        }
+    }
+    for solid in &layout.solids {
+        dresser.solid(solid);
+    }
+    let ground = dresser.ground(plan);
+    let overhead = surfaces::ceiling(ceiling, &mut dresser.rng);
+    let overhead = dresser.builder.texture(overhead);
+    dresser.builder.build(ground, overhead, layout.ceiling_m)
+}
+
+impl<'a> Dresser<'a> {
+    /// A finished wall with what hangs on it.
+    fn wall(&mut self, face: Face) {
+        let along = face.to - face.from;
+        let length = along.norm();
+        if length < 1e-6 {
+            return;
+        }
+        let pieces = (length / PIECE_M).ceil().max(1.0);
+        // Seen from the front the left end is `to`: the finish runs from there.
+        let at = |m: f64| face.to - along * (m / length);
+        let in_front = nalgebra::Vector2::new(-along.y, along.x) * (IN_FRONT_M / length);
+        for piece in 0..pieces as usize {
+            let (left, right) = (length * piece as f64 / pieces, length * (piece + 1) as f64 / pieces);
+            let zone = self.zone_at(at((left + right) / 2.0) + in_front);
+            let finish = self.finish(self.style(zone).wall, face.top_m);
+            let part = Face { from: at(right), to: at(left), ..face };
+            self.builder.face(part, finish, left, face.top_m);
+        }
+        let zone = self.zone_at(at(length / 2.0) + in_front);
+        if let Some(colour) = self.style(zone).hangings.niche_door
+            && (NICHE_M.0..NICHE_M.1).contains(&length)
+        {
+            let panel = Hanging::Door(colour).draw(&mut self.rng);
+            let hung = self.keep(panel);
+            self.hang(face, length / 2.0 - hung.width_m / 2.0, hung);
+            return;
+        }
+        self.hang_along(face, length, |m| at(m) + in_front);
+    }
+
+    /// Hangs things from the left end to the right end.
+    fn hang_along(&mut self, face: Face, length: f64, in_front_of: impl Fn(f64) -> Point2) {
+        let mut left = END_GAP_M;
+        let mut misses = 0;
+        while left + 0.5 < length && misses < 4 {
+            let zone = self.zone_at(in_front_of(left + 0.4));
+            let hangings = &self.style(zone).hangings;
+            if hangings.choice.is_empty() {
+                left += 1.0;
+                continue;
+            }
+            let gap = self.rng.random_range(hangings.gap_m.0..=hangings.gap_m.1);
+            let which = self.rng.random_range(0..hangings.choice.len());
+            let (hanging, copies) = (hangings.choice[which], hangings.copies);
+            let start = left + gap / 2.0;
+            let hung = self.drawn(zone, which, hanging, copies);
+            let fits = start + hung.width_m + END_GAP_M <= length && hung.bottom_m + hung.height_m < face.top_m - 0.03;
+            if fits {
+                self.hang(face, start, hung);
+                left = start + hung.width_m + gap / 2.0;
+            } else {
+                misses += 1;
+            }
+        }
+    }
+
+    fn drawn(&mut self, zone: usize, which: usize, hanging: Hanging, copies: bool) -> Hung {
+        if !copies {
+            let panel = hanging.draw(&mut self.rng);
+            return self.keep(panel);
+        }
+        if let Some(&hung) = self.copies.get(&(zone, which)) {
+            return hung;
+        }
+        let panel = hanging.draw(&mut self.rng);
+        let hung = self.keep(panel);
+        self.copies.insert((zone, which), hung);
+        hung
+    }
+
+    fn keep(&mut self, panel: Panel) -> Hung {
+        let texture = self.builder.texture(panel.texture);
+        Hung { texture, width_m: panel.width_m, height_m: panel.height_m, bottom_m: panel.bottom_m }
+    }
+
+    /// Hangs a panel with its left edge `left_m` from the face's left end.
+    fn hang(&mut self, face: Face, left_m: f64, hung: Hung) {
+        let along = face.from - face.to;
+        let unit = along / along.norm().max(1e-9);
+        let out = nalgebra::Vector2::new(unit.y, -unit.x) * PROUD_M;
+        let (left, right) = (face.to + unit * left_m + out, face.to + unit * (left_m + hung.width_m) + out);
+        let top_m = hung.bottom_m + hung.height_m;
+        self.builder.face(Face { from: right, to: left, bottom_m: hung.bottom_m, top_m }, hung.texture, 0.0, top_m);
+    }
+
+    fn solid(&mut self, solid: &Solid) {
+        for (from, to) in sides(&solid.footprint) {
+            let face = Face { from: to, to: from, bottom_m: solid.bottom_m, top_m: solid.top_m };
+            if solid.kind == Kind::Partition {
+                self.wall(face);
+            } else {
+                let texture = self.side(solid, (to - from).norm());
+                self.builder.face(face, texture, 0.0, solid.top_m);
+            }
+        }
+        if solid.top_m < self.layout.ceiling_m - 0.01 {
+            let texture = self.top(solid);
+            self.builder.slab(&solid.footprint, solid.top_m, texture, true);
+        }
+        if solid.bottom_m > 0.0 {
+            let texture = self.top(solid);
+            self.builder.slab(&solid.footprint, solid.bottom_m, texture, false);
+        }
+    }
+
+    fn side(&mut self, solid: &Solid, width_m: f64) -> TextureId {
+        let height_m = solid.top_m - solid.bottom_m;
+        let key = (solid.kind, solid.variant, (width_m * 100.0) as u32, (height_m * 100.0) as u32);
+        if let Some(&texture) = self.sides.get(&key) {
+            return texture;
+        }
+        let mut rng = self.rng_of(solid);
+        let texture = self.builder.texture(furniture::side(solid.kind, width_m, height_m, &mut rng));
+        self.sides.insert(key, texture);
+        texture
+    }
+
+    fn top(&mut self, solid: &Solid) -> TextureId {
+        if let Some(&texture) = self.tops.get(&(solid.kind, solid.variant)) {
+            return texture;
+        }
+        let mut rng = self.rng_of(solid);
+        let texture = self.builder.texture(furniture::top(solid.kind, &mut rng));
+        self.tops.insert((solid.kind, solid.variant), texture);
+        texture
+    }
+
+    /// Things of one kind and variant are drawn from the same numbers.
+    fn rng_of(&self, solid: &Solid) -> ChaCha8Rng {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(1 + (u64::from(solid.variant) << 8 | solid.kind as u64));
+        rng
+    }
+
+    fn finish(&mut self, wall: Wall, height_m: f64) -> TextureId {
+        let key = (wall, (height_m * 100.0) as u32);
+        if let Some(&texture) = self.walls.get(&key) {
+            return texture;
+        }
+        let texture = self.builder.texture(surfaces::wall(wall, height_m, &mut self.rng));
+        self.walls.insert(key, texture);
+        texture
+    }
+
+    fn floor(&mut self, floor: Floor) -> TextureId {
+        if let Some(&texture) = self.floors.get(&floor) {
+            return texture;
+        }
+        let texture = self.builder.texture(surfaces::floor(floor, &mut self.rng));
+        self.floors.insert(floor, texture);
+        texture
+    }
+
+    fn ground(&mut self, plan: &FloorPlan) -> Ground {
+        let outside = self.floor(self.layout.elsewhere.floor);
+        let mut textures = vec![outside; plan.width() * plan.height()];
+        let mut openness = vec![1.0; textures.len()];
+        for row in 0..plan.height() {
+            for column in 0..plan.width() {
+                let index = row * plan.width() + column;
+                if plan.cells()[index] {
+                    openness[index] = 0.6;
+                    continue;
+                }
+                let centre = plan.centre_of(column, row);
+                let floor = self.layout.style_at(centre).floor;
+                textures[index] = self.floor(floor);
+                openness[index] = (0.68 + 0.32 * (plan.clearance_m(centre) / CORNER_SHADE_M).min(1.0)) as f32;
+            }
+        }
+        Ground {
+            origin: plan.origin(),
+            resolution_m: plan.resolution_m(),
+            width: plan.width(),
+            textures,
+            openness,
+            outside,
+        }
+    }
+
+    fn zone_at(&self, point: Point2) -> usize {
+        self.layout.zone_at(point)
+    }
+
+    fn style(&self, zone: usize) -> &'a Style {
+        self.layout.zones.get(zone).map_or(&self.layout.elsewhere, |(_, style)| style)
+    }
+}

@@ -1,0 +1,262 @@
+//! The built-in museum: one irregular hall of about 24 m × 20 m around a spiral enclosure, with thin partitions, pillars,
+//! a closed block, niches and exhibits.
+
+use crate::draw::art::Genre;
+use crate::draw::surfaces::{Floor, Wall};
+use crate::layout::{Kind, Layout, Polygon, Solid, rectangle, regular, strip, turned_box};
+use crate::style::{Hanging, Style};
+use fht_robot::pose::Point2;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Height of the hall, metres.
+const CEILING_M: f64 = 3.6;
+/// Height of free-standing walls, metres.
+const PARTITION_M: f64 = 2.8;
+/// Thickness of free-standing walls, metres.
+const THICKNESS_M: f64 = 0.16;
+/// The world frame's origin, where an explorer starts, in the drawing below, metres.
+const START: (f64, f64) = (5.2, 8.4);
+
+/// The hall's outline in the drawing's frame, counter-clockwise.
+const OUTLINE: [(f64, f64); 32] = [
+    (0.4, 3.6),
+    (2.6, 3.6),
+    (2.6, 1.4),
+    (4.6, 1.4),
+    (4.6, 0.3),
+    (13.6, 0.3),
+    (13.6, 1.3),
+    (15.8, 1.3),
+    (15.8, 0.3),
+    (20.2, 0.3),
+    (23.4, 3.1),
+    (23.6, 8.6),
+    (22.7, 8.6),
+    (22.7, 10.6),
+    (23.6, 10.6),
+    (23.6, 15.4),
+    (20.9, 15.5),
+    (20.9, 17.3),
+    (18.4, 19.6),
+    (12.7, 19.6),
+    (12.7, 18.8),
+    (10.6, 18.8),
+    (10.6, 19.6),
+    (3.4, 19.3),
+    (2.2, 18.2),
+    (0.5, 17.0),
+    (0.5, 13.6),
+    (1.3, 13.6),
+    (1.3, 11.2),
+    (0.4, 11.2),
+    (0.3, 8.0),
+    (0.6, 5.6),
+];
+
+/// Centre lines of the free-standing walls. The first nine are the enclosure with its four doorways and the spiral in it.
+const PARTITIONS: [((f64, f64), (f64, f64)); 20] = [
+    ((7.2, 6.2), (10.2, 6.1)),
+    ((11.6, 6.05), (16.2, 5.9)),
+    ((16.2, 5.9), (16.3, 8.8)),
+    ((16.35, 10.2), (16.5, 14.2)),
+    ((16.5, 14.2), (13.0, 14.3)),
+    ((11.6, 14.3), (7.4, 14.4)),
+    ((7.4, 14.4), (7.35, 12.1)),
+    ((7.3, 10.7), (7.2, 6.2)),
+    ((9.5, 8.5), (13.9, 8.3)),
+    ((13.9, 8.3), (14.0, 12.0)),
+    ((14.0, 12.0), (9.7, 12.1)),
+    ((9.7, 12.1), (9.65, 10.4)),
+    ((3.3, 4.9), (3.1, 7.0)),
+    ((3.3, 9.9), (3.0, 14.6)),
+    ((8.6, 0.3), (8.5, 2.9)),
+    ((12.3, 0.3), (12.1, 3.3)),
+    ((23.5, 6.1), (20.6, 6.3)),
+    ((7.0, 19.45), (7.1, 16.9)),
+    ((15.6, 19.6), (15.3, 16.8)),
+    ((18.2, 3.0), (18.3, 5.6)),
+];
+
+fn at((x, y): (f64, f64)) -> Point2 {
+    Point2::new(x - START.0, y - START.1)
+}
+
+fn zone(x0: f64, y0: f64, x1: f64, y1: f64) -> Polygon {
+    rectangle(x0 - START.0, y0 - START.1, x1 - START.0, y1 - START.1)
+}
+
+/// The museum. The seed moves exhibits a little and decides on the pictures.
+pub(crate) fn layout(seed: u64) -> Layout<Style> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut solids: Vec<Solid> =
+        PARTITIONS.iter().enumerate().map(|(index, &(from, to))| partition(from, to, index as u32)).collect();
+    for (index, centre) in [(5.2, 16.6), (19.2, 8.3)].into_iter().enumerate() {
+        let footprint = regular(at(centre), 0.6, 12, 0.1);
+        solids.push(Solid { footprint, bottom_m: 0.0, top_m: CEILING_M, kind: Kind::Pillar, variant: index as u32 });
+    }
+    // The closed block: its faces are walls like all others, up to the ceiling.
+    let block = rectangle_at(18.3, 11.4, 21.3, 14.7 - 0.9);
+    solids.push(Solid { footprint: block, bottom_m: 0.0, top_m: CEILING_M, kind: Kind::Partition, variant: 90 });
+    exhibits(&mut solids, &mut rng);
+    Layout {
+        rooms: vec![OUTLINE.map(at).to_vec()],
+        solids,
+        zones: zones(&mut rng),
+        elsewhere: Style::bare(Wall::Plaster([226, 222, 212]), Floor::Parquet([158, 112, 70])),
+        ceiling_m: CEILING_M,
+    }
+}
+
+fn rectangle_at(x0: f64, y0: f64, x1: f64, y1: f64) -> Polygon {
+    zone(x0, y0, x1, y1)
+}
+
+fn partition(from: (f64, f64), to: (f64, f64), variant: u32) -> Solid {
+    // Ends overlap where walls meet, so that no slit stays open.
+    let (from, to) = (at(from), at(to));
+    let reach = (to - from).normalize() * (THICKNESS_M / 2.0);
+    let footprint = strip(from - reach, to + reach, THICKNESS_M);
+    Solid { footprint, bottom_m: 0.0, top_m: PARTITION_M, kind: Kind::Partition, variant }
+}
+
+/// Plinths with exhibits, glass cases, benches and plants.
+fn exhibits(solids: &mut Vec<Solid>, rng: &mut ChaCha8Rng) {
+    let statues = [
+        (6.4, 3.2),
+        (10.4, 2.2),
+        (14.8, 3.7),
+        (20.9, 3.4),
+        (18.4, 17.0),
+        (13.4, 16.6),
+        (9.6, 16.8),
+        (1.9, 9.4),
+        (5.4, 12.4),
+        (11.6, 10.2),
+        (19.0, 6.4),
+        (2.0, 15.6),
+    ];
+    for (index, place) in statues.into_iter().enumerate() {
+        let variant = index as u32;
+        let centre = jittered(place, rng);
+        let turn = rng.random_range(0.0..1.5);
+        let plinth_top = rng.random_range(0.6..0.95);
+        let side = rng.random_range(0.5..0.75);
+        let plinth = turned_box(centre, side, side, turn);
+        solids.push(Solid { footprint: plinth, bottom_m: 0.0, top_m: plinth_top, kind: Kind::Plinth, variant });
+        // A figure of two or three stacked drums.
+        let mut bottom = plinth_top;
+        let mut radius = side * rng.random_range(0.28..0.42);
+        for _ in 0..rng.random_range(2..4) {
+            let top = bottom + rng.random_range(0.2..0.5);
+            let footprint = regular(centre, radius, 8, turn);
+            solids.push(Solid { footprint, bottom_m: bottom, top_m: top, kind: Kind::Exhibit, variant });
+            bottom = top;
+            radius *= rng.random_range(0.6..1.15);
+        }
+    }
+    let cases = [
+        (10.6, 4.4, 0.0),
+        (14.2, 10.0 - 5.0 + 2.2, 0.0),
+        (4.9, 5.6, 1.2),
+        (22.0, 12.6, 1.57),
+        (17.9, 1.6, 0.0),
+        (11.9, 13.2, 0.0),
+    ];
+    for (index, (x, y, turn)) in cases.into_iter().enumerate() {
+        let footprint = turned_box(jittered((x, y), rng), 1.4, 0.55, turn);
+        solids.push(Solid { footprint, bottom_m: 0.0, top_m: 1.5, kind: Kind::Showcase, variant: index as u32 });
+    }
+    for (index, (x, y, turn)) in
+        [(5.2, 10.3, 1.57), (18.6, 9.9 + 5.6, 0.0), (20.9, 9.6, 0.0), (9.3, 7.4 - 0.05, 0.05)].into_iter().enumerate()
+    {
+        let footprint = turned_box(jittered((x, y), rng), 1.5, 0.5, turn);
+        solids.push(Solid { footprint, bottom_m: 0.0, top_m: 0.45, kind: Kind::Bench, variant: index as u32 });
+    }
+    for (index, place) in [(13.0, 0.75), (0.95, 4.1), (23.1, 8.1), (3.9, 18.8)].into_iter().enumerate() {
+        let footprint = regular(at(place), 0.28, 8, 0.0);
+        solids.push(Solid { footprint, bottom_m: 0.0, top_m: 1.5, kind: Kind::Plant, variant: index as u32 });
+    }
+}
+
+fn jittered((x, y): (f64, f64), rng: &mut ChaCha8Rng) -> Point2 {
+    at((x + rng.random_range(-0.12..0.12), y + rng.random_range(-0.12..0.12)))
+}
+
+fn zones(rng: &mut ChaCha8Rng) -> Vec<(Polygon, Style)> {
+    let parquet = Floor::Parquet([158, 112, 70]);
+    let dark_parquet = Floor::Parquet([104, 70, 46]);
+    let stone = Floor::Tiles([206, 200, 190], [196, 188, 176]);
+    let chequered = Floor::Tiles([214, 208, 198], [92, 88, 86]);
+    let (red, green, blue) = ([128, 34, 38], [58, 88, 66], [44, 62, 100]);
+    let classical =
+        [Hanging::Painting(Genre::Portrait), Hanging::Painting(Genre::Landscape), Hanging::Painting(Genre::StillLife)];
+    let modern =
+        [Hanging::Painting(Genre::Geometric), Hanging::Painting(Genre::Gestural), Hanging::Painting(Genre::Orphic)];
+    let towns = [Hanging::Painting(Genre::City), Hanging::Painting(Genre::Landscape), Hanging::Text("CITIES")];
+    let mut galleries = vec![
+        Style::hung(Wall::Damask(red), dark_parquet, &classical, (0.25, 0.7)),
+        Style::hung(Wall::Damask(green), parquet, &[Hanging::Painting(Genre::Portrait)], (0.3, 0.6)),
+        Style::hung(Wall::Plaster([238, 236, 230]), parquet, &modern, (0.5, 1.2)),
+        Style::hung(Wall::Plaster(blue), parquet, &towns, (0.4, 0.9)),
+    ];
+    // Which gallery hangs where is the seed's choice.
+    for index in (1..galleries.len()).rev() {
+        galleries.swap(index, rng.random_range(0..=index));
+    }
+    let areas = [
+        zone(0.0, 7.2, 7.2, 15.6),
+        zone(2.0, 15.6, 12.0, 20.0),
+        zone(12.0, 14.4, 21.0, 20.0),
+        zone(16.4, 0.0, 24.0, 6.2),
+    ];
+    let mut zones: Vec<(Polygon, Style)> = vec![
+        // The spiral's heart is rich, the passage around it repeats one picture, the outer ring's south is bare.
+        (
+            zone(9.6, 8.4, 14.0, 12.1),
+            Style::hung(
+                Wall::Plaster([66, 58, 84]),
+                chequered,
+                &[Hanging::AnyPainting, Hanging::Text("ORIGINS")],
+                (0.3, 0.6),
+            ),
+        ),
+        (
+            zone(7.25, 6.1, 16.4, 8.4),
+            Style::hung(Wall::Plaster([222, 214, 196]), chequered, &[Hanging::Poster], (0.6, 0.6)).repeating(),
+        ),
+        (
+            zone(7.25, 8.4, 16.4, 14.3),
+            Style::hung(
+                Wall::Stripes([206, 186, 140], [188, 162, 112]),
+                chequered,
+                &[Hanging::Painting(Genre::StillLife), Hanging::Poster, Hanging::Map],
+                (0.5, 1.0),
+            ),
+        ),
+    ];
+    zones.extend(areas.into_iter().zip(galleries));
+    zones.push((
+        zone(16.4, 6.2, 24.0, 15.6),
+        Style::hung(
+            Wall::Marble([206, 198, 184]),
+            stone,
+            &[Hanging::Relief, Hanging::Relief, Hanging::Text("ANTIQUITY")],
+            (0.6, 1.4),
+        ),
+    ));
+    zones.push((
+        zone(8.6, 0.0, 16.4, 6.2),
+        Style::hung(
+            Wall::Brick([158, 84, 62]),
+            stone,
+            &[Hanging::Poster, Hanging::Poster, Hanging::Sign("TICKETS", [30, 30, 34]), Hanging::Door([96, 60, 40])],
+            (0.5, 1.2),
+        ),
+    ));
+    zones.push((
+        zone(2.0, 0.0, 8.6, 4.5),
+        Style::hung(Wall::Plaster([230, 226, 216]), stone, &[Hanging::Window], (0.8, 0.8)).repeating(),
+    ));
+    zones
+}
