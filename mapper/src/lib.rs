@@ -1,1 +1,29 @@
-//! mapper
+//! The explorer: turns what it senses into an FHT-Map and publishes it as increments.
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | [`slam`] | scans matched to the map made so far; [`calibration`] of the wheels |
+//! | [`frontier`], [`explore`] | where to drive next (paper, equation 1) |
+//! | [`construct`] | main nodes, support nodes, edges, rectangles (paper, section III-B) |
+//! | [`refine`] | shortcuts that the robot never drove |
+//! | [`journal`] | operations become numbered increments |
+//! | [`camera`] | descriptors, computed beside the loop |
+//! | [`mapping`] | all of it, frame by frame |
+//! | [`publish`] | increments to the server, kept until acknowledged |
+//! | [`run`], [`report`], [`cli`] | the program |
+
+pub mod calibration;
+pub mod camera;
+pub mod cli;
+pub mod construct;
+pub mod explore;
+pub mod frontier;
+pub mod journal;
+pub mod mapping;
+pub mod publish;
+pub mod refine;
+pub mod report;
+pub mod run;
+pub mod slam;
+
+pub use cli::main_with_args;

@@ -1,0 +1,290 @@
+//! Frontier exploration (paper section III-A): where to drive next, and how, from the robot's own grid.
+//!
+//! The explorer is told the grid, the pose and the scan once per frame and answers with a command. It keeps its goal until
+//! the frontier there is gone, reached or cut off, so that it does not waver between two of about the same utility.
+
+mod setbacks;
+mod utility;
+
+pub use setbacks::SetbackConfig;
+pub use utility::{UtilityConfig, utility};
+
+use crate::frontier::{self, FrontierConfig};
+use fht_robot::frame::{LaserScan, Twist};
+use fht_robot::grid::{Cell, OccupancyGrid};
+use fht_robot::motion::{FollowConfig, PathFollower, SafetyConfig, safe_command};
+use fht_robot::planning::{PlanConfig, Traversable};
+use fht_robot::pose::{Point2, Pose2, wrap_angle};
+use setbacks::Setbacks;
+
+/// How to explore.
+#[derive(Clone, Debug)]
+pub struct ExploreConfig {
+    /// The planner's idea of the robot.
+    pub plan: PlanConfig,
+    /// How paths are followed.
+    pub follow: FollowConfig,
+    /// The check of every command against the scan.
+    pub safety: SafetyConfig,
+    /// What counts as a frontier.
+    pub frontier: FrontierConfig,
+    /// Terms of equation 1.
+    pub utility: UtilityConfig,
+    /// When a place is given up.
+    pub setbacks: SetbackConfig,
+    /// The path is checked against the grid this often, seconds. Default 1.
+    pub check_period_s: f64,
+    /// A new goal is chosen at most this often, seconds; until then the robot goes on along its path. Default 0.6.
+    pub choose_period_s: f64,
+    /// A goal is kept while this many frontier cells are near it. Default 4.
+    pub goal_cells: usize,
+    /// How near they must be, metres. Default 0.3.
+    pub goal_radius_m: f64,
+    /// How long to look around at a goal whose frontier does not vanish, seconds. Default 0.6.
+    pub look_s: f64,
+    /// Without moving for this long the robot is stuck, seconds. Default 6.
+    pub stuck_after_s: f64,
+}
+
+impl Default for ExploreConfig {
+    fn default() -> Self {
+        Self {
+            plan: PlanConfig::default(),
+            follow: FollowConfig::default(),
+            safety: SafetyConfig::default(),
+            frontier: FrontierConfig::default(),
+            utility: UtilityConfig::default(),
+            setbacks: SetbackConfig::default(),
+            check_period_s: 1.0,
+            choose_period_s: 0.6,
+            goal_cells: 4,
+            goal_radius_m: 0.3,
+            look_s: 0.6,
+            stuck_after_s: 6.0,
+        }
+    }
+}
+
+/// What to do until the next frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ExploreStep {
+    /// Drive so.
+    Drive(Twist),
+    /// Nothing reachable is unexplored.
+    Done,
+}
+
+/// A frontier the robot is on its way to.
+#[derive(Clone, Debug)]
+struct Goal {
+    target: Point2,
+    stand: Point2,
+    follower: PathFollower,
+    reached_us: Option<u64>,
+}
+
+/// Less than this is not moving, metres.
+const MOVED_M: f64 = 0.15;
+/// Backing out of where the robot got stuck: speed, metres per second, and time, seconds.
+const BACK_OUT: (f64, f64) = (-0.15, 2.0);
+/// Then turning: rate, radians per second, and time, seconds.
+const TURN_AWAY: (f64, f64) = (0.8, 2.0);
+/// Turning at a goal shifts the beams into the gaps between them.
+const LOOK_AROUND: Twist = Twist { linear_mps: 0.0, angular_radps: 0.8 };
+/// The way's direction is taken at this distance from the robot, metres.
+const SET_OFF_M: f64 = 0.6;
+/// A robot that does not move at all tries this often in a row to get free before it gives up.
+const MAX_RECOVERIES: u32 = 12;
+
+/// An exploration in progress.
+#[derive(Clone, Debug)]
+pub struct Explorer {
+    config: ExploreConfig,
+    goal: Option<Goal>,
+    setbacks: Setbacks,
+    chosen_us: u64,
+    checked_us: u64,
+    /// Where and when the robot last was seen to have moved.
+    moved: Option<(Point2, u64)>,
+    recovering_since_us: Option<u64>,
+    recoveries: u32,
+    done: bool,
+}
+
+impl Explorer {
+    /// An exploration that has not begun.
+    #[must_use]
+    pub fn new(config: ExploreConfig) -> Self {
+        Self {
+            config,
+            goal: None,
+            setbacks: Setbacks::default(),
+            chosen_us: 0,
+            checked_us: 0,
+            moved: None,
+            recovering_since_us: None,
+            recoveries: 0,
+            done: false,
+        }
+    }
+
+    /// What the robot is on its way to see, in the map frame.
+    #[must_use]
+    pub fn goal(&self) -> Option<Point2> {
+        self.goal.as_ref().map(|goal| goal.target)
+    }
+
+    /// The path it drives, in the map frame. Empty without a goal.
+    #[must_use]
+    pub fn path(&self) -> &[Point2] {
+        self.goal.as_ref().map_or(&[], |goal| goal.follower.path())
+    }
+
+    /// Once per frame: `grid` holds the frame's scan already, `map_from_base` is the robot's pose in the grid's frame.
+    /// Time must not go back. After [`ExploreStep::Done`] it stays done.
+    pub fn step(&mut self, grid: &OccupancyGrid, map_from_base: &Pose2, scan: &LaserScan, time_us: u64) -> ExploreStep {
+        if self.done {
+            return ExploreStep::Done;
+        }
+        let position = Point2::from(map_from_base.translation.vector);
+        self.watch_for_being_stuck(position, time_us);
+        let twist = if let Some(twist) = self.recovery_command(time_us) {
+            Some(twist)
+        } else {
+            self.update_goal(grid, map_from_base, time_us);
+            self.goal_command(map_from_base, time_us)
+        };
+        match twist {
+            Some(twist) if self.recoveries <= MAX_RECOVERIES => {
+                ExploreStep::Drive(safe_command(twist, scan, &self.config.safety))
+            }
+            _ => {
+                self.done = true;
+                ExploreStep::Done
+            }
+        }
+    }
+
+    /// Begins a recovery when the robot has had a goal but not moved for too long.
+    fn watch_for_being_stuck(&mut self, position: Point2, time_us: u64) {
+        let (anchor, since_us) = *self.moved.get_or_insert((position, time_us));
+        if (position - anchor).norm() >= MOVED_M {
+            self.moved = Some((position, time_us));
+            self.recoveries = 0;
+        } else if seconds(since_us, time_us) >= self.config.stuck_after_s && self.recovering_since_us.is_none() {
+            if let Some(goal) = self.goal.take() {
+                tracing::debug!(x = goal.target.x, y = goal.target.y, "stuck on the way to a frontier");
+                self.setbacks.record(goal.target, time_us, &self.config.setbacks);
+            }
+            self.moved = Some((position, time_us));
+            self.recovering_since_us = Some(time_us);
+            self.recoveries += 1;
+        }
+    }
+
+    fn recovery_command(&mut self, time_us: u64) -> Option<Twist> {
+        let elapsed_s = seconds(self.recovering_since_us?, time_us);
+        let ((linear_mps, back_s), (angular_radps, turn_s)) = (BACK_OUT, TURN_AWAY);
+        if elapsed_s < back_s {
+            Some(Twist { linear_mps, angular_radps: 0.0 })
+        } else if elapsed_s < back_s + turn_s {
+            Some(Twist { linear_mps: 0.0, angular_radps })
+        } else {
+            self.recovering_since_us = None;
+            None
+        }
+    }
+
+    /// Keeps, refreshes or replaces the goal.
+    fn update_goal(&mut self, grid: &OccupancyGrid, map_from_base: &Pose2, time_us: u64) {
+        let config = &self.config;
+        let (mut is_spent, mut is_idle) = (true, true);
+        if let Some(goal) = &self.goal {
+            let seen = frontier::frontier_cells_near(grid, goal.target, config.goal_radius_m) < config.goal_cells;
+            let looked = goal.reached_us.is_some_and(|at| seconds(at, time_us) >= config.look_s);
+            if looked && !seen {
+                self.setbacks.record(goal.target, time_us, &config.setbacks);
+            }
+            is_spent = seen || looked;
+            is_idle = goal.reached_us.is_some();
+        }
+        if is_spent {
+            if is_idle || seconds(self.chosen_us, time_us) >= config.choose_period_s {
+                self.choose_goal(grid, map_from_base, time_us);
+            }
+        } else if !is_idle && seconds(self.checked_us, time_us) >= config.check_period_s {
+            self.refresh_path(grid, map_from_base, time_us);
+        }
+    }
+
+    /// The path to the same goal over the grid as it is now, or another goal if there is none any more.
+    fn refresh_path(&mut self, grid: &OccupancyGrid, map_from_base: &Pose2, time_us: u64) {
+        self.checked_us = time_us;
+        let space = Traversable::new(grid, &self.config.plan);
+        let position = Point2::from(map_from_base.translation.vector);
+        let path = self.goal.as_ref().and_then(|goal| space.shortest_path(position, goal.stand));
+        match (path, &mut self.goal) {
+            (Some(path), Some(goal)) => {
+                goal.follower = PathFollower::new(self.config.follow.clone(), space.shorten(&path.points));
+            }
+            _ => self.choose_goal(grid, map_from_base, time_us),
+        }
+    }
+
+    /// The frontier of greatest utility that has not failed; if all have, the best that may be tried again.
+    fn choose_goal(&mut self, grid: &OccupancyGrid, map_from_base: &Pose2, time_us: u64) {
+        (self.chosen_us, self.checked_us) = (time_us, time_us);
+        let config = &self.config;
+        let space = Traversable::new(grid, &config.plan);
+        let position = Point2::from(map_from_base.translation.vector);
+        let distances = space.distances_from(position);
+        let frontiers = frontier::find_frontiers(grid, &config.frontier);
+        let best = |accept: &dyn Fn(Point2) -> bool| {
+            let is_open = |cell: Cell| accept(grid.centre(cell));
+            let candidates = frontiers.iter().filter_map(|frontier| {
+                let approach = frontier::approach(frontier, grid, &space, &distances, &config.frontier, is_open)?;
+                let path = distances.path_to(approach.stand);
+                let turn_rad = turn_to_set_off(map_from_base, &path);
+                let utility = utility(frontier.size, approach.distance_m, turn_rad, &config.utility);
+                Some((utility, approach, path))
+            });
+            // The first of equals, in the order of the frontiers' cells.
+            candidates.reduce(|best, other| if other.0 > best.0 { other } else { best })
+        };
+        let choice = best(&|target| self.setbacks.allows(target, time_us, &config.setbacks))
+            .or_else(|| best(&|target| self.setbacks.allows_later(target, &config.setbacks)));
+        self.goal = choice.map(|(_, approach, path)| Goal {
+            target: space.centre(approach.target),
+            stand: space.centre(approach.stand),
+            follower: PathFollower::new(config.follow.clone(), space.shorten(&path)),
+            reached_us: None,
+        });
+    }
+
+    /// The next command on the way to the goal. `None` without a goal.
+    fn goal_command(&mut self, map_from_base: &Pose2, time_us: u64) -> Option<Twist> {
+        let goal = self.goal.as_mut()?;
+        let twist = goal.follower.command(map_from_base);
+        if !goal.follower.is_done() {
+            return Some(twist);
+        }
+        goal.reached_us.get_or_insert(time_us);
+        // Standing at a goal is not being stuck.
+        self.moved = None;
+        Some(LOOK_AROUND)
+    }
+}
+
+/// How far the robot must turn to follow the path's beginning, radians.
+fn turn_to_set_off(map_from_base: &Pose2, path: &[Point2]) -> f64 {
+    let position = Point2::from(map_from_base.translation.vector);
+    let ahead = path.iter().find(|&&point| (point - position).norm() >= SET_OFF_M).or(path.last());
+    ahead.map_or(0.0, |ahead| {
+        let along = ahead - position;
+        wrap_angle(along.y.atan2(along.x) - map_from_base.rotation.angle())
+    })
+}
+
+fn seconds(from_us: u64, to_us: u64) -> f64 {
+    to_us.saturating_sub(from_us) as f64 * 1e-6
+}

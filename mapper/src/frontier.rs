@@ -1,0 +1,189 @@
+//! Frontiers: where known free space ends and unknown space begins (paper section III-A, facts §1.11).
+
+use fht_robot::grid::{Cell, CellBounds, CellState, OccupancyGrid};
+use fht_robot::planning::{DistanceField, Traversable};
+use fht_robot::pose::Point2;
+use std::collections::BTreeSet;
+
+/// What counts as a frontier worth driving to.
+#[derive(Clone, Debug)]
+pub struct FrontierConfig {
+    /// Smaller clusters are gaps between beams, not ways on; cells. Default 7, about 0.35 m.
+    pub min_cells: usize,
+    /// Frontier cells at most this far apart, in cells along each axis, are one cluster. Default 2.
+    pub join_cells: i32,
+    /// A cluster's size is counted in squares of this side, so that a ragged edge counts no more than a smooth one,
+    /// metres. Default 0.3 (paper's thinning of frontiers).
+    pub thinning_m: f64,
+    /// A frontier too near to walls for the robot may be looked at from a cell this near to it, metres. Default 1.
+    pub vantage_reach_m: f64,
+}
+
+impl Default for FrontierConfig {
+    fn default() -> Self {
+        Self { min_cells: 7, join_cells: 2, thinning_m: 0.3, vantage_reach_m: 1.0 }
+    }
+}
+
+/// A cluster of frontier cells.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Frontier {
+    /// Its cells, sorted.
+    pub cells: Vec<Cell>,
+    /// Number of squares of the configured thinning that it touches.
+    pub size: usize,
+}
+
+/// From where a frontier is best looked at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Approach {
+    /// The cell to drive to.
+    pub stand: Cell,
+    /// The frontier cell to see from there.
+    pub target: Cell,
+    /// Length of the way there, with the planner's comfort cost, metres.
+    pub distance_m: f64,
+}
+
+/// Whether a cell is free, has an unknown cell among its eight neighbours, and no occupied one.
+#[must_use]
+pub fn is_frontier(grid: &OccupancyGrid, cell: Cell) -> bool {
+    let neighbours = (-1..=1).flat_map(|dj| (-1..=1).map(move |di| Cell { i: cell.i + di, j: cell.j + dj }));
+    grid.state(cell) == CellState::Free && {
+        let mut unknown = false;
+        for state in neighbours.map(|cell| grid.state(cell)) {
+            match state {
+                CellState::Occupied => return false,
+                CellState::Unknown => unknown = true,
+                CellState::Free => {}
+            }
+        }
+        unknown
+    }
+}
+
+/// Number of frontier cells whose centre is within `radius_m` of a point.
+#[must_use]
+pub fn frontier_cells_near(grid: &OccupancyGrid, point: Point2, radius_m: f64) -> usize {
+    let centre = grid.cell_of(point);
+    let reach = (radius_m / grid.resolution_m()).ceil() as i32;
+    let around = (-reach..=reach).flat_map(|dj| (-reach..=reach).map(move |di| (di, dj)));
+    around
+        .map(|(di, dj)| Cell { i: centre.i + di, j: centre.j + dj })
+        .filter(|&cell| (grid.centre(cell) - point).norm() <= radius_m && is_frontier(grid, cell))
+        .count()
+}
+
+/// All frontiers of a grid that are large enough, in the order of their first cells.
+#[must_use]
+pub fn find_frontiers(grid: &OccupancyGrid, config: &FrontierConfig) -> Vec<Frontier> {
+    let bounds = grid.bounds();
+    let mut waiting = frontier_mask(grid, &bounds);
+    let per_square = (config.thinning_m / grid.resolution_m()).round().max(1.0) as i32;
+    let mut frontiers = Vec::new();
+    for first in 0..waiting.len() {
+        if !waiting[first] {
+            continue;
+        }
+        let mut cells = take_cluster(&mut waiting, &bounds, bounds.cell(first), config.join_cells);
+        if cells.len() < config.min_cells {
+            continue;
+        }
+        cells.sort_unstable();
+        let square = |cell: &Cell| (cell.i.div_euclid(per_square), cell.j.div_euclid(per_square));
+        let size = cells.iter().map(square).collect::<BTreeSet<_>>().len();
+        frontiers.push(Frontier { cells, size });
+    }
+    frontiers
+}
+
+/// Which cells are frontier cells, row by row.
+fn frontier_mask(grid: &OccupancyGrid, bounds: &CellBounds) -> Vec<bool> {
+    let width = bounds.width();
+    let mut mask = Vec::with_capacity(width * bounds.height());
+    // One row of states on each side of the one at hand, and for each cell what its column of three holds.
+    let row_of =
+        |j: i32| -> Vec<CellState> { (bounds.min.i..bounds.max.i).map(|i| grid.state(Cell { i, j })).collect() };
+    let (mut below, mut here) = (row_of(bounds.min.j - 1), row_of(bounds.min.j));
+    let mut columns = vec![(false, false); width];
+    for j in bounds.min.j..bounds.max.j {
+        let above = row_of(j + 1);
+        for (i, column) in columns.iter_mut().enumerate() {
+            let states = [below[i], here[i], above[i]];
+            *column = (states.contains(&CellState::Unknown), states.contains(&CellState::Occupied));
+        }
+        // Beyond the grid everything is unknown.
+        let beyond = (true, false);
+        for i in 0..width {
+            let left = if i == 0 { beyond } else { columns[i - 1] };
+            let right = columns.get(i + 1).copied().unwrap_or(beyond);
+            let around = [left, columns[i], right];
+            let (unknown, occupied) = (around.iter().any(|column| column.0), around.iter().any(|column| column.1));
+            mask.push(here[i] == CellState::Free && unknown && !occupied);
+        }
+        below = std::mem::replace(&mut here, above);
+    }
+    mask
+}
+
+/// Takes the cells that hang together with `first` out of `waiting`.
+fn take_cluster(waiting: &mut [bool], bounds: &CellBounds, first: Cell, join: i32) -> Vec<Cell> {
+    let mut take = |cell: Cell| bounds.index(cell).is_some_and(|index| std::mem::take(&mut waiting[index]));
+    let mut cells = Vec::new();
+    if take(first) {
+        cells.push(first);
+    }
+    let mut next = 0;
+    while let Some(&cell) = cells.get(next) {
+        next += 1;
+        for dj in -join..=join {
+            for di in -join..=join {
+                let beside = Cell { i: cell.i + di, j: cell.j + dj };
+                if take(beside) {
+                    cells.push(beside);
+                }
+            }
+        }
+    }
+    cells
+}
+
+/// The cheapest way to see a frontier: to one of its own cells, or, if the robot fits into none of them, to a cell near
+/// one of them with nothing in between. Only frontier cells that `is_open` accepts are looked at. `None` if there is no
+/// such cell that can be reached.
+#[must_use]
+pub fn approach(
+    frontier: &Frontier,
+    grid: &OccupancyGrid,
+    space: &Traversable,
+    distances: &DistanceField<'_>,
+    config: &FrontierConfig,
+    is_open: impl Fn(Cell) -> bool,
+) -> Option<Approach> {
+    let at = |stand: Cell, target: Cell| {
+        distances.distance_m(stand).map(|distance_m| Approach { stand, target, distance_m })
+    };
+    let cheaper = |a: &Approach, b: &Approach| a.distance_m.total_cmp(&b.distance_m).then(a.stand.cmp(&b.stand));
+    let open: Vec<Cell> = frontier.cells.iter().copied().filter(|&cell| is_open(cell)).collect();
+    if let Some(own) = open.iter().filter_map(|&cell| at(cell, cell)).min_by(cheaper) {
+        return Some(own);
+    }
+    // A few targets suffice: the cluster's cells lie next to each other.
+    let reach = (config.vantage_reach_m / space.resolution_m()).floor() as i32;
+    let every = (open.len() / 8).max(1);
+    let targets = open.iter().copied().step_by(every);
+    let near = |target: Cell| {
+        let around = (-reach..=reach).flat_map(move |dj| (-reach..=reach).map(move |di| (di, dj)));
+        around
+            .filter(move |(di, dj)| di * di + dj * dj <= reach * reach)
+            .map(move |(di, dj)| (Cell { i: target.i + di, j: target.j + dj }, target))
+    };
+    let mut vantages: Vec<Approach> = targets.flat_map(near).filter_map(|(stand, target)| at(stand, target)).collect();
+    // Among those that can be reached, the nearest to the frontier see it best.
+    let sight = |vantage: &Approach| (space.centre(vantage.stand) - space.centre(vantage.target)).norm();
+    vantages.sort_by(|a, b| sight(a).total_cmp(&sight(b)).then(a.stand.cmp(&b.stand)).then(a.target.cmp(&b.target)));
+    let in_sight = |vantage: &Approach| {
+        grid.is_corridor_unoccupied(space.centre(vantage.stand), space.centre(vantage.target), 0.0)
+    };
+    vantages.into_iter().find(in_sight)
+}
