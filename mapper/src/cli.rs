@@ -1,0 +1,231 @@
+//! The command line of `mapper`.
+
+use crate::mapping::MapperConfig;
+use crate::report::ExploreReport;
+use crate::run::{ExploreTask, Snapshot, explore};
+use clap::{Args, Parser, Subcommand};
+use fht_proto::MapName;
+use fht_robot::link::LinkConfig;
+use fht_sim::SimConfig;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Builds maps of buildings and publishes them over Zenoh.
+#[derive(Debug, Parser)]
+#[command(name = "mapper", version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Explores a simulated building until nothing reachable is unknown, building the map on the way.
+    #[command(after_help = "Examples:
+  map-server --data maps &
+  mapper explore --world museum --map museum
+  mapper explore --world floor/map.yaml --textures pictures/ --map floor --seed 3
+  mapper explore --world office --offline --json        # no server: how good is the map?
+
+Set RUST_LOG=info (or debug) for logs.")]
+    Explore(ExploreArgs),
+}
+
+#[derive(Debug, Args)]
+struct ExploreArgs {
+    /// The building: museum, office, or the path of a Nav2 map.yaml.
+    #[arg(long, default_value = "museum")]
+    world: String,
+    /// Folder of pictures to paint the walls of a Nav2 map with.
+    #[arg(long)]
+    textures: Option<PathBuf>,
+    /// Seed of the building's drawing.
+    #[arg(long, default_value_t = 1)]
+    world_seed: u64,
+    /// Name of the map; by default the world's name.
+    #[arg(long)]
+    map: Option<MapName>,
+    /// Name of this robot.
+    #[arg(long, default_value = "explorer")]
+    robot: String,
+    /// Where the map server (or a Zenoh router) listens.
+    #[arg(long, default_value = "tcp/127.0.0.1:7447")]
+    connect: Vec<String>,
+    /// Map without a server.
+    #[arg(long)]
+    offline: bool,
+    /// Seed of the sensors' noise and of the wheels' errors.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Seed of the light in the building.
+    #[arg(long, default_value_t = 0)]
+    light_seed: u64,
+    /// Multiplies the wheels' errors.
+    #[arg(long, default_value_t = 1.0)]
+    drift: f64,
+    /// Another descriptor model: an ONNX file with its description beside it.
+    #[arg(long)]
+    model: Option<PathBuf>,
+    /// Map with the LiDAR alone: nodes carry no descriptors.
+    #[arg(long)]
+    no_cameras: bool,
+    /// Simulated seconds per second; by default as fast as possible.
+    #[arg(long)]
+    rate: Option<f64>,
+    /// Give up after this much simulated time, seconds.
+    #[arg(long, default_value_t = 14_400.0)]
+    max_sim: f64,
+    /// How long to wait at the end for the server to acknowledge everything, seconds.
+    #[arg(long, default_value_t = 60.0)]
+    linger: f64,
+    /// Write the figures to this file as JSON.
+    #[arg(long)]
+    report: Option<PathBuf>,
+    /// Print the figures as JSON.
+    #[arg(long)]
+    json: bool,
+    /// Print a line of JSON about every simulated second: sim_s, free_area_m2, nodes, written, acknowledged.
+    #[arg(long)]
+    progress_json: bool,
+    /// No progress bar.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+impl ExploreArgs {
+    fn task(&self) -> Result<ExploreTask, String> {
+        let name = Path::new(&self.world).file_stem().map_or_else(|| self.world.clone(), |s| s.to_string_lossy().into());
+        let map = match &self.map {
+            Some(map) => map.clone(),
+            None => name.parse().map_err(|error| format!("{error}; give the map a name with --map"))?,
+        };
+        if !self.drift.is_finite() || self.drift < 0.0 {
+            return Err(format!("--drift {} is not a factor of 0 or more", self.drift));
+        }
+        if self.rate.is_some_and(|rate| !rate.is_finite() || rate <= 0.0) {
+            return Err("--rate needs a positive number".to_owned());
+        }
+        Ok(ExploreTask {
+            world: self.world.clone(),
+            textures: self.textures.clone(),
+            world_seed: self.world_seed,
+            sim: SimConfig { light_seed: self.light_seed, drift_factor: self.drift, ..SimConfig::default() },
+            seed: self.seed,
+            map,
+            robot: self.robot.clone(),
+            link: (!self.offline).then(|| LinkConfig { connect: self.connect.clone(), ..LinkConfig::default() }),
+            model: self.model.clone(),
+            cameras: !self.no_cameras,
+            rate: self.rate,
+            max_sim_s: self.max_sim,
+            linger_s: self.linger,
+            mapper: MapperConfig::default(),
+        })
+    }
+}
+
+/// Runs the program with `args` (the first is its name).
+pub fn main_with_args<I, T>(args: I) -> ExitCode
+where
+    I: IntoIterator<Item = T>,
+    T: Into<OsString> + Clone,
+{
+    let cli = match Cli::try_parse_from(args) {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Printing help can fail only when nobody reads it.
+            let _ = error.print();
+            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
+        }
+    };
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error"));
+    // A second subscriber in one process (tests) is no harm.
+    let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
+    let Command::Explore(args) = cli.command;
+    match run(args) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(message) => {
+            eprintln!("mapper: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: ExploreArgs) -> Result<bool, String> {
+    let task = args.task()?;
+    let is_offline = task.link.is_none();
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()
+        .map_err(|error| format!("the async runtime cannot be started: {error}"))?;
+    let bar = if args.quiet || args.progress_json { ProgressBar::hidden() } else { spinner() };
+    let progress_json = args.progress_json;
+    let watched = bar.clone();
+    let watch = move |snapshot: Snapshot| {
+        if progress_json {
+            println!(
+                "{}",
+                serde_json::json!({
+                    "sim_s": snapshot.sim_s,
+                    "free_area_m2": snapshot.free_area_m2,
+                    "nodes": snapshot.nodes,
+                    "written": snapshot.written,
+                    "acknowledged": snapshot.acknowledged,
+                })
+            );
+        }
+        watched.set_message(format!(
+            "{:.0} m² free, {} nodes, {} of {} increments stored, {:.0} s of robot time",
+            snapshot.free_area_m2, snapshot.nodes, snapshot.acknowledged, snapshot.written, snapshot.sim_s
+        ));
+        watched.tick();
+    };
+    let report = runtime.block_on(explore(task, watch)).map_err(|error| error.to_string())?;
+    bar.finish_and_clear();
+    let json = serde_json::to_string_pretty(&report).map_err(|error| error.to_string())?;
+    if let Some(file) = &args.report {
+        std::fs::write(file, &json).map_err(|error| format!("{} cannot be written: {error}", file.display()))?;
+    }
+    if args.json {
+        println!("{json}");
+    } else if !args.progress_json {
+        print_report(&report);
+    }
+    if !is_offline && !report.delivered {
+        eprintln!("mapper: the server did not acknowledge the whole map within {} s", args.linger);
+        return Ok(false);
+    }
+    Ok(true)
+}
+
+fn spinner() -> ProgressBar {
+    let style = ProgressStyle::with_template("{spinner} exploring: {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
+    ProgressBar::new_spinner().with_style(style)
+}
+
+fn print_report(report: &ExploreReport) {
+    println!("explored    {:.1} % of {:.0} m²", report.explored_fraction * 100.0, report.free_area_m2);
+    println!(
+        "map         {} main nodes, {} support nodes, {} edges, version {}",
+        report.main_nodes, report.support_nodes, report.edges, report.version
+    );
+    println!("bytes       {} of increments, {} on the wire", report.map_bytes, report.wire_bytes);
+    println!(
+        "trajectory  {:.1} m driven, mean error {:.3} m and {:.2}°, greatest {:.3} m, {} collisions",
+        report.driven_m,
+        report.position_error_mean_m,
+        report.heading_error_mean_deg,
+        report.position_error_max_m,
+        report.collisions
+    );
+    println!(
+        "time        {:.0} s of robot time in {:.1} s; slowest frame {:.0} ms",
+        report.sim_s, report.wall_s, report.frame_max_ms
+    );
+    println!("digest      {}", report.digest);
+}

@@ -1,0 +1,165 @@
+//! FHT-Map construction (paper, section III-B): which places become nodes, and what is kept of them.
+//!
+//! | module | paper |
+//! | --- | --- |
+//! | [`selection`] | main nodes by visual information and density (equations 2 to 4) |
+//! | [`support`] | the two rules for support nodes (equations 5 and 6) |
+//! | [`edges`] | edges that lie in free space (equation 7) |
+//! | [`free_space`] | rectangles of local free space |
+//!
+//! [`Builder`] puts them in the order of the paper's Algorithm 1. All of it is plain computation on the explorer's own
+//! map and grid; what it decides comes out as operations.
+
+pub mod edges;
+pub mod free_space;
+pub mod selection;
+pub mod support;
+
+use crate::journal::Journal;
+use edges::EdgeConfig;
+use fht_proto::{Descriptor, FixedPoint, NodeId, NodeKind, Op, ScanRecord, Signature};
+use fht_robot::grid::OccupancyGrid;
+use fht_robot::pose::{Point2, Pose2, to_fixed};
+use free_space::FreeSpaceConfig;
+use selection::{Place, Selection, SelectionConfig};
+use support::SupportConfig;
+
+/// Parameters of the construction.
+#[derive(Clone, Debug, Default)]
+pub struct BuilderConfig {
+    /// Main nodes.
+    pub selection: SelectionConfig,
+    /// Support nodes.
+    pub support: SupportConfig,
+    /// Edges.
+    pub edges: EdgeConfig,
+    /// Rectangles.
+    pub free_space: FreeSpaceConfig,
+}
+
+/// Position of a fixed point as the grid has it.
+#[must_use]
+pub fn point(position: FixedPoint) -> Point2 {
+    Point2::new(position.x(), position.y())
+}
+
+/// What the cameras and the LiDAR said of one place.
+#[derive(Clone, Debug)]
+pub struct Observation {
+    /// Where the robot was, in the map frame.
+    pub map_from_base: Pose2,
+    /// The scan taken there.
+    pub scan: ScanRecord,
+    /// The descriptor of the panorama taken there, if there are cameras.
+    pub descriptor: Option<Descriptor>,
+    /// Its visual information, 0 to 1 (paper, equation 2, over its greatest value).
+    pub information: f64,
+}
+
+/// Turns places into nodes.
+pub struct Builder {
+    config: BuilderConfig,
+    selection: Selection,
+    /// The newest node, whose rectangle is grown when the next one is made.
+    newest: Option<NodeId>,
+    /// The last pose from which some node could be reached in a straight line.
+    last_connected: Option<Pose2>,
+}
+
+impl Builder {
+    /// Before the first node.
+    #[must_use]
+    pub fn new(config: BuilderConfig) -> Self {
+        Self { selection: Selection::new(config.selection.clone()), config, newest: None, last_connected: None }
+    }
+
+    /// The parameters.
+    #[must_use]
+    pub fn config(&self) -> &BuilderConfig {
+        &self.config
+    }
+
+    /// The robot's cameras saw a place (some frames ago: the descriptor takes time). Returns the operations that make
+    /// a main node of the best place seen lately, if it is time for one, and the node.
+    pub fn observe_place(
+        &mut self,
+        observation: Observation,
+        journal: &mut Journal,
+        grid: &OccupancyGrid,
+    ) -> Option<(NodeId, Vec<Op>)> {
+        let place = Place { position: to_fixed(&observation.map_from_base).position, value: observation };
+        let chosen = self.selection.observe(place)?;
+        let signature = Signature { descriptor: chosen.descriptor, scan: chosen.scan };
+        let made = self.make_node(NodeKind::Main, &chosen.map_from_base, Some(signature), journal, grid);
+        self.selection.chose(made.0, to_fixed(&chosen.map_from_base).position, chosen.information);
+        Some(made)
+    }
+
+    /// The robot moved. Returns the operations that make a support node, if one is needed, and the node.
+    pub fn observe_motion(
+        &mut self,
+        map_from_base: &Pose2,
+        journal: &mut Journal,
+        grid: &OccupancyGrid,
+    ) -> Option<(NodeId, Vec<Op>)> {
+        let here = to_fixed(map_from_base).position;
+        let need = support::need(journal.state(), grid, here, &self.config.support, &self.config.edges);
+        match need {
+            support::Need::None => {
+                self.last_connected = Some(*map_from_base);
+                None
+            }
+            // Nothing is in the map yet: the first main node starts it.
+            support::Need::Empty => None,
+            support::Need::Density => {
+                self.last_connected = Some(*map_from_base);
+                Some(self.make_node(NodeKind::Support, map_from_base, None, journal, grid))
+            }
+            // One step ago some node could still be reached: a node there keeps the map connected.
+            support::Need::Connectivity => {
+                let place = self.last_connected.take()?;
+                Some(self.make_node(NodeKind::Support, &place, None, journal, grid))
+            }
+        }
+    }
+
+    fn make_node(
+        &mut self,
+        kind: NodeKind,
+        map_from_base: &Pose2,
+        signature: Option<Signature>,
+        journal: &mut Journal,
+        grid: &OccupancyGrid,
+    ) -> (NodeId, Vec<Op>) {
+        let id = journal.fresh_node();
+        let pose = to_fixed(map_from_base);
+        let mut ops = vec![Op::PutNode { id, kind, pose }];
+        if let Some(signature) = signature {
+            ops.push(Op::SetSignature { id, signature });
+        }
+        let edges = edges::edges_of(journal.state(), grid, id, pose.position, &self.config.edges);
+        ops.extend(edges.into_iter().map(|edge| Op::PutEdge { edge }));
+        if let Some(previous) = self.newest.replace(id) {
+            ops.extend(self.free_space_op(previous, journal, grid));
+        }
+        (id, ops)
+    }
+
+    /// The rectangle of a node, if it is larger than what the map has by a tenth.
+    fn free_space_op(&self, id: NodeId, journal: &Journal, grid: &OccupancyGrid) -> Option<Op> {
+        let node = journal.state().node(id)?;
+        let grown = free_space::grow(grid, node.pose.position, &self.config.free_space)?;
+        let is_news = node.free_space.is_none_or(|rect| grown.area_m2() > 1.1 * rect.area_m2());
+        is_news.then_some(Op::SetFreeSpace { id, rect: Some(grown) })
+    }
+
+    /// At the end: rectangles that have become larger since their node was made, and edges that walls now cross.
+    #[must_use]
+    pub fn finish(&self, journal: &Journal, grid: &OccupancyGrid) -> Vec<Op> {
+        let state = journal.state();
+        let blocked = edges::blocked(state, grid, &self.config.edges);
+        let removals = blocked.into_iter().map(|edge| Op::RemoveEdge { edge });
+        let rectangles = state.nodes().filter_map(|node| self.free_space_op(node.id, journal, grid));
+        removals.chain(rectangles).collect()
+    }
+}

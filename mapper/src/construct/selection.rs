@@ -1,0 +1,123 @@
+//! Which places become main nodes (paper, section III-B-1).
+
+use super::Observation;
+use fht_proto::{FixedPoint, NodeId};
+use std::collections::BTreeMap;
+
+/// Parameters of the selection.
+///
+/// The paper gives its thresholds as symbols; its code weighs nodes by entropy in bits (about 3.3), which leaves a
+/// window of 0.4 m to choose a place from (facts §1.1). Here information is a share of its greatest value, and the
+/// thresholds leave a window of about σ_c/2.
+#[derive(Clone, Debug)]
+pub struct SelectionConfig {
+    /// σ_c: how far a main node's relocalization capability reaches, metres. Default 2.65 (paper, section IV-A).
+    pub sigma_c_m: f64,
+    /// γ₁: below this capability places are considered. Default 0.57.
+    pub gamma_1: f64,
+    /// γ₂: below this capability the best place considered becomes a node. Default 0.25.
+    pub gamma_2: f64,
+}
+
+impl Default for SelectionConfig {
+    fn default() -> Self {
+        Self { sigma_c_m: 2.65, gamma_1: 0.57, gamma_2: 0.25 }
+    }
+}
+
+/// A place that might become a main node.
+pub(super) struct Place {
+    pub position: FixedPoint,
+    pub value: Observation,
+}
+
+/// The state of the selection: the nodes chosen, and the best place since capability fell below γ₁.
+pub(super) struct Selection {
+    config: SelectionConfig,
+    chosen: BTreeMap<NodeId, (FixedPoint, f64)>,
+    best: Option<Observation>,
+}
+
+/// Relocalization capability C at `here` (paper, equation 3) from the main nodes' positions and information.
+#[must_use]
+pub fn capability(
+    nodes: impl Iterator<Item = (FixedPoint, f64)>,
+    here: FixedPoint,
+    config: &SelectionConfig,
+) -> f64 {
+    nodes.map(|(position, information)| information * (-(position.distance(here) / config.sigma_c_m).powi(2)).exp()).sum()
+}
+
+impl Selection {
+    pub fn new(config: SelectionConfig) -> Self {
+        Self { config, chosen: BTreeMap::new(), best: None }
+    }
+
+    /// Considers a place; returns the observation that becomes a node now, if any (paper, equation 4).
+    pub fn observe(&mut self, place: Place) -> Option<Observation> {
+        let capability = capability(self.chosen.values().copied(), place.position, &self.config);
+        if capability >= self.config.gamma_1 {
+            self.best = None;
+            return None;
+        }
+        let is_better = self.best.as_ref().is_none_or(|best| place.value.information > best.information);
+        if is_better {
+            self.best = Some(place.value);
+        }
+        if capability < self.config.gamma_2 { self.best.take() } else { None }
+    }
+
+    /// A node was made of a place.
+    pub fn chose(&mut self, id: NodeId, position: FixedPoint, information: f64) {
+        self.chosen.insert(id, (position, information));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fht_proto::{AuthorId, ScanRecord};
+    use fht_robot::pose::{pose, to_fixed};
+
+    fn place(x: f64, information: f64) -> Place {
+        let map_from_base = pose(x, 0.0, 0.0);
+        let scan = ScanRecord {
+            base_from_sensor: to_fixed(&pose(0.0, 0.0, 0.0)),
+            angle_min: 0.0,
+            angle_increment: 0.1,
+            ranges_mm: vec![1000; 60],
+        };
+        let value = Observation { map_from_base, scan, descriptor: None, information };
+        Place { position: to_fixed(&map_from_base).position, value }
+    }
+
+    #[test]
+    fn the_first_place_is_chosen_and_then_the_richest_of_a_window() {
+        let mut selection = Selection::new(SelectionConfig::default());
+        let mut chosen = Vec::new();
+        for step in 0..60 {
+            let x = f64::from(step) * 0.1;
+            // A bright spot at 2.4 m, inside the window between γ₁ and γ₂.
+            let information = if (x - 2.4).abs() < 0.05 { 0.95 } else { 0.8 };
+            if let Some(best) = selection.observe(place(x, information)) {
+                let id = NodeId { author: AuthorId(1), number: chosen.len() as u32 };
+                selection.chose(id, to_fixed(&best.map_from_base).position, best.information);
+                chosen.push(best.map_from_base.translation.x);
+            }
+        }
+        assert!(chosen.len() >= 2, "{chosen:?}");
+        assert!(chosen[0].abs() < 1e-9, "{chosen:?}");
+        assert!((chosen[1] - 2.4).abs() < 1e-9, "{chosen:?}");
+    }
+
+    #[test]
+    fn capability_falls_with_distance_and_grows_with_information() {
+        let config = SelectionConfig::default();
+        let at = |x: f64| FixedPoint::from_metres(x, 0.0);
+        let c = |x: f64, information: f64| capability([(at(0.0), information)].into_iter(), at(x), &config);
+        assert!((c(0.0, 0.7) - 0.7).abs() < 1e-12);
+        assert!(c(1.0, 0.7) > c(2.0, 0.7));
+        assert!(c(2.0, 0.9) > c(2.0, 0.7));
+        assert!((c(2.65, 1.0) - (-1.0_f64).exp()).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,204 @@
+//! Map refinement (paper, section III-B-4): where the map's way between two nodes is much longer than the way through
+//! free space, support nodes and edges along the shorter way are added.
+//!
+//! The search runs on copies in a thread of its own, so that it never blocks the robot. Its result is taken a fixed
+//! number of frames later, whatever the thread's speed, so that a simulated run repeats exactly.
+
+mod roadmap;
+
+pub use roadmap::Roadmap;
+
+use fht_proto::{EdgeKey, FixedPoint, NodeId, NodeKind, Op, Rect};
+use fht_robot::planning::{Traversable, path_length_m};
+use fht_robot::pose::{Point2, pose, to_fixed};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+
+use crate::construct::point;
+use crate::journal::Journal;
+
+/// Parameters of the refinement.
+#[derive(Clone, Debug)]
+pub struct RefineConfig {
+    /// A way is significantly longer above this ratio of map length to free-space length. Default 1.3 (the paper's
+    /// code: 1.5).
+    pub ratio: f64,
+    /// … and by at least this much, metres. Default 1.
+    pub saving_m: f64,
+    /// Nodes within this of the new node are looked at, metres. Default 10 (facts §0).
+    pub radius_m: f64,
+    /// Shortcuts added for one new node at most. Default 3.
+    pub max_shortcuts: usize,
+    /// Points of a shortcut are at most this far apart, metres. Default 6: within an edge's greatest length.
+    pub longest_step_m: f64,
+}
+
+impl Default for RefineConfig {
+    fn default() -> Self {
+        Self { ratio: 1.3, saving_m: 1.0, radius_m: 10.0, max_shortcuts: 3, longest_step_m: 6.0 }
+    }
+}
+
+/// A shorter way between two nodes through free space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shortcut {
+    /// Where it starts.
+    pub from: NodeId,
+    /// Where it ends.
+    pub to: NodeId,
+    /// The places between, none for a straight line.
+    pub between: Vec<Point2>,
+}
+
+/// Looks for shortcuts from `node`, the worst detour first, so that one shortcut may serve several.
+#[must_use]
+pub fn shortcuts(
+    mut roadmap: Roadmap,
+    space: &Traversable,
+    node: NodeId,
+    config: &RefineConfig,
+) -> Vec<Shortcut> {
+    let Some(here) = roadmap.position(node) else { return Vec::new() };
+    let field = space.distances_from(point(here));
+    let mut found = Vec::new();
+    let mut virtual_nodes = 0;
+    while found.len() < config.max_shortcuts {
+        let on_map = roadmap.distances_from(node);
+        let detour = |(id, position): (NodeId, FixedPoint)| {
+            let is_candidate = id != node && position.distance(here) <= config.radius_m;
+            let free_m = field.distance_m(space.cell_of(point(position))).filter(|_| is_candidate)?;
+            let map_m = on_map.get(&id).copied().unwrap_or(f64::INFINITY);
+            let is_long = map_m > config.ratio * free_m && map_m - free_m > config.saving_m;
+            is_long.then_some((map_m / free_m.max(0.1), id, position))
+        };
+        let tried = |id: NodeId| found.iter().any(|shortcut: &Shortcut| shortcut.to == id);
+        let worst = roadmap
+            .nodes()
+            .filter(|(id, _)| !tried(*id))
+            .filter_map(detour)
+            .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+        let Some((_, target, position)) = worst else { break };
+        let mut path = field.path_to(space.cell_of(point(position)));
+        // The field's path ends at a cell's centre; the shortcut ends at the node.
+        path.push(point(position));
+        let between = break_points(&space.shorten(&path), config.longest_step_m);
+        // The same shortcut in the copy, so that the next search knows of it.
+        let mut before = node;
+        for place in &between {
+            let id = NodeId { author: node.author, number: u32::MAX - virtual_nodes };
+            virtual_nodes += 1;
+            roadmap.add_node(id, FixedPoint::from_metres(place.x, place.y));
+            roadmap.add_edge(EdgeKey::new(before, id));
+            before = id;
+        }
+        roadmap.add_edge(EdgeKey::new(before, target));
+        found.push(Shortcut { from: node, to: target, between });
+    }
+    found
+}
+
+/// The inner points of a path, with more where it goes straight for long.
+fn break_points(path: &[Point2], longest_step_m: f64) -> Vec<Point2> {
+    let mut places = Vec::new();
+    for pair in path.windows(2) {
+        let steps = (path_length_m(pair) / longest_step_m).ceil().max(1.0) as usize;
+        places.extend((1..=steps).map(|step| pair[0] + (pair[1] - pair[0]) * (step as f64 / steps as f64)));
+    }
+    places.pop();
+    places
+}
+
+/// The operations that put a shortcut into the map, checked once more with `is_free` on the grid as it is now; none if
+/// any part of it is not free any more.
+#[must_use]
+pub fn shortcut_ops(
+    shortcut: &Shortcut,
+    journal: &mut Journal,
+    is_free: impl Fn(Point2, Point2) -> bool,
+    rectangle: impl Fn(FixedPoint) -> Option<Rect>,
+) -> Vec<Op> {
+    let place_of = |id: NodeId| journal.state().node(id).map(|node| point(node.pose.position));
+    let (Some(start), Some(end)) = (place_of(shortcut.from), place_of(shortcut.to)) else { return Vec::new() };
+    // Nodes are kept to the millimetre: what is checked is what will be driven.
+    let poses: Vec<_> = shortcut.between.iter().map(|place| to_fixed(&pose(place.x, place.y, 0.0))).collect();
+    let mut line = vec![start];
+    line.extend(poses.iter().map(|pose| point(pose.position)));
+    line.push(end);
+    if !line.windows(2).all(|pair| is_free(pair[0], pair[1])) {
+        return Vec::new();
+    }
+    let mut ops = Vec::new();
+    let mut before = shortcut.from;
+    for pose in poses {
+        let id = journal.fresh_node();
+        ops.push(Op::PutNode { id, kind: NodeKind::Support, pose });
+        if let Some(rect) = rectangle(pose.position) {
+            ops.push(Op::SetFreeSpace { id, rect: Some(rect) });
+        }
+        ops.push(Op::PutEdge { edge: EdgeKey::new(before, id) });
+        before = id;
+    }
+    ops.push(Op::PutEdge { edge: EdgeKey::new(before, shortcut.to) });
+    ops
+}
+
+/// What the refinement thread works on.
+pub struct RefineJob {
+    /// The map's nodes and edges.
+    pub roadmap: Roadmap,
+    /// Free space.
+    pub space: Traversable,
+    /// The new node.
+    pub node: NodeId,
+}
+
+/// The refinement thread. One job is under way at a time; others are refused while it is.
+pub struct RefineWorker {
+    jobs: SyncSender<RefineJob>,
+    results: Receiver<Vec<Shortcut>>,
+    /// The frame at which the result of the job under way is taken.
+    due: Option<u64>,
+    delay_frames: u64,
+}
+
+impl RefineWorker {
+    /// Starts the thread. Results are taken `delay_frames` frames after their job.
+    ///
+    /// # Errors
+    /// When the system gives no thread.
+    pub fn start(config: RefineConfig, delay_frames: u64) -> std::io::Result<Self> {
+        let (jobs, incoming) = sync_channel::<RefineJob>(1);
+        let (outgoing, results) = sync_channel(1);
+        std::thread::Builder::new().name("refine".to_owned()).spawn(move || {
+            for job in incoming {
+                if outgoing.send(shortcuts(job.roadmap, &job.space, job.node, &config)).is_err() {
+                    return;
+                }
+            }
+        })?;
+        Ok(Self { jobs, results, due: None, delay_frames })
+    }
+
+    /// Whether a job would be taken now.
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
+        self.due.is_none()
+    }
+
+    /// Hands a job to the thread at frame `frame`.
+    pub fn submit(&mut self, job: RefineJob, frame: u64) {
+        if self.due.is_none() && self.jobs.try_send(job).is_ok() {
+            self.due = Some(frame + self.delay_frames);
+        }
+    }
+
+    /// The result that is due at `frame`. Waits for the thread if it is late.
+    pub fn take_due(&mut self, frame: u64) -> Vec<Shortcut> {
+        match self.due {
+            Some(due) if frame >= due => {
+                self.due = None;
+                self.results.recv().unwrap_or_default()
+            }
+            _ => Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! What an exploration came to, scored against the simulator's truth.
+
+use crate::mapping::Mapper;
+use fht_proto::Digest;
+use fht_robot::grid::CellState;
+use fht_robot::pose::{Point2, Pose2, wrap_angle};
+use fht_sim::{FloorPlan, World};
+use serde::{Deserialize, Serialize};
+
+/// Figures of one exploration.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ExploreReport {
+    /// The world explored.
+    pub world: String,
+    /// Pose of the map frame in the world: `[x, y, yaw]`, metres and radians.
+    pub world_from_map: [f64; 3],
+    /// Area that is free and that the robot can see from where it can drive, square metres.
+    pub free_area_m2: f64,
+    /// Share of that area that the grid knows.
+    pub explored_fraction: f64,
+    /// Main nodes of the map.
+    pub main_nodes: usize,
+    /// Support nodes of the map.
+    pub support_nodes: usize,
+    /// Edges of the map.
+    pub edges: usize,
+    /// Increments written.
+    pub version: u64,
+    /// Digest of the explorer's own map.
+    pub digest: Digest,
+    /// Bytes of all increments, each counted once.
+    pub map_bytes: u64,
+    /// Bytes put on the wire, repetitions included.
+    pub wire_bytes: u64,
+    /// Whether the server has acknowledged everything.
+    pub delivered: bool,
+    /// Distance truly driven, metres.
+    pub driven_m: f64,
+    /// Times that the robot touched something.
+    pub collisions: u64,
+    /// Mean error of the estimated positions of all frames, metres.
+    pub position_error_mean_m: f64,
+    /// Greatest error of the estimated positions, metres.
+    pub position_error_max_m: f64,
+    /// Mean error of the estimated headings, degrees.
+    pub heading_error_mean_deg: f64,
+    /// Longest time that a frame took, simulation excluded, milliseconds.
+    pub frame_max_ms: f64,
+    /// Simulated seconds.
+    pub sim_s: f64,
+    /// Seconds on the clock.
+    pub wall_s: f64,
+}
+
+/// Free area reachable by a robot of `radius_m` from `start`, and the share of it that the mapper's grid knows.
+#[must_use]
+pub fn explored(plan: &FloorPlan, mapper: &Mapper, world_from_map: &Pose2, radius_m: f64) -> (f64, f64) {
+    let reachable = plan.reachable_free(Point2::from(world_from_map.translation.vector), radius_m);
+    let map_from_world = world_from_map.inverse();
+    let grid = mapper.grid();
+    let (mut total, mut known) = (0_usize, 0_usize);
+    for row in 0..plan.height() {
+        for column in 0..plan.width() {
+            if reachable.contains(column, row) {
+                total += 1;
+                let place = map_from_world * plan.centre_of(column, row);
+                known += usize::from(grid.state_at(place) != CellState::Unknown);
+            }
+        }
+    }
+    (plan.area_m2(&reachable), known as f64 / total.max(1) as f64)
+}
+
+/// Mean and greatest position error (metres) and mean heading error (degrees) of estimated poses in the map frame
+/// against true poses in the world frame.
+#[must_use]
+pub fn trajectory_error(estimated: &[Pose2], truth: &[Pose2], world_from_map: &Pose2) -> (f64, f64, f64) {
+    let (mut sum_m, mut max_m, mut sum_rad) = (0.0, 0.0_f64, 0.0);
+    for (estimate, truth) in estimated.iter().zip(truth) {
+        let difference = (world_from_map * estimate).inverse() * truth;
+        let metres = difference.translation.vector.norm();
+        sum_m += metres;
+        max_m = max_m.max(metres);
+        sum_rad += wrap_angle(difference.rotation.angle()).abs();
+    }
+    let count = estimated.len().min(truth.len()).max(1) as f64;
+    (sum_m / count, max_m, (sum_rad / count).to_degrees())
+}
+
+/// Pose of the map frame in a world that is explored from its start.
+#[must_use]
+pub fn default_map_origin(world: &World) -> Pose2 {
+    world.start()
+}

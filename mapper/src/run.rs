@@ -1,0 +1,229 @@
+//! The explorer program: simulator, mapper and publisher put together.
+
+use crate::mapping::{Mapper, MapperConfig, Step};
+use crate::publish::{Outbox, Progress, PublishError, current_head, outbox};
+use crate::report::{ExploreReport, explored, trajectory_error};
+use fht_proto::{AuthorId, MapName, keys};
+use fht_robot::descriptor::{DescriptorError, DescriptorNet};
+use fht_robot::frame::{SensorFrame, Twist};
+use fht_robot::link::{self, LinkConfig, LinkError};
+use fht_robot::pose::Pose2;
+use fht_sim::{SimConfig, Simulator, World, WorldError};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// What to explore and where to publish.
+#[derive(Clone, Debug)]
+pub struct ExploreTask {
+    /// `museum`, `office` or the path of a Nav2 `map.yaml`.
+    pub world: String,
+    /// Pictures for the walls of a Nav2 map.
+    pub textures: Option<PathBuf>,
+    /// Seed of the drawn world.
+    pub world_seed: u64,
+    /// The robot's sensors and wheels.
+    pub sim: SimConfig,
+    /// Seed of the sensors' noise and of the wheels' errors.
+    pub seed: u64,
+    /// Name of the map to write.
+    pub map: MapName,
+    /// Name of this robot; its author id follows from it.
+    pub robot: String,
+    /// The server; `None` maps without publishing.
+    pub link: Option<LinkConfig>,
+    /// Another descriptor model than the built-in one.
+    pub model: Option<PathBuf>,
+    /// Whether nodes carry descriptors.
+    pub cameras: bool,
+    /// Simulated seconds per second; `None` is as fast as possible.
+    pub rate: Option<f64>,
+    /// Give up after this much simulated time, seconds.
+    pub max_sim_s: f64,
+    /// How long to wait for the server's last acknowledgement, seconds.
+    pub linger_s: f64,
+    /// Algorithm parameters.
+    pub mapper: MapperConfig,
+}
+
+/// Why an exploration failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ExploreError {
+    /// The world cannot be loaded.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// The descriptor network cannot be loaded.
+    #[error("{0}; --no-cameras maps without appearance")]
+    Descriptor(#[from] DescriptorError),
+    /// The session cannot be opened.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// Publishing failed.
+    #[error(transparent)]
+    Publish(#[from] PublishError),
+    /// The map is there already: a second exploration would be in another frame.
+    #[error(
+        "the map '{map}' already has {version} increments on the server; choose another --map (an exploration starts a \
+         map of its own, in a frame of its own)"
+    )]
+    MapExists {
+        /// Its name.
+        map: MapName,
+        /// Its version.
+        version: u64,
+    },
+    /// The system gave no thread.
+    #[error("a thread cannot be started: {0}")]
+    Thread(#[from] std::io::Error),
+    /// The loop ended early: a defect.
+    #[error("the exploration loop failed: {0}")]
+    Loop(#[from] tokio::task::JoinError),
+}
+
+/// What happens while it runs, for progress displays.
+#[derive(Clone, Debug)]
+pub struct Snapshot {
+    /// Simulated seconds so far.
+    pub sim_s: f64,
+    /// Free area on the grid, square metres.
+    pub free_area_m2: f64,
+    /// Nodes of the map.
+    pub nodes: usize,
+    /// Increments written.
+    pub written: u64,
+    /// Increments that the server has durably.
+    pub acknowledged: u64,
+}
+
+/// Explores, publishes, and scores the result. `watch` is called about once a simulated second from the loop's thread.
+///
+/// # Errors
+/// [`ExploreError`]; an exploration that ended is reported even if the server could not be reached (`delivered` false).
+pub async fn explore(
+    task: ExploreTask,
+    watch: impl FnMut(Snapshot) + Send + 'static,
+) -> Result<ExploreReport, ExploreError> {
+    let world = Arc::new(fht_sim::load(&task.world, task.textures.as_deref(), task.world_seed)?);
+    let net = if task.cameras { Some(DescriptorNet::load(task.model.as_deref())?) } else { None };
+    let author = AuthorId::of_robot(&task.robot);
+    let mapper = Mapper::new(task.mapper.clone(), author, net)?;
+    let linger = Duration::from_secs_f64(task.linger_s.max(0.0));
+
+    let Some(link_config) = task.link.clone() else {
+        let run = tokio::task::spawn_blocking(move || drive(task, world, mapper, None, watch));
+        return Ok(run.await?.0);
+    };
+    let session = link::open(&link_config).await?;
+    if let Some(head) = current_head(&session, &task.map, Duration::from_secs(1)).await? {
+        if head.version > 0 {
+            return Err(ExploreError::MapExists { map: task.map, version: head.version });
+        }
+    }
+    let presence = keys::Key::Robot { map: task.map.clone(), robot: task.robot.clone() }.to_string();
+    let token = session.liveliness().declare_token(presence).await.map_err(PublishError::from)?;
+    let (outbox, publisher) = outbox(session.clone(), task.map.clone(), author);
+    let publisher = tokio::spawn(publisher);
+    let run = tokio::task::spawn_blocking(move || drive(task, world, mapper, Some(outbox), watch));
+    let (mut report, last) = run.await?;
+    // The outbox is closed: the publisher ends when everything is acknowledged.
+    let progress = match tokio::time::timeout(linger, publisher).await {
+        Ok(published) => published??,
+        Err(_) => last,
+    };
+    report.map_bytes = progress.map_bytes;
+    report.wire_bytes = progress.wire_bytes;
+    report.delivered = progress.acknowledged >= report.version;
+    token.undeclare().await.map_err(PublishError::from)?;
+    session.close().await.map_err(PublishError::from)?;
+    Ok(report)
+}
+
+/// The robot's loop: sense, think, drive.
+fn drive(
+    task: ExploreTask,
+    world: Arc<World>,
+    mut mapper: Mapper,
+    outbox: Option<Outbox>,
+    mut watch: impl FnMut(Snapshot),
+) -> (ExploreReport, Progress) {
+    let begin = Instant::now();
+    let start = world.start();
+    let mut sim_config = task.sim.clone();
+    if !task.cameras {
+        sim_config.camera_every = 0;
+    }
+    let radius_m = sim_config.radius_m;
+    let mut sim = Simulator::new(world.clone(), sim_config, start, task.seed);
+    let mut frame: SensorFrame = sim.sense_first();
+    let mut truth: Vec<Pose2> = Vec::new();
+    let mut frame_max = Duration::ZERO;
+    let mut written = 0;
+    let mut next_watch_us = 0;
+    let mut is_open = true;
+    let mut publish = |mapper: &mut Mapper| {
+        for increment in mapper.take_increments() {
+            written = increment.number;
+            if let Some(outbox) = &outbox {
+                is_open = is_open && outbox.send(increment);
+            }
+        }
+        written
+    };
+    loop {
+        truth.push(sim.truth());
+        let thinking = Instant::now();
+        let step = mapper.step(&frame);
+        let written = publish(&mut mapper);
+        frame_max = frame_max.max(thinking.elapsed());
+        if frame.time_us >= next_watch_us {
+            next_watch_us = frame.time_us + 1_000_000;
+            let counts = mapper.map().counts();
+            watch(Snapshot {
+                sim_s: frame.time_us as f64 * 1e-6,
+                free_area_m2: mapper.free_area_m2(),
+                nodes: counts.main_nodes + counts.support_nodes,
+                written,
+                acknowledged: outbox.as_ref().map_or(0, |outbox| outbox.progress().acknowledged),
+            });
+        }
+        let twist: Twist = match step {
+            Step::Drive(twist) if (frame.time_us as f64) * 1e-6 < task.max_sim_s => twist,
+            Step::Drive(_) | Step::Done => break,
+        };
+        frame = sim.step(twist);
+        if let Some(rate) = task.rate.filter(|rate| *rate > 0.0) {
+            let due = Duration::from_secs_f64(frame.time_us as f64 * 1e-6 / rate);
+            std::thread::sleep(due.saturating_sub(begin.elapsed()));
+        }
+    }
+    mapper.finish();
+    let version = publish(&mut mapper);
+    let (free_area_m2, explored_fraction) = explored(world.plan(), &mapper, &start, radius_m);
+    let estimated: Vec<Pose2> = mapper.trajectory().iter().map(|(_, pose)| *pose).collect();
+    let (mean_m, max_m, mean_deg) = trajectory_error(&estimated, &truth, &start);
+    let counts = mapper.map().counts();
+    let report = ExploreReport {
+        world: world.name().to_owned(),
+        world_from_map: [start.translation.x, start.translation.y, start.rotation.angle()],
+        free_area_m2,
+        explored_fraction,
+        main_nodes: counts.main_nodes,
+        support_nodes: counts.support_nodes,
+        edges: counts.edges,
+        version,
+        digest: mapper.map().digest(),
+        map_bytes: 0,
+        wire_bytes: 0,
+        delivered: false,
+        driven_m: sim.driven_m(),
+        collisions: sim.collisions(),
+        position_error_mean_m: mean_m,
+        position_error_max_m: max_m,
+        heading_error_mean_deg: mean_deg,
+        frame_max_ms: frame_max.as_secs_f64() * 1e3,
+        sim_s: frame.time_us as f64 * 1e-6,
+        wall_s: begin.elapsed().as_secs_f64(),
+    };
+    let last = outbox.map(|outbox| outbox.progress()).unwrap_or_default();
+    (report, last)
+}
