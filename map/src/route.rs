@@ -59,19 +59,24 @@ pub enum RouteError {
         to: FixedPoint,
     },
     /// A place is not in the mapped space, and not near it either.
-    #[error("({:.2}, {:.2}) is {distance_m:.1} m from the nearest mapped free space (at most {max_detour_m} m are bridged)",
-        point.x(), point.y())]
+    #[error("({:.2}, {:.2}) is not on the map: {}", point.x(), point.y(), how_far(*nearest_m, *max_detour_m))]
     OutOfMap {
         /// The place.
         point: FixedPoint,
-        /// How far the nearest rectangle or node is, metres.
-        distance_m: f64,
+        /// How far the nearest rectangle or node is, metres; none if the map has no nodes.
+        nearest_m: Option<f64>,
         /// [`RouteConfig::max_detour_m`].
         max_detour_m: f64,
     },
-    /// The map has no nodes.
-    #[error("the map is empty")]
-    EmptyMap,
+}
+
+fn how_far(nearest_m: Option<f64>, max_detour_m: f64) -> String {
+    match nearest_m {
+        Some(nearest_m) => {
+            format!("the nearest mapped free space is {nearest_m:.1} m away, and {max_detour_m:.1} m are bridged")
+        }
+        None => "it has no nodes".to_owned(),
+    }
 }
 
 /// How a place joins the graph through one node.
@@ -108,9 +113,8 @@ fn nearest_free(node: &NodeRef<'_>, point: FixedPoint) -> FixedPoint {
 fn accesses(map: &MapState, point: FixedPoint, config: &RouteConfig) -> Result<BTreeMap<NodeId, Access>, RouteError> {
     let near: Vec<_> = map.nodes().map(|node| (node, nearest_free(&node, point))).collect();
     let nearest_m = near.iter().map(|(_, entry)| entry.distance(point)).min_by(f64::total_cmp);
-    let distance_m = nearest_m.ok_or(RouteError::EmptyMap)?;
-    if distance_m > config.max_detour_m {
-        return Err(RouteError::OutOfMap { point, distance_m, max_detour_m: config.max_detour_m });
+    if nearest_m.is_none_or(|nearest_m| nearest_m > config.max_detour_m) {
+        return Err(RouteError::OutOfMap { point, nearest_m, max_detour_m: config.max_detour_m });
     }
     let inside = near.iter().any(|(_, entry)| *entry == point);
     let reach_m = if inside { 0.0 } else { config.max_detour_m };
@@ -126,8 +130,7 @@ fn accesses(map: &MapState, point: FixedPoint, config: &RouteConfig) -> Result<B
 /// Plans from `from` to `to` (map frame).
 ///
 /// # Errors
-/// [`RouteError::OutOfMap`] for a place too far from the mapped space, [`RouteError::NoPath`] if nothing joins the two,
-/// [`RouteError::EmptyMap`].
+/// [`RouteError::OutOfMap`] for a place too far from the mapped space, [`RouteError::NoPath`] if nothing joins the two.
 pub fn plan(map: &MapState, from: FixedPoint, to: FixedPoint, config: &RouteConfig) -> Result<Route, RouteError> {
     let starts = accesses(map, from, config)?;
     let goals = accesses(map, to, config)?;

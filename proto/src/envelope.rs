@@ -8,6 +8,7 @@
 //! Node ids inside an increment are written relative to its author: a node of the increment's own author costs its
 //! number only.
 
+use crate::compact::{CompactNodes, CompactPath};
 use crate::ids::{AuthorId, NodeId};
 use crate::increment::{Increment, Op};
 use crate::query::Snapshot;
@@ -129,6 +130,28 @@ impl Message for Descriptor {
 
 impl Message for Snapshot {
     const KIND: u8 = 3;
+    type Wire = Vec<WireIncrement>;
+    fn to_wire(&self) -> Self::Wire {
+        self.increments.iter().map(Message::to_wire).collect()
+    }
+    fn from_wire(wire: Self::Wire) -> Self {
+        Self { increments: wire.into_iter().map(Message::from_wire).collect() }
+    }
+}
+
+impl Message for CompactPath {
+    const KIND: u8 = 4;
+    type Wire = Self;
+    fn to_wire(&self) -> Self {
+        self.clone()
+    }
+    fn from_wire(wire: Self) -> Self {
+        wire
+    }
+}
+
+impl Message for CompactNodes {
+    const KIND: u8 = 5;
     type Wire = Self;
     fn to_wire(&self) -> Self {
         self.clone()

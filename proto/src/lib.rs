@@ -11,11 +11,13 @@
 //! | [`envelope`] | bytes: magic, format version, kind, length, checksum around `postcard` |
 //! | [`validate`] | what is refused although it decodes |
 //! | [`keys`] | key expressions, built and parsed |
-//! | [`query`] | requests and replies, as JSON or postcard |
+//! | [`query`] | requests and replies, as JSON |
+//! | [`compact`] | the same replies for `fmt=postcard` |
 //!
 //! Lengths on the wire are integer millimetres and angles 1e-4 rad, so that a value means the same bytes on every
 //! machine, `decode(encode(x)) == x` holds exactly, and digests agree.
 
+pub mod compact;
 pub mod envelope;
 pub mod geometry;
 pub mod ids;

@@ -1,4 +1,5 @@
-//! Requests and replies. Replies are JSON by default (`application/json`), `fmt=postcard` asks for postcard.
+//! Requests and replies. Replies are JSON by default (`application/json`), `fmt=postcard` asks for the form in
+//! [`crate::compact`].
 //! Errors are error replies with an [`ErrorReply`] as JSON, never silence.
 
 use crate::geometry::{FixedPoint, Rect};
@@ -100,7 +101,9 @@ pub struct Head {
     pub refused: u64,
 }
 
-/// The reply to `since` and `snapshot` in postcard form is a series of these; each holds whole increments.
+/// The reply to `since` and `snapshot`: one message of limited size, the first increments that the asker lacks. The asker
+/// takes them in and asks again with its new vector, until a reply is empty. (One sample an increment would not do: of
+/// several replies under one key, a Zenoh query delivers one by default.)
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
     /// The increments, in an order in which each author's numbers ascend.

@@ -1,5 +1,6 @@
 //! What is refused although it decodes: numbers out of range, sizes over the limits, self-edges.
 
+use crate::compact::{CompactNodes, CompactPath};
 use crate::geometry::{FixedPoint, FixedPose};
 use crate::increment::{EdgeKey, Increment, NodeKind, Op};
 use crate::query::Snapshot;
@@ -22,8 +23,9 @@ pub trait Validate {
 const MAX_COORDINATE_MM: i32 = 100_000_000;
 /// Greatest yaw, 1e-4 rad.
 const MAX_YAW_E4: i16 = 31_416;
-/// Longest edge, metres.
-pub const MAX_EDGE_M: f64 = 100.0;
+/// Greatest hybrid logical clock, microseconds: in the year 2255. Short of the type's limit, so that whoever has seen it can
+/// still stamp with more, and exact as a JSON number.
+const MAX_HLC_US: u64 = 1 << 53;
 
 fn check(holds: bool, message: impl FnOnce() -> String) -> Result<(), Invalid> {
     if holds { Ok(()) } else { Err(Invalid(message())) }
@@ -111,6 +113,7 @@ impl Validate for Op {
 impl Validate for Increment {
     fn validate(&self) -> Result<(), Invalid> {
         check(self.number >= 1, || "increment number 0 (they start at 1)".to_owned())?;
+        check(self.hlc_us <= MAX_HLC_US, || format!("clock of {} µs (at most {MAX_HLC_US})", self.hlc_us))?;
         check((1..=Self::MAX_OPS).contains(&self.ops.len()), || {
             format!("an increment of {} operations (1 to {} are allowed)", self.ops.len(), Self::MAX_OPS)
         })?;
@@ -121,5 +124,21 @@ impl Validate for Increment {
 impl Validate for Snapshot {
     fn validate(&self) -> Result<(), Invalid> {
         self.increments.iter().try_for_each(Validate::validate)
+    }
+}
+
+impl Validate for CompactPath {
+    fn validate(&self) -> Result<(), Invalid> {
+        self.waypoints.iter().try_for_each(|waypoint| waypoint.point.validate())
+    }
+}
+
+impl Validate for CompactNodes {
+    fn validate(&self) -> Result<(), Invalid> {
+        self.nodes.iter().try_for_each(|node| {
+            node.pose.validate()?;
+            check(node.similarity.is_none_or(f32::is_finite), || "a similarity that is not finite".to_owned())?;
+            node.signature.as_ref().map_or(Ok(()), Validate::validate)
+        })
     }
 }
