@@ -17,11 +17,12 @@ pub mod support;
 
 use crate::journal::Journal;
 use edges::EdgeConfig;
-use fht_proto::{Descriptor, FixedPoint, NodeId, NodeKind, Op, ScanRecord, Signature};
+use fht_proto::{Descriptor, EdgeKey, FixedPoint, NodeId, NodeKind, Op, ScanRecord, Signature};
 use fht_robot::grid::OccupancyGrid;
-use fht_robot::pose::{Point2, Pose2, to_fixed};
+use fht_robot::pose::{Point2, Pose2, pose, to_fixed};
 use free_space::FreeSpaceConfig;
 use selection::{Place, Selection, SelectionConfig};
+use std::collections::BTreeSet;
 use support::SupportConfig;
 
 /// Parameters of the construction.
@@ -54,6 +55,17 @@ pub struct Observation {
     pub descriptor: Option<Descriptor>,
     /// Its visual information, 0 to 1 (paper, equation 2, over its greatest value).
     pub information: f64,
+}
+
+/// Two nodes and the places through which they are to be joined.
+#[derive(Clone, Copy, Debug)]
+pub struct Chain<'a> {
+    /// One end.
+    pub from: NodeId,
+    /// Places of the new support nodes, in order.
+    pub between: &'a [Point2],
+    /// The other end.
+    pub to: NodeId,
 }
 
 /// Turns places into nodes.
@@ -143,6 +155,27 @@ impl Builder {
             ops.extend(self.free_space_op(previous, journal, grid));
         }
         (id, ops)
+    }
+
+    /// The operations that join two nodes by support nodes in between (a shortcut). Each new node also gets the edges
+    /// that any new node gets.
+    pub fn make_chain(&mut self, chain: &Chain<'_>, journal: &mut Journal, grid: &OccupancyGrid) -> Vec<Op> {
+        let mut ops = Vec::new();
+        let mut edges = BTreeSet::new();
+        let mut before = chain.from;
+        for place in chain.between {
+            let id = journal.fresh_node();
+            let pose = to_fixed(&pose(place.x, place.y, 0.0));
+            ops.push(Op::PutNode { id, kind: NodeKind::Support, pose });
+            let rect = free_space::grow(grid, pose.position, &self.config.free_space);
+            ops.extend(rect.map(|rect| Op::SetFreeSpace { id, rect: Some(rect) }));
+            edges.insert(EdgeKey::new(before, id));
+            edges.extend(edges::edges_of(journal.state(), grid, id, pose.position, &self.config.edges));
+            before = id;
+        }
+        edges.insert(EdgeKey::new(before, chain.to));
+        ops.extend(edges.into_iter().map(|edge| Op::PutEdge { edge }));
+        ops
     }
 
     /// The rectangle of a node, if it is larger than what the map has by a tenth.

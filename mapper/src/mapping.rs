@@ -4,10 +4,10 @@
 //! are joined at fixed frames, so the same frames give the same map.
 
 use crate::camera::{Appearance, CameraWorker};
-use crate::construct::{Builder, BuilderConfig, Observation, free_space, point};
+use crate::construct::{Builder, BuilderConfig, Chain, Observation, point};
 use crate::explore::{ExploreConfig, ExploreStep, Explorer};
 use crate::journal::Journal;
-use crate::refine::{RefineConfig, RefineJob, RefineWorker, Roadmap, Shortcut, shortcut_ops, shortcuts};
+use crate::refine::{RefineConfig, RefineJob, RefineWorker, Roadmap, Shortcut, is_still_free, shortcuts};
 use crate::slam::{Slam, SlamConfig};
 use fht_map::MapState;
 use fht_proto::{AuthorId, Descriptor, DescriptorModel, Increment, NodeId, Op};
@@ -189,15 +189,12 @@ impl Mapper {
 
     fn add_shortcuts(&mut self, found: Vec<Shortcut>, time_us: u64) {
         for shortcut in found {
-            let grid = self.slam.grid();
-            let config = self.builder.config();
-            let ops = shortcut_ops(
-                &shortcut,
-                &mut self.journal,
-                |a: Point2, b: Point2| grid.is_corridor_free(a, b, config.edges.half_width_m),
-                |position| free_space::grow(grid, position, &config.free_space),
-            );
-            self.write(ops, time_us);
+            let width_m = self.builder.config().edges.half_width_m;
+            if is_still_free(&shortcut, self.journal.state(), self.slam.grid(), width_m) {
+                let chain = Chain { from: shortcut.from, between: &shortcut.between, to: shortcut.to };
+                let ops = self.builder.make_chain(&chain, &mut self.journal, self.slam.grid());
+                self.write(ops, time_us);
+            }
         }
     }
 

@@ -8,19 +8,19 @@ mod roadmap;
 
 pub use roadmap::Roadmap;
 
-use fht_proto::{EdgeKey, FixedPoint, NodeId, NodeKind, Op, Rect};
+use fht_map::MapState;
+use fht_proto::{EdgeKey, FixedPoint, NodeId};
+use fht_robot::grid::OccupancyGrid;
 use fht_robot::planning::{Traversable, path_length_m};
-use fht_robot::pose::{Point2, pose, to_fixed};
+use fht_robot::pose::Point2;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use crate::construct::point;
-use crate::journal::Journal;
 
 /// Parameters of the refinement.
 #[derive(Clone, Debug)]
 pub struct RefineConfig {
-    /// A way is significantly longer above this ratio of map length to free-space length. Default 1.3 (the paper's
-    /// code: 1.5).
+    /// A way is significantly longer above this ratio of map length to free-space length. Default 1.5 (facts §1.5).
     pub ratio: f64,
     /// … and by at least this much, metres. Default 1.
     pub saving_m: f64,
@@ -34,7 +34,7 @@ pub struct RefineConfig {
 
 impl Default for RefineConfig {
     fn default() -> Self {
-        Self { ratio: 1.3, saving_m: 1.0, radius_m: 10.0, max_shortcuts: 3, longest_step_m: 6.0 }
+        Self { ratio: 1.5, saving_m: 1.0, radius_m: 10.0, max_shortcuts: 3, longest_step_m: 6.0 }
     }
 }
 
@@ -86,8 +86,17 @@ pub fn shortcuts(
         for place in &between {
             let id = NodeId { author: node.author, number: u32::MAX - virtual_nodes };
             virtual_nodes += 1;
-            roadmap.add_node(id, FixedPoint::from_metres(place.x, place.y));
+            let position = FixedPoint::from_metres(place.x, place.y);
+            let is_joined = |(_, other): &(NodeId, FixedPoint)| {
+                other.distance(position) <= config.longest_step_m
+                    && space.is_segment_passable(*place, point(*other))
+            };
+            let joined: Vec<NodeId> = roadmap.nodes().filter(is_joined).map(|(id, _)| id).collect();
+            roadmap.add_node(id, position);
             roadmap.add_edge(EdgeKey::new(before, id));
+            for other in joined {
+                roadmap.add_edge(EdgeKey::new(id, other));
+            }
             before = id;
         }
         roadmap.add_edge(EdgeKey::new(before, target));
@@ -107,38 +116,14 @@ fn break_points(path: &[Point2], longest_step_m: f64) -> Vec<Point2> {
     places
 }
 
-/// The operations that put a shortcut into the map, checked once more with `is_free` on the grid as it is now; none if
-/// any part of it is not free any more.
+/// Whether every part of a shortcut is still free, in the grid as it is now.
 #[must_use]
-pub fn shortcut_ops(
-    shortcut: &Shortcut,
-    journal: &mut Journal,
-    is_free: impl Fn(Point2, Point2) -> bool,
-    rectangle: impl Fn(FixedPoint) -> Option<Rect>,
-) -> Vec<Op> {
-    let place_of = |id: NodeId| journal.state().node(id).map(|node| point(node.pose.position));
-    let (Some(start), Some(end)) = (place_of(shortcut.from), place_of(shortcut.to)) else { return Vec::new() };
-    // Nodes are kept to the millimetre: what is checked is what will be driven.
-    let poses: Vec<_> = shortcut.between.iter().map(|place| to_fixed(&pose(place.x, place.y, 0.0))).collect();
-    let mut line = vec![start];
-    line.extend(poses.iter().map(|pose| point(pose.position)));
-    line.push(end);
-    if !line.windows(2).all(|pair| is_free(pair[0], pair[1])) {
-        return Vec::new();
-    }
-    let mut ops = Vec::new();
-    let mut before = shortcut.from;
-    for pose in poses {
-        let id = journal.fresh_node();
-        ops.push(Op::PutNode { id, kind: NodeKind::Support, pose });
-        if let Some(rect) = rectangle(pose.position) {
-            ops.push(Op::SetFreeSpace { id, rect: Some(rect) });
-        }
-        ops.push(Op::PutEdge { edge: EdgeKey::new(before, id) });
-        before = id;
-    }
-    ops.push(Op::PutEdge { edge: EdgeKey::new(before, shortcut.to) });
-    ops
+pub fn is_still_free(shortcut: &Shortcut, map: &MapState, grid: &OccupancyGrid, half_width_m: f64) -> bool {
+    let place_of = |id: NodeId| map.node(id).map(|node| point(node.pose.position));
+    let (Some(start), Some(end)) = (place_of(shortcut.from), place_of(shortcut.to)) else { return false };
+    let line: Vec<Point2> =
+        std::iter::once(start).chain(shortcut.between.iter().copied()).chain(std::iter::once(end)).collect();
+    line.windows(2).all(|pair| grid.is_corridor_free(pair[0], pair[1], half_width_m))
 }
 
 /// What the refinement thread works on.

@@ -23,7 +23,7 @@ pub struct EdgeConfig {
 
 impl Default for EdgeConfig {
     fn default() -> Self {
-        Self { longest_m: 8.0, half_width_m: 0.15, bearing_gap_rad: 0.5, blocked_m: 0.1 }
+        Self { longest_m: 8.0, half_width_m: 0.12, bearing_gap_rad: 0.5, blocked_m: 0.1 }
     }
 }
 
