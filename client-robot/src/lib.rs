@@ -18,18 +18,24 @@
 //! | [`steering`] | driving to a point on the live grid |
 //! | [`pilot`] | all of it: the paper's Algorithm 2 |
 //! | [`paths`] | paths from the server, or from the replica |
+//! | [`mission`] | a task in a simulated world, scored |
+//! | [`report`] | what happened, as figures |
+//! | [`cli`] | the command line |
 
+pub mod cli;
 pub mod consensus;
 pub mod estimate;
 pub mod landmarks;
 pub mod local_map;
 pub mod localize;
+pub mod mission;
 pub mod odometry;
 pub mod paths;
 pub mod pilot;
 pub mod pose_graph;
 pub mod relocalize;
 pub mod replica;
+pub mod report;
 pub mod route;
 pub mod steering;
 pub mod tracking;

@@ -72,6 +72,8 @@ pub struct Localization {
     pub map_from_odom: Option<Pose2>,
     /// Whether this frame declared a fix, the first or one that replaces another.
     pub is_new_fix: bool,
+    /// What the present fix rested on when it was declared: estimations, and different nodes among them.
+    pub evidence: Option<[usize; 2]>,
 }
 
 impl Localization {
@@ -92,6 +94,7 @@ pub struct Localizer {
     observed_at_m: Option<f64>,
     frames: usize,
     refixes: usize,
+    evidence: Option<[usize; 2]>,
 }
 
 impl Localizer {
@@ -106,6 +109,7 @@ impl Localizer {
             observed_at_m: None,
             frames: 0,
             refixes: 0,
+            evidence: None,
             config,
         }
     }
@@ -154,6 +158,7 @@ impl Localizer {
             odometry,
             map_from_odom: self.tracker.as_ref().map(Tracker::map_from_odom),
             is_new_fix,
+            evidence: self.evidence.filter(|_| self.tracker.is_some()),
         }
     }
 
@@ -207,6 +212,7 @@ impl Localizer {
 
     fn start(&mut self, fix: Fix, odometry: Odometry) {
         tracing::info!(estimates = fix.estimates, nodes = fix.nodes, weight = fix.weight, "localized");
+        self.evidence = Some([fix.estimates, fix.nodes]);
         self.tracker = Some(Tracker::new(self.config.track.clone(), fix.map_from_base, fix.covariance, odometry));
         self.status = Status::Localized;
     }

@@ -32,13 +32,13 @@ pub fn plan_on(
     let config = RouteConfig { blocked: blocked.clone(), ..RouteConfig::default() };
     let found = route::plan(map, fixed(from), fixed(to), &config).map_err(|error| {
         let code = match error {
-            RouteError::OutOfMap { .. } => ErrorCode::OutOfMap,
             RouteError::NoPath { .. } => ErrorCode::NoPath,
+            _ => ErrorCode::OutOfMap,
         };
         ErrorReply { code, message: error.to_string() }
     })?;
     let points = found
-        .points
+        .waypoints
         .iter()
         .map(|point| RoutePoint { position: Point2::new(point.point.x(), point.point.y()), node: point.node });
     Ok(PlannedPath { points: points.collect(), length_m: found.length_m, planner: Planner::Replica })
@@ -125,7 +125,7 @@ impl PathSource for ServerPaths<'_> {
         // Section III-C-2: a robot outside of all rectangles first goes to the nearest node.
         let nearest = lookup::nearest(self.replica.read().state(), fixed(from), NEAREST_NODE_M)
             .first()
-            .map(|(_, node)| (node.id, node.pose.position));
+            .map(|(node, _)| (node.id, node.pose.position));
         let Some((id, position)) = nearest else { return Err(refusal) };
         let entry = Point2::new(position.x(), position.y());
         let mut path = self.plan_once(entry, to, blocked).map_err(|_| refusal)?;

@@ -163,6 +163,13 @@ impl Pilot {
         }
     }
 
+    /// Gives the robot another task, as once it knows where it is.
+    pub fn set_task(&mut self, task: Task) {
+        self.task = task;
+        self.route = None;
+        self.no_way = 0;
+    }
+
     /// The path being driven.
     #[must_use]
     pub fn path(&self) -> Option<&PlannedPath> {
