@@ -2,12 +2,13 @@
 
 use crate::draw::Panel;
 use crate::draw::furniture;
-use crate::draw::surfaces::{self, Ceiling, Floor, Wall};
+use crate::draw::surfaces::{self, Floor, Wall};
 use crate::layout::{Kind, Layout, Solid, sides};
 use crate::plan::FloorPlan;
 use crate::scene::{Face, Ground, Scene, SceneBuilder, TextureId};
 use crate::style::{Hanging, Style};
 use fht_robot::pose::Point2;
+use image::RgbImage;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
@@ -37,6 +38,7 @@ struct Hung {
 /// Draws and places everything from one seed.
 struct Dresser<'a> {
     layout: &'a Layout<Style>,
+    photographs: &'a [RgbImage],
     builder: SceneBuilder,
     rng: ChaCha8Rng,
     seed: u64,
@@ -48,9 +50,10 @@ struct Dresser<'a> {
 }
 
 /// The scene of a layout. `None` if it has no wall at all.
-pub(crate) fn dress(layout: &Layout<Style>, plan: &FloorPlan, ceiling: Ceiling, seed: u64) -> Option<Scene> {
+pub(crate) fn dress(layout: &Layout<Style>, plan: &FloorPlan, photographs: &[RgbImage], seed: u64) -> Option<Scene> {
     let mut dresser = Dresser {
         layout,
+        photographs,
         builder: SceneBuilder::default(),
         rng: ChaCha8Rng::seed_from_u64(seed),
         seed,
@@ -60,8 +63,8 @@ pub(crate) fn dress(layout: &Layout<Style>, plan: &FloorPlan, ceiling: Ceiling, 
         tops: BTreeMap::new(),
         copies: BTreeMap::new(),
     };
-    for ring in layout.rings() {
-        for (from, to) in sides(&ring) {
+    for ring in &layout.rings {
+        for (from, to) in sides(ring) {
             dresser.wall(Face { from, to, bottom_m: 0.0, top_m: layout.ceiling_m });
         }
     }
@@ -69,7 +72,7 @@ pub(crate) fn dress(layout: &Layout<Style>, plan: &FloorPlan, ceiling: Ceiling, 
         dresser.solid(solid);
     }
     let ground = dresser.ground(plan);
-    let overhead = surfaces::ceiling(ceiling, &mut dresser.rng);
+    let overhead = surfaces::ceiling(layout.ceiling, &mut dresser.rng);
     let overhead = dresser.builder.texture(overhead);
     dresser.builder.build(ground, overhead, layout.ceiling_m)
 }
@@ -97,7 +100,7 @@ impl<'a> Dresser<'a> {
         if let Some(colour) = self.style(zone).hangings.niche_door
             && (NICHE_M.0..NICHE_M.1).contains(&length)
         {
-            let panel = Hanging::Door(colour).draw(&mut self.rng);
+            let panel = Hanging::Door(colour).draw(self.photographs, &mut self.rng);
             let hung = self.keep(panel);
             self.hang(face, length / 2.0 - hung.width_m / 2.0, hung);
             return;
@@ -133,13 +136,13 @@ impl<'a> Dresser<'a> {
 
     fn drawn(&mut self, zone: usize, which: usize, hanging: Hanging, copies: bool) -> Hung {
         if !copies {
-            let panel = hanging.draw(&mut self.rng);
+            let panel = hanging.draw(self.photographs, &mut self.rng);
             return self.keep(panel);
         }
         if let Some(&hung) = self.copies.get(&(zone, which)) {
             return hung;
         }
-        let panel = hanging.draw(&mut self.rng);
+        let panel = hanging.draw(self.photographs, &mut self.rng);
         let hung = self.keep(panel);
         self.copies.insert((zone, which), hung);
         hung

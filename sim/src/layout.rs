@@ -1,5 +1,6 @@
 //! A building as plain data: where one can walk, what stands there, how the walls look. Turned into a scene and a plan.
 
+use crate::draw::surfaces::Ceiling;
 use crate::plan::{FloorPlan, PLAN_RESOLUTION_M};
 use fht_robot::pose::Point2;
 use i_overlay::core::fill_rule::FillRule;
@@ -59,8 +60,8 @@ pub(crate) struct Solid {
 /// A building.
 #[derive(Clone, Debug)]
 pub(crate) struct Layout<Style> {
-    /// The floor is the union of these.
-    pub(crate) rooms: Vec<Polygon>,
+    /// The outer walls: closed rings with the floor on the left.
+    pub(crate) rings: Vec<Polygon>,
     /// What stands in it.
     pub(crate) solids: Vec<Solid>,
     /// How parts of it look; the first that holds a point counts.
@@ -69,6 +70,17 @@ pub(crate) struct Layout<Style> {
     pub(crate) elsewhere: Style,
     /// Height of the ceiling, metres.
     pub(crate) ceiling_m: f64,
+    /// What the ceiling looks like.
+    pub(crate) ceiling: Ceiling,
+}
+
+/// The outer walls of a floor that is the union of rooms: closed rings with the floor on the left.
+pub(crate) fn union(rooms: &[Polygon]) -> Vec<Polygon> {
+    let shapes: Vec<Vec<[f64; 2]>> =
+        rooms.iter().map(|room| room.iter().map(|corner| [corner.x, corner.y]).collect()).collect();
+    let union = shapes.simplify_shape(FillRule::NonZero);
+    let ring = |ring: Vec<[f64; 2]>| ring.into_iter().map(|[x, y]| Point2::new(x, y)).collect();
+    union.into_iter().flatten().map(ring).collect()
 }
 
 impl<Style> Layout<Style> {
@@ -82,19 +94,10 @@ impl<Style> Layout<Style> {
         self.zones.get(self.zone_at(point)).map_or(&self.elsewhere, |(_, style)| style)
     }
 
-    /// The outer walls: closed rings with the floor on the left.
-    pub(crate) fn rings(&self) -> Vec<Polygon> {
-        let shapes: Vec<Vec<[f64; 2]>> =
-            self.rooms.iter().map(|room| room.iter().map(|corner| [corner.x, corner.y]).collect()).collect();
-        let union = shapes.simplify_shape(FillRule::NonZero);
-        let ring = |ring: Vec<[f64; 2]>| ring.into_iter().map(|[x, y]| Point2::new(x, y)).collect();
-        union.into_iter().flatten().map(ring).collect()
-    }
-
     /// The true plan, with a border of two occupied cells.
     pub(crate) fn plan(&self) -> FloorPlan {
         let border = 2.0 * PLAN_RESOLUTION_M;
-        let corners = || self.rooms.iter().flatten();
+        let corners = || self.rings.iter().flatten();
         let low = corners().fold(Point2::new(f64::MAX, f64::MAX), |low, c| Point2::new(low.x.min(c.x), low.y.min(c.y)));
         let high =
             corners().fold(Point2::new(f64::MIN, f64::MIN), |high, c| Point2::new(high.x.max(c.x), high.y.max(c.y)));
@@ -102,31 +105,31 @@ impl<Style> Layout<Style> {
         let (width, height) = (cells(low.x, high.x), cells(low.y, high.y));
         let origin = Point2::new(low.x - border, low.y - border);
         let mut occupied = vec![true; width * height];
-        let mut paint = |polygon: &Polygon, value: bool| {
-            for index in cells_inside(polygon, origin, width, height) {
+        let mut paint = |polygons: &[Polygon], value: bool| {
+            for index in cells_inside(polygons, origin, width, height) {
                 occupied[index] = value;
             }
         };
-        for room in &self.rooms {
-            paint(room, false);
-        }
+        paint(&self.rings, false);
         for solid in self.solids.iter().filter(|solid| solid.bottom_m <= 0.0) {
-            paint(&solid.footprint, true);
+            paint(std::slice::from_ref(&solid.footprint), true);
         }
         FloorPlan::new(PLAN_RESOLUTION_M, origin, width, height, occupied)
     }
 }
 
-/// Indices of the cells whose centres lie in a polygon.
-fn cells_inside(polygon: &Polygon, origin: Point2, width: usize, height: usize) -> Vec<usize> {
+/// Indices of the cells whose centres lie in an odd number of the polygons.
+fn cells_inside(polygons: &[Polygon], origin: Point2, width: usize, height: usize) -> Vec<usize> {
     let mut inside = Vec::new();
     let row_of = |y: f64| ((y - origin.y) / PLAN_RESOLUTION_M - 0.5).max(0.0);
-    let low = polygon.iter().map(|corner| corner.y).fold(f64::MAX, f64::min);
-    let high = polygon.iter().map(|corner| corner.y).fold(f64::MIN, f64::max);
+    let low = polygons.iter().flatten().map(|corner| corner.y).fold(f64::MAX, f64::min);
+    let high = polygons.iter().flatten().map(|corner| corner.y).fold(f64::MIN, f64::max);
     let rows = row_of(low) as usize..(row_of(high).ceil() as usize + 1).min(height);
     for row in rows {
         let y = origin.y + (row as f64 + 0.5) * PLAN_RESOLUTION_M;
-        let mut crossings: Vec<f64> = sides(polygon)
+        let mut crossings: Vec<f64> = polygons
+            .iter()
+            .flat_map(|polygon| sides(polygon))
             .filter(|(a, b)| (a.y <= y) != (b.y <= y))
             .map(|(a, b)| a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x))
             .collect();

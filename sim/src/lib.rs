@@ -4,6 +4,8 @@
 //! | --- | --- |
 //! | [`world`] | a building: triangles with textures, and its true plan |
 //! | [`plan`] | the true floor plan, for scoring only |
+//! | [`nav2`] | maps in the format of the ROS 2 map server |
+//! | [`photographs`] | the user's pictures for the walls |
 //! | [`simulator`] | a robot that drives and senses in a world |
 //!
 //! One scene serves the LiDAR, the cameras and the bumper. The world frame of the built-in worlds has its origin where
@@ -12,11 +14,14 @@
 mod camera;
 mod draw;
 mod dress;
+mod extrude;
 mod layout;
 mod lidar;
 mod light;
 mod museum;
+pub mod nav2;
 mod office;
+pub mod photographs;
 pub mod plan;
 mod scene;
 pub mod simulator;

@@ -2,7 +2,7 @@
 //! a closed block, niches and exhibits.
 
 use crate::draw::art::Genre;
-use crate::draw::surfaces::{Floor, Wall};
+use crate::draw::surfaces::{Ceiling, Floor, Wall};
 use crate::layout::{Kind, Layout, Polygon, Solid, rectangle, regular, strip, turned_box};
 use crate::style::{Hanging, Style};
 use fht_robot::pose::Point2;
@@ -14,23 +14,23 @@ const CEILING_M: f64 = 3.6;
 /// Height of free-standing walls, metres.
 const PARTITION_M: f64 = 2.8;
 /// Thickness of free-standing walls, metres.
-const THICKNESS_M: f64 = 0.16;
+const THICKNESS_M: f64 = 0.2;
 /// The world frame's origin, where an explorer starts, in the drawing below, metres.
 const START: (f64, f64) = (5.2, 8.4);
 
 /// The hall's outline in the drawing's frame, counter-clockwise.
 const OUTLINE: [(f64, f64); 32] = [
-    (0.4, 3.6),
-    (2.6, 3.6),
-    (2.6, 1.4),
-    (4.6, 1.4),
-    (4.6, 0.3),
+    (0.4, 4.2),
+    (2.2, 4.2),
+    (2.2, 2.6),
+    (4.4, 2.4),
+    (4.4, 0.3),
     (13.6, 0.3),
     (13.6, 1.3),
     (15.8, 1.3),
     (15.8, 0.3),
-    (20.2, 0.3),
-    (23.4, 3.1),
+    (19.2, 0.3),
+    (23.4, 4.1),
     (23.6, 8.6),
     (22.7, 8.6),
     (22.7, 10.6),
@@ -39,10 +39,10 @@ const OUTLINE: [(f64, f64); 32] = [
     (20.9, 15.5),
     (20.9, 17.3),
     (18.4, 19.6),
-    (12.7, 19.6),
-    (12.7, 18.8),
-    (10.6, 18.8),
-    (10.6, 19.6),
+    (13.3, 19.6),
+    (13.3, 18.3),
+    (10.2, 18.3),
+    (10.2, 19.6),
     (3.4, 19.3),
     (2.2, 18.2),
     (0.5, 17.0),
@@ -96,15 +96,16 @@ pub(crate) fn layout(seed: u64) -> Layout<Style> {
         solids.push(Solid { footprint, bottom_m: 0.0, top_m: CEILING_M, kind: Kind::Pillar, variant: index as u32 });
     }
     // The closed block: its faces are walls like all others, up to the ceiling.
-    let block = rectangle_at(18.3, 11.4, 21.3, 14.7 - 0.9);
+    let block = rectangle_at(18.3, 11.4, 21.3, 14.6);
     solids.push(Solid { footprint: block, bottom_m: 0.0, top_m: CEILING_M, kind: Kind::Partition, variant: 90 });
     exhibits(&mut solids, &mut rng);
     Layout {
-        rooms: vec![OUTLINE.map(at).to_vec()],
+        rings: vec![OUTLINE.map(at).to_vec()],
         solids,
         zones: zones(&mut rng),
         elsewhere: Style::bare(Wall::Plaster([226, 222, 212]), Floor::Parquet([158, 112, 70])),
         ceiling_m: CEILING_M,
+        ceiling: Ceiling::Gallery,
     }
 }
 
@@ -123,13 +124,13 @@ fn partition(from: (f64, f64), to: (f64, f64), variant: u32) -> Solid {
 /// Plinths with exhibits, glass cases, benches and plants.
 fn exhibits(solids: &mut Vec<Solid>, rng: &mut ChaCha8Rng) {
     let statues = [
-        (6.4, 3.2),
+        (6.3, 3.0),
         (10.4, 2.2),
         (14.8, 3.7),
-        (20.9, 3.4),
-        (18.4, 17.0),
+        (20.3, 3.6),
+        (17.2, 17.6),
         (13.4, 16.6),
-        (9.6, 16.8),
+        (9.4, 16.4),
         (1.9, 9.4),
         (5.4, 12.4),
         (11.6, 10.2),
@@ -160,7 +161,7 @@ fn exhibits(solids: &mut Vec<Solid>, rng: &mut ChaCha8Rng) {
         (14.2, 10.0 - 5.0 + 2.2, 0.0),
         (4.9, 5.6, 1.2),
         (22.0, 12.6, 1.57),
-        (17.9, 1.6, 0.0),
+        (17.4, 1.9, 0.0),
         (11.9, 13.2, 0.0),
     ];
     for (index, (x, y, turn)) in cases.into_iter().enumerate() {
@@ -168,12 +169,12 @@ fn exhibits(solids: &mut Vec<Solid>, rng: &mut ChaCha8Rng) {
         solids.push(Solid { footprint, bottom_m: 0.0, top_m: 1.5, kind: Kind::Showcase, variant: index as u32 });
     }
     for (index, (x, y, turn)) in
-        [(5.2, 10.3, 1.57), (18.6, 9.9 + 5.6, 0.0), (20.9, 9.6, 0.0), (9.3, 7.4 - 0.05, 0.05)].into_iter().enumerate()
+        [(5.2, 10.3, 1.57), (18.8, 16.2, 0.0), (20.9, 9.6, 0.0), (9.3, 7.4 - 0.05, 0.05)].into_iter().enumerate()
     {
         let footprint = turned_box(jittered((x, y), rng), 1.5, 0.5, turn);
         solids.push(Solid { footprint, bottom_m: 0.0, top_m: 0.45, kind: Kind::Bench, variant: index as u32 });
     }
-    for (index, place) in [(13.0, 0.75), (0.95, 4.1), (23.1, 8.1), (3.9, 18.8)].into_iter().enumerate() {
+    for (index, place) in [(13.0, 0.75), (0.85, 4.7), (23.1, 8.1), (3.9, 18.8)].into_iter().enumerate() {
         let footprint = regular(at(place), 0.28, 8, 0.0);
         solids.push(Solid { footprint, bottom_m: 0.0, top_m: 1.5, kind: Kind::Plant, variant: index as u32 });
     }

@@ -2,8 +2,8 @@
 //! to 100 m.
 
 use crate::draw::art::Genre;
-use crate::draw::surfaces::{Floor, Wall};
-use crate::layout::{Kind, Layout, Polygon, Solid, holds, rectangle, regular, strip, turned_box};
+use crate::draw::surfaces::{Ceiling, Floor, Wall};
+use crate::layout::{Kind, Layout, Polygon, Solid, holds, rectangle, regular, strip, turned_box, union};
 use crate::style::{Hanging, Style};
 use fht_robot::pose::Point2;
 use nalgebra::Vector2;
@@ -92,7 +92,7 @@ pub(crate) fn layout(seed: u64) -> Layout<Style> {
     }
     let zones = zones(&rooms, &lines, &mut rng);
     let elsewhere = Style::bare(Wall::Plaster([228, 226, 218]), Floor::Linoleum([140, 146, 148]));
-    Layout { rooms: floors, solids, zones, elsewhere, ceiling_m: CEILING_M }
+    Layout { rings: union(&floors), solids, zones, elsewhere, ceiling_m: CEILING_M, ceiling: Ceiling::Grid }
 }
 
 /// The corridor's floor, its door niches, doorways, pilasters and what stands along its walls, every 2 m to 3.5 m on
@@ -230,12 +230,12 @@ fn furnish(
     }
     // Islands, and one or two pillars.
     let pillars = if purpose == Use::OpenOffice { 2 } else { 1 };
-    for attempt in 0..60 {
+    for attempt in 0..150 {
         let centre =
             Point2::new(rng.random_range(low.x + 2.2..high.x - 2.2), rng.random_range(low.y + 2.2..high.y - 2.2));
         let pillar = attempt < pillars;
         let reach = if pillar { 0.45 } else { 1.0 };
-        let crowded = placed.iter().any(|&(other, radius)| (other - centre).norm() < radius + reach + 1.25);
+        let crowded = placed.iter().any(|&(other, radius)| (other - centre).norm() < radius + reach + 1.05);
         if crowded || near_mouth(centre, reach + 1.8) {
             continue;
         }

@@ -182,11 +182,6 @@ impl Scene {
         self.surface_of.len()
     }
 
-    /// Height of the ceiling, metres.
-    pub(crate) fn ceiling_m(&self) -> f32 {
-        self.ceiling_m
-    }
-
     /// Distance to the first triangle along a ray of unit `direction`, metres, if nearer than `max_m`.
     pub(crate) fn range(&self, origin: Vector, direction: Vector, max_m: f32) -> Option<f32> {
         let ray = Ray::new(origin, direction);

@@ -4,6 +4,7 @@ use crate::draw::art::{self, GENRES, Genre};
 use crate::draw::canvas::Rgb;
 use crate::draw::surfaces::{Floor, Wall};
 use crate::draw::{Panel, fittings};
+use image::RgbImage;
 use rand::{Rng, RngExt};
 
 /// Something that hangs on a wall.
@@ -11,6 +12,8 @@ use rand::{Rng, RngExt};
 pub(crate) enum Hanging {
     /// A painting of one genre.
     Painting(Genre),
+    /// One of the user's photographs; without any, a painting.
+    Photograph,
     /// A painting of any genre.
     AnyPainting,
     /// A poster.
@@ -39,10 +42,14 @@ pub(crate) enum Hanging {
 
 impl Hanging {
     /// Draws one.
-    pub(crate) fn draw(self, rng: &mut impl Rng) -> Panel {
+    pub(crate) fn draw(self, photographs: &[RgbImage], rng: &mut impl Rng) -> Panel {
         match self {
+            Self::Photograph if !photographs.is_empty() => {
+                let which = rng.random_range(0..photographs.len());
+                art::photograph(&photographs[which], rng)
+            }
             Self::Painting(genre) => art::painting(genre, rng),
-            Self::AnyPainting => {
+            Self::AnyPainting | Self::Photograph => {
                 let genre = GENRES[rng.random_range(0..GENRES.len())];
                 art::painting(genre, rng)
             }

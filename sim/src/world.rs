@@ -1,15 +1,21 @@
 //! A world: what rays meet, and the true plan.
 
-use crate::draw::surfaces::Ceiling;
 use crate::layout::Layout;
+use crate::nav2::{self, MapError};
+use crate::photographs::{self, PhotographError};
 use crate::plan::FloorPlan;
 use crate::scene::Scene;
 use crate::style::Style;
-use crate::{dress, museum, office};
+use crate::{dress, extrude, museum, office};
 use fht_robot::pose::{Point2, Pose2, pose};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+
+/// Clearance wished for at the start in a map, metres.
+const START_CLEARANCE_M: f64 = 0.35;
+/// Separate parts of a map tried for a start.
+const START_TRIES: usize = 8;
 
 /// A world cannot be had.
 #[derive(Debug, thiserror::Error)]
@@ -20,14 +26,12 @@ pub enum WorldError {
     /// The world has no wall or no place to stand.
     #[error("world '{0}' has no {1}")]
     Empty(String, &'static str),
-    /// A file cannot be read.
-    #[error("cannot read {path}: {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+    /// A map cannot be had.
+    #[error(transparent)]
+    Map(#[from] MapError),
+    /// The pictures cannot be had.
+    #[error(transparent)]
+    Photographs(#[from] PhotographError),
 }
 
 /// Triangles with textures, and the true floor plan. Shared, read-only, by any number of simulators.
@@ -92,11 +96,22 @@ impl World {
         &self.scene
     }
 
-    fn from_layout(name: &str, layout: &Layout<Style>, ceiling: Ceiling, seed: u64) -> Result<Self, WorldError> {
+    fn from_layout(name: &str, layout: &Layout<Style>, seed: u64) -> Result<Self, WorldError> {
         let plan = layout.plan();
         let scene =
-            dress::dress(layout, &plan, ceiling, seed).ok_or_else(|| WorldError::Empty(name.to_owned(), "walls"))?;
+            dress::dress(layout, &plan, &[], seed).ok_or_else(|| WorldError::Empty(name.to_owned(), "walls"))?;
         Ok(Self { name: name.to_owned(), scene, plan, start: Pose2::identity() })
+    }
+
+    fn from_nav2(path: &Path, textures: Option<&Path>, seed: u64) -> Result<Self, WorldError> {
+        let name = path.file_stem().map_or_else(|| "map".to_owned(), |stem| stem.to_string_lossy().into_owned());
+        let photographs = textures.map_or_else(|| Ok(Vec::new()), photographs::load)?;
+        let plan = nav2::load(path)?;
+        let layout = extrude::layout(&plan, seed);
+        let scene =
+            dress::dress(&layout, &plan, &photographs, seed).ok_or_else(|| WorldError::Empty(name.clone(), "walls"))?;
+        let start = start_near_origin(&plan).ok_or_else(|| WorldError::Empty(name.clone(), "place to stand"))?;
+        Ok(Self { name, scene, plan, start })
     }
 }
 
@@ -106,10 +121,46 @@ impl World {
 /// # Errors
 /// When the name is unknown, or a file is missing, malformed or shows no free place.
 pub fn load(spec: &str, textures: Option<&Path>, seed: u64) -> Result<World, WorldError> {
-    let _ = textures;
     match spec {
-        "museum" => World::from_layout(spec, &museum::layout(seed), Ceiling::Gallery, seed),
-        "office" => World::from_layout(spec, &office::layout(seed), Ceiling::Grid, seed),
-        other => Err(WorldError::Unknown(other.to_owned())),
+        "museum" => World::from_layout(spec, &museum::layout(seed), seed),
+        "office" => World::from_layout(spec, &office::layout(seed), seed),
+        other => {
+            let path = Path::new(other);
+            let is_yaml = path.extension().is_some_and(|extension| extension == "yaml" || extension == "yml");
+            if is_yaml { World::from_nav2(path, textures, seed) } else { Err(WorldError::Unknown(other.to_owned())) }
+        }
     }
+}
+
+/// The origin where it has room, otherwise the nearest roomy place from which at least half of the floor can be reached,
+/// otherwise the one with the most around it among the few tried.
+fn start_near_origin(plan: &FloorPlan) -> Option<Pose2> {
+    let wanted = START_CLEARANCE_M.min(0.9 * plan.max_clearance_m());
+    let mut places: Vec<(f64, Point2)> = Vec::new();
+    for row in 0..plan.height() {
+        for column in 0..plan.width() {
+            let centre = plan.centre_of(column, row);
+            if plan.clearance_m(centre) >= wanted && !plan.is_occupied(centre.x, centre.y) {
+                places.push((centre.coords.norm_squared(), centre));
+            }
+        }
+    }
+    if plan.clearance_m(Point2::origin()) >= wanted {
+        places.push((0.0, Point2::origin()));
+    }
+    places.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut best: Option<(f64, Point2)> = None;
+    for _ in 0..START_TRIES {
+        let Some(&(_, place)) = places.first() else { break };
+        let reachable = plan.reachable(place, wanted.min(REACH_RADIUS_M));
+        let area = plan.area_m2(&reachable);
+        if best.is_none_or(|(most, _)| area > most) {
+            best = Some((area, place));
+        }
+        if area > 0.5 * plan.free_area_m2() {
+            break;
+        }
+        places.retain(|&(_, place)| plan.cell_of(place).is_none_or(|(column, row)| !reachable.contains(column, row)));
+    }
+    best.map(|(_, place)| pose(place.x, place.y, 0.0))
 }

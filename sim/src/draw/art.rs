@@ -2,6 +2,7 @@
 
 use super::Panel;
 use super::canvas::{Canvas, Rgb, any_colour, hsv, mix, shade};
+use image::{RgbImage, imageops};
 use rand::{Rng, RngExt};
 
 /// Pixels per metre of pictures.
@@ -76,6 +77,26 @@ fn framed(picture: &Canvas, width: f64, height: f64, border: f32, frame: Rgb) ->
     canvas.frame(border * 0.55, border * 0.55, w - 1.1 * border, h - 1.1 * border, border * 0.2, shade(frame, 0.6));
     canvas.paste(border, border, picture);
     canvas
+}
+
+/// Height of a photograph on a wall, metres.
+const PHOTOGRAPH_M: (f64, f64) = (0.9, 1.5);
+
+/// A framed cut-out of a photograph: at least two thirds of it, so that two of the same differ a little.
+pub(crate) fn photograph(photograph: &RgbImage, rng: &mut impl Rng) -> Panel {
+    let part = rng.random_range(0.67..=1.0);
+    let size = |full: u32| ((f64::from(full) * part) as u32).max(1);
+    let (width, height) = (size(photograph.width()), size(photograph.height()));
+    let left = rng.random_range(0..=photograph.width() - width);
+    let top = rng.random_range(0..=photograph.height() - height);
+    let cut = imageops::crop_imm(photograph, left, top, width, height).to_image();
+    let height_m = rng.random_range(PHOTOGRAPH_M.0..PHOTOGRAPH_M.1);
+    let width_m = (height_m * f64::from(width) / f64::from(height)).clamp(0.5, 2.6);
+    let frame = [[40, 36, 34], [222, 220, 214], [120, 86, 54]][rng.random_range(0..3)];
+    let mut canvas = Canvas::new(width_m, height_m, FINENESS, frame);
+    let (w, h) = (canvas.width(), canvas.height());
+    canvas.photograph(0.04, 0.04, w - 0.08, h - 0.08, &cut);
+    canvas.into_panel(EYE_M - height_m / 2.0)
 }
 
 fn landscape(canvas: &mut Canvas, rng: &mut impl Rng) {

@@ -3,10 +3,11 @@
 use crate::draw::Panel;
 use crate::texture::Texture;
 use font8x8::UnicodeFonts;
+use image::RgbImage;
 use rand::{Rng, RngExt};
 use tiny_skia::{
-    Color, FillRule, GradientStop, LineCap, LineJoin, LinearGradient, Paint, Path, PathBuilder, Pixmap, PixmapPaint,
-    Point, Rect, SpreadMode, Stroke, Transform,
+    Color, FillRule, FilterQuality, GradientStop, IntSize, LineCap, LineJoin, LinearGradient, Paint, Path, PathBuilder,
+    Pixmap, PixmapPaint, Point, Rect, SpreadMode, Stroke, Transform,
 };
 
 /// Red, green, blue.
@@ -43,18 +44,20 @@ pub(crate) struct Canvas {
     pixmap: Option<Pixmap>,
     width_m: f32,
     height_m: f32,
-    scale: f32,
+    /// Pixels per metre, across and down: whole pixels, so not quite what was asked for.
+    scale: [f32; 2],
 }
 
 impl Canvas {
     /// A sheet of one colour, `pixels_per_m` fine.
     pub(crate) fn new(width_m: f64, height_m: f64, pixels_per_m: f64, colour: Rgb) -> Self {
         let pixels = |metres: f64| (metres * pixels_per_m).round().clamp(1.0, 4096.0) as u32;
+        let (across, down) = (pixels(width_m), pixels(height_m));
         let mut canvas = Self {
-            pixmap: Pixmap::new(pixels(width_m), pixels(height_m)),
+            pixmap: Pixmap::new(across, down),
             width_m: width_m as f32,
             height_m: height_m as f32,
-            scale: pixels_per_m as f32,
+            scale: [across as f32 / width_m as f32, down as f32 / height_m as f32],
         };
         canvas.rect(0.0, 0.0, canvas.width_m + 1.0, canvas.height_m + 1.0, colour);
         canvas
@@ -167,9 +170,22 @@ impl Canvas {
 
     /// Pastes another sheet with its top left corner at a point; both must be equally fine.
     pub(crate) fn paste(&mut self, x: f32, y: f32, other: &Self) {
-        let (left, top) = ((x * self.scale) as i32, (y * self.scale) as i32);
+        let (left, top) = ((x * self.scale[0]).round() as i32, (y * self.scale[1]).round() as i32);
         if let (Some(pixmap), Some(other)) = (&mut self.pixmap, &other.pixmap) {
             pixmap.draw_pixmap(left, top, other.as_ref(), &PixmapPaint::default(), Transform::identity(), None);
+        }
+    }
+
+    /// Covers a rectangle with a photograph.
+    pub(crate) fn photograph(&mut self, x: f32, y: f32, width: f32, height: f32, photograph: &RgbImage) {
+        let bytes = photograph.pixels().flat_map(|pixel| [pixel[0], pixel[1], pixel[2], 255]).collect();
+        let size = IntSize::from_wh(photograph.width(), photograph.height());
+        let source = size.and_then(|size| Pixmap::from_vec(bytes, size));
+        let (scale_x, scale_y) = (width / photograph.width() as f32, height / photograph.height() as f32);
+        let transform = self.transform().pre_concat(Transform::from_row(scale_x, 0.0, 0.0, scale_y, x, y));
+        if let (Some(pixmap), Some(source)) = (&mut self.pixmap, source) {
+            let paint = PixmapPaint { quality: FilterQuality::Bilinear, ..PixmapPaint::default() };
+            pixmap.draw_pixmap(0, 0, source.as_ref(), &paint, transform, None);
         }
     }
 
@@ -197,7 +213,7 @@ impl Canvas {
     }
 
     fn transform(&self) -> Transform {
-        Transform::from_scale(self.scale, self.scale)
+        Transform::from_scale(self.scale[0], self.scale[1])
     }
 }
 
