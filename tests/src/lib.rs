@@ -1,1 +1,11 @@
-//! tests
+//! What only whole systems can show: the handoff demo, end-to-end scenarios, evaluations.
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | [`process`] | the programs as child processes that end with their parent |
+//! | [`handoff`] | the demo: map, keep, relocalize, drive |
+//! | [`picture`] | a map as a picture, like the paper's figure 1 |
+
+pub mod handoff;
+pub mod picture;
+pub mod process;

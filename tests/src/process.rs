@@ -1,0 +1,199 @@
+//! The programs as child processes. All of them are in one executable (`handoff role NAME -- ARGS`), so that one build
+//! makes everything that a scenario starts.
+
+use std::ffi::OsStr;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+/// One of the programs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Role {
+    /// The map server.
+    MapServer,
+    /// The explorer.
+    Mapper,
+    /// The robot that uses the map.
+    ClientRobot,
+}
+
+impl Role {
+    fn name(self) -> &'static str {
+        match self {
+            Self::MapServer => "map-server",
+            Self::Mapper => "mapper",
+            Self::ClientRobot => "client-robot",
+        }
+    }
+}
+
+/// Why a child process is of no use.
+#[derive(Debug, thiserror::Error)]
+pub enum ProcessError {
+    /// It cannot be started.
+    #[error("{role} cannot be started: {source}")]
+    Start {
+        /// The program.
+        role: &'static str,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// It ended although it should not have, or with a failure.
+    #[error("{role} failed ({status}){}", tail(stderr))]
+    Failed {
+        /// The program.
+        role: &'static str,
+        /// Its exit status.
+        status: ExitStatus,
+        /// The last of what it said.
+        stderr: String,
+    },
+    /// It does not listen.
+    #[error("{role} does not listen on {endpoint} after {seconds} s")]
+    Silent {
+        /// The program.
+        role: &'static str,
+        /// Where it should listen.
+        endpoint: String,
+        /// How long was waited.
+        seconds: u64,
+    },
+    /// Waiting failed.
+    #[error("{role}: {source}")]
+    Wait {
+        /// The program.
+        role: &'static str,
+        /// What the system says.
+        source: std::io::Error,
+    },
+}
+
+fn tail(stderr: &str) -> String {
+    let text = stderr.trim();
+    if text.is_empty() { String::new() } else { format!(": {text}") }
+}
+
+/// A program that runs; it is killed when this is dropped.
+pub struct Process {
+    role: Role,
+    child: Child,
+    stderr: Option<std::thread::JoinHandle<String>>,
+}
+
+impl Process {
+    /// Starts a program of `executable` (the handoff binary) with `args`.
+    ///
+    /// # Errors
+    /// [`ProcessError::Start`].
+    pub fn start<A: AsRef<OsStr>>(
+        executable: &Path,
+        role: Role,
+        args: impl IntoIterator<Item = A>,
+    ) -> Result<Self, ProcessError> {
+        let start_error = |source| ProcessError::Start { role: role.name(), source };
+        let mut child = Command::new(executable)
+            .args(["role", role.name(), "--"])
+            .args(args)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(start_error)?;
+        // Read all the time, or a talkative child would block; keep the last of it.
+        let stderr = child.stderr.take().map(|mut pipe| {
+            std::thread::spawn(move || {
+                let mut kept = Vec::new();
+                let mut buffer = [0; 4096];
+                while let Ok(count @ 1..) = pipe.read(&mut buffer) {
+                    kept.extend_from_slice(&buffer[..count]);
+                    let excess = kept.len().saturating_sub(4096);
+                    kept.drain(..excess);
+                }
+                String::from_utf8_lossy(&kept).into_owned()
+            })
+        });
+        Ok(Self { role, child, stderr })
+    }
+
+    /// The process id.
+    #[must_use]
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Ends it as a power cut would (SIGKILL).
+    ///
+    /// # Errors
+    /// [`ProcessError::Wait`].
+    pub fn kill(&mut self) -> Result<(), ProcessError> {
+        let wait_error = |source| ProcessError::Wait { role: self.role.name(), source };
+        self.child.kill().map_err(wait_error)?;
+        self.child.wait().map_err(wait_error)?;
+        Ok(())
+    }
+
+    /// Waits until it listens on `endpoint` (`tcp/host:port`).
+    ///
+    /// # Errors
+    /// [`ProcessError::Failed`] if it ends instead, [`ProcessError::Silent`] if it does not within `patience`.
+    pub fn wait_until_listening(&mut self, endpoint: &str, patience: Duration) -> Result<(), ProcessError> {
+        let address = endpoint.strip_prefix("tcp/").unwrap_or(endpoint);
+        let deadline = Instant::now() + patience;
+        while std::net::TcpStream::connect(address).is_err() {
+            let wait_error = |source| ProcessError::Wait { role: self.role.name(), source };
+            if let Some(status) = self.child.try_wait().map_err(wait_error)? {
+                return Err(self.failure(status));
+            }
+            if Instant::now() > deadline {
+                let endpoint = endpoint.to_owned();
+                return Err(ProcessError::Silent { role: self.role.name(), endpoint, seconds: patience.as_secs() });
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        Ok(())
+    }
+
+    /// Reads its standard output line by line until it ends; fails unless it ends well.
+    ///
+    /// # Errors
+    /// [`ProcessError::Failed`].
+    pub fn follow(mut self, mut each_line: impl FnMut(&str)) -> Result<(), ProcessError> {
+        if let Some(stdout) = self.child.stdout.take() {
+            BufReader::new(stdout).lines().map_while(Result::ok).for_each(|line| each_line(&line));
+        }
+        let wait_error = |source| ProcessError::Wait { role: self.role.name(), source };
+        let status = self.child.wait().map_err(wait_error)?;
+        if status.success() { Ok(()) } else { Err(self.failure(status)) }
+    }
+
+    fn failure(&mut self, status: ExitStatus) -> ProcessError {
+        let stderr = self.stderr.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
+        ProcessError::Failed { role: self.role.name(), status, stderr }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended already; nobody is left to be told otherwise.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// The executable that is running: for a binary that starts its own roles.
+///
+/// # Errors
+/// When the system does not tell.
+pub fn this_executable() -> std::io::Result<PathBuf> {
+    std::env::current_exe()
+}
+
+/// A loopback endpoint that was free a moment ago.
+///
+/// # Errors
+/// When no port is free.
+pub fn free_endpoint() -> std::io::Result<String> {
+    let listener = std::net::TcpListener::bind(("127.0.0.1", 0))?;
+    Ok(format!("tcp/{}", listener.local_addr()?))
+}
