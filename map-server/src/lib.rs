@@ -1,1 +1,177 @@
-//! map-server
+//! The map-server: takes increments in, keeps them, answers questions.
+//!
+//! ```text
+//! Zenoh ── queue ── ingest ──→ store (redb)
+//!                     └──────→ catalog ──→ answer ── serve ── Zenoh
+//! ```
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | [`cli`] | the command line |
+//! | [`config`] | what a server is told at its start |
+//! | [`session`] | the Zenoh session |
+//! | [`queue`] | what has arrived, bounded in bytes |
+//! | [`check`] | what is wrong with an increment |
+//! | [`ingest`] | check, order, commit, apply: the one writer |
+//! | [`store`] | the durable log |
+//! | [`catalog`] | the maps in memory, shared with the readers |
+//! | [`request`] | queries as they come, to typed requests |
+//! | [`answer`] | typed requests to replies |
+//! | [`serve`] | queries over Zenoh |
+//! | [`throttle`] | at most one log line a period |
+//!
+//! An increment counts as acknowledged when the head that is published covers it, and a head covers only what a commit has
+//! brought to the disk. Whatever waits while a commit is under way goes into the next one together.
+
+pub mod answer;
+pub mod catalog;
+pub mod check;
+pub mod cli;
+pub mod config;
+pub mod ingest;
+pub mod queue;
+pub mod request;
+pub mod serve;
+pub mod session;
+pub mod store;
+pub mod throttle;
+
+pub use cli::main_with_args;
+pub use config::ServerConfig;
+
+use catalog::Catalog;
+use check::Arrival;
+use fht_proto::keys::{ALL_INCREMENTS, ALL_QUERIES, Key, Topic};
+use fht_proto::query::Head;
+use ingest::Ingest;
+use queue::Queue;
+use serve::Service;
+use std::sync::Arc;
+use std::time::{SystemTime, UNIX_EPOCH};
+use store::{Store, StoreError};
+use tokio::sync::oneshot;
+use zenoh::bytes::Encoding;
+use zenoh::qos::{CongestionControl, Priority};
+use zenoh::sample::{Sample, SampleKind};
+use zenoh::{Session, Wait};
+
+/// Why a server ends that was not told to.
+#[derive(Debug, thiserror::Error)]
+pub enum ServerError {
+    /// The store cannot be opened, read or written.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The network cannot be used.
+    #[error(transparent)]
+    Session(#[from] session::SessionError),
+    /// A subscription was refused.
+    #[error("Zenoh refuses: {0}")]
+    Zenoh(#[from] zenoh::Error),
+    /// The system gives no threads.
+    #[error("no threads: {0}")]
+    Runtime(std::io::Error),
+    /// The writer has ended for no reason that it gave.
+    #[error("the writer has stopped")]
+    WriterLost,
+}
+
+/// Microseconds since the Unix epoch.
+fn now_us() -> u64 {
+    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since_epoch.as_micros()).unwrap_or(u64::MAX)
+}
+
+fn arrival(sample: &Sample) -> Arrival {
+    let is_put = sample.kind() == SampleKind::Put;
+    Arrival {
+        key: sample.key_expr().as_str().to_owned(),
+        payload: is_put.then(|| sample.payload().to_bytes().into_owned()),
+    }
+}
+
+/// Publishes a head. Lost ones do no harm: writers ask when they hear nothing.
+fn announce(session: &Session, head: &Head) {
+    let put = |payload: Vec<u8>| {
+        session
+            .put(Key::topic(&head.map, Topic::Head).to_string(), payload)
+            .encoding(Encoding::APPLICATION_JSON)
+            .congestion_control(CongestionControl::Drop)
+            .priority(Priority::InteractiveHigh)
+            .express(true)
+            .wait()
+    };
+    let sent = serde_json::to_vec(head).map_err(zenoh::Error::from).and_then(put);
+    if let Err(error) = sent {
+        tracing::warn!(map = %head.map, "the head could not be published: {error}");
+    }
+}
+
+/// The writer's thread: until the queue is closed and empty, or the store fails.
+fn write_all(
+    mut ingest: Ingest,
+    queue: &Queue,
+    catalog: &Catalog,
+    session: &Session,
+    max_batch: usize,
+) -> Result<(), StoreError> {
+    while let Some(arrivals) = queue.take(max_batch) {
+        let dropped = queue.take_dropped();
+        if dropped > 0 {
+            tracing::warn!(dropped, "more increments came than could be taken in; their writers will send them again");
+        }
+        let count = arrivals.len();
+        for map in ingest.take(arrivals, now_us())? {
+            if let Some(view) = catalog.view(&map) {
+                tracing::debug!(%map, version = view.head.version, count, "stored");
+                announce(session, &view.head);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Runs a server until `shutdown` is done. Everything that has arrived by then is stored.
+///
+/// # Errors
+/// [`ServerError`]: it could not start, or the store failed. Whatever was acknowledged is on the disk.
+pub async fn run(config: ServerConfig, shutdown: impl Future<Output = ()>) -> Result<(), ServerError> {
+    let store = Arc::new(Store::open(&config.data)?);
+    let catalog = Arc::new(Catalog::load(&store)?);
+    let session = session::open(&config.link).await?;
+
+    let service =
+        Service::new(Arc::clone(&catalog), Arc::clone(&store), config.answers, tokio::runtime::Handle::current());
+    let queryable = session.declare_queryable(ALL_QUERIES).callback(move |query| service.take(query)).await?;
+    let queue = Arc::new(Queue::new(config.limits.max_queue_bytes));
+    let arriving = Arc::clone(&queue);
+    let subscriber =
+        session.declare_subscriber(ALL_INCREMENTS).callback(move |sample| arriving.push(arrival(&sample))).await?;
+
+    let (report, mut stopped) = oneshot::channel();
+    let max_batch = config.limits.max_batch_bytes;
+    let ingest = Ingest::new(Arc::clone(&store), Arc::clone(&catalog), config.limits);
+    let writer = {
+        let (queue, catalog, session) = (Arc::clone(&queue), Arc::clone(&catalog), session.clone());
+        let write = move || _ = report.send(write_all(ingest, &queue, &catalog, &session, max_batch));
+        std::thread::Builder::new().name("writer".to_owned()).spawn(write).map_err(ServerError::Runtime)?
+    };
+    for head in catalog.heads() {
+        announce(&session, &head);
+    }
+    let endpoints: Vec<&str> = config.link.listen.iter().chain(&config.link.connect).map(String::as_str).collect();
+    eprintln!("map-server: {} map(s) in {}, on {}", catalog.heads().len(), config.data.display(), endpoints.join(", "));
+
+    let outcome = tokio::select! {
+        () = shutdown => {
+            subscriber.undeclare().await?;
+            queue.close();
+            stopped.await
+        }
+        outcome = &mut stopped => outcome,
+    };
+    let _ = writer.join(); // it has reported, or panicked and said so
+    queryable.undeclare().await?;
+    session.close().await?;
+    outcome.map_err(|_| ServerError::WriterLost)??;
+    Ok(())
+}

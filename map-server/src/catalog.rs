@@ -1,0 +1,115 @@
+//! The maps in memory, as queries see them. Readers take a shared view and let go of the lock at once; a writer copies a map
+//! only while a reader still holds a view of it, and copies share descriptors and scans.
+
+use crate::store::{Store, StoreError};
+use fht_map::MapState;
+use fht_proto::query::Head;
+use fht_proto::{Increment, MapName, VersionVector, decode};
+use std::collections::BTreeMap;
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+
+/// One map at one version.
+#[derive(Clone, Debug)]
+pub struct MapView {
+    /// The map.
+    pub state: Arc<MapState>,
+    /// Its version, vector, digest and counts.
+    pub head: Arc<Head>,
+}
+
+/// All maps of the server.
+#[derive(Debug, Default)]
+pub struct Catalog {
+    maps: RwLock<BTreeMap<MapName, MapView>>,
+}
+
+impl Catalog {
+    /// Reads all maps from the store.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] if increments are missing or unreadable, [`StoreError::Disk`].
+    pub fn load(store: &Store) -> Result<Self, StoreError> {
+        let mut maps: BTreeMap<MapName, (MapState, VersionVector, u64)> = BTreeMap::new();
+        store.for_each(|name, author, number, bytes| {
+            let damaged = |reason: String| StoreError::Damaged { map: name.to_owned(), reason };
+            let map: MapName = name.parse().map_err(|error| damaged(format!("{error}")))?;
+            let increment: Increment =
+                decode(bytes).map_err(|error| damaged(format!("increment {author}/{number}: {error}")))?;
+            let (state, vector, total) = maps.entry(map).or_default();
+            if (increment.author, increment.number) != (author, number) || vector.get(author) + 1 != number {
+                return Err(damaged(format!("increment {author}/{number} is out of place")));
+            }
+            state.apply(&increment);
+            vector.set(author, number);
+            *total += bytes.len() as u64;
+            Ok(())
+        })?;
+        let mut views = BTreeMap::new();
+        for (map, (state, vector, bytes)) in maps {
+            if store.vector_at(&map, vector.version())? != vector {
+                let reason = "its log does not name its increments".to_owned();
+                return Err(StoreError::Damaged { map: map.to_string(), reason });
+            }
+            let head = head_of(&map, &state, vector, bytes, 0);
+            views.insert(map, MapView { state: Arc::new(state), head: Arc::new(head) });
+        }
+        Ok(Self { maps: RwLock::new(views) })
+    }
+
+    // A panic while the lock was held is a bug; the maps are replaced by whole operations and stay usable.
+    fn read(&self) -> RwLockReadGuard<'_, BTreeMap<MapName, MapView>> {
+        self.maps.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn write(&self) -> RwLockWriteGuard<'_, BTreeMap<MapName, MapView>> {
+        self.maps.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A map as it is now.
+    #[must_use]
+    pub fn view(&self, map: &MapName) -> Option<MapView> {
+        self.read().get(map).cloned()
+    }
+
+    /// The heads of all maps, by name.
+    #[must_use]
+    pub fn heads(&self) -> Vec<Arc<Head>> {
+        self.read().values().map(|view| Arc::clone(&view.head)).collect()
+    }
+
+    /// Applies increments that are on the disk, `bytes` long in all; `vector` is what the map then contains.
+    pub fn apply(&self, map: &MapName, increments: &[Increment], vector: VersionVector, bytes: u64) {
+        let mut maps = self.write();
+        let view = maps.entry(map.clone()).or_insert_with(|| {
+            let state = MapState::new();
+            let head = head_of(map, &state, VersionVector::default(), 0, 0);
+            MapView { state: Arc::new(state), head: Arc::new(head) }
+        });
+        let state = Arc::make_mut(&mut view.state);
+        increments.iter().for_each(|increment| state.apply(increment));
+        let head = head_of(map, state, vector, view.head.bytes + bytes, view.head.refused);
+        view.head = Arc::new(head);
+    }
+
+    /// Counts a refused increment, if there is such a map.
+    pub fn count_refused(&self, map: &MapName) {
+        if let Some(view) = self.write().get_mut(map) {
+            Arc::make_mut(&mut view.head).refused += 1;
+        }
+    }
+}
+
+fn head_of(map: &MapName, state: &MapState, vector: VersionVector, bytes: u64, refused: u64) -> Head {
+    let counts = state.counts();
+    Head {
+        map: map.clone(),
+        version: vector.version(),
+        vector,
+        digest: state.digest(),
+        main_nodes: counts.main_nodes,
+        support_nodes: counts.support_nodes,
+        edges: counts.edges,
+        bytes,
+        refused,
+    }
+}

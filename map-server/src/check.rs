@@ -1,0 +1,105 @@
+//! What is wrong with an arriving increment: everything that can be said without knowing its map.
+
+use crate::config::Limits;
+use fht_proto::keys::Key;
+use fht_proto::{CodecError, Increment, MapName, decode, encode};
+
+/// What arrived under a key, unread.
+#[derive(Clone, Debug)]
+pub struct Arrival {
+    /// The key expression.
+    pub key: String,
+    /// The payload; `None` if the key was deleted.
+    pub payload: Option<Vec<u8>>,
+}
+
+/// An increment that may be stored.
+#[derive(Clone, Debug)]
+pub struct Checked {
+    /// The map it is for.
+    pub map: MapName,
+    /// The increment.
+    pub increment: Increment,
+    /// The increment in its envelope.
+    pub bytes: Vec<u8>,
+}
+
+impl PartialEq for Checked {
+    // An increment has one form in bytes; `check` makes sure of it.
+    fn eq(&self, other: &Self) -> bool {
+        self.map == other.map && self.bytes == other.bytes
+    }
+}
+
+/// Why an increment was refused.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Refusal {
+    /// The key is not `fht/{map}/inc/{author}/{number}`.
+    #[error("the key is not that of an increment")]
+    Key,
+    /// Increments cannot be deleted.
+    #[error("increments cannot be deleted")]
+    Delete,
+    /// Over [`Limits::max_increment_bytes`].
+    #[error("{bytes} bytes are over the limit")]
+    TooLong {
+        /// How long it is.
+        bytes: usize,
+    },
+    /// It does not decode, or makes no sense.
+    #[error(transparent)]
+    Codec(#[from] CodecError),
+    /// The payload belongs under another key.
+    #[error("the payload is increment {author}/{number}, which belongs under another key")]
+    OtherKey {
+        /// The payload's author.
+        author: String,
+        /// The payload's number.
+        number: u64,
+    },
+    /// The bytes are not those that the increment encodes to.
+    #[error("the payload is not in canonical form")]
+    NotCanonical,
+    /// The stamp is too far in the future.
+    #[error("its stamp is {ahead_s} s ahead of the server's clock")]
+    Future {
+        /// How far.
+        ahead_s: u64,
+    },
+    /// Another increment of this author and number is stored.
+    #[error("another increment with this author and number came before it")]
+    Conflict,
+    /// Over [`Limits::max_map_bytes`], [`Limits::max_maps`] or the limit of authors.
+    #[error("the limit of {0} is reached")]
+    Full(&'static str),
+}
+
+/// The map that a key names, whatever else is wrong with it.
+#[must_use]
+pub fn map_of(key: &str) -> Option<MapName> {
+    key.split('/').nth(1).and_then(|name| name.parse().ok())
+}
+
+/// Checks an arrival at `now_us` (microseconds since the Unix epoch).
+///
+/// # Errors
+/// The first thing that is wrong.
+pub fn check(arrival: Arrival, limits: &Limits, now_us: u64) -> Result<Checked, Refusal> {
+    let Ok(Key::Increment { map, author, number }) = arrival.key.parse() else { return Err(Refusal::Key) };
+    let bytes = arrival.payload.ok_or(Refusal::Delete)?;
+    if bytes.len() > limits.max_increment_bytes {
+        return Err(Refusal::TooLong { bytes: bytes.len() });
+    }
+    let increment: Increment = decode(&bytes)?;
+    if (increment.author, increment.number) != (author, number) {
+        return Err(Refusal::OtherKey { author: increment.author.to_string(), number: increment.number });
+    }
+    if encode(&increment)? != bytes {
+        return Err(Refusal::NotCanonical);
+    }
+    let ahead_s = increment.hlc_us.saturating_sub(now_us) / 1_000_000;
+    if ahead_s > limits.max_clock_ahead_s {
+        return Err(Refusal::Future { ahead_s });
+    }
+    Ok(Checked { map, increment, bytes })
+}

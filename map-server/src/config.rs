@@ -1,0 +1,82 @@
+//! What a server is told at its start.
+
+use fht_map::RouteConfig;
+use fht_map::sequence::SequenceConfig;
+use std::path::PathBuf;
+
+/// How a server runs.
+#[derive(Clone, Debug)]
+pub struct ServerConfig {
+    /// Directory that keeps the maps; made if absent. One server at a time.
+    pub data: PathBuf,
+    /// The network.
+    pub link: LinkConfig,
+    /// What writers may do.
+    pub limits: Limits,
+    /// How queries are answered.
+    pub answers: AnswerConfig,
+}
+
+/// How the server is reached. With `listen` it is a Zenoh router that robots and tools connect to; with `connect` alone it
+/// is a client of another router.
+#[derive(Clone, Debug, Default)]
+pub struct LinkConfig {
+    /// Endpoints to listen on, such as `tcp/0.0.0.0:7447`.
+    pub listen: Vec<String>,
+    /// Endpoints of other routers.
+    pub connect: Vec<String>,
+    /// A Zenoh configuration file (JSON5) to start from: TLS, access control. The endpoints above override its own.
+    pub zenoh_config: Option<PathBuf>,
+}
+
+/// What the server takes in at most. Writers are not trusted.
+#[derive(Clone, Debug)]
+pub struct Limits {
+    /// Longest increment, bytes. Default 1 MiB; a usual one has one or two kilobytes.
+    pub max_increment_bytes: usize,
+    /// Bytes of increments in one map. Default 1 GiB.
+    pub max_map_bytes: u64,
+    /// Maps. Default 256.
+    pub max_maps: usize,
+    /// Stamps may be ahead of the server's clock by so much, seconds. Default 3600. A stamp far in the future could not be
+    /// overwritten by honest ones.
+    pub max_clock_ahead_s: u64,
+    /// Increments that wait to be taken in, bytes. Default 64 MiB. What comes when the queue is full is dropped; its writer
+    /// sends again.
+    pub max_queue_bytes: usize,
+    /// Bytes in one commit. Default 8 MiB.
+    pub max_batch_bytes: usize,
+    /// Increments that wait for a gap to close, per map.
+    pub early: SequenceConfig,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            max_increment_bytes: 1 << 20,
+            max_map_bytes: 1 << 30,
+            max_maps: 256,
+            max_clock_ahead_s: 3600,
+            max_queue_bytes: 64 << 20,
+            max_batch_bytes: 8 << 20,
+            early: SequenceConfig { max_ahead: 4096, max_waiting_bytes: 8 << 20 },
+        }
+    }
+}
+
+/// How queries are answered.
+#[derive(Clone, Debug)]
+pub struct AnswerConfig {
+    /// How paths are planned.
+    pub route: RouteConfig,
+    /// Queries under way at one time; more are told that the server is busy. Default 256.
+    pub max_queries: usize,
+    /// Threads that answer. Default 4.
+    pub threads: usize,
+}
+
+impl Default for AnswerConfig {
+    fn default() -> Self {
+        Self { route: RouteConfig::default(), max_queries: 256, threads: 4 }
+    }
+}

@@ -1,0 +1,161 @@
+//! From arrivals to acknowledgement: check, put in order, store in one commit, apply, announce. Nothing here knows the
+//! network, so that all of it can be tested with bytes.
+
+use crate::catalog::Catalog;
+use crate::check::{Arrival, Checked, Refusal, check, map_of};
+use crate::config::Limits;
+use crate::store::{Record, Store, StoreError};
+use crate::throttle::Throttle;
+use fht_map::sequence::{Offered, Sequence};
+use fht_proto::{AuthorId, Increment, MapName, VersionVector};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Refusals are logged at most this often.
+const LOG_PERIOD: Duration = Duration::from_secs(1);
+
+/// The one writer of a store.
+#[derive(Debug)]
+pub struct Ingest {
+    store: Arc<Store>,
+    catalog: Arc<Catalog>,
+    limits: Limits,
+    maps: BTreeMap<MapName, Intake>,
+    log: Throttle,
+}
+
+/// What the writer knows of one map.
+#[derive(Debug)]
+struct Intake {
+    sequence: Sequence<Checked>,
+    bytes: u64,
+}
+
+/// What one batch adds to the store.
+#[derive(Debug, Default)]
+struct Batch {
+    records: Vec<Record>,
+    by_key: BTreeMap<(MapName, AuthorId, u64), usize>,
+    increments: BTreeMap<MapName, Vec<Increment>>,
+    added_bytes: BTreeMap<MapName, u64>,
+    announce: BTreeSet<MapName>,
+}
+
+impl Ingest {
+    /// Goes on where store and catalog are; `catalog` must have been loaded from `store`.
+    #[must_use]
+    pub fn new(store: Arc<Store>, catalog: Arc<Catalog>, limits: Limits) -> Self {
+        let intake = |head: &fht_proto::query::Head| Intake {
+            sequence: Sequence::starting_at(head.vector.clone(), limits.early.clone()),
+            bytes: head.bytes,
+        };
+        let maps = catalog.heads().iter().map(|head| (head.map.clone(), intake(head))).collect();
+        Self { store, catalog, limits, maps, log: Throttle::new(LOG_PERIOD) }
+    }
+
+    /// Takes in what arrived until `now_us` (microseconds since the Unix epoch). On return, all that the heads in the
+    /// catalog cover is durable. Returns the maps whose heads the writers should see now: those that have grown, and those
+    /// that were sent increments which they already had.
+    ///
+    /// # Errors
+    /// [`StoreError`]: the store is not usable any more; nothing of this batch was acknowledged.
+    pub fn take(&mut self, arrivals: Vec<Arrival>, now_us: u64) -> Result<BTreeSet<MapName>, StoreError> {
+        let mut batch = Batch::default();
+        for arrival in arrivals {
+            let key = arrival.key.clone();
+            let outcome = match check(arrival, &self.limits, now_us) {
+                Ok(checked) => self.sort(checked, &mut batch)?,
+                Err(refusal) => Err(refusal),
+            };
+            if let Err(refusal) = outcome {
+                self.refuse(&key, &refusal);
+            }
+        }
+        if !batch.records.is_empty() {
+            self.store.append(&batch.records)?;
+        }
+        for (map, increments) in &batch.increments {
+            let vector = self.maps.get(map).map(|intake| intake.sequence.vector().clone()).unwrap_or_default();
+            let bytes = batch.added_bytes.get(map).copied().unwrap_or(0);
+            self.catalog.apply(map, increments, vector, bytes);
+        }
+        Ok(batch.announce)
+    }
+
+    fn refuse(&mut self, key: &str, refusal: &Refusal) {
+        if let Some(map) = map_of(key) {
+            self.catalog.count_refused(&map);
+        }
+        if let Some(suppressed) = self.log.pass(std::time::Instant::now()) {
+            let key: String = key.chars().take(120).collect();
+            tracing::warn!(%key, suppressed, "increment refused: {refusal}");
+        }
+    }
+
+    fn room(&self, checked: &Checked) -> Result<(), Refusal> {
+        let Some(intake) = self.maps.get(&checked.map) else {
+            return if self.maps.len() < self.limits.max_maps { Ok(()) } else { Err(Refusal::Full("maps")) };
+        };
+        if intake.bytes.saturating_add(checked.bytes.len() as u64) > self.limits.max_map_bytes {
+            return Err(Refusal::Full("bytes in this map"));
+        }
+        let vector = intake.sequence.vector();
+        let is_new = vector.get(checked.increment.author) == 0;
+        if is_new && vector.iter().count() >= VersionVector::MAX_AUTHORS {
+            return Err(Refusal::Full("authors of this map"));
+        }
+        Ok(())
+    }
+
+    /// Puts an increment in its place: into the batch, aside until the gap before it closes, or nowhere.
+    fn sort(&mut self, checked: Checked, batch: &mut Batch) -> Result<Result<(), Refusal>, StoreError> {
+        let (map, author, number) = (checked.map.clone(), checked.increment.author, checked.increment.number);
+        if self.maps.get(&map).is_some_and(|intake| number <= intake.sequence.vector().get(author)) {
+            let same = match batch.by_key.get(&(map.clone(), author, number)) {
+                Some(&index) => batch.records.get(index).is_some_and(|record| record.bytes == checked.bytes),
+                None => self.store.get(&map, author, number)?.as_ref() == Some(&checked.bytes),
+            };
+            // The writer has missed a head: it is told again.
+            batch.announce.insert(map);
+            return Ok(if same { Ok(()) } else { Err(Refusal::Conflict) });
+        }
+        if let Err(refusal) = self.room(&checked) {
+            return Ok(Err(refusal));
+        }
+        let early = &self.limits.early;
+        let intake = self.maps.entry(map.clone()).or_insert_with(|| Intake {
+            sequence: Sequence::starting_at(VersionVector::default(), early.clone()),
+            bytes: 0,
+        });
+        let first_sequence = intake.sequence.vector().version() + 1;
+        let bytes = checked.bytes.len();
+        match intake.sequence.offer(author, number, bytes, checked) {
+            Offered::Ready(ready) => {
+                for (sequence, item) in (first_sequence..).zip(ready) {
+                    intake.bytes += item.bytes.len() as u64;
+                    batch.add(sequence, item);
+                }
+                Ok(Ok(()))
+            }
+            Offered::Conflict => Ok(Err(Refusal::Conflict)),
+            Offered::Dropped => {
+                tracing::debug!(%map, %author, number, "too early to be kept; its writer will send it again");
+                Ok(Ok(()))
+            }
+            Offered::Waiting | Offered::Past => Ok(Ok(())),
+        }
+    }
+}
+
+impl Batch {
+    fn add(&mut self, sequence: u64, item: Checked) {
+        let Checked { map, increment, bytes } = item;
+        let (author, number) = (increment.author, increment.number);
+        self.by_key.insert((map.clone(), author, number), self.records.len());
+        *self.added_bytes.entry(map.clone()).or_default() += bytes.len() as u64;
+        self.increments.entry(map.clone()).or_default().push(increment);
+        self.announce.insert(map.clone());
+        self.records.push(Record { map, sequence, author, number, bytes });
+    }
+}

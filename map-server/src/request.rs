@@ -1,0 +1,222 @@
+//! Queries as they come: parameters to typed requests. Every complaint says what was expected.
+
+use fht_proto::keys::{Key, Topic};
+use fht_proto::query::{ErrorCode, ErrorReply, Place, parse_point};
+use fht_proto::{Descriptor, FixedPoint, MapName, VersionVector, decode};
+use std::collections::BTreeMap;
+use std::str::FromStr;
+
+/// How a reply is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// For people and tools.
+    Json,
+    /// Compact, in an envelope.
+    Postcard,
+}
+
+/// A state of a map.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Moment {
+    /// The first so many increments that the server stored.
+    Version(u64),
+    /// These increments.
+    Vector(VersionVector),
+    /// Everything now.
+    Now,
+}
+
+/// A question about one map.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Question {
+    /// Version, vector, digest, counts.
+    Head,
+    /// The increments of `moment` that the asker lacks (`since` and `snapshot`).
+    Increments {
+        /// What is asked for.
+        moment: Moment,
+        /// What the asker has.
+        have: VersionVector,
+        /// About how long the reply may be, bytes.
+        max_bytes: usize,
+    },
+    /// A path.
+    Path {
+        /// The start.
+        from: Place,
+        /// The goal.
+        to: Place,
+        /// Of the reply.
+        format: Format,
+    },
+    /// Nodes near a place.
+    Nodes {
+        /// The place.
+        near: FixedPoint,
+        /// How near, metres.
+        radius_m: f64,
+        /// How many at most.
+        limit: usize,
+        /// Of the reply.
+        format: Format,
+    },
+    /// Nodes that look like a descriptor.
+    Match {
+        /// The descriptor.
+        descriptor: Descriptor,
+        /// How many at most.
+        limit: usize,
+        /// Of the reply.
+        format: Format,
+    },
+}
+
+/// A request to the server.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Request {
+    /// The maps there are.
+    Maps,
+    /// A question about one map.
+    Map(MapName, Question),
+}
+
+/// Default and greatest length of a series of increments, bytes. Short enough to share a thin link with live increments.
+const SERIES_BYTES: (usize, usize) = (64 << 10, 1 << 20);
+/// Default and greatest number of nodes in a reply to `nodes`.
+const NODES_LIMIT: (usize, usize) = (100, 1000);
+/// Default and greatest number of nodes in a reply to `match`.
+const MATCH_LIMIT: (usize, usize) = (5, 50);
+/// Default and greatest radius of `nodes`, metres.
+const RADIUS_M: (f64, f64) = (5.0, 100_000.0);
+
+/// A complaint about a request.
+#[must_use]
+pub fn bad_request(message: String) -> ErrorReply {
+    ErrorReply { code: ErrorCode::BadRequest, message }
+}
+
+/// A piece of foreign text for a message, cut to a sensible length.
+fn shown(text: &str) -> String {
+    text.chars().take(80).collect()
+}
+
+/// The parameters of a query, checked against those that the topic knows.
+struct Parameters<'a> {
+    values: BTreeMap<&'a str, &'a str>,
+}
+
+impl<'a> Parameters<'a> {
+    fn of(pairs: impl Iterator<Item = (&'a str, &'a str)>, known: &[&str]) -> Result<Self, ErrorReply> {
+        let mut values = BTreeMap::new();
+        // Names with an underscore are Zenoh's own.
+        for (name, value) in pairs.filter(|(name, _)| !name.is_empty() && !name.starts_with('_')) {
+            if !known.contains(&name) {
+                let hint = if known.is_empty() { "there are none here".to_owned() } else { known.join(", ") };
+                return Err(bad_request(format!("unknown parameter '{}'; known: {hint}", shown(name))));
+            }
+            if values.insert(name, value).is_some() {
+                return Err(bad_request(format!("parameter '{name}' is given twice")));
+            }
+        }
+        Ok(Self { values })
+    }
+
+    fn required(&self, name: &str, example: &str) -> Result<&'a str, ErrorReply> {
+        let missing = || bad_request(format!("parameter '{name}' is missing; for example: {example}"));
+        self.values.get(name).copied().filter(|value| !value.is_empty()).ok_or_else(missing)
+    }
+
+    fn parsed<T: FromStr>(&self, name: &str, expected: &str) -> Result<Option<T>, ErrorReply> {
+        let parse = |value: &&str| {
+            value.trim().parse().map_err(|_| bad_request(format!("{name}='{}' is not {expected}", shown(value))))
+        };
+        self.values.get(name).map(parse).transpose()
+    }
+
+    fn limit(&self, name: &str, (default, most): (usize, usize)) -> Result<usize, ErrorReply> {
+        let limit = self.parsed(name, &format!("a number from 1 to {most}"))?.unwrap_or(default);
+        if (1..=most).contains(&limit) { Ok(limit) } else { Err(bad_request(format!("{name} must be 1 to {most}"))) }
+    }
+
+    fn format(&self) -> Result<Format, ErrorReply> {
+        match self.values.get("fmt").copied() {
+            None | Some("json") => Ok(Format::Json),
+            Some("postcard") => Ok(Format::Postcard),
+            Some(other) => Err(bad_request(format!("fmt='{}' is neither json nor postcard", shown(other)))),
+        }
+    }
+
+    fn vector(&self, name: &str) -> Result<Option<VersionVector>, ErrorReply> {
+        let parse = |value: &&str| value.parse().map_err(|error| bad_request(format!("{name}: {error}")));
+        self.values.get(name).map(parse).transpose()
+    }
+}
+
+/// Reads a request.
+///
+/// # Errors
+/// `BAD_REQUEST` with a sentence that says what was expected.
+pub fn parse<'a>(
+    key: Key,
+    parameters: impl Iterator<Item = (&'a str, &'a str)>,
+    payload: Option<&[u8]>,
+) -> Result<Request, ErrorReply> {
+    match key {
+        Key::Maps => Parameters::of(parameters, &[]).map(|_| Request::Maps),
+        Key::Topic { map, topic } => Ok(Request::Map(map, question(topic, parameters, payload)?)),
+        Key::Increment { .. } | Key::Robot { .. } | Key::RobotPose { .. } => {
+            Err(bad_request(format!("'{key}' is not a topic")))
+        }
+    }
+}
+
+fn question<'a>(
+    topic: Topic,
+    parameters: impl Iterator<Item = (&'a str, &'a str)>,
+    payload: Option<&[u8]>,
+) -> Result<Question, ErrorReply> {
+    match topic {
+        Topic::Head => Parameters::of(parameters, &[]).map(|_| Question::Head),
+        Topic::Since => {
+            let given = Parameters::of(parameters, &["vector", "max_bytes"])?;
+            let have = given.vector("vector")?.unwrap_or_default();
+            let max_bytes = given.limit("max_bytes", SERIES_BYTES)?;
+            Ok(Question::Increments { moment: Moment::Now, have, max_bytes })
+        }
+        Topic::Snapshot => {
+            let given = Parameters::of(parameters, &["version", "vector", "have", "max_bytes"])?;
+            let version = given.parsed("version", "a whole number")?;
+            let moment = match (version, given.vector("vector")?) {
+                (Some(_), Some(_)) => {
+                    return Err(bad_request("give version or vector, not both".to_owned()));
+                }
+                (Some(version), None) => Moment::Version(version),
+                (None, Some(vector)) => Moment::Vector(vector),
+                (None, None) => Moment::Now,
+            };
+            let have = given.vector("have")?.unwrap_or_default();
+            Ok(Question::Increments { moment, have, max_bytes: given.limit("max_bytes", SERIES_BYTES)? })
+        }
+        Topic::Path => {
+            let given = Parameters::of(parameters, &["from", "to", "fmt"])?;
+            let place = |name| given.required(name, "path?from=0,0;to=5,3").and_then(str::parse);
+            Ok(Question::Path { from: place("from")?, to: place("to")?, format: given.format()? })
+        }
+        Topic::Nodes => {
+            let given = Parameters::of(parameters, &["near", "radius", "limit", "fmt"])?;
+            let near = parse_point(given.required("near", "nodes?near=0,0;radius=5")?)?;
+            let radius_m = given.parsed("radius", "a number of metres")?.unwrap_or(RADIUS_M.0);
+            if !(0.0..=RADIUS_M.1).contains(&radius_m) {
+                return Err(bad_request(format!("radius must be 0 to {} m", RADIUS_M.1)));
+            }
+            Ok(Question::Nodes { near, radius_m, limit: given.limit("limit", NODES_LIMIT)?, format: given.format()? })
+        }
+        Topic::Match => {
+            let given = Parameters::of(parameters, &["limit", "fmt"])?;
+            let missing = || bad_request("match needs a descriptor in the payload".to_owned());
+            let descriptor = decode(payload.ok_or_else(missing)?)
+                .map_err(|error| bad_request(format!("the payload is not a descriptor: {error}")))?;
+            Ok(Question::Match { descriptor, limit: given.limit("limit", MATCH_LIMIT)?, format: given.format()? })
+        }
+    }
+}

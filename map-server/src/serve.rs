@@ -1,0 +1,159 @@
+//! Queries over Zenoh: which are ours, who answers them, and how replies leave.
+
+use crate::answer::{Answer, answer};
+use crate::catalog::Catalog;
+use crate::config::AnswerConfig;
+use crate::request::{Format, bad_request, parse};
+use crate::store::Store;
+use fht_proto::MapName;
+use fht_proto::keys::{ALL_INCREMENTS, Key, PREFIX, Topic};
+use fht_proto::query::{ErrorCode, ErrorReply};
+use std::sync::Arc;
+use tokio::runtime::Handle;
+use tokio::sync::Semaphore;
+use zenoh::Wait;
+use zenoh::bytes::Encoding;
+use zenoh::key_expr::{KeyExpr, keyexpr};
+use zenoh::query::Query;
+
+/// Answers queries on threads of its own, so many at a time.
+#[derive(Clone, Debug)]
+pub struct Service {
+    catalog: Arc<Catalog>,
+    store: Arc<Store>,
+    config: Arc<AnswerConfig>,
+    permits: Arc<Semaphore>,
+    runtime: Handle,
+}
+
+/// What a key expression asks for.
+#[derive(Debug, PartialEq, Eq)]
+enum Addressed {
+    /// One topic.
+    One(Key),
+    /// A wildcard over heads and the list of maps.
+    Several(Vec<Key>),
+    /// Increments or robots, which others answer.
+    Others,
+    /// Nothing that there is.
+    Unknown,
+}
+
+fn addressed(expression: &str, maps: impl Iterator<Item = MapName>) -> Addressed {
+    if !expression.contains('*') {
+        return match expression.parse::<Key>() {
+            Ok(key @ (Key::Maps | Key::Topic { .. })) => Addressed::One(key),
+            Ok(_) => Addressed::Others,
+            Err(_) if matches!(expression.split('/').nth(2), Some("inc" | "robots")) => Addressed::Others,
+            Err(_) => Addressed::Unknown,
+        };
+    }
+    let Ok(asked) = keyexpr::new(expression) else { return Addressed::Unknown };
+    let covers = |key: &str| keyexpr::new(key).is_ok_and(|key| asked.intersects(key));
+    let heads = maps.map(|map| Key::topic(&map, Topic::Head));
+    let several: Vec<Key> = std::iter::once(Key::Maps).chain(heads).filter(|key| covers(&key.to_string())).collect();
+    if !several.is_empty() {
+        Addressed::Several(several)
+    } else if covers(ALL_INCREMENTS) || covers(&format!("{PREFIX}/*/robots/**")) {
+        Addressed::Others
+    } else {
+        Addressed::Unknown
+    }
+}
+
+impl Service {
+    /// Answers from `catalog` and `store`, on the blocking threads of `runtime`.
+    #[must_use]
+    pub fn new(catalog: Arc<Catalog>, store: Arc<Store>, config: AnswerConfig, runtime: Handle) -> Self {
+        let permits = Arc::new(Semaphore::new(config.max_queries));
+        Self { catalog, store, config: Arc::new(config), permits, runtime }
+    }
+
+    /// Takes a query. Never waits: one too many is told that the server is busy.
+    pub fn take(&self, query: Query) {
+        let Ok(permit) = Arc::clone(&self.permits).try_acquire_owned() else {
+            let text = "the server is busy; ask again".to_owned();
+            reply_error(&query, &ErrorReply { code: ErrorCode::Internal, message: text });
+            return;
+        };
+        let service = self.clone();
+        self.runtime.spawn_blocking(move || {
+            service.reply(&query);
+            drop(permit);
+        });
+    }
+
+    fn reply(&self, query: &Query) {
+        let maps = self.catalog.heads().into_iter().map(|head| head.map.clone());
+        match addressed(query.key_expr().as_str(), maps) {
+            Addressed::One(key) => self.reply_to(query, key),
+            Addressed::Several(keys) => keys.into_iter().for_each(|key| self.reply_to(query, key)),
+            Addressed::Others => {}
+            Addressed::Unknown => {
+                let topics: Vec<&str> = Topic::ALL.iter().map(|topic| topic.as_str()).collect();
+                let text = format!(
+                    "'{}' is not a key of the map service: ask {PREFIX}/maps or {PREFIX}/MAP/TOPIC with TOPIC one of {}",
+                    query.key_expr().chars().take(120).collect::<String>(),
+                    topics.join(", ")
+                );
+                reply_error(query, &bad_request(text));
+            }
+        }
+    }
+
+    fn reply_to(&self, query: &Query, key: Key) {
+        let name = key.to_string();
+        let payload = query.payload().map(|payload| payload.to_bytes());
+        let outcome = parse(key, query.parameters().iter(), payload.as_deref())
+            .and_then(|request| answer(request, &self.catalog, &self.store, &self.config));
+        match outcome {
+            Ok(answer) => reply_answer(query, name, answer),
+            Err(error) => reply_error(query, &error),
+        }
+    }
+}
+
+fn reply_answer(query: &Query, key: String, answer: Answer) {
+    let encoding = match answer.format {
+        Format::Json => Encoding::APPLICATION_JSON,
+        Format::Postcard => Encoding::APPLICATION_OCTET_STREAM,
+    };
+    let sent = KeyExpr::try_from(key).and_then(|key| query.reply(key, answer.bytes).encoding(encoding).wait());
+    if let Err(error) = sent {
+        tracing::debug!("a reply could not be sent: {error}"); // the asker has gone
+    }
+}
+
+fn reply_error(query: &Query, error: &ErrorReply) {
+    let payload = serde_json::to_vec(error).unwrap_or_default();
+    if let Err(error) = query.reply_err(payload).encoding(Encoding::APPLICATION_JSON).wait() {
+        tracing::debug!("an error reply could not be sent: {error}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn asked(expression: &str) -> Addressed {
+        addressed(expression, ["a", "b"].into_iter().map(|name| name.parse().unwrap()))
+    }
+
+    #[test]
+    fn keys_are_told_apart() {
+        let a: MapName = "a".parse().unwrap();
+        let b: MapName = "b".parse().unwrap();
+        assert_eq!(asked("fht/maps"), Addressed::One(Key::Maps));
+        assert_eq!(asked("fht/a/path"), Addressed::One(Key::topic(&a, Topic::Path)));
+        assert_eq!(asked("fht/x/path"), Addressed::One(Key::topic(&"x".parse().unwrap(), Topic::Path)));
+        let heads = vec![Key::topic(&a, Topic::Head), Key::topic(&b, Topic::Head)];
+        assert_eq!(asked("fht/*/head"), Addressed::Several(heads));
+        assert_eq!(asked("fht/*"), Addressed::Several(vec![Key::Maps]));
+        for others in ["fht/a/inc/**", "fht/*/inc/**", "fht/a/inc/00000001/1", "fht/a/robots/r", "fht/a/robots/**"] {
+            assert_eq!(asked(others), Addressed::Others, "{others}");
+        }
+        for unknown in ["fht", "fht/a", "fht/a/paths", "fht/a/path/b", "fht/a b/path", "fht/*/path"] {
+            assert_eq!(asked(unknown), Addressed::Unknown, "{unknown}");
+        }
+    }
+}
