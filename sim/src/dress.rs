@@ -112,6 +112,7 @@ impl<'a> Dresser<'a> {
     fn hang_along(&mut self, face: Face, length: f64, in_front_of: impl Fn(f64) -> Point2) {
         let mut left = END_GAP_M;
         let mut misses = 0;
+        let mut last = None;
         while left + 0.5 < length && misses < 4 {
             let zone = self.zone_at(in_front_of(left + 0.4));
             let hangings = &self.style(zone).hangings;
@@ -120,13 +121,17 @@ impl<'a> Dresser<'a> {
                 continue;
             }
             let gap = self.rng.random_range(hangings.gap_m.0..=hangings.gap_m.1);
-            let which = self.rng.random_range(0..hangings.choice.len());
+            let count = hangings.choice.len();
+            let drawn = self.rng.random_range(0..count);
+            // Not the same sort twice in a row, where there is a choice.
+            let which = if last == Some(drawn) { (drawn + 1) % count } else { drawn };
             let (hanging, copies) = (hangings.choice[which], hangings.copies);
             let start = left + gap / 2.0;
             let hung = self.drawn(zone, which, hanging, copies);
             let fits = start + hung.width_m + END_GAP_M <= length && hung.bottom_m + hung.height_m < face.top_m - 0.03;
             if fits {
                 self.hang(face, start, hung);
+                last = Some(which);
                 left = start + hung.width_m + gap / 2.0;
             } else {
                 misses += 1;

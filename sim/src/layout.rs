@@ -26,6 +26,8 @@ pub(crate) enum Kind {
     Desk,
     /// A computer screen on a desk.
     Screen,
+    /// A cloth screen between desks.
+    Divider,
     /// A bench or sofa.
     Bench,
     /// What an exhibit stands on.

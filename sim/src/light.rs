@@ -35,7 +35,8 @@ impl Light {
             };
             (0..CURVE_STEPS).map(value).collect()
         };
-        let mut wave = || [rng.random_range(0.25..0.6), rng.random_range(0.25..0.6), rng.random_range(0.0..6.28)];
+        let turn = std::f32::consts::TAU;
+        let mut wave = || [rng.random_range(0.25..0.6), rng.random_range(0.25..0.6), rng.random_range(0.0..turn)];
         let pool_waves = [wave(), wave()];
         Self {
             direction: Vector::new(heading.cos(), heading.sin(), 1.2).normalize(),

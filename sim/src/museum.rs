@@ -9,6 +9,9 @@ use fht_robot::pose::Point2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+/// A place in the drawing below, metres.
+type Place = (f64, f64);
+
 /// Height of the hall, metres.
 const CEILING_M: f64 = 3.6;
 /// Height of free-standing walls, metres.
@@ -16,19 +19,19 @@ const PARTITION_M: f64 = 2.8;
 /// Thickness of free-standing walls, metres.
 const THICKNESS_M: f64 = 0.2;
 /// The world frame's origin, where an explorer starts, in the drawing below, metres.
-const START: (f64, f64) = (5.2, 8.4);
+const START: Place = (5.2, 8.4);
 
 /// The hall's outline in the drawing's frame, counter-clockwise.
-const OUTLINE: [(f64, f64); 32] = [
+const OUTLINE: [Place; 32] = [
     (0.4, 4.2),
     (2.2, 4.2),
     (2.2, 2.6),
-    (4.4, 2.4),
-    (4.4, 0.3),
-    (13.6, 0.3),
-    (13.6, 1.3),
-    (15.8, 1.3),
-    (15.8, 0.3),
+    (4.9, 2.4),
+    (4.9, 0.3),
+    (13.5, 0.3),
+    (13.5, 1.7),
+    (16.1, 1.7),
+    (16.1, 0.3),
     (19.2, 0.3),
     (23.4, 4.1),
     (23.6, 8.6),
@@ -36,16 +39,16 @@ const OUTLINE: [(f64, f64); 32] = [
     (22.7, 10.6),
     (23.6, 10.6),
     (23.6, 15.4),
-    (20.9, 15.5),
-    (20.9, 17.3),
-    (18.4, 19.6),
+    (20.0, 15.5),
+    (20.0, 17.0),
+    (17.7, 19.6),
     (13.3, 19.6),
     (13.3, 18.3),
-    (10.2, 18.3),
-    (10.2, 19.6),
-    (3.4, 19.3),
-    (2.2, 18.2),
-    (0.5, 17.0),
+    (9.8, 18.3),
+    (9.8, 19.6),
+    (3.9, 19.2),
+    (2.4, 17.9),
+    (0.5, 16.4),
     (0.5, 13.6),
     (1.3, 13.6),
     (1.3, 11.2),
@@ -55,7 +58,7 @@ const OUTLINE: [(f64, f64); 32] = [
 ];
 
 /// Centre lines of the free-standing walls. The first nine are the enclosure with its four doorways and the spiral in it.
-const PARTITIONS: [((f64, f64), (f64, f64)); 20] = [
+const PARTITIONS: [(Place, Place); 20] = [
     ((7.2, 6.2), (10.2, 6.1)),
     ((11.6, 6.05), (16.2, 5.9)),
     ((16.2, 5.9), (16.3, 8.8)),
@@ -78,7 +81,7 @@ const PARTITIONS: [((f64, f64), (f64, f64)); 20] = [
     ((18.2, 3.0), (18.3, 5.6)),
 ];
 
-fn at((x, y): (f64, f64)) -> Point2 {
+fn at((x, y): Place) -> Point2 {
     Point2::new(x - START.0, y - START.1)
 }
 
@@ -96,7 +99,7 @@ pub(crate) fn layout(seed: u64) -> Layout<Style> {
         solids.push(Solid { footprint, bottom_m: 0.0, top_m: CEILING_M, kind: Kind::Pillar, variant: index as u32 });
     }
     // The closed block: its faces are walls like all others, up to the ceiling.
-    let block = rectangle_at(18.3, 11.4, 21.3, 14.6);
+    let block = zone(18.1, 10.9, 21.4, 13.9);
     solids.push(Solid { footprint: block, bottom_m: 0.0, top_m: CEILING_M, kind: Kind::Partition, variant: 90 });
     exhibits(&mut solids, &mut rng);
     Layout {
@@ -109,11 +112,7 @@ pub(crate) fn layout(seed: u64) -> Layout<Style> {
     }
 }
 
-fn rectangle_at(x0: f64, y0: f64, x1: f64, y1: f64) -> Polygon {
-    zone(x0, y0, x1, y1)
-}
-
-fn partition(from: (f64, f64), to: (f64, f64), variant: u32) -> Solid {
+fn partition(from: Place, to: Place, variant: u32) -> Solid {
     // Ends overlap where walls meet, so that no slit stays open.
     let (from, to) = (at(from), at(to));
     let reach = (to - from).normalize() * (THICKNESS_M / 2.0);
@@ -126,7 +125,7 @@ fn exhibits(solids: &mut Vec<Solid>, rng: &mut ChaCha8Rng) {
     let statues = [
         (6.3, 3.0),
         (10.4, 2.2),
-        (14.8, 3.7),
+        (14.7, 3.9),
         (20.3, 3.6),
         (17.2, 17.6),
         (13.4, 16.6),
@@ -145,22 +144,13 @@ fn exhibits(solids: &mut Vec<Solid>, rng: &mut ChaCha8Rng) {
         let side = rng.random_range(0.5..0.75);
         let plinth = turned_box(centre, side, side, turn);
         solids.push(Solid { footprint: plinth, bottom_m: 0.0, top_m: plinth_top, kind: Kind::Plinth, variant });
-        // A figure of two or three stacked drums.
-        let mut bottom = plinth_top;
-        let mut radius = side * rng.random_range(0.28..0.42);
-        for _ in 0..rng.random_range(2..4) {
-            let top = bottom + rng.random_range(0.2..0.5);
-            let footprint = regular(centre, radius, 8, turn);
-            solids.push(Solid { footprint, bottom_m: bottom, top_m: top, kind: Kind::Exhibit, variant });
-            bottom = top;
-            radius *= rng.random_range(0.6..1.15);
-        }
+        figure(centre, plinth_top, side, turn, variant, solids, rng);
     }
     let cases = [
         (10.6, 4.4, 0.0),
         (14.2, 10.0 - 5.0 + 2.2, 0.0),
         (4.9, 5.6, 1.2),
-        (22.0, 12.6, 1.57),
+        (23.2, 12.9, 1.57),
         (17.4, 1.9, 0.0),
         (11.9, 13.2, 0.0),
     ];
@@ -180,7 +170,36 @@ fn exhibits(solids: &mut Vec<Solid>, rng: &mut ChaCha8Rng) {
     }
 }
 
-fn jittered((x, y): (f64, f64), rng: &mut ChaCha8Rng) -> Point2 {
+/// Outlines of exhibits from the bottom up, parts of the plinth's half side; and their corners.
+const FIGURES: [(&[f64], u32); 6] = [
+    (&[0.35, 0.5, 0.75, 0.9, 0.85, 0.65, 0.4, 0.32, 0.42], 12),
+    (&[0.85, 0.95, 0.9, 0.65, 0.36, 0.34, 0.5, 0.58, 0.56, 0.42, 0.2], 12),
+    (&[0.75, 0.7, 0.66, 0.61, 0.56, 0.52, 0.47, 0.42, 0.38, 0.2], 4),
+    (&[0.9, 0.7, 0.7, 0.68, 0.68, 0.66, 0.66, 0.85, 0.9], 16),
+    (&[0.3, 0.6, 0.8, 0.88, 0.88, 0.8, 0.6, 0.3], 14),
+    (&[0.5, 0.4, 0.3, 0.3, 0.45, 0.6, 0.5, 0.35, 0.3, 0.5, 0.7], 6),
+];
+
+/// A vase, a bust, an obelisk, a column or a modern piece, in slices.
+fn figure(
+    centre: Point2,
+    bottom_m: f64,
+    side_m: f64,
+    turn: f64,
+    variant: u32,
+    solids: &mut Vec<Solid>,
+    rng: &mut ChaCha8Rng,
+) {
+    let (outline, corners) = FIGURES[variant as usize % FIGURES.len()];
+    let slice = rng.random_range(0.07..0.12);
+    for (index, part) in outline.iter().enumerate() {
+        let bottom_m = bottom_m + slice * index as f64;
+        let footprint = regular(centre, part * side_m / 2.0, corners, turn);
+        solids.push(Solid { footprint, bottom_m, top_m: bottom_m + slice, kind: Kind::Exhibit, variant });
+    }
+}
+
+fn jittered((x, y): Place, rng: &mut ChaCha8Rng) -> Point2 {
     at((x + rng.random_range(-0.12..0.12), y + rng.random_range(-0.12..0.12)))
 }
 

@@ -1,5 +1,16 @@
 //! Pictures on surfaces: area-averaged levels of detail, bilinear sampling.
 
+/// How a texture goes on beyond its border.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Repeat {
+    /// It does not: the border's texels go on.
+    No,
+    /// To the left and right, as along a wall.
+    Sideways,
+    /// In all directions, as on a floor.
+    Everywhere,
+}
+
 /// Texels are sRGB, as the drawings and photographs are.
 #[derive(Clone, Debug)]
 struct Level {
@@ -9,13 +20,10 @@ struct Level {
 }
 
 impl Level {
-    fn texel(&self, x: i32, y: i32, repeat: bool) -> [f32; 3] {
+    fn texel(&self, x: i32, y: i32, repeat: Repeat) -> [f32; 3] {
         let (width, height) = (self.width as i32, self.height as i32);
-        let (x, y) = if repeat {
-            (x.rem_euclid(width), y.rem_euclid(height))
-        } else {
-            (x.clamp(0, width - 1), y.clamp(0, height - 1))
-        };
+        let x = if repeat == Repeat::No { x.clamp(0, width - 1) } else { x.rem_euclid(width) };
+        let y = if repeat == Repeat::Everywhere { y.rem_euclid(height) } else { y.clamp(0, height - 1) };
         let [r, g, b, _] = self.texels[(y * width + x) as usize];
         [f32::from(r), f32::from(g), f32::from(b)]
     }
@@ -51,18 +59,18 @@ impl Level {
 pub(crate) struct Texture {
     levels: Vec<Level>,
     texels_per_m: [f32; 2],
-    repeat: bool,
+    repeat: Repeat,
 }
 
 impl Texture {
-    /// `texels` are `width` × `height` rows from the top, covering `size_m` (metres, wide and high); `repeat` tiles the
-    /// plane with it, otherwise the border goes on for ever. Nothing if a side is zero or texels are missing.
+    /// `texels` are `width` × `height` rows from the top, covering `size_m` (metres, wide and high); where it does not
+    /// `repeat`, its border goes on for ever. Nothing if a side is zero or texels are missing.
     pub(crate) fn new(
         width: usize,
         height: usize,
         texels: Vec<[u8; 4]>,
         size_m: [f32; 2],
-        repeat: bool,
+        repeat: Repeat,
     ) -> Option<Self> {
         if width == 0 || height == 0 || texels.len() != width * height || size_m.iter().any(|&size| size <= 0.0) {
             return None;
@@ -81,7 +89,7 @@ impl Texture {
         Self {
             levels: vec![Level { width: 1, height: 1, texels: vec![[128, 128, 128, 255]] }],
             texels_per_m: [1.0, 1.0],
-            repeat: true,
+            repeat: Repeat::Everywhere,
         }
     }
 
@@ -116,11 +124,11 @@ impl Texture {
 
 #[cfg(test)]
 mod tests {
-    use super::Texture;
+    use super::{Repeat, Texture};
 
     fn checker() -> Texture {
         let texels = (0..64 * 64).map(|i| if (i / 64 + i % 64) % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] }).collect();
-        Texture::new(64, 64, texels, [1.0, 1.0], true).unwrap()
+        Texture::new(64, 64, texels, [1.0, 1.0], Repeat::Everywhere).unwrap()
     }
 
     #[test]
@@ -134,7 +142,7 @@ mod tests {
 
     #[test]
     fn sizes_must_fit() {
-        assert!(Texture::new(2, 2, vec![[0; 4]; 3], [1.0, 1.0], false).is_none());
-        assert!(Texture::new(0, 2, vec![], [1.0, 1.0], false).is_none());
+        assert!(Texture::new(2, 2, vec![[0; 4]; 3], [1.0, 1.0], Repeat::No).is_none());
+        assert!(Texture::new(0, 2, vec![], [1.0, 1.0], Repeat::No).is_none());
     }
 }

@@ -1,7 +1,7 @@
 //! A sheet to draw on in metres; x to the right, y down from the top left corner.
 
 use crate::draw::Panel;
-use crate::texture::Texture;
+use crate::texture::{Repeat, Texture};
 use font8x8::UnicodeFonts;
 use image::RgbImage;
 use rand::{Rng, RngExt};
@@ -190,7 +190,7 @@ impl Canvas {
     }
 
     /// The sheet as a texture.
-    pub(crate) fn into_texture(self, repeat: bool) -> Texture {
+    pub(crate) fn into_texture(self, repeat: Repeat) -> Texture {
         let drawn = self.pixmap.and_then(|pixmap| {
             let (width, height) = (pixmap.width() as usize, pixmap.height() as usize);
             let texels = pixmap.data().chunks_exact(4).map(|p| [p[0], p[1], p[2], 255]).collect();
@@ -202,7 +202,7 @@ impl Canvas {
     /// The sheet as something that hangs on a wall.
     pub(crate) fn into_panel(self, bottom_m: f64) -> Panel {
         let (width_m, height_m) = (f64::from(self.width_m), f64::from(self.height_m));
-        Panel { texture: self.into_texture(false), width_m, height_m, bottom_m }
+        Panel { texture: self.into_texture(Repeat::No), width_m, height_m, bottom_m }
     }
 
     fn fill(&mut self, path: Option<Path>, colour: Rgb, alpha: f32) {

@@ -181,7 +181,7 @@ pub(crate) fn clock(rng: &mut impl Rng) -> Panel {
     canvas.ellipse(0.2, 0.2, 0.19, 0.19, [30, 30, 32], 1.0);
     canvas.ellipse(0.2, 0.2, 0.165, 0.165, [248, 248, 244], 1.0);
     for hand in [0.09, 0.14] {
-        let angle: f32 = rng.random_range(0.0..6.28);
+        let angle: f32 = rng.random_range(0.0..std::f32::consts::TAU);
         canvas.line(&[(0.2, 0.2), (0.2 + hand * angle.cos(), 0.2 + hand * angle.sin())], 0.015, [20, 20, 24], 1.0);
     }
     canvas.into_panel(2.0)

@@ -4,7 +4,7 @@ use super::canvas::{Canvas, Rgb, any_colour, hsv, mix, shade};
 use super::fittings::books;
 use super::surfaces::grain_lines;
 use crate::layout::Kind;
-use crate::texture::Texture;
+use crate::texture::{Repeat, Texture};
 use rand::{Rng, RngExt};
 
 /// Pixels per metre.
@@ -21,30 +21,31 @@ pub(crate) fn side(kind: Kind, width_m: f64, height_m: f64, rng: &mut impl Rng) 
         Kind::Screen => screen(width_m, height_m, rng),
         Kind::Bench => bench(width_m, height_m, rng),
         Kind::Plinth => plinth(width_m, height_m, rng),
+        Kind::Divider => divider(width_m, height_m, rng),
         Kind::Exhibit => exhibit(width_m, height_m, rng),
         Kind::Showcase => showcase(width_m, height_m, rng),
         Kind::Vending => vending(width_m, height_m, rng),
         Kind::Plant => plant(width_m, height_m, rng),
         Kind::Pillar | Kind::Frame | Kind::Partition => stone(width_m, height_m, rng),
     };
-    canvas.into_texture(false)
+    canvas.into_texture(Repeat::No)
 }
 
 /// The top of a thing: one plain colour with some grain.
 pub(crate) fn top(kind: Kind, rng: &mut impl Rng) -> Texture {
     let colour = match kind {
         Kind::Desk | Kind::Cupboard | Kind::Bookshelf => WOODS[rng.random_range(0..4)],
-        Kind::Bench => [120, 60, 50],
+        Kind::Bench => upholstery(rng),
         Kind::Plant => [60, 104, 50],
         Kind::Showcase => [200, 214, 216],
         Kind::Vending | Kind::Screen => [44, 46, 52],
         Kind::Lockers => [120, 130, 140],
-        Kind::Exhibit => [150, 140, 124],
+        Kind::Exhibit => MATERIALS[rng.random_range(0..MATERIALS.len())],
         _ => [214, 210, 202],
     };
     let mut canvas = Canvas::new(1.0, 1.0, 40.0, colour);
     canvas.grain(8.0, rng);
-    canvas.into_texture(true)
+    canvas.into_texture(Repeat::Everywhere)
 }
 
 fn lockers(width_m: f64, height_m: f64, rng: &mut impl Rng) -> Canvas {
@@ -108,7 +109,7 @@ fn screen(width_m: f64, height_m: f64, rng: &mut impl Rng) -> Canvas {
 }
 
 fn bench(width_m: f64, height_m: f64, rng: &mut impl Rng) -> Canvas {
-    let cover = any_colour(rng, (0.3, 0.7), (0.25, 0.55));
+    let cover = upholstery(rng);
     let mut canvas = Canvas::new(width_m, height_m, FINENESS, shade(cover, 0.5));
     let (w, h) = (canvas.width(), canvas.height());
     canvas.rect(0.0, 0.0, w, h * 0.5, cover);
@@ -116,6 +117,20 @@ fn bench(width_m: f64, height_m: f64, rng: &mut impl Rng) -> Canvas {
     for cushion in 0..cushions as i32 {
         canvas.rect(cushion as f32 * w / cushions, 0.0, 0.012, h * 0.5, shade(cover, 0.6));
     }
+    canvas
+}
+
+/// A bench's cover: the first thing drawn for a bench, so that its top and sides agree.
+fn upholstery(rng: &mut impl Rng) -> Rgb {
+    any_colour(rng, (0.3, 0.7), (0.25, 0.55))
+}
+
+fn divider(width_m: f64, height_m: f64, rng: &mut impl Rng) -> Canvas {
+    let cloth = any_colour(rng, (0.15, 0.45), (0.4, 0.7));
+    let mut canvas = Canvas::new(width_m, height_m, FINENESS, cloth);
+    canvas.grain(14.0, rng);
+    let (w, h) = (canvas.width(), canvas.height());
+    canvas.frame(0.0, 0.0, w, h, 0.02, [120, 122, 126]);
     canvas
 }
 
@@ -136,19 +151,20 @@ fn plinth(width_m: f64, height_m: f64, rng: &mut impl Rng) -> Canvas {
     canvas
 }
 
+/// Bronze, verdigris, marble, basalt, clay or glaze.
+const MATERIALS: [Rgb; 7] =
+    [[142, 96, 52], [96, 128, 112], [226, 220, 208], [66, 62, 62], [182, 92, 60], [52, 84, 132], [200, 160, 70]];
+
+/// A slice of an exhibit; all slices of one are drawn from the same numbers, so they agree.
 fn exhibit(width_m: f64, height_m: f64, rng: &mut impl Rng) -> Canvas {
-    let material = [[142, 96, 52], [90, 110, 96], [222, 214, 200], [60, 56, 56], [176, 84, 56]][rng.random_range(0..5)];
-    let mut canvas = Canvas::new(width_m, height_m, FINENESS, shade(material, 0.85));
+    let material = MATERIALS[rng.random_range(0..MATERIALS.len())];
+    let mut canvas = Canvas::new(width_m, height_m, FINENESS, material);
     let (w, h) = (canvas.width(), canvas.height());
-    canvas.gradient(0.0, 0.0, w, h, shade(material, 1.1), shade(material, 0.6));
-    for band in 0..rng.random_range(3..7) {
-        let y = h * band as f32 / 6.0;
-        let tone = any_colour(rng, (0.2, 0.7), (0.2, 0.8));
-        canvas.rect(0.0, y, w, 0.02, mix(material, tone, 0.6));
-        for dot in 0..8 {
-            canvas.ellipse(w * dot as f32 / 8.0, y + 0.05, 0.015, 0.02, mix(tone, material, 0.4), 0.9);
-        }
+    if rng.random_bool(0.5) {
+        let glaze = any_colour(rng, (0.3, 0.8), (0.2, 0.8));
+        canvas.rect(0.0, h * 0.35, w, h * 0.3, mix(material, glaze, 0.6));
     }
+    canvas.grain(12.0, rng);
     canvas
 }
 

@@ -1,7 +1,7 @@
 //! Walls, floors and ceilings.
 
 use super::canvas::{Canvas, Rgb, mix, shade};
-use crate::texture::Texture;
+use crate::texture::{Repeat, Texture};
 use rand::{Rng, RngExt};
 
 /// Width of a strip of wall before it repeats, metres.
@@ -86,7 +86,7 @@ pub(crate) fn wall(kind: Wall, height_m: f64, rng: &mut impl Rng) -> Texture {
     canvas.rect(0.0, height - 0.12, width, 0.12, skirting);
     canvas.rect(0.0, 0.0, width, 0.06, mix(base, [240, 238, 230], 0.7));
     canvas.grain(4.0, rng);
-    canvas.into_texture(true)
+    canvas.into_texture(Repeat::Sideways)
 }
 
 fn stains(canvas: &mut Canvas, base: Rgb, rng: &mut impl Rng) {
@@ -224,7 +224,7 @@ pub(crate) fn floor(kind: Floor, rng: &mut impl Rng) -> Texture {
         }
     }
     canvas.grain(4.0, rng);
-    canvas.into_texture(true)
+    canvas.into_texture(Repeat::Everywhere)
 }
 
 /// A ceiling's texture.
@@ -260,5 +260,5 @@ pub(crate) fn ceiling(kind: Ceiling, rng: &mut impl Rng) -> Texture {
         }
     }
     canvas.grain(3.0, rng);
-    canvas.into_texture(true)
+    canvas.into_texture(Repeat::Everywhere)
 }
