@@ -1,0 +1,240 @@
+//! Any order, repetition and interleaving of increments ends in the same map; a replica with gaps gets there, too.
+
+use fht_map::sequence::SequenceConfig;
+use fht_map::{Accepted, MapState, Replica};
+use fht_proto::{
+    AuthorId, Descriptor, DescriptorModel, EdgeKey, FixedPoint, FixedPose, Increment, ModelId, NodeId, NodeKind, Op,
+    Rect, ScanRecord, Signature,
+};
+use proptest::prelude::*;
+
+/// Few ids, poses and clocks, so that writes meet: equal stamps with different contents, removals older and newer.
+fn id() -> impl Strategy<Value = NodeId> {
+    (0..2_u32, 0..4_u32).prop_map(|(author, number)| NodeId { author: AuthorId(author), number })
+}
+
+fn pose() -> impl Strategy<Value = FixedPose> {
+    (0..3_i32, 0..3_i32).prop_map(|(x, y)| FixedPose { position: FixedPoint { x_mm: x, y_mm: y }, yaw_e4: 0 })
+}
+
+fn signature() -> impl Strategy<Value = Signature> {
+    (0..3_i8).prop_map(|value| Signature {
+        descriptor: Some(Descriptor { model: ModelId(1), scale: 1.0, values: vec![value; 4] }),
+        scan: ScanRecord {
+            base_from_sensor: FixedPose::default(),
+            angle_min: 0.0,
+            angle_increment: 0.1,
+            ranges_mm: vec![1000; 4],
+        },
+    })
+}
+
+fn edge() -> impl Strategy<Value = EdgeKey> {
+    (id(), id()).prop_filter("two ends", |(a, b)| a != b).prop_map(|(a, b)| EdgeKey::new(a, b))
+}
+
+fn op() -> impl Strategy<Value = Op> {
+    let kind = prop_oneof![Just(NodeKind::Main), Just(NodeKind::Support)];
+    let rect = prop::option::of((0..3_u16).prop_map(|east_mm| Rect { east_mm, ..Rect::default() }));
+    let model = (0..2_u32, 1..4_u16).prop_map(|(id, dimension)| DescriptorModel {
+        id: ModelId(id),
+        name: "model".to_owned(),
+        dimension,
+        match_threshold_e3: 700,
+    });
+    prop_oneof![
+        4 => (id(), kind, pose()).prop_map(|(id, kind, pose)| Op::PutNode { id, kind, pose }),
+        2 => id().prop_map(|id| Op::RemoveNode { id }),
+        2 => (id(), pose()).prop_map(|(id, pose)| Op::SetPose { id, pose }),
+        2 => (id(), rect).prop_map(|(id, rect)| Op::SetFreeSpace { id, rect }),
+        2 => (id(), signature()).prop_map(|(id, signature)| Op::SetSignature { id, signature }),
+        3 => edge().prop_map(|edge| Op::PutEdge { edge }),
+        1 => edge().prop_map(|edge| Op::RemoveEdge { edge }),
+        1 => model.prop_map(|model| Op::PutModel { model }),
+    ]
+}
+
+/// Up to three authors with contents and clocks of any kind, hostile ones too, numbered without gaps.
+fn increments() -> impl Strategy<Value = Vec<Increment>> {
+    let one = (0..3_u32, 0..4_u64, prop::collection::vec(op(), 1..5));
+    prop::collection::vec(one, 1..12).prop_map(|drawn| {
+        let mut counts = [0; 3];
+        let number = |(author, hlc_us, ops): (u32, u64, Vec<Op>)| {
+            counts[author as usize] += 1;
+            Increment { author: AuthorId(author), number: counts[author as usize], hlc_us, ops }
+        };
+        drawn.into_iter().map(number).collect()
+    })
+}
+
+/// The increments, and the same in any order with some of them repeated.
+fn two_deliveries() -> impl Strategy<Value = (Vec<Increment>, Vec<Increment>)> {
+    increments().prop_flat_map(|increments| {
+        let repeated = prop::collection::vec(prop::sample::select(increments.clone()), 0..8);
+        let delivery = repeated.prop_flat_map({
+            let increments = increments.clone();
+            move |repeated| Just([increments.clone(), repeated].concat()).prop_shuffle()
+        });
+        (Just(increments), delivery)
+    })
+}
+
+fn state_of<'a>(increments: impl IntoIterator<Item = &'a Increment>) -> MapState {
+    let mut state = MapState::new();
+    increments.into_iter().for_each(|increment| state.apply(increment));
+    state
+}
+
+/// All that can be seen of a map, as text.
+fn shown(state: &MapState) -> String {
+    let nodes: Vec<_> = state.nodes().collect();
+    let neighbours: Vec<Vec<NodeId>> =
+        nodes.iter().map(|node| state.neighbours(node.id).map(|other| other.id).collect()).collect();
+    let edges: Vec<_> = state.edges().collect();
+    let models: Vec<_> = state.models().collect();
+    format!("{nodes:?} {neighbours:?} {edges:?} {models:?} {}", state.max_hlc_us())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    #[test]
+    fn order_and_repetition_do_not_matter((increments, delivery) in two_deliveries()) {
+        let (straight, shuffled) = (state_of(&increments), state_of(&delivery));
+        prop_assert_eq!(straight.digest(), shuffled.digest());
+        prop_assert_eq!(shown(&straight), shown(&shuffled));
+    }
+
+    #[test]
+    fn a_replica_with_gaps_gets_there((increments, delivery) in two_deliveries()) {
+        let mut replica = Replica::default();
+        let mut applied = 0;
+        for increment in delivery {
+            match replica.accept(increment) {
+                Accepted::Applied(count) => applied += count,
+                Accepted::Duplicate | Accepted::Early => {}
+                other => prop_assert!(false, "{:?}", other),
+            }
+        }
+        prop_assert_eq!(applied, increments.len());
+        prop_assert_eq!(replica.vector().version(), increments.len() as u64);
+        prop_assert_eq!(replica.waiting(), 0);
+        prop_assert_eq!(replica.state().digest(), state_of(&increments).digest());
+    }
+
+    #[test]
+    fn equal_digests_mean_equal_maps(a in increments(), b in increments()) {
+        let (a, b) = (state_of(&a), state_of(&b));
+        prop_assert_eq!(state_of(&[]).digest(), MapState::new().digest());
+        if a.digest() == b.digest() {
+            prop_assert_eq!(shown(&a), shown(&b));
+        }
+    }
+
+    #[test]
+    fn the_index_of_edges_agrees_with_the_edges(increments in increments()) {
+        let state = state_of(&increments);
+        let edges: Vec<EdgeKey> = state.edges().collect();
+        for node in state.nodes() {
+            let joined: Vec<NodeId> = state.neighbours(node.id).map(|other| other.id).collect();
+            let mut expected: Vec<NodeId> = edges
+                .iter()
+                .filter_map(|edge| match node.id {
+                    id if id == edge.low() => Some(edge.high()),
+                    id if id == edge.high() => Some(edge.low()),
+                    _ => None,
+                })
+                .collect();
+            expected.sort();
+            prop_assert_eq!(joined, expected);
+        }
+        let counts = state.counts();
+        prop_assert_eq!(counts.edges, edges.len());
+        prop_assert_eq!(counts.main_nodes + counts.support_nodes, state.nodes().count());
+        prop_assert_eq!(counts.main_nodes, state.main_nodes().count());
+    }
+}
+
+fn node(number: u32) -> NodeId {
+    NodeId { author: AuthorId(0), number }
+}
+
+fn increment(number: u64, hlc_us: u64, ops: Vec<Op>) -> Increment {
+    Increment { author: AuthorId(0), number, hlc_us, ops }
+}
+
+fn put(number: u32, x_mm: i32) -> Op {
+    let pose = FixedPose { position: FixedPoint { x_mm, y_mm: 0 }, yaw_e4: 0 };
+    Op::PutNode { id: node(number), kind: NodeKind::Support, pose }
+}
+
+#[test]
+fn a_removed_node_hides_its_edges_and_comes_back_bare() {
+    let rect = Op::SetFreeSpace { id: node(0), rect: Some(Rect { east_mm: 5, ..Rect::default() }) };
+    let edge = Op::PutEdge { edge: EdgeKey::new(node(0), node(1)) };
+    let mut state = state_of(&[increment(1, 1, vec![put(0, 1), put(1, 2), rect, edge])]);
+    assert_eq!(state.edges().count(), 1);
+    state.apply(&increment(2, 2, vec![Op::RemoveNode { id: node(0) }]));
+    assert_eq!((state.nodes().count(), state.edges().count()), (1, 0));
+    assert!(state.node(node(0)).is_none());
+    state.apply(&increment(3, 3, vec![put(0, 7)]));
+    assert_eq!(state.edges().count(), 1, "the edge is an element of its own");
+    assert_eq!(state.node(node(0)).unwrap().free_space, None, "what was written before the removal stays removed");
+    // An older write that arrives late changes nothing.
+    let digest = state.digest();
+    state.apply(&increment(1, 1, vec![put(0, 1), put(1, 2)]));
+    assert_eq!(state.digest(), digest);
+}
+
+#[test]
+fn a_correction_moves_a_node_and_keeps_the_rest() {
+    let moved = FixedPose { position: FixedPoint { x_mm: 50, y_mm: 60 }, yaw_e4: 70 };
+    let rect = Some(Rect { east_mm: 5, ..Rect::default() });
+    let set = Op::SetFreeSpace { id: node(0), rect };
+    let state = state_of(&[
+        increment(1, 1, vec![put(0, 1), set]),
+        increment(2, 2, vec![Op::SetPose { id: node(0), pose: moved }]),
+    ]);
+    let node = state.node(node(0)).unwrap();
+    assert_eq!((node.pose, node.free_space), (moved, rect));
+    assert_eq!(state.max_hlc_us(), 2);
+}
+
+#[test]
+fn a_copy_does_not_change_with_its_original() {
+    let mut state = state_of(&[increment(1, 1, vec![put(0, 1)])]);
+    let copy = state.clone();
+    state.apply(&increment(2, 2, vec![put(1, 1)]));
+    assert_eq!((copy.nodes().count(), state.nodes().count()), (1, 2));
+    assert_ne!(copy.digest(), state.digest());
+}
+
+#[test]
+fn a_replica_tells_repetition_from_conflict() {
+    let mut replica = Replica::default();
+    let first = increment(1, 1, vec![put(0, 1)]);
+    let third = increment(3, 3, vec![put(2, 1)]);
+    assert_eq!(replica.accept(third.clone()), Accepted::Early);
+    assert_eq!(replica.accept(third), Accepted::Duplicate);
+    assert_eq!(replica.accept(increment(3, 3, vec![put(2, 99)])), Accepted::Conflict);
+    assert_eq!(replica.accept(first.clone()), Accepted::Applied(1));
+    assert_eq!(replica.accept(first), Accepted::Duplicate);
+    assert_eq!(replica.accept(increment(1, 1, vec![put(0, 99)])), Accepted::Conflict);
+    assert_eq!(replica.accept(increment(2, 2, vec![put(1, 1)])), Accepted::Applied(2));
+    assert_eq!(replica.vector().get(AuthorId(0)), 3);
+    assert_eq!(replica.state().node(node(2)).unwrap().pose.position.x_mm, 1);
+}
+
+#[test]
+fn what_waits_is_bounded() {
+    let config = SequenceConfig { max_ahead: 10, max_waiting_bytes: 2000 };
+    let mut replica = Replica::new(config);
+    assert_eq!(replica.accept(increment(11, 1, vec![put(0, 1)])), Accepted::Dropped, "too far ahead");
+    let outcomes: Vec<Accepted> =
+        (2..=10).map(|number| replica.accept(increment(number, 1, vec![put(0, 1); 10]))).collect();
+    assert!(outcomes.contains(&Accepted::Early) && outcomes.contains(&Accepted::Dropped), "{outcomes:?}");
+    let kept = replica.waiting();
+    // What was dropped comes again and goes in.
+    assert_eq!(replica.accept(increment(1, 1, vec![put(0, 1)])), Accepted::Applied(1 + kept));
+    assert_eq!(replica.accept(increment(u64::MAX, 1, vec![put(0, 1)])), Accepted::Dropped);
+}
