@@ -1,18 +1,9 @@
 //! The descriptor of a panorama, computed beside the robot's loop. A result is taken when the next panorama comes, so
 //! that a simulated run repeats exactly.
 
-use fht_robot::descriptor::{DescriptorNet, information};
+use fht_robot::descriptor::{Appearance, DescriptorNet};
 use fht_robot::frame::Panorama;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-
-/// What the cameras said of a place.
-#[derive(Clone, Debug)]
-pub struct Appearance {
-    /// The unit vector φ.
-    pub components: Vec<f32>,
-    /// Its visual information, 0 to 1.
-    pub information: f64,
-}
 
 /// A thread that describes panoramas, one at a time.
 pub struct CameraWorker<C> {
@@ -32,11 +23,7 @@ impl<C> CameraWorker<C> {
         let (outgoing, appearances) = sync_channel(1);
         std::thread::Builder::new().name("camera".to_owned()).spawn(move || {
             for panorama in incoming {
-                let described = net.describe(&panorama).map_err(|error| error.to_string());
-                let appearance = described.map(|components| {
-                    let information = information(&components);
-                    Appearance { components, information }
-                });
+                let appearance = net.appearance(&panorama.views).map_err(|error| error.to_string());
                 if outgoing.send(appearance).is_err() {
                     return;
                 }

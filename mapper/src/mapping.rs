@@ -3,7 +3,7 @@
 //! Pure of I/O: frames go in, a command and increments come out. Camera and refinement work in threads beside it and
 //! are joined at fixed frames, so the same frames give the same map.
 
-use crate::camera::{Appearance, CameraWorker};
+use crate::camera::CameraWorker;
 use crate::construct::{Builder, BuilderConfig, Chain, Observation, point};
 use crate::explore::{ExploreConfig, ExploreStep, Explorer};
 use crate::journal::Journal;
@@ -11,7 +11,7 @@ use crate::refine::{RefineConfig, RefineJob, RefineWorker, Roadmap, Shortcut, is
 use crate::slam::{Slam, SlamConfig};
 use fht_map::MapState;
 use fht_proto::{AuthorId, Descriptor, DescriptorModel, Increment, NodeId, Op};
-use fht_robot::descriptor::DescriptorNet;
+use fht_robot::descriptor::{Appearance, DescriptorNet};
 use fht_robot::frame::{SensorFrame, Twist};
 use fht_robot::grid::OccupancyGrid;
 use fht_robot::planning::{PlanConfig, Traversable, UnknownCells};
@@ -147,8 +147,7 @@ impl Mapper {
 
     fn take_appearance(&mut self, seen: Option<((Pose2, fht_proto::ScanRecord), Appearance)>, time_us: u64) {
         let Some(((map_from_base, scan), appearance)) = seen else { return };
-        let descriptor =
-            self.map().models().next().map(|model| Descriptor::quantise(model.id, &appearance.components));
+        let descriptor = self.map().models().next().map(|model| Descriptor::quantise(model.id, &appearance.components));
         let observation = Observation { map_from_base, scan, descriptor, information: appearance.information };
         let made = self.builder.observe_place(observation, &mut self.journal, self.slam.grid());
         self.take_node(made, time_us);

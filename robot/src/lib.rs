@@ -8,11 +8,13 @@
 //! | [`matching`] | scan matching: correlative search, point-to-line refinement, covariance |
 //! | [`planning`] | shortest ways over the grid |
 //! | [`motion`] | following a path with a differential drive |
-//! | `descriptor` | a CNN over the panorama, a unit vector |
-//! | `link` | the robot's Zenoh session |
+//! | [`descriptor`] | a CNN over the panorama, a unit vector |
+//! | [`link`] | the robot's Zenoh session |
 
+pub mod descriptor;
 pub mod frame;
 pub mod grid;
+pub mod link;
 pub mod matching;
 pub mod motion;
 pub mod planning;

@@ -1,0 +1,98 @@
+//! What a model needs beside its ONNX file: how big its input is, how its output is pooled, what is subtracted, and
+//! from which cosine on two places are the same.
+
+use fht_proto::Descriptor;
+use serde::{Deserialize, Serialize};
+
+/// How pixels enter the network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum InputLayout {
+    /// `uint8 [n, height, width, 3]`, RGB; the network normalises.
+    NhwcU8,
+    /// `float32 [n, 3, height, width]`, RGB, less [`Description::input_mean`], over [`Description::input_deviation`].
+    NchwF32,
+}
+
+/// The description of a model, as JSON.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Description {
+    /// Name for people.
+    pub name: String,
+    /// Name of the network's input.
+    pub input: String,
+    /// Layout of the input.
+    pub layout: InputLayout,
+    /// For `nchw-f32`: mean of each colour, 0 to 255.
+    #[serde(default)]
+    pub input_mean: [f32; 3],
+    /// For `nchw-f32`: deviation of each colour, 0 to 255.
+    #[serde(default = "unit_deviation")]
+    pub input_deviation: [f32; 3],
+    /// Side of a view as the network sees it, pixels.
+    pub view_px: u32,
+    /// Name of the network's output: `float32 [n, dimension, …]`.
+    pub output: String,
+    /// Channels of the output.
+    pub dimension: u16,
+    /// Power of the generalised mean.
+    pub gem_power: f64,
+    /// What all places share: subtracted from the pooled unit vector. Empty: nothing.
+    pub mean: Vec<f32>,
+    /// Least cosine of two descriptors of one place.
+    pub match_threshold: f32,
+}
+
+fn unit_deviation() -> [f32; 3] {
+    [1.0; 3]
+}
+
+/// Why a description is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum DescriptionError {
+    /// It is not the JSON of a description.
+    #[error("not a model description: {0}")]
+    Json(#[from] serde_json::Error),
+    /// A value is out of range.
+    #[error("{field} is {value}: {expected}")]
+    Value {
+        /// Which.
+        field: &'static str,
+        /// What it is.
+        value: String,
+        /// What it should be.
+        expected: &'static str,
+    },
+}
+
+impl Description {
+    /// Parses and checks a description.
+    ///
+    /// # Errors
+    /// [`DescriptionError`].
+    pub fn parse(text: &str) -> Result<Self, DescriptionError> {
+        let description: Self = serde_json::from_str(text)?;
+        let check = |holds: bool, field, value: String, expected| {
+            if holds { Ok(()) } else { Err(DescriptionError::Value { field, value, expected }) }
+        };
+        let dimension = usize::from(description.dimension);
+        let shown = |value: &dyn std::fmt::Display| value.to_string();
+        check((1..=Descriptor::MAX_DIMENSION).contains(&dimension), "dimension", shown(&dimension), "1 to 512")?;
+        let view_px = description.view_px;
+        check((16..=1024).contains(&view_px), "view_px", shown(&view_px), "16 to 1024 pixels")?;
+        let power = description.gem_power;
+        check(power.is_finite() && (0.5..=20.0).contains(&power), "gem_power", shown(&power), "0.5 to 20")?;
+        let mean = &description.mean;
+        let fits = mean.is_empty() || mean.len() == dimension;
+        check(fits, "mean", format!("{} numbers", mean.len()), "one number for each dimension, or none")?;
+        check(mean.iter().all(|value| value.is_finite()), "mean", "not finite".to_owned(), "finite numbers")?;
+        let deviation = description.input_deviation;
+        let is_deviation = deviation.iter().all(|value| value.is_finite() && *value > 0.0);
+        check(is_deviation, "input_deviation", format!("{deviation:?}"), "positive numbers")?;
+        let threshold = description.match_threshold;
+        check((-1.0..=1.0).contains(&threshold), "match_threshold", shown(&threshold), "a cosine")?;
+        check(description.name.len() <= 64, "name", description.name.clone(), "at most 64 bytes")?;
+        Ok(description)
+    }
+}

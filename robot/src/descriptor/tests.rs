@@ -1,0 +1,84 @@
+//! The built-in network on drawn pictures.
+
+use super::*;
+use image::Rgb;
+
+/// A panorama of four views of a drawn ring of coloured stripes and blobs, the robot turned by `turn` quarter turns.
+fn ring(seed: u32, turn: usize, gain: f32) -> Panorama {
+    let view = |side: u32| {
+        RgbImage::from_fn(96, 96, |x, y| {
+            let column = side * 96 + x;
+            let wave = |scale: u32, shift: u32| {
+                let phase = (column * (scale + seed % 5) + shift * seed + y * (scale / 2 + seed % 3)) as f32 / 37.0;
+                ((phase.sin() * 0.5 + 0.5) * 200.0 * gain).min(255.0) as u8
+            };
+            let blob = (column / 24 + y / 24 + seed) % 3 == 0;
+            if blob { Rgb([wave(3, 1), wave(5, 2), 40]) } else { Rgb([60, wave(7, 3), wave(2, 5)]) }
+        })
+    };
+    // Views are ahead, left, behind, right; a turn to the left brings the left view ahead.
+    Panorama { views: [0, 1, 2, 3].map(|index| view(((index + turn) % 4) as u32)) }
+}
+
+fn cosine(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[test]
+fn a_descriptor_is_a_unit_vector_that_quarter_turns_and_light_leave_alone() {
+    let mut net = DescriptorNet::load(None).unwrap();
+    let reference = net.describe(&ring(3, 0, 1.0)).unwrap();
+    assert_eq!(reference.len(), usize::from(net.model().dimension));
+    assert!((cosine(&reference, &reference) - 1.0).abs() < 1e-4);
+    for turn in 1..4 {
+        let turned = net.describe(&ring(3, turn, 1.0)).unwrap();
+        assert!(cosine(&reference, &turned) > 0.9999, "{turn} quarter turns: {}", cosine(&reference, &turned));
+    }
+    let darker = net.describe(&ring(3, 0, 0.6)).unwrap();
+    let other = net.describe(&ring(11, 0, 1.0)).unwrap();
+    let (same_place, other_place) = (cosine(&reference, &darker), cosine(&reference, &other));
+    assert!(same_place > 0.9 && same_place > other_place, "darker {same_place}, elsewhere {other_place}");
+    assert_eq!(net.describe(&ring(3, 0, 1.0)).unwrap(), reference, "the same picture gives the same numbers");
+}
+
+#[test]
+fn information_is_the_entropy_of_the_components() {
+    // All components alike: one interval, no information. Spread evenly over all intervals: all there is.
+    assert!(information(&[0.05; 400]).abs() < 1e-12);
+    let spread: Vec<f32> = (0..400).map(|index| index as f32 / 400.0 * 0.2).collect();
+    assert!((information(&spread) - 1.0).abs() < 1e-3, "{}", information(&spread));
+    let mut net = DescriptorNet::load(None).unwrap();
+    let rich = net.appearance(&ring(5, 0, 1.0).views).unwrap();
+    assert!((0.3..=1.0).contains(&rich.information), "{}", rich.information);
+}
+
+#[test]
+fn odd_pictures_are_described_or_refused() {
+    let mut net = DescriptorNet::load(None).unwrap();
+    let tiny = RgbImage::from_pixel(1, 1, Rgb([9, 9, 9]));
+    assert!(net.appearance(&[tiny.clone(), RgbImage::new(30, 70)]).is_ok());
+    assert!(matches!(net.appearance(&[]), Err(DescribeError::Empty)));
+    assert!(matches!(net.appearance(&[tiny, RgbImage::new(0, 5)]), Err(DescribeError::Empty)));
+}
+
+#[test]
+fn a_model_of_ones_own_is_loaded_and_a_broken_one_refused_with_a_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let onnx = folder.path().join("own.onnx");
+    let json = folder.path().join("own.json");
+    let text = |path: &Path| DescriptorNet::load(Some(path)).err().map(|error| error.to_string()).unwrap_or_default();
+    assert!(text(&onnx).contains("own.onnx cannot be read"), "{}", text(&onnx));
+    std::fs::write(&onnx, BUILT_IN_ONNX).unwrap();
+    assert!(text(&onnx).contains("own.json cannot be read"), "{}", text(&onnx));
+    std::fs::write(&json, "{}").unwrap();
+    assert!(text(&onnx).contains("not a model description"), "{}", text(&onnx));
+    let wrong = BUILT_IN_DESCRIPTION.replace("\"features\"", "\"elsewhere\"");
+    std::fs::write(&json, wrong).unwrap();
+    assert!(text(&onnx).contains("no output 'elsewhere'"), "{}", text(&onnx));
+    std::fs::write(&json, BUILT_IN_DESCRIPTION.replace("\"mobilenet-v2-s7\"", "\"own\"")).unwrap();
+    let own = DescriptorNet::load(Some(&onnx)).unwrap();
+    assert_eq!(own.model().name, "own");
+    assert_ne!(own.model().id, DescriptorNet::load(None).unwrap().model().id);
+    std::fs::write(&onnx, b"no network").unwrap();
+    assert!(text(&onnx).contains("cannot be loaded as an ONNX model"), "{}", text(&onnx));
+}
