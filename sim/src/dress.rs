@@ -243,14 +243,17 @@ impl<'a> Dresser<'a> {
         for row in 0..plan.height() {
             for column in 0..plan.width() {
                 let index = row * plan.width() + column;
-                if plan.cells()[index] {
-                    openness[index] = 0.6;
-                    continue;
-                }
                 let centre = plan.centre_of(column, row);
-                let floor = self.layout.style_at(centre).floor;
-                textures[index] = self.floor(floor);
                 openness[index] = (0.68 + 0.32 * (plan.clearance_m(centre) / CORNER_SHADE_M).min(1.0)) as f32;
+                // Part of an occupied cell at a slanting wall is seen too.
+                let is_free = |dx: usize, dy: usize| {
+                    let (x, y) = ((column + dx).wrapping_sub(1), (row + dy).wrapping_sub(1));
+                    x < plan.width() && y < plan.height() && !plan.cells()[y * plan.width() + x]
+                };
+                if (0..9).any(|neighbour| is_free(neighbour % 3, neighbour / 3)) {
+                    let floor = self.layout.style_at(centre).floor;
+                    textures[index] = self.floor(floor);
+                }
             }
         }
         Ground {

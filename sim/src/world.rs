@@ -42,7 +42,18 @@ pub struct World {
     start: Pose2,
 }
 
-/// Clearance at a default start, metres, for the search in worlds whose start is not drawn.
+impl std::fmt::Debug for World {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter
+            .debug_struct("World")
+            .field("name", &self.name)
+            .field("triangles", &self.triangle_count())
+            .field("start", &self.start)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Radius of the disc that must be able to get from the start to a random pose, metres.
 const REACH_RADIUS_M: f64 = 0.2;
 
 impl World {

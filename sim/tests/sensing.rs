@@ -129,7 +129,6 @@ fn the_four_views_join_without_a_seam() {
             neighbours += difference(&column(&views[left], 158), &column(&views[left], 159));
         }
     }
-    println!("{seams} {neighbours}");
     assert!(seams < 1.2 * neighbours, "across seams {seams}, within views {neighbours}");
 }
 

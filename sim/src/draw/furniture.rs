@@ -160,9 +160,10 @@ fn exhibit(width_m: f64, height_m: f64, rng: &mut impl Rng) -> Canvas {
     let material = MATERIALS[rng.random_range(0..MATERIALS.len())];
     let mut canvas = Canvas::new(width_m, height_m, FINENESS, material);
     let (w, h) = (canvas.width(), canvas.height());
-    if rng.random_bool(0.5) {
-        let glaze = any_colour(rng, (0.3, 0.8), (0.2, 0.8));
-        canvas.rect(0.0, h * 0.35, w, h * 0.3, mix(material, glaze, 0.6));
+    for _ in 0..8 {
+        let (x, y) = (rng.random_range(0.0..w), rng.random_range(0.0..h));
+        let tone = shade(material, rng.random_range(0.75..1.2));
+        canvas.curve([(x, 0.0), (x + 0.05, y), (x - 0.05, y), (x + 0.02, h)], 0.008, tone, 0.5);
     }
     canvas.grain(12.0, rng);
     canvas
