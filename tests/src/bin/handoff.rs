@@ -65,7 +65,7 @@ fn main() -> ExitCode {
         return match role {
             Role::MapServer => map_server::main_with_args(with_name("map-server")),
             Role::Mapper => mapper::main_with_args(with_name("mapper")),
-            Role::ClientRobot => client_robot::main_with_args(with_name("client-robot")),
+            Role::ClientRobot => client_robot::cli::main_with_args(with_name("client-robot")),
         };
     }
     match demo(&cli) {
