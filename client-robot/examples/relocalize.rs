@@ -1,32 +1,19 @@
 //! Drops robots into a built-in world, mapped by the test fixture, and prints what became of them:
-//! `cargo run --release -p client-robot --example relocalize -- museum 20 go`.
+//! `cargo run --release -p client-robot --example relocalize -- museum 1-20 go 3.0 0.05` (world, seeds, `go` or `find`, spacing of
+//! the main nodes, their error in metres, and the world mapped if it is another).
 
 #[path = "../tests/fixture/mod.rs"]
 mod fixture;
 
 use client_robot::mission::{Goal, Services, run};
-use client_robot::paths::plan_on;
-use client_robot::pilot::{PathSource, PilotConfig};
-use client_robot::route::PlannedPath;
-use fht_map::MapState;
-use fht_proto::query::ErrorReply;
-use fht_proto::{Descriptor, EdgeKey};
+use client_robot::pilot::PilotConfig;
+use fht_proto::Descriptor;
 use fht_robot::descriptor::DescriptorNet;
 use fht_robot::frame::Panorama;
-use fht_robot::pose::Point2;
 use fht_sim::{SimConfig, Simulator};
-use std::collections::BTreeSet;
 use std::error::Error;
 use std::sync::Arc;
 use std::time::Instant;
-
-struct OwnPaths<'a>(&'a MapState);
-
-impl PathSource for OwnPaths<'_> {
-    fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<EdgeKey>) -> Result<PlannedPath, ErrorReply> {
-        plan_on(self.0, from, to, blocked)
-    }
-}
 
 fn main() -> Result<(), Box<dyn Error>> {
     let filter = tracing_subscriber::EnvFilter::from_default_env();
@@ -38,6 +25,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         None => (1..=10).collect(),
     };
     let goes = args.next().is_some_and(|word| word == "go");
+    let number = |text: Option<String>, default: f64| text.map_or(Ok(default), |text| text.parse::<f64>());
+    let spacing_m = number(args.next(), 3.0)?;
+    let node_sigma_m = number(args.next(), 0.0)?;
+    let mapped_name = args.next().unwrap_or_else(|| world_name.clone());
+    let fixture = fixture::FixtureConfig { spacing_m, node_sigma_m, node_sigma_rad: 0.1 * node_sigma_m, light_seed: 1 };
     let world = Arc::new(fht_sim::load(&world_name, None, 0)?);
     let mut net = DescriptorNet::load(None).ok();
     eprintln!("descriptor: {}", if net.is_some() { "network" } else { "colour stand-in" });
@@ -48,9 +40,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     };
     let began = Instant::now();
-    let map = fixture::map_of(&world, 1, &mut describe);
+    let mapped = Arc::new(fht_sim::load(&mapped_name, None, 0)?);
+    let map = fixture::map_of(&mapped, &fixture, &mut describe);
     eprintln!("{:?} mapped in {:.1} s", map.counts(), began.elapsed().as_secs_f64());
-    println!("seed  fix_m  err_m  err_deg ests/nodes worst_m | arrived end_m end_deg goal_m path short plan plans refix hits  sim_s wall_s failure");
+    println!(
+        "seed  fix_m  err_m  err_deg ests/nodes worst_m | arrived end_m end_deg goal_m path short plan plans refix hits  sim_s wall_s failure"
+    );
     for seed in seeds {
         let began = Instant::now();
         let sim = SimConfig { light_seed: 1000 + seed, ..SimConfig::default() };
@@ -58,9 +53,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut simulator = Simulator::new(Arc::clone(&world), sim, start, seed);
         let goal = if goes { Goal::FarNode(seed) } else { Goal::None };
         let config = PilotConfig { seed, ..PilotConfig::default() };
-        let mut paths = OwnPaths(&map);
-        let mut services =
-            Services { map: &map, paths: &mut paths, describe: &mut describe, on_frame: &mut |_, _| {} };
+        let mut paths = fixture::OwnPaths(&map);
+        let mut services = Services { map: &map, paths: &mut paths, describe: &mut describe, on_frame: &mut |_, _| {} };
         let r = run(&mut simulator, config, goal, &world.start(), &mut services);
         let n = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
         println!(

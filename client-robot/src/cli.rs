@@ -301,8 +301,7 @@ fn mission(link: &LinkArgs, args: &RobotArgs, goal: Goal) -> Result<ExitCode, Cl
         }
         frames += 1;
     };
-    let mut services =
-        Services { map: &replica, paths: &mut paths, describe: &mut describe, on_frame: &mut on_frame };
+    let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe, on_frame: &mut on_frame };
     let mut report = run(&mut simulator, config, goal, &world_from_map, &mut services);
     bar.finish_and_clear();
     report.fallbacks = paths.fallbacks();

@@ -108,7 +108,6 @@ pub fn propagate(
     let moved = to.translation.vector - from.translation.vector;
     let jacobian = Matrix3::new(1.0, 0.0, -moved.y, 0.0, 1.0, moved.x, 0.0, 0.0, 1.0);
     let (position, yaw) = noise.sigmas(driven_m, turned_rad);
-    let own =
-        Matrix3::from_diagonal(&nalgebra::Vector3::new(position * position, position * position, yaw * yaw));
+    let own = Matrix3::from_diagonal(&nalgebra::Vector3::new(position * position, position * position, yaw * yaw));
     jacobian * covariance * jacobian.transpose() + own
 }

@@ -52,8 +52,7 @@ impl Landmarks {
                 }
             }
         }
-        self.thresholds =
-            map.models().map(|model| (model.id, f32::from(model.match_threshold_e3) / 1000.0)).collect();
+        self.thresholds = map.models().map(|model| (model.id, f32::from(model.match_threshold_e3) / 1000.0)).collect();
     }
 
     /// How many.

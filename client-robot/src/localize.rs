@@ -146,10 +146,8 @@ impl Localizer {
         if frame.panorama.is_some() && is_due {
             let descriptor = describe();
             self.observed_at_m = Some(odometry.odometer_m);
-            let candidates =
-                if known { self.config.recheck_candidates } else { self.config.relocalize.candidates };
-            let observation =
-                Observation { odometry, points: &points, polar: &polar, descriptor: descriptor.as_ref() };
+            let candidates = if known { self.config.recheck_candidates } else { self.config.relocalize.candidates };
+            let observation = Observation { odometry, points: &points, polar: &polar, descriptor: descriptor.as_ref() };
             let belief = self.relocalizer.observe(landmarks, &observation, candidates);
             is_new_fix = self.take(belief, odometry);
         }

@@ -103,12 +103,7 @@ impl ScanOdometry {
         let predicted = self.current * step;
         self.current = self.corrected(&predicted, points).unwrap_or(predicted);
         let is_keyframe = self.keep_if_new(points);
-        Odometry {
-            odom_from_base: self.current,
-            odometer_m: self.odometer_m,
-            turned_rad: self.turned_rad,
-            is_keyframe,
-        }
+        Odometry { odom_from_base: self.current, odometer_m: self.odometer_m, turned_rad: self.turned_rad, is_keyframe }
     }
 
     fn corrected(&self, predicted: &Pose2, points: &[Point2]) -> Option<Pose2> {

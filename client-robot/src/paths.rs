@@ -29,6 +29,16 @@ pub fn plan_on(
     to: Point2,
     blocked: &BTreeSet<EdgeKey>,
 ) -> Result<PlannedPath, ErrorReply> {
+    let entry = nearest_node(map, from);
+    with_entry(from, entry, |start| plan_inside(map, start, to, blocked))
+}
+
+fn plan_inside(
+    map: &MapState,
+    from: Point2,
+    to: Point2,
+    blocked: &BTreeSet<EdgeKey>,
+) -> Result<PlannedPath, ErrorReply> {
     let config = RouteConfig { blocked: blocked.clone(), ..RouteConfig::default() };
     let found = route::plan(map, fixed(from), fixed(to), &config).map_err(|error| {
         let code = match error {
@@ -42,6 +52,32 @@ pub fn plan_on(
         .iter()
         .map(|point| RoutePoint { position: Point2::new(point.point.x(), point.point.y()), node: point.node });
     Ok(PlannedPath { points: points.collect(), length_m: found.length_m, planner: Planner::Replica })
+}
+
+fn nearest_node(map: &MapState, from: Point2) -> Option<RoutePoint> {
+    let near = lookup::nearest(map, fixed(from), NEAREST_NODE_M);
+    let (node, _) = near.first()?;
+    Some(RoutePoint { position: Point2::new(node.pose.position.x(), node.pose.position.y()), node: Some(node.id) })
+}
+
+/// Section III-C-2: a robot outside of the mapped space goes to the nearest node first. `plan` plans from where it is told.
+fn with_entry(
+    from: Point2,
+    entry: Option<RoutePoint>,
+    mut plan: impl FnMut(Point2) -> Result<PlannedPath, ErrorReply>,
+) -> Result<PlannedPath, ErrorReply> {
+    let refusal = match plan(from) {
+        Err(refusal) if refusal.code == ErrorCode::OutOfMap => refusal,
+        outcome => return outcome,
+    };
+    let Some(entry) = entry else { return Err(refusal) };
+    let mut path = plan(entry.position).map_err(|_| refusal)?;
+    path.length_m += (entry.position - from).norm();
+    if let Some(first) = path.points.first_mut() {
+        *first = entry;
+    }
+    path.points.insert(0, RoutePoint { position: from, node: None });
+    Ok(path)
 }
 
 /// Asks the server for a path.
@@ -84,14 +120,9 @@ impl<'a> ServerPaths<'a> {
         self.fallbacks
     }
 
-    fn plan_once(
-        &mut self,
-        from: Point2,
-        to: Point2,
-        blocked: &BTreeSet<EdgeKey>,
-    ) -> Result<PlannedPath, ErrorReply> {
+    fn plan_once(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<EdgeKey>) -> Result<PlannedPath, ErrorReply> {
         if !blocked.is_empty() {
-            return plan_on(self.replica.read().state(), from, to, blocked);
+            return plan_inside(self.replica.read().state(), from, to, blocked);
         }
         let text = |point: Point2| format!("{:.3},{:.3}", point.x, point.y);
         match ask_path(self.session, &self.map, &text(from), &text(to), self.timeout) {
@@ -100,7 +131,7 @@ impl<'a> ServerPaths<'a> {
             Err(error) => {
                 tracing::warn!(%error, "planning on the robot's own copy of the map");
                 self.fallbacks += 1;
-                plan_on(self.replica.read().state(), from, to, blocked)
+                plan_inside(self.replica.read().state(), from, to, blocked)
             }
         }
     }
@@ -118,22 +149,7 @@ pub fn planned(reply: PathReply) -> PlannedPath {
 
 impl PathSource for ServerPaths<'_> {
     fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<EdgeKey>) -> Result<PlannedPath, ErrorReply> {
-        let refusal = match self.plan_once(from, to, blocked) {
-            Err(refusal) if refusal.code == ErrorCode::OutOfMap => refusal,
-            outcome => return outcome,
-        };
-        // Section III-C-2: a robot outside of all rectangles first goes to the nearest node.
-        let nearest = lookup::nearest(self.replica.read().state(), fixed(from), NEAREST_NODE_M)
-            .first()
-            .map(|(node, _)| (node.id, node.pose.position));
-        let Some((id, position)) = nearest else { return Err(refusal) };
-        let entry = Point2::new(position.x(), position.y());
-        let mut path = self.plan_once(entry, to, blocked).map_err(|_| refusal)?;
-        path.length_m += (entry - from).norm();
-        if let Some(first) = path.points.first_mut() {
-            first.node = Some(id);
-        }
-        path.points.insert(0, RoutePoint { position: from, node: None });
-        Ok(path)
+        let entry = nearest_node(self.replica.read().state(), from);
+        with_entry(from, entry, |start| self.plan_once(start, to, blocked))
     }
 }

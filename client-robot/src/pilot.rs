@@ -235,13 +235,15 @@ impl Pilot {
             self.steersman.reset();
             let way = self.wanderer.next(self.local_map.grid(), &odom_from_base, &mut self.rng);
             self.wander_target = way.and_then(|path| path.last().copied());
+            tracing::debug!(here = ?(here.x, here.y), target = ?self.wander_target, "wandering");
         }
         // Nothing to go to: look around.
         let turn = Twist { linear_mps: 0.0, angular_radps: 0.6 };
         let Some(target) = self.wander_target else { return (turn, None) };
         match self.steersman.steer(&self.local_map, &odom_from_base, &frame.scan, target) {
             Steering::Drive(command) => (command, None),
-            Steering::AtEnd { .. } | Steering::NoWay => {
+            steering @ (Steering::AtEnd { .. } | Steering::NoWay) => {
+                tracing::debug!(?steering, x = target.x, y = target.y, "wandering elsewhere");
                 self.wanderer.give_up(target);
                 self.wander_target = None;
                 (turn, None)

@@ -148,8 +148,7 @@ fn linearise(
         let residual = Vector3::new(off.x, off.y, wrap_angle(turn));
         // d(Rᵀ moved)/d yaw = -Rᵀ S moved with S the quarter turn; in the body frame that is (seen.y, -seen.x).
         let r = inverse_rotation;
-        let by_from =
-            Matrix3::new(-r.m11, -r.m12, seen.y, -r.m21, -r.m22, -seen.x, 0.0, 0.0, -1.0);
+        let by_from = Matrix3::new(-r.m11, -r.m12, seen.y, -r.m21, -r.m22, -seen.x, 0.0, 0.0, -1.0);
         let by_to = Matrix3::new(r.m11, r.m12, 0.0, r.m21, r.m22, 0.0, 0.0, 0.0, 1.0);
         let (w_m, w_rad) = (step.sigma_m.powi(-2), step.sigma_rad.powi(-2));
         let weight = Matrix3::from_diagonal(&Vector3::new(w_m, w_m, w_rad));
@@ -181,16 +180,16 @@ mod tests {
 
     #[test]
     fn angles_on_both_sides_of_pi_average_to_pi_and_not_to_zero() {
-        let priors = [3.13, -3.13].map(|yaw| Prior { index: 0, map_from_base: pose(1.0, 2.0, yaw), covariance: small() });
+        let priors =
+            [3.13, -3.13].map(|yaw| Prior { index: 0, map_from_base: pose(1.0, 2.0, yaw), covariance: small() });
         let solution = optimise(&priors, &[], &PoseGraphConfig::default()).expect("two priors");
         assert!((solution.poses[0].rotation.angle().abs() - std::f64::consts::PI).abs() < 1e-6);
     }
 
     #[test]
     fn one_bad_estimation_bends_little() {
-        let mut priors: Vec<Prior> = (0..5)
-            .map(|k| Prior { index: k, map_from_base: pose(k as f64, 0.0, 0.0), covariance: small() })
-            .collect();
+        let mut priors: Vec<Prior> =
+            (0..5).map(|k| Prior { index: k, map_from_base: pose(k as f64, 0.0, 0.0), covariance: small() }).collect();
         priors[2].map_from_base = pose(2.6, 0.4, 0.2);
         let steps = vec![step(pose(1.0, 0.0, 0.0)); 4];
         let solution = optimise(&priors, &steps, &PoseGraphConfig::default()).expect("a chain");

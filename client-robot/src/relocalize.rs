@@ -387,8 +387,7 @@ impl Relocalizer {
                 Some(next) => (next.odom_from_base, next.odometer_m, next.turned_rad),
                 None => (now.odom_from_base, now.odometer_m, now.turned_rad),
             };
-            let (sigma_m, sigma_rad) =
-                noise.sigmas((driven - from.odometer_m).abs(), (turned - from.turned_rad).abs());
+            let (sigma_m, sigma_rad) = noise.sigmas((driven - from.odometer_m).abs(), (turned - from.turned_rad).abs());
             steps.push(Step { relative: from.odom_from_base.inverse() * to, sigma_m, sigma_rad });
         }
         let priors: Vec<Prior> = chosen

@@ -231,8 +231,7 @@ impl Worker {
     fn catch_up(&self) {
         let timeout = Duration::from_secs_f64(self.config.timeout_s);
         while !self.shared.stop.load(Ordering::Acquire) {
-            let vector =
-                self.shared.replica.read().unwrap_or_else(PoisonError::into_inner).vector().to_string();
+            let vector = self.shared.replica.read().unwrap_or_else(PoisonError::into_inner).vector().to_string();
             let selector = format!("{}?vector={vector}", Key::topic(&self.map, Topic::Since));
             let payloads = match ask(&self.session, &selector, timeout) {
                 Ok(payloads) => payloads,

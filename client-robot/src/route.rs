@@ -126,8 +126,7 @@ impl Route {
         let distance = |index: usize| (at(index) - here).norm();
 
         let is_seen = |&index: &usize| {
-            distance(index) <= self.config.see_m
-                && grid.is_corridor_free(here, at(index), self.config.half_width_m)
+            distance(index) <= self.config.see_m && grid.is_corridor_free(here, at(index), self.config.half_width_m)
         };
         if let Some(farthest) = (self.next..=last).rev().find(is_seen) {
             self.next = farthest;

@@ -3,7 +3,7 @@
 use crate::local_map::LocalMap;
 use fht_robot::frame::{LaserScan, Twist};
 use fht_robot::motion::{FollowConfig, PathFollower, SafetyConfig, safe_command};
-use fht_robot::planning::{PlanConfig, UnknownCells};
+use fht_robot::planning::{PlanConfig, Traversable, UnknownCells};
 use fht_robot::pose::{Point2, Pose2};
 
 /// How the robot drives.
@@ -104,7 +104,13 @@ impl Steersman {
     }
 
     fn plan(&self, map: &LocalMap, here: Point2, target: Point2) -> Option<PathFollower> {
-        let space = map.space_around(here, target, self.config.detour_m, &self.config.plan);
+        let near = map.space_around(here, target, self.config.detour_m, &self.config.plan);
+        // A way that leads far around is rare, and planning over all that is known costs more.
+        self.plan_in(&near, here, target)
+            .or_else(|| self.plan_in(&Traversable::new(map.grid(), &self.config.plan), here, target))
+    }
+
+    fn plan_in(&self, space: &Traversable, here: Point2, target: Point2) -> Option<PathFollower> {
         let cell = space.nearest_passable(target, self.config.nudge_m)?;
         let end = if cell == space.cell_of(target) { target } else { space.centre(cell) };
         let path = space.shortest_path(here, end)?;
