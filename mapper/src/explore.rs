@@ -9,11 +9,11 @@ mod utility;
 pub use setbacks::SetbackConfig;
 pub use utility::{UtilityConfig, utility};
 
-use crate::frontier::{self, FrontierConfig};
+use crate::frontier::{self, FrontierConfig, find_frontiers};
 use fht_robot::frame::{LaserScan, Twist};
 use fht_robot::grid::{Cell, OccupancyGrid};
 use fht_robot::motion::{FollowConfig, PathFollower, SafetyConfig, safe_command};
-use fht_robot::planning::{PlanConfig, Traversable};
+use fht_robot::planning::{PlanConfig, Traversable, region_around};
 use fht_robot::pose::{Point2, Pose2, wrap_angle};
 use setbacks::Setbacks;
 
@@ -93,6 +93,12 @@ const TURN_AWAY: (f64, f64) = (0.8, 2.0);
 const LOOK_AROUND: Twist = Twist { linear_mps: 0.0, angular_radps: 0.8 };
 /// The way's direction is taken at this distance from the robot, metres.
 const SET_OFF_M: f64 = 0.6;
+/// The first search for a frontier goes so far, metres.
+const NEAR_M: f64 = 6.0;
+/// The region of a search reaches beyond its limit by this much, so that frontiers at the limit are seen whole, metres.
+const REGION_MARGIN_M: f64 = 1.0;
+/// A way that has become longer by more than this is no longer the way that was chosen, metres.
+const DETOUR_M: f64 = 2.0;
 /// A robot that does not move at all tries this often in a row to get free before it gives up.
 const MAX_RECOVERIES: u32 = 12;
 
@@ -217,48 +223,29 @@ impl Explorer {
         }
     }
 
-    /// The path to the same goal over the grid as it is now, or another goal if there is none any more.
+    /// The path to the same goal over the grid as it is now, or another goal if that has become much farther.
     fn refresh_path(&mut self, grid: &OccupancyGrid, map_from_base: &Pose2, time_us: u64) {
         self.checked_us = time_us;
-        let space = Traversable::new(grid, &self.config.plan);
+        let Some(goal) = &mut self.goal else { return };
         let position = Point2::from(map_from_base.translation.vector);
-        let path = self.goal.as_ref().and_then(|goal| space.shortest_path(position, goal.stand));
-        match (path, &mut self.goal) {
-            (Some(path), Some(goal)) => {
-                goal.follower = PathFollower::new(self.config.follow.clone(), space.shorten(&path.points));
-            }
-            _ => self.choose_goal(grid, map_from_base, time_us),
+        let reach_m = goal.follower.remaining_m() + DETOUR_M;
+        let space = Traversable::in_region(grid, &self.config.plan, region_around(grid, position, reach_m));
+        if let Some(path) = space.shortest_path(position, goal.stand).filter(|path| path.length_m <= reach_m) {
+            goal.follower = PathFollower::new(self.config.follow.clone(), space.shorten(&path.points));
+        } else {
+            self.choose_goal(grid, map_from_base, time_us);
         }
     }
 
     /// The frontier of greatest utility that has not failed; if all have, the best that may be tried again.
     fn choose_goal(&mut self, grid: &OccupancyGrid, map_from_base: &Pose2, time_us: u64) {
         (self.chosen_us, self.checked_us) = (time_us, time_us);
-        let config = &self.config;
-        let space = Traversable::new(grid, &config.plan);
-        let position = Point2::from(map_from_base.translation.vector);
-        let distances = space.distances_from(position);
-        let frontiers = frontier::find_frontiers(grid, &config.frontier);
-        let best = |accept: &dyn Fn(Point2) -> bool| {
-            let is_open = |cell: Cell| accept(grid.centre(cell));
-            let candidates = frontiers.iter().filter_map(|frontier| {
-                let approach = frontier::approach(frontier, grid, &space, &distances, &config.frontier, is_open)?;
-                let path = distances.path_to(approach.stand);
-                let turn_rad = turn_to_set_off(map_from_base, &path);
-                let utility = utility(frontier.size, approach.distance_m, turn_rad, &config.utility);
-                Some((utility, approach, path))
-            });
-            // The first of equals, in the order of the frontiers' cells.
-            candidates.reduce(|best, other| if other.0 > best.0 { other } else { best })
-        };
-        let choice = best(&|target| self.setbacks.allows(target, time_us, &config.setbacks))
-            .or_else(|| best(&|target| self.setbacks.allows_later(target, &config.setbacks)));
-        self.goal = choice.map(|(_, approach, path)| Goal {
-            target: space.centre(approach.target),
-            stand: space.centre(approach.stand),
-            follower: PathFollower::new(config.follow.clone(), space.shorten(&path)),
-            reached_us: None,
-        });
+        let setbacks = (&self.setbacks, &self.config.setbacks);
+        let allowed = |target: Point2| setbacks.0.allows(target, time_us, setbacks.1);
+        let allowed_later = |target: Point2| setbacks.0.allows_later(target, setbacks.1);
+        let goal = best_goal(grid, map_from_base, &self.config, allowed)
+            .or_else(|| best_goal(grid, map_from_base, &self.config, allowed_later));
+        self.goal = goal;
     }
 
     /// The next command on the way to the goal. `None` without a goal.
@@ -272,6 +259,53 @@ impl Explorer {
         // Standing at a goal is not being stuck.
         self.moved = None;
         Some(LOOK_AROUND)
+    }
+}
+
+/// The way to the frontier of greatest utility among those that `accept` allows, wherever it is.
+///
+/// It looks near the robot first, and farther only while something farther could still be better.
+fn best_goal(
+    grid: &OccupancyGrid,
+    map_from_base: &Pose2,
+    config: &ExploreConfig,
+    accept: impl Fn(Point2) -> bool,
+) -> Option<Goal> {
+    let position = Point2::from(map_from_base.translation.vector);
+    let is_open = |cell: Cell| accept(grid.centre(cell));
+    let mut limit_m = NEAR_M;
+    loop {
+        let region = region_around(grid, position, limit_m + config.frontier.vantage_reach_m + REGION_MARGIN_M);
+        let is_all = region == grid.bounds();
+        if is_all {
+            limit_m = f64::INFINITY;
+        }
+        let space = Traversable::in_region(grid, &config.plan, region);
+        let distances = space.distances_within(position, limit_m);
+        let frontiers = find_frontiers(grid, region, &config.frontier);
+        let in_reach = |cell: &Cell| (grid.centre(*cell) - position).norm() <= limit_m;
+        let candidates =
+            frontiers.iter().filter(|frontier| frontier.cells.iter().any(in_reach)).filter_map(|frontier| {
+                let approach = frontier::approach(frontier, grid, &space, &distances, &config.frontier, is_open)?;
+                let path = distances.path_to(approach.stand);
+                let turn_rad = turn_to_set_off(map_from_base, &path);
+                Some((utility(frontier.size, approach.distance_m, turn_rad, &config.utility), approach, path))
+            });
+        // The first of equals, in the order of the frontiers' cells.
+        let best = candidates.reduce(|best, other| if other.0 > best.0 { other } else { best });
+        let best_beyond = utility(usize::MAX, limit_m, 0.0, &config.utility);
+        match best {
+            Some((utility, approach, path)) if is_all || utility >= best_beyond => {
+                return Some(Goal {
+                    target: space.centre(approach.target),
+                    stand: space.centre(approach.stand),
+                    follower: PathFollower::new(config.follow.clone(), space.shorten(&path)),
+                    reached_us: None,
+                });
+            }
+            _ if is_all => return None,
+            _ => limit_m *= 2.5,
+        }
     }
 }
 

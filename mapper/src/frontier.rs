@@ -74,10 +74,9 @@ pub fn frontier_cells_near(grid: &OccupancyGrid, point: Point2, radius_m: f64) -
         .count()
 }
 
-/// All frontiers of a grid that are large enough, in the order of their first cells.
+/// All frontiers in a region of the grid that are large enough there, in the order of their first cells.
 #[must_use]
-pub fn find_frontiers(grid: &OccupancyGrid, config: &FrontierConfig) -> Vec<Frontier> {
-    let bounds = grid.bounds();
+pub fn find_frontiers(grid: &OccupancyGrid, bounds: CellBounds, config: &FrontierConfig) -> Vec<Frontier> {
     let mut waiting = frontier_mask(grid, &bounds);
     let per_square = (config.thinning_m / grid.resolution_m()).round().max(1.0) as i32;
     let mut frontiers = Vec::new();
@@ -101,26 +100,21 @@ pub fn find_frontiers(grid: &OccupancyGrid, config: &FrontierConfig) -> Vec<Fron
 fn frontier_mask(grid: &OccupancyGrid, bounds: &CellBounds) -> Vec<bool> {
     let width = bounds.width();
     let mut mask = Vec::with_capacity(width * bounds.height());
-    // One row of states on each side of the one at hand, and for each cell what its column of three holds.
+    // With one cell more on either side, for the neighbours.
     let row_of =
-        |j: i32| -> Vec<CellState> { (bounds.min.i..bounds.max.i).map(|i| grid.state(Cell { i, j })).collect() };
+        |j: i32| -> Vec<CellState> { (bounds.min.i - 1..=bounds.max.i).map(|i| grid.state(Cell { i, j })).collect() };
     let (mut below, mut here) = (row_of(bounds.min.j - 1), row_of(bounds.min.j));
-    let mut columns = vec![(false, false); width];
+    // What the columns of three cells hold: unknown, occupied.
+    let mut columns = vec![(false, false); width + 2];
     for j in bounds.min.j..bounds.max.j {
         let above = row_of(j + 1);
-        for (i, column) in columns.iter_mut().enumerate() {
-            let states = [below[i], here[i], above[i]];
-            *column = (states.contains(&CellState::Unknown), states.contains(&CellState::Occupied));
+        for (((column, &below), &here), &above) in columns.iter_mut().zip(&below).zip(&here).zip(&above) {
+            let holds = |state: CellState| below == state || here == state || above == state;
+            *column = (holds(CellState::Unknown), holds(CellState::Occupied));
         }
-        // Beyond the grid everything is unknown.
-        let beyond = (true, false);
-        for i in 0..width {
-            let left = if i == 0 { beyond } else { columns[i - 1] };
-            let right = columns.get(i + 1).copied().unwrap_or(beyond);
-            let around = [left, columns[i], right];
-            let (unknown, occupied) = (around.iter().any(|column| column.0), around.iter().any(|column| column.1));
-            mask.push(here[i] == CellState::Free && unknown && !occupied);
-        }
+        mask.extend(columns.windows(3).zip(&here[1..]).map(|(around, &state)| {
+            state == CellState::Free && around.iter().any(|column| column.0) && !around.iter().any(|column| column.1)
+        }));
         below = std::mem::replace(&mut here, above);
     }
     mask

@@ -8,7 +8,7 @@ mod search;
 
 use crate::grid::{Cell, CellBounds, CellState, OccupancyGrid};
 use crate::pose::Point2;
-use search::{CostField, STRAIGHT, UNIT_WEIGHT};
+use search::{CostField, Extent, STRAIGHT, UNIT_WEIGHT};
 
 /// What the planner takes unknown cells for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +63,19 @@ pub struct GridPath {
 #[must_use]
 pub fn path_length_m(points: &[Point2]) -> f64 {
     points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
+}
+
+/// The cells within `radius_m` of `centre` along each axis, as far as the grid knows any: a path from `centre` that is no
+/// longer stays in it.
+#[must_use]
+pub fn region_around(grid: &OccupancyGrid, centre: Point2, radius_m: f64) -> CellBounds {
+    let reach = nalgebra::Vector2::repeat(radius_m.max(0.0));
+    let (low, high) = (grid.cell_of(centre - reach), grid.cell_of(centre + reach));
+    let known = grid.bounds();
+    let min = Cell { i: low.i.max(known.min.i), j: low.j.max(known.min.j) };
+    // Casts saturate: an infinite radius must not wrap around here.
+    let max = Cell { i: high.i.saturating_add(1).min(known.max.i), j: high.j.saturating_add(1).min(known.max.j) };
+    CellBounds { min, max: Cell { i: max.i.max(min.i), j: max.j.max(min.j) } }
 }
 
 /// How far a robot that stands too near to a wall looks for a passable cell, metres.
@@ -193,8 +206,16 @@ impl Traversable {
     /// Cheapest ways from `start` to everywhere that can be reached (Dijkstra over the passable cells).
     #[must_use]
     pub fn distances_from(&self, start: Point2) -> DistanceField<'_> {
+        self.distances_within(start, f64::INFINITY)
+    }
+
+    /// As [`distances_from`](Self::distances_from), but only as far as `limit_m` metres (comfort cost included).
+    #[must_use]
+    pub fn distances_within(&self, start: Point2, limit_m: f64) -> DistanceField<'_> {
+        // A cast from a float saturates, so no limit is the greatest limit.
+        let limit = (limit_m.max(0.0) / self.resolution_m * f64::from(STRAIGHT)) as u32;
         let from = self.nearest_passable(start, ESCAPE_REACH_M);
-        let costs = from.map(|cell| search::search(&self.bounds, &self.weights, cell, None));
+        let costs = from.map(|cell| search::search(&self.bounds, &self.weights, cell, Extent::Cost(limit)));
         DistanceField { space: self, start, costs }
     }
 
@@ -208,7 +229,7 @@ impl Traversable {
             return None;
         }
         let start = self.nearest_passable(from, ESCAPE_REACH_M)?;
-        let costs = search::search(&self.bounds, &self.weights, start, Some(target));
+        let costs = search::search(&self.bounds, &self.weights, start, Extent::Target(target));
         costs.cost(self.bounds.index(target)?)?;
         let points = self.points(from, &costs, target, Some(to));
         Some(GridPath { length_m: path_length_m(&points), points })

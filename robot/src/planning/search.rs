@@ -65,10 +65,23 @@ fn octile(a: Cell, b: Cell) -> u32 {
     STRAIGHT * di.max(dj) + (DIAGONAL - STRAIGHT) * di.min(dj)
 }
 
-/// Searches from `start` over the passable cells, to `target` if there is one, else everywhere.
-pub(super) fn search(bounds: &CellBounds, weights: &[u8], start: Cell, target: Option<Cell>) -> CostField {
+/// How far a search goes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Extent {
+    /// To this cell (A*).
+    Target(Cell),
+    /// Everywhere that costs at most so much (Dijkstra).
+    Cost(u32),
+}
+
+/// Searches from `start` over the passable cells.
+pub(super) fn search(bounds: &CellBounds, weights: &[u8], start: Cell, extent: Extent) -> CostField {
     let mut field = CostField { cost_plus_one: vec![0; weights.len()] };
     let Some(start_index) = bounds.index(start).filter(|&index| weights[index] > 0) else { return field };
+    let (target, limit) = match extent {
+        Extent::Target(target) => (Some(target), u32::MAX),
+        Extent::Cost(limit) => (None, limit),
+    };
     let estimate = |cell: Cell| target.map_or(0, |target| octile(cell, target));
 
     // Keys in the queue differ by at most one step's cost and the change of the heuristic over it.
@@ -95,7 +108,7 @@ pub(super) fn search(bounds: &CellBounds, weights: &[u8], start: Cell, target: O
         for_each_step(bounds, weights, cell, index, |next, next_index, step| {
             let next_cost = cost + step;
             let known = &mut field.cost_plus_one[next_index];
-            if *known == 0 || *known > next_cost + 1 {
+            if next_cost <= limit && (*known == 0 || *known > next_cost + 1) {
                 *known = next_cost + 1;
                 buckets[(next_cost + estimate(next)) as usize % span].push((next_index as u32, next_cost));
                 queued += 1;
