@@ -12,11 +12,16 @@ use std::process::ExitCode;
 ///
 /// Server, explorer and client are processes of their own that talk over Zenoh on this machine.
 #[derive(Debug, Parser)]
-#[command(name = "handoff", version, args_conflicts_with_subcommands = true, after_help = "Examples:
+#[command(
+    name = "handoff",
+    version,
+    args_conflicts_with_subcommands = true,
+    after_help = "Examples:
   handoff                                  the built-in museum
   handoff --world office --seed 3
   handoff --world floor/map.yaml --textures pictures/
-  handoff --keep                           the server stays up, for `zenoh get`")]
+  handoff --keep                           the server stays up, for `zenoh get`"
+)]
 struct Cli {
     #[command(subcommand)]
     role: Option<RoleCommand>,
@@ -107,13 +112,11 @@ fn demo(cli: &Cli) -> Result<bool, String> {
         println!("\nThe server stays up on {}. Ask it, from another terminal:", cli.listen);
         println!("  pip install zenoh-cli");
         for question in ["path?from=0,0;to=5,3", "nodes?near=0,0;radius=3", "head"] {
-            println!(
-                "  zenoh --mode client --connect {} get -s 'fht/{map}/{question}' --decoder json",
-                cli.listen
-            );
+            println!("  zenoh --mode client --connect {} get -s 'fht/{map}/{question}' --decoder json", cli.listen);
         }
         println!("Ctrl-C ends it.");
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|error| text(&error))?;
+        let runtime =
+            tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|error| text(&error))?;
         runtime.block_on(tokio::signal::ctrl_c()).map_err(|error| text(&error))?;
     }
     drop(server);
@@ -122,9 +125,7 @@ fn demo(cli: &Cli) -> Result<bool, String> {
 
 fn print_report(report: &HandoffReport) {
     let metres = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.2} m"));
-    let place = |value: Option<[f64; 2]>| {
-        value.map_or_else(|| "-".to_owned(), |[x, y]| format!("({x:.2}, {y:.2})"))
-    };
+    let place = |value: Option<[f64; 2]>| value.map_or_else(|| "-".to_owned(), |[x, y]| format!("({x:.2}, {y:.2})"));
     println!("world         {} (seed {})", report.world, report.seed);
     println!(
         "explored      {:.1} % of {:.0} m² in {:.0} m of driving, {:.3} m mean pose error",

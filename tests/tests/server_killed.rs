@@ -1,0 +1,110 @@
+//! The map server dies (SIGKILL) in the middle of an exploration and comes back: nothing acknowledged may be lost, the
+//! explorer goes on meanwhile, and in the end server, explorer and client have the same map.
+
+use client_robot::replica::{LiveReplica, ReplicaConfig, ask_head};
+use fht_proto::{AuthorId, MapName};
+use fht_robot::link::{self, LinkConfig};
+use fht_tests::process::{Process, Role, free_endpoint};
+use mapper::report::ExploreReport;
+use serde_json::Value;
+use std::path::Path;
+use std::time::{Duration, Instant};
+use zenoh::Wait;
+
+const PATIENCE: Duration = Duration::from_secs(30);
+/// The server is killed when it has acknowledged this many increments.
+const KILL_AT: u64 = 15;
+/// … and comes back when the explorer has written this many more.
+const BACK_AFTER: u64 = 10;
+
+fn start_server(data: &Path, endpoint: &str) -> Process {
+    let executable = Path::new(env!("CARGO_BIN_EXE_handoff"));
+    let args = ["--data".as_ref(), data.as_os_str(), "--listen".as_ref(), endpoint.as_ref()];
+    let mut server = Process::start(executable, Role::MapServer, args).unwrap();
+    server.wait_until_listening(endpoint, PATIENCE).unwrap();
+    server
+}
+
+#[test]
+fn nothing_acknowledged_is_lost_and_all_agree_in_the_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    let report_file = folder.path().join("explorer.json");
+    let endpoint = free_endpoint().unwrap();
+    let map: MapName = "museum".parse().unwrap();
+    let author = AuthorId::of_robot("explorer");
+    let mut server = start_server(&data, &endpoint);
+
+    // A client that listens all the time, over the death of the server.
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    let session = runtime.block_on(link::open(&LinkConfig { connect: vec![endpoint.clone()] })).unwrap();
+    let replica = LiveReplica::start(&session, &map, ReplicaConfig::default()).unwrap();
+
+    let report_arg = report_file.to_string_lossy().into_owned();
+    let args = [
+        "explore",
+        "--world",
+        "museum",
+        "--map",
+        "museum",
+        "--no-cameras",
+        "--rate",
+        "20",
+        "--progress-json",
+        "--connect",
+        &endpoint,
+        "--report",
+        &report_arg,
+    ];
+    let explorer = Process::start(Path::new(env!("CARGO_BIN_EXE_handoff")), Role::Mapper, args).unwrap();
+    // Acknowledged and written at the kill; then acknowledged after the restart.
+    let mut killed: Option<(u64, u64)> = None;
+    let mut written_while_dead = 0;
+    let mut is_back = false;
+    let ended = explorer.follow(|line| {
+        let line: Value = serde_json::from_str(line).unwrap();
+        let count = |name: &str| line[name].as_u64().unwrap();
+        let (written, acknowledged) = (count("written"), count("acknowledged"));
+        match killed {
+            None if acknowledged >= KILL_AT => {
+                server.kill().unwrap();
+                killed = Some((acknowledged, written));
+            }
+            Some((acknowledged_then, written_then)) if !is_back && written >= written_then + BACK_AFTER => {
+                written_while_dead = written - written_then;
+                server = start_server(&data, &endpoint);
+                is_back = true;
+                let head = wait_for_head(&session, &map);
+                let kept = head.vector.get(author);
+                assert!(kept >= acknowledged_then, "{acknowledged_then} were acknowledged, {kept} are left");
+            }
+            _ => {}
+        }
+    });
+    ended.unwrap();
+    assert!(is_back, "the server was killed at {killed:?} and did not come back before the end");
+    assert!(written_while_dead >= BACK_AFTER);
+
+    let report: ExploreReport = serde_json::from_str(&std::fs::read_to_string(&report_file).unwrap()).unwrap();
+    assert!(report.delivered);
+    assert!(report.explored_fraction > 0.95, "{}", report.explored_fraction);
+    let head = wait_for_head(&session, &map);
+    assert_eq!(head.vector.get(author), report.version);
+    assert_eq!(head.digest, report.digest, "server and explorer");
+    assert!(replica.wait_for(&head.vector, PATIENCE), "the client has {} of {}", replica.read().vector(), head.vector);
+    assert_eq!(replica.read().state().digest(), report.digest, "client and explorer");
+    drop(replica);
+    session.close().wait().unwrap();
+}
+
+/// The head, asked for until the session has found the server again.
+fn wait_for_head(session: &zenoh::Session, map: &MapName) -> fht_proto::query::Head {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        match ask_head(session, map, Duration::from_secs(2)) {
+            Ok(head) => return head,
+            Err(error) => assert!(Instant::now() < deadline, "no head: {error}"),
+        }
+        std::thread::sleep(Duration::from_millis(200));
+    }
+}
