@@ -133,9 +133,9 @@ fn parse_pose(text: &str) -> Result<Pose2, String> {
         .map(|part| part.trim().parse::<f64>().ok().filter(|value| value.is_finite()))
         .collect::<Option<_>>()
         .ok_or_else(|| format!("'{text}' is not x,y,yaw"))?;
-    match numbers.as_slice() {
-        &[x, y, yaw] => Ok(pose(x, y, yaw)),
-        &[x, y] => Ok(pose(x, y, 0.0)),
+    match *numbers.as_slice() {
+        [x, y, yaw] => Ok(pose(x, y, yaw)),
+        [x, y] => Ok(pose(x, y, 0.0)),
         _ => Err(format!("'{text}' is not x,y,yaw")),
     }
 }

@@ -3,7 +3,7 @@
 use client_robot::replica::{LiveReplica, ReplicaConfig};
 use fht_map::MapState;
 use fht_proto::keys::{Key, Topic};
-use fht_proto::query::Head;
+use fht_proto::query::{Head, Snapshot};
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op, VersionVector, encode};
 use fht_robot::link::{LinkConfig, open};
 use std::net::TcpListener;
@@ -63,11 +63,10 @@ fn serve(session: &Session, map: &MapName, log: &Arc<Mutex<Vec<Increment>>>) {
         .callback(move |query| {
             let known: VersionVector = query.parameters().get("vector").unwrap_or_default().parse().expect("vector");
             // Three at most: a replica has to ask again.
-            let lacking: Vec<Increment> = held.lock().expect("log").clone();
-            for increment in lacking.iter().filter(|i| i.number > known.get(i.author)).take(3) {
-                let key = Key::increment(&"m".parse().expect("name"), increment.author, increment.number);
-                let _ = query.reply(key.to_string(), encode(increment).expect("bytes")).wait();
-            }
+            let held = held.lock().expect("log");
+            let lacking = held.iter().filter(|increment| increment.number > known.get(increment.author));
+            let series = Snapshot { increments: lacking.take(3).cloned().collect() };
+            let _ = query.reply(query.key_expr().clone(), encode(&series).expect("bytes")).wait();
         })
         .background()
         .wait()
