@@ -91,10 +91,10 @@ impl Catalog {
         view.head = Arc::new(head);
     }
 
-    /// Counts a refused increment, if there is such a map.
-    pub fn count_refused(&self, map: &MapName) {
+    /// Counts refused increments, if there is such a map.
+    pub fn count_refused(&self, map: &MapName, count: u64) {
         if let Some(view) = self.write().get_mut(map) {
-            Arc::make_mut(&mut view.head).refused += 1;
+            Arc::make_mut(&mut view.head).refused += count;
         }
     }
 }

@@ -39,6 +39,7 @@ struct Batch {
     by_key: BTreeMap<(MapName, AuthorId, u64), usize>,
     increments: BTreeMap<MapName, Vec<Increment>>,
     added_bytes: BTreeMap<MapName, u64>,
+    refused: BTreeMap<MapName, u64>,
     announce: BTreeSet<MapName>,
 }
 
@@ -69,7 +70,10 @@ impl Ingest {
                 Err(refusal) => Err(refusal),
             };
             if let Err(refusal) = outcome {
-                self.refuse(&key, &refusal);
+                self.log_refusal(&key, &refusal);
+                if let Some(map) = map_of(&key) {
+                    *batch.refused.entry(map).or_default() += 1;
+                }
             }
         }
         if !batch.records.is_empty() {
@@ -80,13 +84,13 @@ impl Ingest {
             let bytes = batch.added_bytes.get(map).copied().unwrap_or(0);
             self.catalog.apply(map, increments, vector, bytes);
         }
+        for (map, count) in batch.refused {
+            self.catalog.count_refused(&map, count);
+        }
         Ok(batch.announce)
     }
 
-    fn refuse(&mut self, key: &str, refusal: &Refusal) {
-        if let Some(map) = map_of(key) {
-            self.catalog.count_refused(&map);
-        }
+    fn log_refusal(&mut self, key: &str, refusal: &Refusal) {
         if let Some(suppressed) = self.log.pass(std::time::Instant::now()) {
             let key: String = key.chars().take(120).collect();
             tracing::warn!(%key, suppressed, "increment refused: {refusal}");

@@ -12,8 +12,14 @@ pub enum SessionError {
     /// The configuration file or an endpoint is not understood.
     #[error("the Zenoh configuration is refused: {0}")]
     Config(zenoh::Error),
+    /// The address is taken.
+    #[error("cannot listen on {}: the address is in use, perhaps by another map-server or router", listen.join(", "))]
+    InUse {
+        /// What should have been listened on.
+        listen: Vec<String>,
+    },
     /// The endpoint cannot be used.
-    #[error("cannot listen on {listen:?}: {reason}")]
+    #[error("no session: {reason} (listening on [{}])", listen.join(", "))]
     Open {
         /// What should have been listened on.
         listen: Vec<String>,
@@ -36,6 +42,11 @@ fn to_zenoh(link: &LinkConfig) -> Result<Config, zenoh::Error> {
     Ok(config)
 }
 
+/// Zenoh's errors end in the place in its source where they arose, which helps nobody here.
+fn without_source_paths(text: &str) -> String {
+    text.split(" at /").next().unwrap_or(text).trim_end_matches('.').to_owned()
+}
+
 /// Opens the session.
 ///
 /// # Errors
@@ -45,6 +56,13 @@ pub async fn open(link: &LinkConfig) -> Result<Session, SessionError> {
         return Err(SessionError::NoEndpoint);
     }
     let config = to_zenoh(link).map_err(SessionError::Config)?;
-    let failed = |error: zenoh::Error| SessionError::Open { listen: link.listen.clone(), reason: error.to_string() };
-    zenoh::open(config).await.map_err(failed)
+    zenoh::open(config).await.map_err(|error| {
+        let (listen, reason) = (link.listen.clone(), without_source_paths(&error.to_string()));
+        // Zenoh's errors are texts.
+        if reason.contains("Address already in use") {
+            SessionError::InUse { listen }
+        } else {
+            SessionError::Open { listen, reason }
+        }
+    })
 }

@@ -1,4 +1,5 @@
 //! Any order, repetition and interleaving of increments ends in the same map; a replica with gaps gets there, too.
+#![allow(clippy::unwrap_used)] // tests may panic
 
 use fht_map::sequence::SequenceConfig;
 use fht_map::{Accepted, MapState, Replica};

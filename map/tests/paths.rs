@@ -1,4 +1,5 @@
 //! Shortest paths, routes between places, lookups.
+#![allow(clippy::unwrap_used)] // tests may panic
 
 use fht_map::graph::{distances_from, shortest_path};
 use fht_map::lookup::{most_similar, nearest};

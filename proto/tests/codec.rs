@@ -1,5 +1,6 @@
 //! The codec: what is encoded decodes to itself, no bytes make a decoder panic, messages are small, and format version 1
 //! stays what it is.
+#![allow(clippy::unwrap_used)] // tests may panic
 
 mod arbitrary;
 

@@ -1,4 +1,5 @@
 //! What is written as text reads back: keys, ids, vectors, digests, places. Other texts are refused.
+#![allow(clippy::unwrap_used)] // tests may panic
 
 use fht_proto::compact::CompactPath;
 use fht_proto::keys::{Key, Topic};

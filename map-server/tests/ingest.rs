@@ -1,0 +1,218 @@
+//! Ingest and store without a network: what is acknowledged is stored, what is refused changes nothing.
+#![allow(clippy::unwrap_used)] // tests may panic
+
+mod support;
+
+use fht_proto::query::Head;
+use fht_proto::{AuthorId, Increment, MapName, Op, encode};
+use map_server::catalog::Catalog;
+use map_server::check::{Arrival, Refusal, check};
+use map_server::config::Limits;
+use map_server::ingest::Ingest;
+use map_server::queue::Queue;
+use map_server::store::{Record, Store, StoreError};
+use proptest::prelude::*;
+use std::path::Path;
+use std::sync::Arc;
+use support::{ANA, BEN, bytes, expected, increment, key, museum, node};
+
+const NOW_US: u64 = 1_795_000_000_000_000;
+
+fn arrival(author: AuthorId, number: u64) -> Arrival {
+    Arrival { key: key(author, number), payload: Some(bytes(author, number)) }
+}
+
+fn arrival_of(increment: &Increment) -> Arrival {
+    Arrival { key: key(increment.author, increment.number), payload: Some(encode(increment).unwrap()) }
+}
+
+struct Bench {
+    store: Arc<Store>,
+    catalog: Arc<Catalog>,
+    ingest: Ingest,
+}
+
+impl Bench {
+    fn open(dir: &Path, limits: Limits) -> Self {
+        let store = Arc::new(Store::open(dir).unwrap());
+        let catalog = Arc::new(Catalog::load(&store).unwrap());
+        let ingest = Ingest::new(Arc::clone(&store), Arc::clone(&catalog), limits);
+        Self { store, catalog, ingest }
+    }
+
+    fn take(&mut self, arrivals: Vec<Arrival>) -> Vec<MapName> {
+        self.ingest.take(arrivals, NOW_US).unwrap().into_iter().collect()
+    }
+
+    fn head(&self) -> Head {
+        self.catalog.view(&museum()).unwrap().head.as_ref().clone()
+    }
+}
+
+#[test]
+fn what_is_acknowledged_is_there_after_a_restart() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut bench = Bench::open(dir.path(), Limits::default());
+    assert_eq!(bench.take((1..=20).map(|number| arrival(ANA, number)).collect()), [museum()]);
+    bench.take((1..=7).map(|number| arrival(BEN, number)).collect());
+    let (state, vector) = expected(&[(ANA, 20), (BEN, 7)]);
+    let head = bench.head();
+    assert_eq!((head.version, &head.vector, head.digest), (27, &vector, state.digest()));
+    assert_eq!((head.main_nodes, head.support_nodes, head.edges), (6, 21, 25));
+    drop(bench);
+    let mut bench = Bench::open(dir.path(), Limits::default());
+    assert_eq!(bench.head(), head);
+    bench.take(vec![arrival(ANA, 21)]);
+    assert_eq!(bench.head().version, 28);
+}
+
+#[test]
+fn early_increments_are_not_acknowledged() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut bench = Bench::open(dir.path(), Limits::default());
+    assert!(bench.take(vec![arrival(ANA, 2), arrival(ANA, 3)]).is_empty());
+    assert!(bench.catalog.view(&museum()).is_none());
+    bench.take(vec![arrival(ANA, 1)]);
+    assert_eq!(bench.head().version, 3);
+    assert_eq!(bench.head().digest, expected(&[(ANA, 3)]).0.digest());
+}
+
+#[test]
+fn repetitions_are_answered_with_the_head_and_conflicts_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut bench = Bench::open(dir.path(), Limits::default());
+    let forged = Increment { hlc_us: 5, ..increment(ANA, 1) };
+    // Within one batch, and against the store.
+    bench.take(vec![arrival(ANA, 1), arrival(ANA, 1), arrival_of(&forged)]);
+    assert_eq!((bench.head().version, bench.head().refused), (1, 1));
+    let digest = bench.head().digest;
+    assert_eq!(bench.take(vec![arrival(ANA, 1)]), [museum()], "the writer has missed a head");
+    bench.take(vec![arrival_of(&forged)]);
+    let head = bench.head();
+    assert_eq!((head.version, head.refused, head.digest), (1, 2, digest));
+    assert_eq!(bench.store.get(&museum(), ANA, 1).unwrap(), Some(bytes(ANA, 1)));
+}
+
+#[test]
+fn hostile_arrivals_change_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut bench = Bench::open(dir.path(), Limits::default());
+    bench.take(vec![arrival(ANA, 1), arrival(ANA, 2)]);
+    let before = bench.head();
+    let good = bytes(ANA, 3);
+    let with = |payload: Vec<u8>| Arrival { key: key(ANA, 3), payload: Some(payload) };
+    let at = |key: &str| Arrival { key: key.to_owned(), payload: Some(good.clone()) };
+    let mut hostile = vec![
+        with(Vec::new()),
+        with(b"{}".to_vec()),
+        with(good[..good.len() - 1].to_vec()),
+        with([good.clone(), vec![0]].concat()),
+        with(vec![0xff; 3 << 20]),
+        with(bytes(ANA, 4)),
+        with(bytes(BEN, 3)),
+        with(encode(&fht_proto::query::Snapshot::default()).unwrap()),
+        Arrival { key: key(ANA, 3), payload: None },
+        Arrival { key: key(ANA, 1), payload: None },
+        at("fht/museum/inc/0000000a"),
+        at("fht/museum/inc/0000000a/3/4"),
+        at("fht/museum/inc/0000000A/3"),
+        at("fht/museum/inc/0000000a/03"),
+        at("fht/museum/inc/**"),
+        arrival_of(&Increment { hlc_us: NOW_US + 7_200_000_000, ..increment(ANA, 3) }),
+    ];
+    let kinds = hostile.len() as u64;
+    for at in 0..good.len() {
+        let mut damaged = good.clone();
+        damaged[at] ^= 0x40;
+        hostile.push(with(damaged));
+    }
+    let total = hostile.len() as u64;
+    assert!(bench.take(hostile).is_empty());
+    let after = bench.head();
+    assert_eq!(after.refused, total, "{kinds} kinds and every byte damaged");
+    assert_eq!(Head { refused: 0, ..after }, before);
+    bench.take(vec![with(good.clone())]);
+    assert_eq!(bench.head().version, 3, "the true one still goes in");
+}
+
+#[test]
+fn limits_hold() {
+    let small = Limits { max_maps: 2, max_map_bytes: 4000, ..Limits::default() };
+    let dir = tempfile::tempdir().unwrap();
+    let mut bench = Bench::open(dir.path(), small);
+    let to = |map: &str| {
+        let map = map.parse().unwrap();
+        Arrival { key: fht_proto::keys::Key::increment(&map, ANA, 1).to_string(), payload: Some(bytes(ANA, 1)) }
+    };
+    assert_eq!(bench.take(vec![to("a"), to("b"), to("c")]).len(), 2);
+    assert!(bench.take(vec![to("c")]).is_empty());
+    assert_eq!(bench.catalog.heads().len(), 2);
+    let dir = tempfile::tempdir().unwrap();
+    let mut bench = Bench::open(dir.path(), Limits { max_map_bytes: 4000, ..Limits::default() });
+    bench.take((1..=100).map(|number| arrival(ANA, number)).collect());
+    assert!(bench.head().bytes <= 4000 && bench.head().refused > 0, "{:?}", bench.head());
+}
+
+#[test]
+fn only_the_canonical_form_is_taken() {
+    // The same increment with its own author written out as a foreign one decodes, but to other bytes.
+    let one = Increment { ops: vec![Op::RemoveNode { id: node(ANA, 1) }], ..increment(ANA, 1) };
+    let canonical = encode(&one).unwrap();
+    let mut body = canonical[6..canonical.len() - 4].to_vec();
+    let foreign = body.len() - 2;
+    assert_eq!(body[foreign], 0, "no foreign author");
+    body.splice(foreign..=foreign, [1, 0xa]);
+    let mut forged = canonical[..5].to_vec();
+    forged.push(body.len() as u8);
+    forged.extend(body);
+    forged.extend(crc32fast::hash(&forged).to_le_bytes());
+    assert_eq!(fht_proto::decode::<Increment>(&forged).unwrap(), one);
+    let arrival = Arrival { key: key(ANA, 1), payload: Some(forged) };
+    assert_eq!(check(arrival, &Limits::default(), NOW_US), Err(Refusal::NotCanonical));
+}
+
+#[test]
+fn a_damaged_store_is_not_served() {
+    let record = |number, bytes: Vec<u8>| Record { map: museum(), sequence: 1, author: ANA, number, bytes };
+    for damage in [record(1, b"junk".to_vec()), record(2, bytes(ANA, 2)), record(1, bytes(ANA, 2))] {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        store.append(&[damage]).unwrap();
+        assert!(matches!(Catalog::load(&store), Err(StoreError::Damaged { .. })));
+    }
+}
+
+#[test]
+fn the_queue_is_bounded_and_ends() {
+    let queue = Queue::new(3000);
+    let arrival = |size| Arrival { key: "k".to_owned(), payload: Some(vec![0; size]) };
+    (0..4).for_each(|_| queue.push(arrival(1000)));
+    assert_eq!(queue.take_dropped(), 2);
+    assert_eq!(queue.take(1).unwrap().len(), 1);
+    queue.close();
+    queue.push(arrival(1));
+    assert_eq!(queue.take(usize::MAX).unwrap().len(), 1);
+    assert!(queue.take(usize::MAX).is_none());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn any_delivery_ends_in_the_same_map(
+        delivery in Just((1..=12_u64).flat_map(|number| [(ANA, number), (BEN, number), (ANA, number)]).collect::<Vec<_>>()).prop_shuffle(),
+        cut in 1_usize..10,
+    ) {
+        let dir = tempfile::tempdir().unwrap();
+        let mut bench = Bench::open(dir.path(), Limits::default());
+        for part in delivery.chunks(cut) {
+            bench.take(part.iter().map(|&(author, number)| arrival(author, number)).collect());
+        }
+        let (state, vector) = expected(&[(ANA, 12), (BEN, 12)]);
+        prop_assert_eq!(bench.head().digest, state.digest());
+        prop_assert_eq!(&bench.head().vector, &vector);
+        let head = bench.head();
+        drop(bench);
+        prop_assert_eq!(Bench::open(dir.path(), Limits::default()).head(), head);
+    }
+}

@@ -1,0 +1,102 @@
+//! The program as a process: `kill -9` in the middle of ingest, a second server on the same data, bad directories, SIGTERM.
+#![allow(clippy::unwrap_used)] // tests may panic
+
+mod support;
+
+use fht_proto::AuthorId;
+use std::time::Duration;
+use support::{ANA, Server, bytes, client, expected, free_endpoint, head, head_when, key, refused_start, until_up};
+use zenoh::Session;
+use zenoh::qos::CongestionControl;
+
+/// Increments put ahead of the acknowledgement.
+const WINDOW: u64 = 200;
+
+/// Puts increments from `acknowledged` on and reads heads, until `enough` are acknowledged.
+async fn write(session: &Session, author: AuthorId, mut acknowledged: u64, enough: u64) -> u64 {
+    while acknowledged < enough {
+        for number in acknowledged + 1..=acknowledged + WINDOW {
+            let put = session.put(key(author, number), bytes(author, number));
+            put.congestion_control(CongestionControl::Block).await.unwrap();
+        }
+        if let Some(head) = head(session).await {
+            acknowledged = acknowledged.max(head.vector.get(author));
+        }
+    }
+    acknowledged
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn kill_9_in_the_middle_loses_nothing_acknowledged() {
+    let dir = tempfile::tempdir().unwrap();
+    let endpoint = free_endpoint();
+    let mut acknowledged = 0;
+    let mut server = Server::start(dir.path(), &endpoint);
+    let session = client(&endpoint).await;
+    for round in 1..=5_u64 {
+        until_up(&session).await;
+        let kept = head(&session).await.map_or(0, |head| head.vector.get(ANA));
+        assert!(kept >= acknowledged, "round {round}: {acknowledged} were acknowledged, {kept} are there");
+        acknowledged = write(&session, ANA, kept, kept + 300).await;
+        // Killed while more is on its way to the disk.
+        for number in acknowledged + 1..=acknowledged + WINDOW {
+            session.put(key(ANA, number), bytes(ANA, number)).await.unwrap();
+        }
+        tokio::time::sleep(Duration::from_millis(3 * round)).await;
+        server.kill();
+        server = Server::start(dir.path(), &endpoint);
+    }
+    until_up(&session).await;
+    let last = head_when(&session, |head| head.version >= acknowledged).await;
+    let (state, vector) = expected(&[(ANA, last.version)]);
+    assert_eq!((last.digest, last.vector), (state.digest(), vector));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn puts_and_subscriptions_survive_a_restart() {
+    let dir = tempfile::tempdir().unwrap();
+    let endpoint = free_endpoint();
+    let mut server = Server::start(dir.path(), &endpoint);
+    let session = client(&endpoint).await;
+    // Declared once only.
+    let heads = session.declare_subscriber("fht/museum/head").await.unwrap();
+    until_up(&session).await;
+    write(&session, ANA, 0, WINDOW).await;
+    assert!(heads.recv_async().await.is_ok());
+    server.kill();
+    session.put(key(ANA, WINDOW + 1), bytes(ANA, WINDOW + 1)).await.unwrap(); // lost, but no error
+    tokio::time::sleep(Duration::from_millis(300)).await;
+    let _again = Server::start(dir.path(), &endpoint);
+    until_up(&session).await;
+    while heads.try_recv().unwrap().is_some() {}
+    write(&session, ANA, WINDOW, 2 * WINDOW).await;
+    let heard = tokio::time::timeout(Duration::from_secs(10), heads.recv_async()).await;
+    assert!(heard.is_ok(), "the subscription is there again");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn it_ends_when_told_to_and_says_why_it_cannot_start() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("maps/of/the/museum");
+    let endpoint = free_endpoint();
+    let mut server = Server::start(&data, &endpoint);
+    until_up(&client(&endpoint).await).await;
+
+    let (code, said) = refused_start(&data, &free_endpoint());
+    assert!(code == Some(1) && said.contains("in use by another map-server"), "{said}");
+    let (code, said) = refused_start(&dir.path().join("other"), &endpoint);
+    assert!(code == Some(1) && said.contains("in use"), "{said}");
+    let file = dir.path().join("file");
+    std::fs::write(&file, "x").unwrap();
+    let (code, said) = refused_start(&file, &free_endpoint());
+    assert!(code == Some(1) && said.contains("cannot be used"), "{said}");
+    let junk = dir.path().join("junk");
+    std::fs::create_dir(&junk).unwrap();
+    std::fs::write(junk.join("maps.redb"), "not a database").unwrap();
+    let (code, said) = refused_start(&junk, &free_endpoint());
+    assert!(code == Some(1) && said.contains("cannot be used"), "{said}");
+    let (code, said) = refused_start(&data, "nonsense");
+    assert!(code == Some(1) && !said.contains("panicked"), "{said}");
+
+    assert_eq!(server.terminate(), Some(0));
+}

@@ -1,0 +1,243 @@
+//! Every query, asked over Zenoh as a robot or a tool asks it; hostile increments over Zenoh.
+#![allow(clippy::unwrap_used)] // tests may panic
+
+mod support;
+
+use fht_map::Replica;
+use fht_proto::compact::{CompactNodes, CompactPath};
+use fht_proto::query::{ErrorCode, ErrorReply, Head, MapsReply, NodesReply, PathReply, Snapshot};
+use fht_proto::{Descriptor, ModelId, VersionVector, decode, encode};
+use map_server::config::LinkConfig;
+use map_server::{ServerConfig, run};
+use support::{ANA, BEN, ask, ask_with, bytes, client, expected, free_endpoint, head_when, key, node, signature};
+use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+use zenoh::Session;
+
+struct Running {
+    session: Session,
+    stop: oneshot::Sender<()>,
+    server: JoinHandle<Result<(), map_server::ServerError>>,
+    _dir: tempfile::TempDir,
+}
+
+impl Running {
+    /// A server with a map of so many increments of ANA and BEN, 1 m apart along the x axis each.
+    async fn with(ana: u64, ben: u64) -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        let endpoint = free_endpoint();
+        let link = LinkConfig { listen: vec![endpoint.clone()], ..LinkConfig::default() };
+        let config = ServerConfig {
+            data: dir.path().to_owned(),
+            link,
+            limits: map_server::config::Limits::default(),
+            answers: map_server::config::AnswerConfig::default(),
+        };
+        let (stop, stopped) = oneshot::channel::<()>();
+        let server = tokio::spawn(run(config, async { _ = stopped.await }));
+        let session = client(&endpoint).await;
+        support::until_up(&session).await;
+        for (author, count) in [(ANA, ana), (BEN, ben)] {
+            for number in 1..=count {
+                session.put(key(author, number), bytes(author, number)).await.unwrap();
+            }
+        }
+        head_when(&session, |head| head.version == ana + ben).await;
+        Self { session, stop, server, _dir: dir }
+    }
+
+    async fn payload(&self, selector: &str) -> Vec<u8> {
+        let mut replies = ask(&self.session, selector).await;
+        assert_eq!(replies.len(), 1, "{selector}: {replies:?}");
+        replies.remove(0).unwrap()
+    }
+
+    async fn json<T: serde::de::DeserializeOwned>(&self, selector: &str) -> T {
+        serde_json::from_slice(&self.payload(selector).await).unwrap()
+    }
+
+    async fn error(&self, selector: &str) -> ErrorReply {
+        let mut replies = ask(&self.session, selector).await;
+        assert_eq!(replies.len(), 1, "{selector}: {replies:?}");
+        replies.remove(0).unwrap_err()
+    }
+
+    async fn end(self) {
+        self.session.close().await.unwrap();
+        self.stop.send(()).unwrap();
+        self.server.await.unwrap().unwrap();
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn paths_nodes_and_heads() {
+    let server = Running::with(12, 0).await;
+    let (state, vector) = expected(&[(ANA, 12)]);
+
+    let head: Head = server.json("fht/museum/head").await;
+    assert_eq!((head.version, head.vector, head.digest, head.edges), (12, vector, state.digest(), 11));
+    let maps: MapsReply = server.json("fht/maps").await;
+    assert_eq!(maps.maps.len(), 1);
+    let by_wildcard: Head = server.json("fht/*/head").await;
+    assert_eq!(by_wildcard, maps.maps[0]);
+
+    let path: PathReply = server.json("fht/museum/path?from=0.2,0.5;to=9,-0.5").await;
+    assert_eq!((path.version, path.waypoints.len()), (12, 12));
+    assert_eq!((path.waypoints[0].x, path.waypoints[0].y), (0.2, 0.5));
+    assert_eq!(path.waypoints[1].node, Some(node(ANA, 0).to_string()));
+    assert!((path.length_m - (0.2_f64.hypot(0.5) + 9.0 + 0.5)).abs() < 2e-3, "{}", path.length_m);
+    let between: PathReply = server.json(&format!("fht/museum/path?from={};to={}", node(ANA, 2), node(ANA, 5))).await;
+    assert_eq!(between.length_m, 3.0);
+    let compact: CompactPath = decode(&server.payload("fht/museum/path?from=2,0;to=5,0;fmt=postcard").await).unwrap();
+    assert_eq!(compact.waypoints.len(), between.waypoints.len());
+
+    let near: NodesReply = server.json("fht/museum/nodes?near=3.2,0;radius=1.5").await;
+    assert_eq!(near.nodes.iter().map(|node| node.x).collect::<Vec<_>>(), [3.0, 4.0, 2.0]);
+    assert_eq!(near.nodes[0].neighbours.len(), 2);
+    let one: NodesReply = server.json("fht/museum/nodes?near=3.2,0;radius=1.5;limit=1").await;
+    assert_eq!(one.nodes.len(), 1);
+    let compact: CompactNodes =
+        decode(&server.payload("fht/museum/nodes?near=3.2,0;radius=1.5;fmt=postcard").await).unwrap();
+    assert_eq!((compact.nodes.len(), compact.nodes[0].id), (3, node(ANA, 3)));
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn nodes_that_look_alike() {
+    let server = Running::with(12, 0).await;
+    let asked = encode(&signature(5).descriptor.unwrap()).unwrap();
+    let mut replies = ask_with(&server.session, "fht/museum/match?limit=2", asked.clone()).await;
+    let found: NodesReply = serde_json::from_slice(&replies.remove(0).unwrap()).unwrap();
+    assert_eq!((found.nodes.len(), &found.nodes[0].id), (2, &node(ANA, 5).to_string()));
+    assert!(found.nodes[0].similarity.unwrap() > 0.999);
+    let mut replies = ask_with(&server.session, "fht/museum/match?fmt=postcard", asked).await;
+    let compact: CompactNodes = decode(&replies.remove(0).unwrap()).unwrap();
+    assert_eq!(compact.nodes[0].signature, Some(signature(5)));
+
+    let foreign = encode(&Descriptor::quantise(ModelId(2), &[1.0; 320])).unwrap();
+    let error = ask_with(&server.session, "fht/museum/match", foreign).await.remove(0).unwrap_err();
+    assert_eq!(error.code, ErrorCode::IncompatibleModel);
+    let error = ask_with(&server.session, "fht/museum/match", b"junk".to_vec()).await.remove(0).unwrap_err();
+    assert_eq!(error.code, ErrorCode::BadRequest);
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_late_replica_catches_up_in_pieces() {
+    let server = Running::with(60, 25).await;
+    let mut replica = Replica::default();
+    let mut questions = 0;
+    loop {
+        let selector = format!("fht/museum/since?vector={};max_bytes=3000", replica.vector());
+        let series: Snapshot = decode(&server.payload(&selector).await).unwrap();
+        if series.increments.is_empty() {
+            break;
+        }
+        questions += 1;
+        for increment in series.increments {
+            replica.accept(increment);
+        }
+    }
+    let (state, vector) = expected(&[(ANA, 60), (BEN, 25)]);
+    assert_eq!((replica.state().digest(), replica.vector()), (state.digest(), &vector));
+    assert!(questions > 5, "{questions}");
+
+    // The map as it was: by the server's order of storing, and by vector.
+    let then: Snapshot = decode(&server.payload("fht/museum/snapshot?version=10").await).unwrap();
+    assert_eq!(then.increments.len(), 10);
+    let selector = format!("fht/museum/snapshot?vector={ANA}:3,{BEN}:2");
+    let then: Snapshot = decode(&server.payload(&selector).await).unwrap();
+    let mut old = Replica::default();
+    then.increments.into_iter().for_each(|increment| _ = old.accept(increment));
+    assert_eq!(old.state().digest(), expected(&[(ANA, 3), (BEN, 2)]).0.digest());
+    let rest: Snapshot = decode(&server.payload(&format!("{selector};have={ANA}:3,{BEN}:1")).await).unwrap();
+    assert_eq!(rest.increments.len(), 1);
+    for unknown in ["version=86".to_owned(), format!("vector={ANA}:61")] {
+        let error = server.error(&format!("fht/museum/snapshot?{unknown}")).await;
+        assert_eq!(error.code, ErrorCode::UnknownVersion, "{error}");
+    }
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn wrong_questions_get_a_reason() {
+    let server = Running::with(3, 0).await;
+    use ErrorCode::{BadRequest, NoPath, OutOfMap, UnknownMap, UnknownNode};
+    server.session.put(key(BEN, 1), encode(&far_node()).unwrap()).await.unwrap();
+    head_when(&server.session, |head| head.version == 4).await;
+    for (selector, code) in [
+        ("fht/nowhere/path?from=0,0;to=1,0", UnknownMap),
+        ("fht/nowhere/head", UnknownMap),
+        ("fht/museum/path", BadRequest),
+        ("fht/museum/path?from=0,0", BadRequest),
+        ("fht/museum/path?from=0,0;to=north", BadRequest),
+        ("fht/museum/path?from=0,0;to=nan,1", BadRequest),
+        ("fht/museum/path?from=0,0;to=1,0;via=2,0", BadRequest),
+        ("fht/museum/path?from=0,0;to=1,0;fmt=xml", BadRequest),
+        ("fht/museum/path?from=0,0;to=0000000a.77", UnknownNode),
+        ("fht/museum/path?from=0,0;to=20,20", OutOfMap),
+        ("fht/museum/path?from=0,0;to=50,0", NoPath),
+        ("fht/museum/nodes", BadRequest),
+        ("fht/museum/nodes?near=0,0;radius=-1", BadRequest),
+        ("fht/museum/nodes?near=0,0;radius=x", BadRequest),
+        ("fht/museum/nodes?near=0,0;limit=0", BadRequest),
+        ("fht/museum/since?vector=x", BadRequest),
+        ("fht/museum/since?vector=0000000a:1;max_bytes=99999999999999999999", BadRequest),
+        ("fht/museum/snapshot?version=1;vector=0000000a:1", BadRequest),
+        ("fht/museum/snapshot?version=-1", BadRequest),
+        ("fht/museum/match", BadRequest),
+        ("fht/museum/map", BadRequest),
+        ("fht/museum/path/extra", BadRequest),
+        ("fht/museum", BadRequest),
+        ("fht/*/path?from=0,0;to=1,0", BadRequest),
+    ] {
+        let error = server.error(selector).await;
+        assert_eq!(error.code, code, "{selector}: {error}");
+        assert!(error.message.len() > 10, "{selector}: {error}");
+    }
+    for others in ["fht/museum/inc/**", "fht/museum/robots/*", "fht/museum/inc/0000000a/1"] {
+        assert!(ask(&server.session, others).await.is_empty(), "{others} is not the server's to answer");
+    }
+    server.end().await;
+}
+
+/// A node at (50, 0) that nothing joins.
+fn far_node() -> fht_proto::Increment {
+    let pose = fht_proto::FixedPose::from_metres(50.0, 0.0, 0.0);
+    let put = fht_proto::Op::PutNode { id: node(BEN, 0), kind: fht_proto::NodeKind::Support, pose };
+    fht_proto::Increment { author: BEN, number: 1, hlc_us: 1, ops: vec![put] }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn hostile_increments_change_nothing() {
+    let server = Running::with(5, 0).await;
+    let before: Head = server.json("fht/museum/head").await;
+    let good = bytes(ANA, 6);
+    let mut sent = 0;
+    for at in (0..good.len()).step_by(7) {
+        let mut damaged = good.clone();
+        damaged[at] ^= 0x10;
+        server.session.put(key(ANA, 6), damaged).await.unwrap();
+        sent += 1;
+    }
+    for (name, payload) in [
+        (key(ANA, 6), bytes(BEN, 6)),
+        (key(ANA, 3), bytes(ANA, 4)),
+        ("fht/museum/inc/x/1".to_owned(), good.clone()),
+        ("fht/museum/inc/0000000a/6/7".to_owned(), good.clone()),
+        (key(ANA, 6), vec![0; 2 << 20]),
+    ] {
+        server.session.put(name, payload).await.unwrap();
+        sent += 1;
+    }
+    server.session.delete(key(ANA, 1)).await.unwrap();
+    sent += 1;
+    let after = head_when(&server.session, |head| head.refused >= sent).await;
+    assert_eq!(Head { refused: 0, ..after }, before);
+    // The server goes on as if nothing had been.
+    server.session.put(key(ANA, 6), good).await.unwrap();
+    let last = head_when(&server.session, |head| head.version == 6).await;
+    assert_eq!((last.digest, last.refused), (expected(&[(ANA, 6)]).0.digest(), sent));
+    assert_eq!(last.vector, "0000000a:6".parse::<VersionVector>().unwrap());
+    server.end().await;
+}

@@ -1,0 +1,190 @@
+//! What the server's tests share: increments, a server process, a client.
+#![allow(dead_code, clippy::unwrap_used)] // every test program uses a part of it; tests may panic
+
+use fht_map::MapState;
+use fht_proto::keys::{Key, Topic};
+use fht_proto::query::{ErrorReply, Head};
+use fht_proto::{
+    AuthorId, Descriptor, EdgeKey, FixedPose, Increment, MapName, ModelId, NodeId, NodeKind, Op, Rect, ScanRecord,
+    Signature, VersionVector, encode,
+};
+use std::net::TcpListener;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use zenoh::Session;
+
+pub const ANA: AuthorId = AuthorId(0xa);
+pub const BEN: AuthorId = AuthorId(0xb);
+
+pub fn museum() -> MapName {
+    "museum".parse().unwrap()
+}
+
+pub fn node(author: AuthorId, number: u32) -> NodeId {
+    NodeId { author, number }
+}
+
+/// Increment `number` of a robot that drives along y = 0, a node a metre, each joined to the one before. Every fifth is a
+/// main node of usual size.
+pub fn increment(author: AuthorId, number: u64) -> Increment {
+    let index = number as u32 - 1;
+    let id = node(author, index);
+    let pose = FixedPose::from_metres(f64::from(index), 0.0, 0.0);
+    let is_main = index.is_multiple_of(5);
+    let kind = if is_main { NodeKind::Main } else { NodeKind::Support };
+    let x = f64::from(index);
+    let rect = Rect::around(pose.position, (x - 0.6, -1.0), (x + 0.6, 1.0));
+    let mut ops = vec![Op::PutNode { id, kind, pose }, Op::SetFreeSpace { id, rect: Some(rect) }];
+    if is_main {
+        ops.push(Op::SetSignature { id, signature: signature(index) });
+    }
+    if index > 0 {
+        ops.push(Op::PutEdge { edge: EdgeKey::new(node(author, index - 1), id) });
+    }
+    Increment { author, number, hlc_us: 1_000_000 + number, ops }
+}
+
+pub fn signature(seed: u32) -> Signature {
+    let components: Vec<f32> = (0..320).map(|i| ((i * (seed + 1)) as f32 * 0.37).sin()).collect();
+    Signature {
+        descriptor: Some(Descriptor::quantise(ModelId(1), &components)),
+        scan: ScanRecord {
+            base_from_sensor: FixedPose::default(),
+            angle_min: 0.0,
+            angle_increment: 0.017,
+            ranges_mm: vec![5000; 360],
+        },
+    }
+}
+
+pub fn bytes(author: AuthorId, number: u64) -> Vec<u8> {
+    encode(&increment(author, number)).unwrap()
+}
+
+pub fn key(author: AuthorId, number: u64) -> String {
+    Key::increment(&museum(), author, number).to_string()
+}
+
+/// What increments 1 to `count` of each author add up to.
+pub fn expected(counts: &[(AuthorId, u64)]) -> (MapState, VersionVector) {
+    let (mut state, mut vector) = (MapState::new(), VersionVector::default());
+    for &(author, count) in counts {
+        (1..=count).for_each(|number| state.apply(&increment(author, number)));
+        vector.set(author, count);
+    }
+    (state, vector)
+}
+
+/// A port that is free now.
+pub fn free_endpoint() -> String {
+    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    format!("tcp/127.0.0.1:{port}")
+}
+
+/// A server process, killed when dropped.
+pub struct Server(Child);
+
+impl Server {
+    pub fn start(data: &Path, endpoint: &str) -> Self {
+        let program = env!("CARGO_BIN_EXE_map-server");
+        let data = data.to_str().unwrap();
+        let child = Command::new(program).args(["--data", data, "--listen", endpoint]).spawn().unwrap();
+        Self(child)
+    }
+
+    /// `kill -9`.
+    pub fn kill(&mut self) {
+        self.0.kill().unwrap();
+        self.0.wait().unwrap();
+    }
+
+    /// SIGTERM, and the exit code.
+    pub fn terminate(&mut self) -> Option<i32> {
+        Command::new("kill").arg(self.0.id().to_string()).status().unwrap();
+        self.0.wait().unwrap().code()
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Runs a server that should refuse to start; its exit code and what it said.
+pub fn refused_start(data: &Path, endpoint: &str) -> (Option<i32>, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_map-server"))
+        .args(["--data", data.to_str().unwrap(), "--listen", endpoint])
+        .stdout(Stdio::null())
+        .output()
+        .unwrap();
+    (output.status.code(), String::from_utf8(output.stderr).unwrap())
+}
+
+/// A client that keeps trying to connect.
+pub async fn client(endpoint: &str) -> Session {
+    let mut config = zenoh::Config::default();
+    for (name, value) in [
+        ("mode", "\"client\"".to_owned()),
+        ("connect/endpoints", format!("[\"{endpoint}\"]")),
+        ("connect/timeout_ms", "-1".to_owned()),
+        ("connect/exit_on_failure", "false".to_owned()),
+        ("connect/retry", "{period_init_ms: 50, period_max_ms: 200}".to_owned()),
+        ("scouting/multicast/enabled", "false".to_owned()),
+    ] {
+        config.insert_json5(name, &value).unwrap();
+    }
+    zenoh::open(config).await.unwrap()
+}
+
+/// All replies to a query: payloads, or the reason.
+pub async fn ask(session: &Session, selector: &str) -> Vec<Result<Vec<u8>, ErrorReply>> {
+    ask_with(session, selector, Vec::new()).await
+}
+
+pub async fn ask_with(session: &Session, selector: &str, payload: Vec<u8>) -> Vec<Result<Vec<u8>, ErrorReply>> {
+    let get = session.get(selector).payload(payload).timeout(Duration::from_secs(5));
+    let replies = get.await.unwrap();
+    let mut found = Vec::new();
+    while let Ok(reply) = replies.recv_async().await {
+        found.push(match reply.result() {
+            Ok(sample) => Ok(sample.payload().to_bytes().into_owned()),
+            Err(error) => Err(serde_json::from_slice(&error.payload().to_bytes()).unwrap()),
+        });
+    }
+    found
+}
+
+pub async fn head(session: &Session) -> Option<Head> {
+    let replies = ask(session, &Key::topic(&museum(), Topic::Head).to_string()).await;
+    let payload = replies.into_iter().next()?.ok()?;
+    Some(serde_json::from_slice(&payload).unwrap())
+}
+
+/// Waits until the server's head satisfies `done`.
+pub async fn head_when(session: &Session, done: impl Fn(&Head) -> bool) -> Head {
+    let start = Instant::now();
+    let mut last = None;
+    while start.elapsed() < Duration::from_secs(30) {
+        last = head(session).await;
+        if let Some(head) = last.as_ref().filter(|head| done(head)) {
+            return head.clone();
+        }
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    panic!("the head did not get there: {last:?}");
+}
+
+/// Waits until a server answers.
+pub async fn until_up(session: &Session) {
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_secs(30) {
+        if ask(session, "fht/maps").await.iter().any(Result::is_ok) {
+            return;
+        }
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    panic!("no server came up");
+}
