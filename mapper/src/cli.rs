@@ -96,7 +96,8 @@ struct ExploreArgs {
 
 impl ExploreArgs {
     fn task(&self) -> Result<ExploreTask, String> {
-        let name = Path::new(&self.world).file_stem().map_or_else(|| self.world.clone(), |s| s.to_string_lossy().into());
+        let name =
+            Path::new(&self.world).file_stem().map_or_else(|| self.world.clone(), |s| s.to_string_lossy().into());
         let map = match &self.map {
             Some(map) => map.clone(),
             None => name.parse().map_err(|error| format!("{error}; give the map a name with --map"))?,
@@ -115,7 +116,7 @@ impl ExploreArgs {
             seed: self.seed,
             map,
             robot: self.robot.clone(),
-            link: (!self.offline).then(|| LinkConfig { connect: self.connect.clone(), ..LinkConfig::default() }),
+            link: (!self.offline).then(|| LinkConfig { connect: self.connect.clone() }),
             model: self.model.clone(),
             cameras: !self.no_cameras,
             rate: self.rate,
@@ -204,7 +205,8 @@ fn run(args: ExploreArgs) -> Result<bool, String> {
 }
 
 fn spinner() -> ProgressBar {
-    let style = ProgressStyle::with_template("{spinner} exploring: {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
+    let style =
+        ProgressStyle::with_template("{spinner} exploring: {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
     ProgressBar::new_spinner().with_style(style)
 }
 

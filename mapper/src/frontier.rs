@@ -8,8 +8,12 @@ use std::collections::BTreeSet;
 /// What counts as a frontier worth driving to.
 #[derive(Clone, Debug)]
 pub struct FrontierConfig {
-    /// Smaller clusters are gaps between beams, not ways on; cells. Default 7, about 0.35 m.
+    /// Smaller clusters are gaps between beams, not ways on; cells. Default 20, 1 m of edge: through a door that the
+    /// robot fits through, it sees a wedge of floor with longer edges than that
     pub min_cells: usize,
+    /// Frontiers with less unknown space behind them are gaps as well, square metres: unknown cells that hang together
+    /// with the frontier's. Default 0.3. A closed door's slit passes, the shadow of a table's leg does not.
+    pub min_unknown_m2: f64,
     /// Frontier cells at most this far apart, in cells along each axis, are one cluster. Default 2.
     pub join_cells: i32,
     /// A cluster's size is counted in squares of this side, so that a ragged edge counts no more than a smooth one,
@@ -21,7 +25,7 @@ pub struct FrontierConfig {
 
 impl Default for FrontierConfig {
     fn default() -> Self {
-        Self { min_cells: 7, join_cells: 2, thinning_m: 0.3, vantage_reach_m: 1.0 }
+        Self { min_cells: 20, min_unknown_m2: 0.3, join_cells: 2, thinning_m: 0.3, vantage_reach_m: 1.0 }
     }
 }
 
@@ -79,13 +83,14 @@ pub fn frontier_cells_near(grid: &OccupancyGrid, point: Point2, radius_m: f64) -
 pub fn find_frontiers(grid: &OccupancyGrid, bounds: CellBounds, config: &FrontierConfig) -> Vec<Frontier> {
     let mut waiting = frontier_mask(grid, &bounds);
     let per_square = (config.thinning_m / grid.resolution_m()).round().max(1.0) as i32;
+    let least_unknown = (config.min_unknown_m2 / grid.resolution_m().powi(2)).ceil() as usize;
     let mut frontiers = Vec::new();
     for first in 0..waiting.len() {
         if !waiting[first] {
             continue;
         }
         let mut cells = take_cluster(&mut waiting, &bounds, bounds.cell(first), config.join_cells);
-        if cells.len() < config.min_cells {
+        if cells.len() < config.min_cells || !opens_on(grid, &cells, least_unknown) {
             continue;
         }
         cells.sort_unstable();
@@ -140,6 +145,29 @@ fn take_cluster(waiting: &mut [bool], bounds: &CellBounds, first: Cell, join: i3
         }
     }
     cells
+}
+
+/// Whether at least `count` unknown cells hang together with each other and with some of `cells`.
+fn opens_on(grid: &OccupancyGrid, cells: &[Cell], count: usize) -> bool {
+    let beside = |cell: Cell| [(1, 0), (0, 1), (-1, 0), (0, -1)].map(|(i, j)| Cell { i: cell.i + i, j: cell.j + j });
+    let mut seen = BTreeSet::new();
+    // Several separate slits are not one room: each is counted for itself.
+    for &cell in cells {
+        let mut waiting: Vec<Cell> = vec![cell];
+        let mut area = 0;
+        while let Some(next) = waiting.pop() {
+            for cell in beside(next) {
+                if grid.state(cell) == CellState::Unknown && seen.insert(cell) {
+                    area += 1;
+                    waiting.push(cell);
+                }
+            }
+            if area >= count {
+                return true;
+            }
+        }
+    }
+    count == 0
 }
 
 /// The cheapest way to see a frontier: to one of its own cells, or, if the robot fits into none of them, to a cell near

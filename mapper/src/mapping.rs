@@ -169,11 +169,11 @@ impl Mapper {
     fn refine(&mut self, time_us: u64) {
         let due = self.refine.take_due(self.frame);
         self.add_shortcuts(due, time_us);
-        if self.refine.is_idle() {
-            if let Some(node) = self.to_refine.pop_front() {
-                let job = RefineJob { roadmap: Roadmap::of(self.map()), space: self.free_space(), node };
-                self.refine.submit(job, self.frame);
-            }
+        if self.refine.is_idle()
+            && let Some(node) = self.to_refine.pop_front()
+        {
+            let job = RefineJob { roadmap: Roadmap::of(self.map()), space: self.free_space(), node };
+            self.refine.submit(job, self.frame);
         }
     }
 

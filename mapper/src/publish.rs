@@ -206,10 +206,10 @@ pub async fn current_head(
     let key = keys::Key::topic(map, keys::Topic::Head).to_string();
     let replies = session.get(key).timeout(timeout).await?;
     while let Ok(reply) = replies.recv_async().await {
-        if let Ok(sample) = reply.result() {
-            if let Ok(head) = serde_json::from_slice(&sample.payload().to_bytes()) {
-                return Ok(Some(head));
-            }
+        if let Ok(sample) = reply.result()
+            && let Ok(head) = serde_json::from_slice(&sample.payload().to_bytes())
+        {
+            return Ok(Some(head));
         }
     }
     Ok(None)

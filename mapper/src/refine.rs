@@ -51,12 +51,7 @@ pub struct Shortcut {
 
 /// Looks for shortcuts from `node`, the worst detour first, so that one shortcut may serve several.
 #[must_use]
-pub fn shortcuts(
-    mut roadmap: Roadmap,
-    space: &Traversable,
-    node: NodeId,
-    config: &RefineConfig,
-) -> Vec<Shortcut> {
+pub fn shortcuts(mut roadmap: Roadmap, space: &Traversable, node: NodeId, config: &RefineConfig) -> Vec<Shortcut> {
     let Some(here) = roadmap.position(node) else { return Vec::new() };
     let field = space.distances_from(point(here));
     let mut found = Vec::new();
@@ -88,8 +83,7 @@ pub fn shortcuts(
             virtual_nodes += 1;
             let position = FixedPoint::from_metres(place.x, place.y);
             let is_joined = |(_, other): &(NodeId, FixedPoint)| {
-                other.distance(position) <= config.longest_step_m
-                    && space.is_segment_passable(*place, point(*other))
+                other.distance(position) <= config.longest_step_m && space.is_segment_passable(*place, point(*other))
             };
             let joined: Vec<NodeId> = roadmap.nodes().filter(is_joined).map(|(id, _)| id).collect();
             roadmap.add_node(id, position);

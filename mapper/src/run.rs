@@ -114,10 +114,10 @@ pub async fn explore(
         return Ok(run.await?.0);
     };
     let session = link::open(&link_config).await?;
-    if let Some(head) = current_head(&session, &task.map, Duration::from_secs(1)).await? {
-        if head.version > 0 {
-            return Err(ExploreError::MapExists { map: task.map, version: head.version });
-        }
+    if let Some(head) = current_head(&session, &task.map, Duration::from_secs(1)).await?
+        && head.version > 0
+    {
+        return Err(ExploreError::MapExists { map: task.map, version: head.version });
     }
     let presence = keys::Key::Robot { map: task.map.clone(), robot: task.robot.clone() }.to_string();
     let token = session.liveliness().declare_token(presence).await.map_err(PublishError::from)?;

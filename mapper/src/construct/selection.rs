@@ -40,12 +40,10 @@ pub(super) struct Selection {
 
 /// Relocalization capability C at `here` (paper, equation 3) from the main nodes' positions and information.
 #[must_use]
-pub fn capability(
-    nodes: impl Iterator<Item = (FixedPoint, f64)>,
-    here: FixedPoint,
-    config: &SelectionConfig,
-) -> f64 {
-    nodes.map(|(position, information)| information * (-(position.distance(here) / config.sigma_c_m).powi(2)).exp()).sum()
+pub fn capability(nodes: impl Iterator<Item = (FixedPoint, f64)>, here: FixedPoint, config: &SelectionConfig) -> f64 {
+    nodes
+        .map(|(position, information)| information * (-(position.distance(here) / config.sigma_c_m).powi(2)).exp())
+        .sum()
 }
 
 impl Selection {

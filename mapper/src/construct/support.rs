@@ -45,8 +45,7 @@ pub fn need(
     let Some(&(nearest, ..)) = nearby.first() else {
         return if state.nodes().next().is_none() { Need::Empty } else { Need::Connectivity };
     };
-    let is_reachable =
-        |position: FixedPoint| grid.is_corridor_free(point(position), point(here), edges.half_width_m);
+    let is_reachable = |position: FixedPoint| grid.is_corridor_free(point(position), point(here), edges.half_width_m);
     if !nearby.iter().any(|&(_, _, position)| is_reachable(position)) {
         Need::Connectivity
     } else if nearest > config.spacing_m {

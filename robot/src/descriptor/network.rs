@@ -5,7 +5,7 @@ use super::description::{Description, InputLayout};
 use image::RgbImage;
 use ort::environment::Environment;
 use ort::session::Session;
-use ort::value::TensorRef;
+use ort::value::{Outlet, TensorRef};
 
 /// The network's output for one view: `channels` planes, one after the other.
 pub(super) struct Features {
@@ -26,10 +26,10 @@ impl Network {
             Session::builder(environment).and_then(|builder| Ok(builder.with_intra_threads(1)?)).map_err(text)?;
         let session = builder.commit_from_memory(onnx).map_err(text)?;
         let has = |names: Vec<&str>, name: &str| names.contains(&name);
-        if !has(session.inputs().iter().map(|input| input.name()).collect(), &description.input) {
+        if !has(session.inputs().iter().map(Outlet::name).collect(), &description.input) {
             return Err(format!("it has no input '{}'", description.input));
         }
-        if !has(session.outputs().iter().map(|output| output.name()).collect(), &description.output) {
+        if !has(session.outputs().iter().map(Outlet::name).collect(), &description.output) {
             return Err(format!("it has no output '{}'", description.output));
         }
         Ok(Self { session, description: description.clone() })
