@@ -78,7 +78,7 @@ fn unknown_map(map: &MapName, catalog: &Catalog) -> ErrorReply {
     const SHOWN: usize = 10;
     let names: Vec<String> = catalog.heads().iter().take(SHOWN).map(|head| head.map.to_string()).collect();
     let known = if names.is_empty() { "no maps yet".to_owned() } else { names.join(", ") };
-    error(ErrorCode::UnknownMap, format!("there is no map '{map}' here (there is: {known})"))
+    error(ErrorCode::UnknownMap, format!("there is no map {map} here (there is: {known})"))
 }
 
 fn increments(
@@ -91,7 +91,7 @@ fn increments(
 ) -> Result<Answer, ErrorReply> {
     let now = &view.head.vector;
     let unknown = |what: String| {
-        let text = format!("map '{map}' has no {what}; it is at version {}, vector {now}", view.head.version);
+        let text = format!("map {map} has no {what}; it is at version {}, vector {now}", view.head.version);
         error(ErrorCode::UnknownVersion, text)
     };
     let upto = match moment {

@@ -95,9 +95,9 @@ pub fn bad_request(message: String) -> ErrorReply {
     ErrorReply { code: ErrorCode::BadRequest, message }
 }
 
-/// A piece of foreign text for a message, cut to a sensible length.
-fn shown(text: &str) -> String {
-    text.chars().take(80).collect()
+/// A piece of foreign text for a message: cut to a sensible length, and without what tools would show with escapes.
+pub(crate) fn shown(text: &str) -> String {
+    text.chars().filter(|c| !matches!(c, '\'' | '"' | '\\') && !c.is_control()).take(80).collect()
 }
 
 /// The parameters of a query, checked against those that the topic knows.
@@ -112,23 +112,23 @@ impl<'a> Parameters<'a> {
         for (name, value) in pairs.filter(|(name, _)| !name.is_empty() && !name.starts_with('_')) {
             if !known.contains(&name) {
                 let hint = if known.is_empty() { "there are none here".to_owned() } else { known.join(", ") };
-                return Err(bad_request(format!("unknown parameter '{}'; known: {hint}", shown(name))));
+                return Err(bad_request(format!("unknown parameter {}; known: {hint}", shown(name))));
             }
             if values.insert(name, value).is_some() {
-                return Err(bad_request(format!("parameter '{name}' is given twice")));
+                return Err(bad_request(format!("parameter {name} is given twice")));
             }
         }
         Ok(Self { values })
     }
 
     fn required(&self, name: &str, example: &str) -> Result<&'a str, ErrorReply> {
-        let missing = || bad_request(format!("parameter '{name}' is missing; for example: {example}"));
+        let missing = || bad_request(format!("parameter {name} is missing; for example: {example}"));
         self.values.get(name).copied().filter(|value| !value.is_empty()).ok_or_else(missing)
     }
 
     fn parsed<T: FromStr>(&self, name: &str, expected: &str) -> Result<Option<T>, ErrorReply> {
         let parse = |value: &&str| {
-            value.trim().parse().map_err(|_| bad_request(format!("{name}='{}' is not {expected}", shown(value))))
+            value.trim().parse().map_err(|_| bad_request(format!("{name}={} is not {expected}", shown(value))))
         };
         self.values.get(name).map(parse).transpose()
     }
@@ -142,7 +142,7 @@ impl<'a> Parameters<'a> {
         match self.values.get("fmt").copied() {
             None | Some("json") => Ok(Format::Json),
             Some("postcard") => Ok(Format::Postcard),
-            Some(other) => Err(bad_request(format!("fmt='{}' is neither json nor postcard", shown(other)))),
+            Some(other) => Err(bad_request(format!("fmt={} is neither json nor postcard", shown(other)))),
         }
     }
 
@@ -165,7 +165,7 @@ pub fn parse<'a>(
         Key::Maps => Parameters::of(parameters, &[]).map(|_| Request::Maps),
         Key::Topic { map, topic } => Ok(Request::Map(map, question(topic, parameters, payload)?)),
         Key::Increment { .. } | Key::Robot { .. } | Key::RobotPose { .. } => {
-            Err(bad_request(format!("'{key}' is not a topic")))
+            Err(bad_request(format!("{key} is not a topic")))
         }
     }
 }

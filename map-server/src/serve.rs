@@ -3,7 +3,7 @@
 use crate::answer::{Answer, answer};
 use crate::catalog::Catalog;
 use crate::config::AnswerConfig;
-use crate::request::{Format, bad_request, parse};
+use crate::request::{Format, bad_request, parse, shown};
 use crate::store::Store;
 use fht_proto::MapName;
 use fht_proto::keys::{ALL_INCREMENTS, Key, PREFIX, Topic};
@@ -92,8 +92,8 @@ impl Service {
             Addressed::Unknown => {
                 let topics: Vec<&str> = Topic::ALL.iter().map(|topic| topic.as_str()).collect();
                 let text = format!(
-                    "'{}' is not a key of the map service: ask {PREFIX}/maps or {PREFIX}/MAP/TOPIC with TOPIC one of {}",
-                    query.key_expr().chars().take(120).collect::<String>(),
+                    "{} is not a key of the map service: ask {PREFIX}/maps or {PREFIX}/MAP/TOPIC with TOPIC one of {}",
+                    shown(query.key_expr()),
                     topics.join(", ")
                 );
                 reply_error(query, &bad_request(text));

@@ -28,7 +28,7 @@ pub const MAX_BODY_BYTES: usize = 4 << 20;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum CodecError {
     /// Not our message at all.
-    #[error("not an FHT message: it does not start with the bytes 'FHT'")]
+    #[error("not an FHT message: it does not start with the bytes FHT")]
     Magic,
     /// Written by a newer (or broken) program.
     #[error("format version {found} is not known here (this program reads version {FORMAT_VERSION})")]
@@ -45,7 +45,7 @@ pub enum CodecError {
         expected: u8,
     },
     /// Too few or too many bytes for the stated length.
-    #[error("the message's length field does not fit its {bytes} bytes")]
+    #[error("the length field does not fit the message of {bytes} bytes")]
     Length {
         /// Bytes given.
         bytes: usize,

@@ -28,7 +28,7 @@ impl fmt::Display for AuthorId {
 
 /// A text that is not an id of the expected form.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("'{text}' is not {expected}")]
+#[error("{text} is not {expected}")]
 pub struct ParseIdError {
     text: String,
     expected: &'static str,
@@ -109,7 +109,7 @@ impl FromStr for MapName {
         if is_name(text) {
             Ok(Self(text.to_owned()))
         } else {
-            Err(ParseIdError::new(text, "a map name (1 to 64 letters, digits, '_' or '-')"))
+            Err(ParseIdError::new(text, "a map name (1 to 64 letters, digits, _ or -)"))
         }
     }
 }

@@ -131,7 +131,7 @@ impl fmt::Display for Key {
 
 /// A text that is not a key of the service.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("'{0}' is not a key of the map service")]
+#[error("{0} is not a key of the map service")]
 pub struct ParseKeyError(String);
 
 impl FromStr for Key {

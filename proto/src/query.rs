@@ -37,7 +37,7 @@ pub enum ErrorCode {
 pub struct ErrorReply {
     /// For programs.
     pub code: ErrorCode,
-    /// One sentence for people.
+    /// One sentence for people, without quotes and backslashes: tools show the JSON of this with escapes.
     pub message: String,
 }
 
@@ -68,7 +68,7 @@ pub fn parse_point(text: &str) -> Result<FixedPoint, ErrorReply> {
     let shown: String = text.chars().take(80).collect();
     let bad = || ErrorReply {
         code: ErrorCode::BadRequest,
-        message: format!("'{shown}' is not a place: give x,y in metres, such as 1.5,-2, or a node id"),
+        message: format!("{shown} is not a place: give x,y in metres, such as 1.5,-2, or a node id"),
     };
     let (x, y) = text.split_once(',').ok_or_else(bad)?;
     let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite() && v.abs() <= 100_000.0);

@@ -74,7 +74,7 @@ impl fmt::Display for VersionVector {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ParseVectorError {
     /// One entry is not `author:count`.
-    #[error("'{0}' is not of the form author:count")]
+    #[error("{0} is not of the form author:count")]
     Entry(String),
     /// The author part is not an id.
     #[error(transparent)]
