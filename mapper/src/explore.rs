@@ -322,3 +322,6 @@ fn turn_to_set_off(map_from_base: &Pose2, path: &[Point2]) -> f64 {
 fn seconds(from_us: u64, to_us: u64) -> f64 {
     to_us.saturating_sub(from_us) as f64 * 1e-6
 }
+
+#[cfg(test)]
+mod tests;

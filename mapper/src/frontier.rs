@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 #[derive(Clone, Debug)]
 pub struct FrontierConfig {
     /// Smaller clusters are gaps between beams, not ways on; cells. Default 20, 1 m of edge: through a door that the
-    /// robot fits through, it sees a wedge of floor with longer edges than that
+    /// robot fits through, it sees a wedge of floor with longer edges than that.
     pub min_cells: usize,
     /// Frontiers with less unknown space behind them are gaps as well, square metres: unknown cells that hang together
     /// with the frontier's. Default 0.3. A closed door's slit passes, the shadow of a table's leg does not.
@@ -209,3 +209,6 @@ pub fn approach(
     };
     vantages.into_iter().find(in_sight)
 }
+
+#[cfg(test)]
+mod tests;

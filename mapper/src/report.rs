@@ -1,8 +1,7 @@
 //! What an exploration came to, scored against the simulator's truth.
 
-use crate::mapping::Mapper;
 use fht_proto::Digest;
-use fht_robot::grid::CellState;
+use fht_robot::grid::{CellState, OccupancyGrid};
 use fht_robot::pose::{Point2, Pose2, wrap_angle};
 use fht_sim::{FloorPlan, World};
 use serde::{Deserialize, Serialize};
@@ -52,12 +51,12 @@ pub struct ExploreReport {
     pub wall_s: f64,
 }
 
-/// Free area reachable by a robot of `radius_m` from `start`, and the share of it that the mapper's grid knows.
+/// Free area reachable by a robot of `radius_m` from the origin of the map frame, and the share of it that `grid` (in the
+/// map frame) knows.
 #[must_use]
-pub fn explored(plan: &FloorPlan, mapper: &Mapper, world_from_map: &Pose2, radius_m: f64) -> (f64, f64) {
+pub fn explored(plan: &FloorPlan, grid: &OccupancyGrid, world_from_map: &Pose2, radius_m: f64) -> (f64, f64) {
     let reachable = plan.reachable_free(Point2::from(world_from_map.translation.vector), radius_m);
     let map_from_world = world_from_map.inverse();
-    let grid = mapper.grid();
     let (mut total, mut known) = (0_usize, 0_usize);
     for row in 0..plan.height() {
         for column in 0..plan.width() {

@@ -198,7 +198,7 @@ fn drive(
     }
     mapper.finish();
     let version = publish(&mut mapper);
-    let (free_area_m2, explored_fraction) = explored(world.plan(), &mapper, &start, radius_m);
+    let (free_area_m2, explored_fraction) = explored(world.plan(), mapper.grid(), &start, radius_m);
     let estimated: Vec<Pose2> = mapper.trajectory().iter().map(|(_, pose)| *pose).collect();
     let (mean_m, max_m, mean_deg) = trajectory_error(&estimated, &truth, &start);
     let counts = mapper.map().counts();

@@ -59,3 +59,22 @@ impl Setbacks {
         self.places.iter().filter(move |place| (place.target - target).norm() <= config.radius_m)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_target_rests_comes_back_and_is_given_up() {
+        let config = SetbackConfig::default();
+        let (place, beside, far) = (Point2::new(1.0, 1.0), Point2::new(1.3, 1.0), Point2::new(3.0, 1.0));
+        let mut setbacks = Setbacks::default();
+        setbacks.record(place, 0, &config);
+        assert!(!setbacks.allows(beside, 1_000_000, &config));
+        assert!(setbacks.allows_later(beside, &config));
+        assert!(setbacks.allows(beside, 61_000_000, &config));
+        assert!(setbacks.allows(far, 0, &config));
+        setbacks.record(beside, 61_000_000, &config);
+        assert!(!setbacks.allows_later(place, &config));
+    }
+}

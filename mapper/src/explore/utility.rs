@@ -28,3 +28,25 @@ pub fn utility(size: usize, distance_m: f64, turn_rad: f64, config: &UtilityConf
     let cost = config.base_cost_m + distance_m + config.turn_cost_m_per_rad * wrap_angle(turn_rad).abs();
     information / cost.max(1e-3)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn larger_nearer_and_straight_ahead_is_better() {
+        let config = UtilityConfig::default();
+        let reference = utility(5, 3.0, 0.5, &config);
+        assert!(utility(9, 3.0, 0.5, &config) > reference);
+        assert!(utility(5, 2.0, 0.5, &config) > reference);
+        assert!(utility(5, 3.0, -0.2, &config) > reference);
+        assert!((utility(5, 3.0, std::f64::consts::TAU + 0.5, &config) - reference).abs() < 1e-9);
+    }
+
+    #[test]
+    fn nothing_farther_beats_the_bound() {
+        let config = UtilityConfig::default();
+        assert!(utility(1000, 8.1, 0.0, &config) < utility(usize::MAX, 8.0, 0.0, &config));
+        assert!(utility(usize::MAX, f64::INFINITY, 0.0, &config).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,78 @@
+use super::*;
+use fht_robot::grid::GridConfig;
+use fht_robot::pose::pose;
+
+/// What a robot at (0, 0) sees in a closed square room of side 4 m.
+fn closed_room() -> (OccupancyGrid, LaserScan) {
+    let increment = std::f64::consts::TAU / 720.0;
+    let ranges_m = (0..720)
+        .map(|beam| {
+            let (sin, cos) = (f64::from(beam) * increment).sin_cos();
+            (2.0 / cos.abs().max(sin.abs())) as f32
+        })
+        .collect();
+    let base_from_sensor = pose(0.0, 0.0, 0.0);
+    let (range_min_m, range_max_m) = (0.1, 7.0);
+    let scan =
+        LaserScan { base_from_sensor, angle_min: 0.0, angle_increment: increment, range_min_m, range_max_m, ranges_m };
+    let mut grid = OccupancyGrid::new(GridConfig::default());
+    for _ in 0..3 {
+        grid.integrate(&pose(0.0, 0.0, 0.0), &scan);
+    }
+    (grid, scan)
+}
+
+/// The same room, but its right half has not been seen.
+fn half_seen_room() -> (OccupancyGrid, LaserScan) {
+    let (_, scan) = closed_room();
+    let mut half = scan.clone();
+    half.ranges_m.iter_mut().enumerate().for_each(|(beam, range)| {
+        if !(180..540).contains(&beam) {
+            *range = f32::NAN;
+        }
+    });
+    let mut grid = OccupancyGrid::new(GridConfig::default());
+    for _ in 0..3 {
+        grid.integrate(&pose(0.0, 0.0, 0.0), &half);
+    }
+    (grid, scan)
+}
+
+#[test]
+fn a_closed_room_is_done_and_stays_done() {
+    let (grid, scan) = closed_room();
+    let mut explorer = Explorer::new(ExploreConfig::default());
+    assert_eq!(explorer.step(&grid, &pose(0.0, 0.0, 0.0), &scan, 0), ExploreStep::Done);
+    assert_eq!(explorer.step(&half_seen_room().0, &pose(0.0, 0.0, 0.0), &scan, 1), ExploreStep::Done);
+}
+
+#[test]
+fn a_goal_is_kept_while_its_frontier_lasts() {
+    let (grid, scan) = half_seen_room();
+    let mut explorer = Explorer::new(ExploreConfig::default());
+    let here = pose(-1.0, 0.0, 0.0);
+    let first = explorer.step(&grid, &here, &scan, 0);
+    let goal = explorer.goal().unwrap();
+    assert!(matches!(first, ExploreStep::Drive(_)) && !explorer.path().is_empty());
+    for second in 1..4 {
+        let _ = explorer.step(&grid, &here, &scan, second * 1_000_000);
+        assert_eq!(explorer.goal(), Some(goal));
+    }
+}
+
+#[test]
+fn a_robot_that_cannot_move_backs_out_and_gives_up_in_the_end() {
+    let (grid, scan) = half_seen_room();
+    let mut explorer = Explorer::new(ExploreConfig::default());
+    let mut has_backed_out = false;
+    for frame in 0..5 * 60 * 10 {
+        match explorer.step(&grid, &pose(-1.0, 0.0, 0.0), &scan, frame * 200_000) {
+            ExploreStep::Drive(twist) => has_backed_out |= twist.linear_mps < 0.0,
+            ExploreStep::Done => {
+                assert!(has_backed_out);
+                return;
+            }
+        }
+    }
+    panic!("still trying after ten minutes");
+}
