@@ -1,5 +1,6 @@
 //! A person with nothing but `pip install zenoh-cli` asks a running server: a path is printed, and a bad request prints the
 //! reason.
+#![allow(clippy::unwrap_used)] // tests may panic
 
 use fht_proto::keys::{Key, Topic};
 use fht_proto::query::{Head, PathReply};

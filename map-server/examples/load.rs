@@ -1,0 +1,143 @@
+//! How much a server takes: durable increments per second over Zenoh on this machine, and how long a path takes on the map
+//! that they make. `cargo run --release -p map-server --example load -- 5000`
+#![allow(clippy::unwrap_used)] // a measurement may panic
+
+use fht_proto::keys::Key;
+use fht_proto::query::Head;
+use fht_proto::{
+    AuthorId, Descriptor, EdgeKey, FixedPose, Increment, MapName, ModelId, NodeId, NodeKind, Op, Rect, ScanRecord,
+    Signature, encode,
+};
+use map_server::config::{AnswerConfig, Limits, LinkConfig};
+use map_server::{ServerConfig, run};
+use std::time::{Duration, Instant};
+use tokio::sync::oneshot;
+use zenoh::Session;
+use zenoh::handlers::FifoChannelHandler;
+use zenoh::pubsub::Subscriber;
+use zenoh::qos::CongestionControl;
+use zenoh::sample::Sample;
+
+/// Increments put ahead of the acknowledgement.
+const WINDOW: u64 = 1000;
+/// Nodes in a row of the grid that the map is.
+const ROW: u32 = 50;
+const QUERIES: usize = 300;
+
+/// A node of a grid with 2 m between neighbours, every fifth a main node of usual size.
+fn increment(author: AuthorId, number: u64) -> Increment {
+    let index = number as u32 - 1;
+    let id = |index: u32| NodeId { author, number: index };
+    let (x, y) = (f64::from(index % ROW) * 2.0, f64::from(index / ROW) * 2.0);
+    let is_main = index.is_multiple_of(5);
+    let pose = FixedPose::from_metres(x, y, 0.0);
+    let rect = Rect::around(pose.position, (x - 1.5, y - 1.5), (x + 1.5, y + 1.5));
+    let kind = if is_main { NodeKind::Main } else { NodeKind::Support };
+    let mut ops = vec![Op::PutNode { id: id(index), kind, pose }, Op::SetFreeSpace { id: id(index), rect: Some(rect) }];
+    if is_main {
+        let components: Vec<f32> = (0..320).map(|i| ((i * (index + 1)) as f32 * 0.37).sin()).collect();
+        let descriptor = Some(Descriptor::quantise(ModelId(1), &components));
+        let scan = ScanRecord {
+            base_from_sensor: FixedPose::default(),
+            angle_min: 0.0,
+            angle_increment: 0.017,
+            ranges_mm: vec![5000; 360],
+        };
+        ops.push(Op::SetSignature { id: id(index), signature: Signature { descriptor, scan } });
+    }
+    let before = [(!index.is_multiple_of(ROW)).then(|| index - 1), index.checked_sub(ROW)];
+    ops.extend(before.into_iter().flatten().map(|other| Op::PutEdge { edge: EdgeKey::new(id(other), id(index)) }));
+    Increment { author, number, hlc_us: number, ops }
+}
+
+async fn get(session: &Session, selector: &str) -> Vec<u8> {
+    let replies = session.get(selector).await.unwrap();
+    replies.recv_async().await.unwrap().result().unwrap().payload().to_bytes().into_owned()
+}
+
+/// The next head published, or the one asked for if none comes.
+async fn next_head(session: &Session, heads: &Subscriber<FifoChannelHandler<Sample>>) -> Head {
+    let payload = match tokio::time::timeout(Duration::from_millis(500), heads.recv_async()).await {
+        Ok(sample) => sample.unwrap().payload().to_bytes().into_owned(),
+        Err(_) => get(session, "fht/load/head").await,
+    };
+    serde_json::from_slice(&payload).unwrap()
+}
+
+#[tokio::main(flavor = "multi_thread", worker_threads = 2)]
+async fn main() {
+    let count: u64 = std::env::args().nth(1).map_or(5000, |text| text.parse().unwrap());
+    let dir = tempfile::tempdir_in(".").unwrap();
+    let endpoint = "tcp/127.0.0.1:17449".to_owned();
+    let link = LinkConfig { listen: vec![endpoint.clone()], ..LinkConfig::default() };
+    let config =
+        ServerConfig { data: dir.path().to_owned(), link, limits: Limits::default(), answers: AnswerConfig::default() };
+    let (stop, stopped) = oneshot::channel::<()>();
+    let server = tokio::spawn(run(config, async { _ = stopped.await }));
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    let mut config = zenoh::Config::default();
+    config.insert_json5("mode", "\"client\"").unwrap();
+    config.insert_json5("connect/endpoints", &format!("[\"{endpoint}\"]")).unwrap();
+    config.insert_json5("scouting/multicast/enabled", "false").unwrap();
+    let session = zenoh::open(config).await.unwrap();
+    let heads = session.declare_subscriber("fht/load/head").await.unwrap();
+
+    let map: MapName = "load".parse().unwrap();
+    let author = AuthorId(1);
+    let encoded: Vec<Vec<u8>> = (1..=count).map(|number| encode(&increment(author, number)).unwrap()).collect();
+    let (start, mut sent, mut acknowledged, mut published) = (Instant::now(), 0, 0, 0_u32);
+    while acknowledged < count {
+        while sent < count.min(acknowledged + WINDOW) {
+            sent += 1;
+            let key = Key::increment(&map, author, sent).to_string();
+            let put = session.put(key, encoded[sent as usize - 1].clone());
+            put.congestion_control(CongestionControl::Block).await.unwrap();
+        }
+        let head = next_head(&session, &heads).await;
+        acknowledged = acknowledged.max(head.vector.get(author));
+        published += 1;
+    }
+    let seconds = start.elapsed().as_secs_f64();
+    let bytes: usize = encoded.iter().map(Vec::len).sum();
+    println!(
+        "ingest: {count} increments ({bytes} bytes) durable in {seconds:.2} s: {:.0}/s, {published} commits seen",
+        count as f64 / seconds
+    );
+
+    // One at a time: what a writer waits for its acknowledgement.
+    let mut waits = Vec::new();
+    for number in count + 1..=count + 50 {
+        let start = Instant::now();
+        let key = Key::increment(&map, author, number).to_string();
+        session.put(key, encode(&increment(author, number)).unwrap()).await.unwrap();
+        while next_head(&session, &heads).await.version < number {}
+        waits.push(start.elapsed());
+    }
+    report("acknowledgement of one increment", waits);
+
+    let rows = count as u32 / ROW;
+    for selector in [
+        "fht/load/head".to_owned(),
+        "fht/load/nodes?near=20,20;radius=5".to_owned(),
+        "fht/load/path?from=0.5,0.5;to=9,9".to_owned(),
+        format!("fht/load/path?from=0.5,0.5;to=97,{}", (rows - 1) * 2),
+        "fht/load/since?vector=".to_owned(),
+    ] {
+        let mut waits = Vec::new();
+        let mut length = 0;
+        for _ in 0..QUERIES {
+            let start = Instant::now();
+            length = get(&session, &selector).await.len();
+            waits.push(start.elapsed());
+        }
+        report(&format!("{selector} ({length} bytes)"), waits);
+    }
+    stop.send(()).unwrap();
+    server.await.unwrap().unwrap();
+}
+
+fn report(what: &str, mut waits: Vec<Duration>) {
+    waits.sort();
+    let at = |fraction: f64| waits[((waits.len() - 1) as f64 * fraction) as usize].as_secs_f64() * 1e3;
+    println!("{what}: median {:.2} ms, 99 % {:.2} ms", at(0.5), at(0.99));
+}
