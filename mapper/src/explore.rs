@@ -95,6 +95,8 @@ const LOOK_AROUND: Twist = Twist { linear_mps: 0.0, angular_radps: 0.8 };
 const SET_OFF_M: f64 = 0.6;
 /// The first search for a frontier goes so far, metres.
 const NEAR_M: f64 = 6.0;
+/// Every further search goes farther by this factor.
+const WIDEN: f64 = 2.5;
 /// The region of a search reaches beyond its limit by this much, so that frontiers at the limit are seen whole, metres.
 const REGION_MARGIN_M: f64 = 1.0;
 /// A way that has become longer by more than this is no longer the way that was chosen, metres.
@@ -280,17 +282,25 @@ fn best_goal(
         if is_all {
             limit_m = f64::INFINITY;
         }
+        let in_reach = |cell: &Cell| is_open(*cell) && (grid.centre(*cell) - position).norm() <= limit_m;
+        let mut frontiers = find_frontiers(grid, region, &config.frontier);
+        frontiers.retain(|frontier| frontier.cells.iter().any(in_reach));
+        // Without the cost of a search for ways to nowhere.
+        if frontiers.is_empty() {
+            if is_all {
+                return None;
+            }
+            limit_m *= WIDEN;
+            continue;
+        }
         let space = Traversable::in_region(grid, &config.plan, region);
         let distances = space.distances_within(position, limit_m);
-        let frontiers = find_frontiers(grid, region, &config.frontier);
-        let in_reach = |cell: &Cell| (grid.centre(*cell) - position).norm() <= limit_m;
-        let candidates =
-            frontiers.iter().filter(|frontier| frontier.cells.iter().any(in_reach)).filter_map(|frontier| {
-                let approach = frontier::approach(frontier, grid, &space, &distances, &config.frontier, is_open)?;
-                let path = distances.path_to(approach.stand);
-                let turn_rad = turn_to_set_off(map_from_base, &path);
-                Some((utility(frontier.size, approach.distance_m, turn_rad, &config.utility), approach, path))
-            });
+        let candidates = frontiers.iter().filter_map(|frontier| {
+            let approach = frontier::approach(frontier, grid, &space, &distances, &config.frontier, is_open)?;
+            let path = distances.path_to(approach.stand);
+            let turn_rad = turn_to_set_off(map_from_base, &path);
+            Some((utility(frontier.size, approach.distance_m, turn_rad, &config.utility), approach, path))
+        });
         // The first of equals, in the order of the frontiers' cells.
         let best = candidates.reduce(|best, other| if other.0 > best.0 { other } else { best });
         let best_beyond = utility(usize::MAX, limit_m, 0.0, &config.utility);
@@ -304,7 +314,7 @@ fn best_goal(
                 });
             }
             _ if is_all => return None,
-            _ => limit_m *= 2.5,
+            _ => limit_m *= WIDEN,
         }
     }
 }

@@ -18,7 +18,7 @@ struct Outcome {
 
 /// Explores a world from its start until the explorer is done.
 fn explore(spec: &str, seed: u64) -> Outcome {
-    let world = Arc::new(load(spec, None, seed).unwrap());
+    let world = Arc::new(load(spec, None, seed).expect("a built-in world"));
     let start = world.start();
     let config = SimConfig { camera_every: 0, ..SimConfig::default() };
     let radius_m = config.radius_m;
