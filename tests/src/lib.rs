@@ -2,12 +2,10 @@
 //!
 //! | module | idea |
 //! | --- | --- |
-//! | [`appearance`] | how well the descriptor tells places apart |
 //! | [`process`] | the programs as child processes that end with their parent |
 //! | [`handoff`] | the demo: map, keep, relocalize, drive |
 //! | [`picture`] | a map as a picture, like the paper's figure 1 |
 
-pub mod appearance;
 pub mod handoff;
 pub mod picture;
 pub mod process;

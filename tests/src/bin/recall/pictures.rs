@@ -1,0 +1,46 @@
+//! Places as pictures in folders.
+
+use crate::score::{Relation, Row};
+use fht_robot::descriptor::DescriptorNet;
+use image::RgbImage;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+
+/// A query of the corridor and a reference show one place if their numbers differ by no more than this; the data set's
+/// list of accepted references says exactly that.
+const SAME_WITHIN: usize = 2;
+
+/// The corridor: `ref/` and `query/` hold pictures of one walk each, in order.
+pub fn corridor(net: &mut DescriptorNet, folder: &Path) -> Result<Vec<Row>, Box<dyn Error>> {
+    let mut describe = |name: &str| -> Result<Vec<Vec<f32>>, Box<dyn Error>> {
+        let mut descriptors = Vec::new();
+        for path in files(&folder.join(name))? {
+            descriptors.push(net.appearance(&[open(&path)?])?.components);
+        }
+        Ok(descriptors)
+    };
+    let (references, queries) = (describe("ref")?, describe("query")?);
+    let row = |(number, query): (usize, &Vec<f32>)| -> Row {
+        let related = |other: usize| {
+            if number.abs_diff(other) <= SAME_WITHIN { Relation::Same } else { Relation::Different }
+        };
+        references.iter().enumerate().map(|(other, reference)| (cosine(query, reference), related(other))).collect()
+    };
+    Ok(queries.iter().enumerate().map(row).collect())
+}
+
+/// The inner product of two unit vectors.
+pub fn cosine(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn open(path: &Path) -> Result<RgbImage, Box<dyn Error>> {
+    Ok(image::open(path).map_err(|error| format!("{}: {error}", path.display()))?.to_rgb8())
+}
+
+fn files(folder: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
+    let entries = std::fs::read_dir(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let mut paths = entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>, std::io::Error>>()?;
+    paths.sort();
+    Ok(paths)
+}
