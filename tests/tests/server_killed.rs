@@ -1,6 +1,8 @@
 //! The map server dies (SIGKILL) in the middle of an exploration and comes back: nothing acknowledged may be lost, the
 //! explorer goes on meanwhile, and in the end server, explorer and client have the same map.
 
+#![allow(clippy::unwrap_used)] // a test: what goes wrong ends it
+
 use client_robot::replica::{LiveReplica, ReplicaConfig, ask_head};
 use fht_proto::{AuthorId, MapName};
 use fht_robot::link::{self, LinkConfig};
