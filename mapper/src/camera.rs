@@ -23,7 +23,7 @@ impl<C> CameraWorker<C> {
         let (outgoing, appearances) = sync_channel(1);
         std::thread::Builder::new().name("camera".to_owned()).spawn(move || {
             for panorama in incoming {
-                let appearance = net.appearance(&panorama.views).map_err(|error| error.to_string());
+                let appearance = net.appearance(&panorama).map_err(|error| error.to_string());
                 if outgoing.send(appearance).is_err() {
                     return;
                 }

@@ -13,7 +13,7 @@ pub struct ModelId(pub u32);
 pub struct DescriptorModel {
     /// Which model.
     pub id: ModelId,
-    /// Its name for people, such as `mobilenet-v2-s7`.
+    /// Its name for people, such as `mobilenet-v2-b11`.
     pub name: String,
     /// Numbers in a descriptor, at most [`Descriptor::MAX_DIMENSION`].
     pub dimension: u16,

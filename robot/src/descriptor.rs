@@ -3,86 +3,36 @@
 //! | module | idea |
 //! | --- | --- |
 //! | [`description`] | what a model needs beside its ONNX file |
+//! | [`cylinder`] | the panorama as a strip without a seam |
 //! | [`projection`] | what tells places apart |
 //! | [`light`] | the same place in another light gives nearly the same pixels |
 //! | [`runtime`] | finding the ONNX Runtime library without the user's help |
 //!
-//! The four views go through the network one by one and are pooled together (GeM: Radenović et al., TPAMI 2018), so a
-//! turn by 90° only permutes them and there is no seam; other turns crop the views elsewhere and change little. The
-//! pooled vector is made a unit vector, a mean that all places share is subtracted, the rest is projected on what tells
-//! places apart, and made a unit vector again.
+//! The panorama is unrolled to a strip that goes around, so that there is no seam and a turn of the robot is a shift;
+//! what the network says of the strip is pooled over all of it (GeM: Radenović et al., TPAMI 2018). The pooled vector is
+//! made a unit vector, a mean that all places share is subtracted, the rest is projected on what tells places apart, and
+//! made a unit vector again. A model with a fixed input gets the four views one by one instead, pooled together.
 
+pub mod cylinder;
 pub mod description;
+mod files;
 pub mod light;
 mod network;
+mod pool;
 pub mod projection;
 pub mod runtime;
 
 use crate::frame::Panorama;
 use description::{Description, DescriptionError};
 use fht_proto::{Descriptor, DescriptorModel, ModelId};
+use files::ModelFiles;
 use image::RgbImage;
 use image::imageops::{FilterType, resize};
 use network::Network;
+use pool::{GemPool, make_unit};
 use projection::{Projection, ProjectionError};
 use runtime::RuntimeError;
-use std::borrow::Cow;
 use std::path::{Path, PathBuf};
-
-/// The built-in model; see `models/README.md` for its origin and licence.
-const BUILT_IN_ONNX: &[u8] = include_bytes!("../../models/mobilenet-v2-b11.onnx");
-const BUILT_IN_DESCRIPTION: &str = include_str!("../../models/mobilenet-v2-b11.json");
-const BUILT_IN_PROJECTION: &[u8] = include_bytes!("../../models/mobilenet-v2-b11.projection");
-
-/// A file and what is in it.
-struct File<T> {
-    path: PathBuf,
-    contents: T,
-}
-
-/// The files of a model.
-struct ModelFiles<'a> {
-    onnx: File<Cow<'a, [u8]>>,
-    description: File<Cow<'a, str>>,
-    /// The built-in model's projection; other models' lies beside the description.
-    projection: Option<&'a [u8]>,
-}
-
-impl ModelFiles<'_> {
-    fn projection(&self, name: &str) -> Result<File<Cow<'_, [u8]>>, DescriptorError> {
-        let path = self.description.path.with_file_name(name);
-        let contents = match self.projection {
-            Some(bytes) => Cow::Borrowed(bytes),
-            None => Cow::Owned(std::fs::read(&path).map_err(read_error(&path))?),
-        };
-        Ok(File { path, contents })
-    }
-}
-
-fn built_in() -> ModelFiles<'static> {
-    let path = PathBuf::from("built-in model");
-    ModelFiles {
-        onnx: File { path: path.clone(), contents: Cow::Borrowed(BUILT_IN_ONNX) },
-        description: File { path, contents: Cow::Borrowed(BUILT_IN_DESCRIPTION) },
-        projection: Some(BUILT_IN_PROJECTION),
-    }
-}
-
-fn read(onnx: &Path) -> Result<ModelFiles<'static>, DescriptorError> {
-    let description = onnx.with_extension("json");
-    let bytes = std::fs::read(onnx).map_err(read_error(onnx))?;
-    let text = std::fs::read_to_string(&description).map_err(read_error(&description))?;
-    Ok(ModelFiles {
-        onnx: File { path: onnx.to_owned(), contents: Cow::Owned(bytes) },
-        description: File { path: description, contents: Cow::Owned(text) },
-        projection: None,
-    })
-}
-
-fn read_error(path: &Path) -> impl FnOnce(std::io::Error) -> DescriptorError {
-    let path = path.to_owned();
-    move |source| DescriptorError::Read { path, source }
-}
 
 /// Why a model cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -167,8 +117,8 @@ impl DescriptorNet {
     /// [`DescriptorError`] says which file is at fault and why, or what to do when there is no ONNX Runtime.
     pub fn load(model: Option<&Path>) -> Result<Self, DescriptorError> {
         match model {
-            None => Self::from_files(&built_in()),
-            Some(onnx) => Self::from_files(&read(onnx)?),
+            None => Self::from_files(&files::built_in()),
+            Some(onnx) => Self::from_files(&files::read(onnx)?),
         }
     }
 
@@ -212,15 +162,68 @@ impl DescriptorNet {
     /// # Errors
     /// [`DescribeError`].
     pub fn describe(&mut self, panorama: &Panorama) -> Result<Vec<f32>, DescribeError> {
-        Ok(self.appearance(&panorama.views)?.components)
+        Ok(self.appearance(panorama)?.components)
     }
 
-    /// Describes what any number of pictures of one place show, and how much there is to see.
+    /// Describes a panorama, and how much there is to see.
     ///
     /// # Errors
     /// [`DescribeError`].
-    pub fn appearance(&mut self, views: &[RgbImage]) -> Result<Appearance, DescribeError> {
-        let pooled = self.pooled(views)?;
+    pub fn appearance(&mut self, panorama: &Panorama) -> Result<Appearance, DescribeError> {
+        let pooled = self.pooled(panorama)?;
+        Ok(self.refine(pooled))
+    }
+
+    /// Describes what any number of pictures of one place show: for places without a panorama. A panorama's descriptor
+    /// is another one.
+    ///
+    /// # Errors
+    /// [`DescribeError`].
+    pub fn picture_appearance(&mut self, pictures: &[RgbImage]) -> Result<Appearance, DescribeError> {
+        let pooled = self.pooled_pictures(pictures)?;
+        Ok(self.refine(pooled))
+    }
+
+    /// The pooled features of a panorama before the mean is subtracted: a unit vector of as many numbers as the network
+    /// has channels, none negative. What mean and projection are fitted on.
+    ///
+    /// # Errors
+    /// [`DescribeError`].
+    pub fn pooled(&mut self, panorama: &Panorama) -> Result<Vec<f32>, DescribeError> {
+        let Some(width_px) = self.description.panorama_px else {
+            return self.pooled_pictures(&panorama.views);
+        };
+        let strip = cylinder::unroll(panorama, width_px).ok_or(DescribeError::Empty)?;
+        let mut strip = [strip];
+        light::normalise(&mut strip);
+        let (closed, margin_px) = cylinder::close(&strip[0]);
+        let features = self.network.features(&closed)?;
+        let margin = (features.columns as f64 * f64::from(margin_px) / f64::from(closed.width())).round() as usize;
+        let mut pool = self.pool();
+        pool.add(&features, margin);
+        Ok(pool.finish())
+    }
+
+    fn pooled_pictures(&mut self, pictures: &[RgbImage]) -> Result<Vec<f32>, DescribeError> {
+        if pictures.is_empty() || pictures.iter().any(|picture| picture.width() == 0 || picture.height() == 0) {
+            return Err(DescribeError::Empty);
+        }
+        let side = self.description.view_px;
+        let mut pictures: Vec<RgbImage> =
+            pictures.iter().map(|picture| resize(picture, side, side, FilterType::Triangle)).collect();
+        light::normalise(&mut pictures);
+        let mut pool = self.pool();
+        for picture in &pictures {
+            pool.add(&self.network.features(picture)?, 0);
+        }
+        Ok(pool.finish())
+    }
+
+    fn pool(&self) -> GemPool {
+        GemPool::new(usize::from(self.description.channels), self.description.gem_power)
+    }
+
+    fn refine(&self, pooled: Vec<f32>) -> Appearance {
         let information = information(&pooled, self.description.information_range);
         let mut components = pooled;
         for (component, mean) in components.iter_mut().zip(&self.description.mean) {
@@ -230,43 +233,7 @@ impl DescriptorNet {
             components = projection.apply(&components);
         }
         make_unit(&mut components);
-        Ok(Appearance { components, information })
-    }
-
-    /// The pooled features before the mean is subtracted: a unit vector without negative numbers. What mean and
-    /// projection are fitted on.
-    ///
-    /// # Errors
-    /// [`DescribeError`].
-    pub fn pooled(&mut self, views: &[RgbImage]) -> Result<Vec<f32>, DescribeError> {
-        if views.is_empty() || views.iter().any(|view| view.width() == 0 || view.height() == 0) {
-            return Err(DescribeError::Empty);
-        }
-        let side = self.description.view_px;
-        let mut views: Vec<RgbImage> =
-            views.iter().map(|view| resize(view, side, side, FilterType::Triangle)).collect();
-        light::normalise(&mut views);
-        let channels = usize::from(self.description.channels);
-        let power = self.description.gem_power;
-        let mut sums = vec![0.0_f64; channels];
-        let mut count = 0_usize;
-        for view in &views {
-            let features = self.network.features(view)?;
-            if features.channels != channels || features.values.is_empty() {
-                return Err(DescribeError::Output {
-                    found: format!("{} channels", features.channels),
-                    expected: format!("{channels} channels"),
-                });
-            }
-            let places = features.values.len() / channels;
-            for (sum, channel) in sums.iter_mut().zip(features.values.chunks_exact(places)) {
-                *sum += channel.iter().map(|&value| f64::from(value.max(1e-6)).powf(power)).sum::<f64>();
-            }
-            count += places;
-        }
-        let mut pooled: Vec<f32> = sums.iter().map(|sum| (sum / count as f64).powf(1.0 / power) as f32).collect();
-        make_unit(&mut pooled);
-        Ok(pooled)
+        Appearance { components, information }
     }
 
     /// Describes a panorama in the form that travels.
@@ -275,13 +242,6 @@ impl DescriptorNet {
     /// [`DescribeError`].
     pub fn descriptor(&mut self, panorama: &Panorama) -> Result<Descriptor, DescribeError> {
         Ok(Descriptor::quantise(self.model.id, &self.describe(panorama)?))
-    }
-}
-
-fn make_unit(vector: &mut [f32]) {
-    let norm = vector.iter().map(|&value| f64::from(value) * f64::from(value)).sum::<f64>().sqrt();
-    if norm > 1e-12 {
-        vector.iter_mut().for_each(|value| *value = (f64::from(*value) / norm) as f32);
     }
 }
 

@@ -31,7 +31,11 @@ pub struct Description {
     /// For `nchw-f32`: deviation of each colour, 0 to 255.
     #[serde(default = "unit_deviation")]
     pub input_deviation: [f32; 3],
-    /// Side of a view as the network sees it, pixels.
+    /// Width of a panorama as the network sees it, unrolled to a strip ([`super::cylinder`]), pixels. None: the network
+    /// sees the four views one by one, each `view_px` wide and high.
+    #[serde(default)]
+    pub panorama_px: Option<u32>,
+    /// Side of a single picture as the network sees it, pixels.
     pub view_px: u32,
     /// Name of the network's output: `float32 [n, channels, …]`.
     pub output: String,
@@ -110,6 +114,8 @@ impl Description {
         }
         let range = description.information_range;
         check((0.1..=100.0).contains(&range), "information_range", shown(&range), "0.1 to 100")?;
+        let panorama_px = description.panorama_px.unwrap_or(64);
+        check((64..=4096).contains(&panorama_px), "panorama_px", shown(&panorama_px), "64 to 4096 pixels, or null")?;
         let view_px = description.view_px;
         check((16..=1024).contains(&view_px), "view_px", shown(&view_px), "16 to 1024 pixels")?;
         let power = description.gem_power;

@@ -7,9 +7,11 @@ use ort::environment::Environment;
 use ort::session::Session;
 use ort::value::{Outlet, TensorRef};
 
-/// The network's output for one view: `channels` planes, one after the other.
+/// The network's output for one picture: `channels` planes of `rows` × `columns`, one after the other.
 pub(super) struct Features {
     pub channels: usize,
+    pub rows: usize,
+    pub columns: usize,
     pub values: Vec<f32>,
 }
 
@@ -35,7 +37,7 @@ impl Network {
         Ok(Self { session, description: description.clone() })
     }
 
-    /// Runs one view of the described size.
+    /// Runs one picture.
     pub fn features(&mut self, view: &RgbImage) -> Result<Features, DescribeError> {
         let network_error = |error: ort::Error| DescribeError::Network(text(error));
         let (width, height) = (i64::from(view.width()), i64::from(view.height()));
@@ -64,8 +66,15 @@ impl Network {
             .get(&description.output)
             .ok_or_else(|| DescribeError::Network(format!("no output '{}'", description.output)))?;
         let (shape, values) = output.try_extract_tensor::<f32>().map_err(network_error)?;
-        let channels = shape.get(1).copied().and_then(|count| usize::try_from(count).ok()).unwrap_or(0);
-        Ok(Features { channels, values: values.to_vec() })
+        let size = |axis: usize| shape.get(axis).map_or(1, |&size| usize::try_from(size).unwrap_or(0));
+        let features = Features { channels: size(1), rows: size(2), columns: size(3), values: values.to_vec() };
+        let channels = usize::from(description.channels);
+        let counted = channels * features.rows * features.columns;
+        if features.channels != channels || counted != features.values.len() || counted == 0 {
+            let expected = format!("[1, {channels}, rows, columns]");
+            return Err(DescribeError::Output { found: format!("{shape:?}"), expected });
+        }
+        Ok(features)
     }
 }
 

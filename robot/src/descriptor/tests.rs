@@ -1,5 +1,6 @@
 //! The built-in network on drawn pictures.
 
+use super::files::{BUILT_IN_DESCRIPTION, BUILT_IN_ONNX, BUILT_IN_PROJECTION};
 use super::*;
 use image::Rgb;
 
@@ -41,6 +42,35 @@ fn a_descriptor_is_a_unit_vector_that_quarter_turns_and_light_leave_alone() {
     assert_eq!(net.describe(&ring(3, 0, 1.0)).unwrap(), reference, "the same picture gives the same numbers");
 }
 
+/// A panorama of a sky of coloured patches, the robot's heading `yaw` radians.
+fn patches(seed: u32, yaw: f64) -> Panorama {
+    let view = |side: usize| {
+        RgbImage::from_fn(160, 160, |x, y| {
+            let (right, down) = ((f64::from(x) + 0.5) / 80.0 - 1.0, (f64::from(y) + 0.5) / 80.0 - 1.0);
+            let azimuth = yaw + side as f64 * std::f64::consts::FRAC_PI_2 - right.atan();
+            let height = -down / (1.0 + right * right).sqrt();
+            let wave = |scale: f64, shift: f64| {
+                let turn = azimuth * f64::from((scale * f64::from(seed)).round() as i32);
+                ((turn.sin() + (height * 9.0 * scale + shift).cos()) * 50.0 + 120.0) as u8
+            };
+            Rgb([wave(1.0, 0.3), wave(2.0, 1.1), wave(3.0, 2.0)])
+        })
+    };
+    Panorama { views: [0, 1, 2, 3].map(view) }
+}
+
+#[test]
+fn any_heading_gives_nearly_the_same_descriptor() {
+    let mut net = DescriptorNet::load(None).unwrap();
+    let reference = net.describe(&patches(3, 0.0)).unwrap();
+    let elsewhere = net.describe(&patches(7, 0.0)).unwrap();
+    let other_place = cosine(&reference, &elsewhere);
+    for yaw in [0.1, 0.7, 1.3, 2.9, 4.4] {
+        let turned = cosine(&reference, &net.describe(&patches(3, yaw)).unwrap());
+        assert!(turned > 0.95 && turned > other_place + 0.1, "yaw {yaw}: {turned}, elsewhere {other_place}");
+    }
+}
+
 #[test]
 fn information_is_the_entropy_of_the_components() {
     // All components alike: one interval, no information. Spread evenly over all intervals: all there is.
@@ -48,7 +78,7 @@ fn information_is_the_entropy_of_the_components() {
     let spread: Vec<f32> = (0..400).map(|index| index as f32 / 400.0 * 0.2).collect();
     assert!((information(&spread, 4.0) - 1.0).abs() < 1e-3, "{}", information(&spread, 4.0));
     let mut net = DescriptorNet::load(None).unwrap();
-    let rich = net.appearance(&ring(5, 0, 1.0).views).unwrap();
+    let rich = net.appearance(&ring(5, 0, 1.0)).unwrap();
     assert!((0.3..=1.0).contains(&rich.information), "{}", rich.information);
 }
 
@@ -56,9 +86,14 @@ fn information_is_the_entropy_of_the_components() {
 fn odd_pictures_are_described_or_refused() {
     let mut net = DescriptorNet::load(None).unwrap();
     let tiny = RgbImage::from_pixel(1, 1, Rgb([9, 9, 9]));
-    assert!(net.appearance(&[tiny.clone(), RgbImage::new(30, 70)]).is_ok());
-    assert!(matches!(net.appearance(&[]), Err(DescribeError::Empty)));
-    assert!(matches!(net.appearance(&[tiny, RgbImage::new(0, 5)]), Err(DescribeError::Empty)));
+    assert!(net.picture_appearance(&[tiny.clone(), RgbImage::new(30, 70)]).is_ok());
+    assert!(matches!(net.picture_appearance(&[]), Err(DescribeError::Empty)));
+    assert!(matches!(net.picture_appearance(&[tiny.clone(), RgbImage::new(0, 5)]), Err(DescribeError::Empty)));
+    let mixed = [tiny.clone(), RgbImage::new(30, 70), tiny, RgbImage::new(2, 300)];
+    assert!(net.describe(&Panorama { views: mixed.clone() }).is_ok());
+    let [first, second, third, _] = mixed;
+    let hole = Panorama { views: [first, second, third, RgbImage::new(0, 0)] };
+    assert!(matches!(net.describe(&hole), Err(DescribeError::Empty)));
 }
 
 #[test]

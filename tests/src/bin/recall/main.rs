@@ -142,7 +142,7 @@ fn write_features(net: &mut DescriptorNet, world: &WorldArgs, seeds: &[u64]) -> 
             let name = format!("{}-{seed}-{number}", loaded.name());
             let all = std::iter::once((*place, first_day)).chain(later.iter().map(|&pose| (pose, later_day)));
             for (pose, light) in all {
-                let features = net.pooled(&panorama(&loaded, pose, light, seed).views)?;
+                let features = net.pooled(&panorama(&loaded, pose, light, seed))?;
                 serde_json::to_writer(&mut out, &FeatureLine { place: &name, features })?;
                 writeln!(out)?;
             }

@@ -15,7 +15,7 @@ pub fn corridor(net: &mut DescriptorNet, folder: &Path) -> Result<Vec<Row>, Box<
     let mut describe = |name: &str| -> Result<Vec<Vec<f32>>, Box<dyn Error>> {
         let mut descriptors = Vec::new();
         for path in files(&folder.join(name))? {
-            descriptors.push(net.appearance(&[open(&path)?])?.components);
+            descriptors.push(net.picture_appearance(&[open(&path)?])?.components);
         }
         Ok(descriptors)
     };
