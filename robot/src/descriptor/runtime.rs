@@ -7,14 +7,32 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-/// The version in the cache.
-const VERSION: &str = "1.31.1";
+/// The version in the cache: the last one that does not report its use to its maker. With a library from 1.29 on, set
+/// `ORT_DISABLE_TELEMETRY=1`.
+const VERSION: &str = "1.28.0";
 /// The library inside the wheel.
-const LIBRARY: &str = "libonnxruntime.so.1.31.1";
-/// BLAKE3 of that library for x86-64 Linux; other platforms have no pinned library and use the system's.
-const LIBRARY_BLAKE3: &str = "671a11bb335415ab14d6ef53d62f58fd4037615cca4964bfcc1dd2f8e49965c4";
-/// The platform of the pinned wheel.
-const PLATFORM: &str = "manylinux_2_28_x86_64";
+const LIBRARY: &str = "libonnxruntime.so.1.28.0";
+
+/// The wheel for one kind of machine, and the BLAKE3 hash of the library inside.
+struct Wheel {
+    platform: &'static str,
+    library_blake3: &'static str,
+}
+
+/// The wheel for this machine; other machines use a library of the system.
+const WHEEL: Option<Wheel> = if cfg!(all(target_os = "linux", target_env = "gnu", target_arch = "x86_64")) {
+    Some(Wheel {
+        platform: "manylinux_2_28_x86_64",
+        library_blake3: "a787c8f69bd3bbf075aef0ab6ee3ed2a0e7ded3ad2f0bd54baa190f55dbffc30",
+    })
+} else if cfg!(all(target_os = "linux", target_env = "gnu", target_arch = "aarch64")) {
+    Some(Wheel {
+        platform: "manylinux_2_28_aarch64",
+        library_blake3: "4a868db23848a007962802f2e252bb124d13763522739e6fa686d182ae39a840",
+    })
+} else {
+    None
+};
 
 /// Why there is no ONNX Runtime.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -75,7 +93,8 @@ fn try_load(path: &Path) -> Result<Environment, String> {
         return Err("no such file".to_owned());
     }
     let builder = ort::init_from(path).map_err(|error| error.to_string())?;
-    builder.with_name("fht").build().map_err(|error| error.to_string())
+    // Libraries from 1.29 on report their use; this stops what the interface can stop.
+    builder.with_name("fht").with_telemetry(false).build().map_err(|error| error.to_string())
 }
 
 /// ONNX Runtime libraries in the places where the system's linker looks, newest name first.
@@ -101,9 +120,7 @@ fn system_libraries() -> Vec<PathBuf> {
 
 /// The library in the user's cache; fetched first if it is not there yet.
 fn cached_library() -> Result<PathBuf, String> {
-    if !(cfg!(target_os = "linux") && cfg!(target_arch = "x86_64")) {
-        return Err("no library is pinned for this platform".to_owned());
-    }
+    let wheel = WHEEL.ok_or("no wheel is known for this kind of machine")?;
     let base = std::env::var_os("XDG_CACHE_HOME")
         .map(PathBuf::from)
         .or_else(|| std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".cache")))
@@ -119,32 +136,31 @@ fn cached_library() -> Result<PathBuf, String> {
     // Several processes may fetch at once: each in a folder of its own, and the rename is atomic.
     let work = folder.join(format!("fetch-{}", std::process::id()));
     std::fs::create_dir_all(&work).map_err(io_error)?;
-    let fetched = fetch(&work).and_then(|path| std::fs::rename(path, &library).map_err(io_error));
+    let fetched = fetch(&wheel, &work).and_then(|path| std::fs::rename(path, &library).map_err(io_error));
     // Leftovers cost space only.
     let _ = std::fs::remove_dir_all(&work);
     fetched.map(|()| library)
 }
 
-fn fetch(work: &Path) -> Result<PathBuf, String> {
-    let wheel = format!("onnxruntime=={VERSION}");
+fn fetch(wheel: &Wheel, work: &Path) -> Result<PathBuf, String> {
     let mut pip = Command::new("python3");
     pip.args(["-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps"])
-        .args(["--only-binary=:all:", "--platform", PLATFORM, "--python-version", "3.11", "--dest"])
+        .args(["--only-binary=:all:", "--platform", wheel.platform, "--python-version", "3.11", "--dest"])
         .arg(work)
-        .arg(wheel);
-    run(pip, "pip download")?;
+        .arg(format!("onnxruntime=={VERSION}"));
+    run(pip, "python3 -m pip download")?;
     let mut entries = std::fs::read_dir(work).map_err(|error| error.to_string())?.filter_map(Result::ok);
-    let wheel = entries
+    let archive = entries
         .find(|entry| entry.path().extension().is_some_and(|ending| ending == "whl"))
         .ok_or("pip downloaded no wheel")?;
     let mut unzip = Command::new("python3");
-    unzip.args(["-m", "zipfile", "-e"]).arg(wheel.path()).arg(work);
+    unzip.args(["-m", "zipfile", "-e"]).arg(archive.path()).arg(work);
     run(unzip, "python3 -m zipfile")?;
     let library = work.join("onnxruntime").join("capi").join(LIBRARY);
     let bytes = std::fs::read(&library).map_err(|error| format!("the wheel has no {LIBRARY}: {error}"))?;
     let hash = blake3::hash(&bytes).to_hex();
-    if hash.as_str() != LIBRARY_BLAKE3 {
-        return Err(format!("{LIBRARY} from the wheel has the hash {hash}, expected {LIBRARY_BLAKE3}"));
+    if hash.as_str() != wheel.library_blake3 {
+        return Err(format!("{LIBRARY} from the wheel has the hash {hash}, expected {}", wheel.library_blake3));
     }
     Ok(library)
 }
