@@ -91,8 +91,8 @@ struct RobotArgs {
     /// Pictures for the walls of a map.yaml.
     #[arg(long)]
     textures: Option<PathBuf>,
-    /// Seed of the world's looks.
-    #[arg(long, default_value_t = 0)]
+    /// Seed of the building's drawing.
+    #[arg(long, default_value_t = 1)]
     world_seed: u64,
     /// Where the robot starts: x,y,yaw in the world frame, metres and radians. Default: anywhere free, by the seed.
     #[arg(long, value_parser = parse_pose, allow_hyphen_values = true)]

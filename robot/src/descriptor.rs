@@ -28,7 +28,7 @@ use fht_proto::{Descriptor, DescriptorModel, ModelId};
 use files::ModelFiles;
 use image::RgbImage;
 use image::imageops::{FilterType, resize};
-use network::Network;
+use network::{LoadError, Network};
 use pool::{GemPool, make_unit};
 use projection::{Projection, ProjectionError};
 use runtime::RuntimeError;
@@ -145,9 +145,10 @@ impl DescriptorNet {
             dimension: description.dimension,
             match_threshold_e3: (description.match_threshold * 1000.0).round() as i16,
         };
-        let environment = runtime::environment()?;
-        let network = Network::load(environment, &files.onnx.contents, &description)
-            .map_err(|reason| DescriptorError::Model { path: files.onnx.path.clone(), reason })?;
+        let network = Network::load(&files.onnx.contents, &description).map_err(|error| match error {
+            LoadError::Runtime(error) => DescriptorError::Runtime(error),
+            LoadError::Model(reason) => DescriptorError::Model { path: files.onnx.path.clone(), reason },
+        })?;
         Ok(Self { network, description, projection, model })
     }
 
