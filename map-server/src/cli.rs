@@ -43,9 +43,9 @@ Examples:
       keeps maps in ./maps and listens on this machine only
 
   pip install zenoh-cli
-  zenoh --mode client --connect tcp/127.0.0.1:7447 get -s 'fht/maps' --decoder json
-  zenoh --mode client --connect tcp/127.0.0.1:7447 get -s 'fht/museum/path?from=0,0;to=5,3' --decoder json
-  zenoh --mode client --connect tcp/127.0.0.1:7447 get -s 'fht/museum/nodes?near=0,0;radius=3' --decoder json
+  zenoh --connect tcp/127.0.0.1:7447 get -s 'fht/maps' --decoder json
+  zenoh --connect tcp/127.0.0.1:7447 get -s 'fht/museum/path?from=0,0;to=5,3' --decoder json
+  zenoh --connect tcp/127.0.0.1:7447 get -s 'fht/museum/nodes?near=0,0;radius=3' --decoder json
       ask a running server
 
 Topics of a map: head, path?from=X,Y;to=X,Y, nodes?near=X,Y;radius=R, since?vector=V, snapshot?version=N, match";

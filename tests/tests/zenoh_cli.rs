@@ -91,8 +91,7 @@ fn a_path_is_printed_and_a_bad_request_prints_the_reason() {
 
     let get = |selector: &str, decoder: &[&str]| {
         let mut command = Command::new(&zenoh);
-        let output =
-            run(command.args(["--mode", "client", "--connect", &endpoint, "get", "-s", selector]).args(decoder));
+        let output = run(command.args(["--connect", &endpoint, "get", "-s", selector]).args(decoder));
         (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap())
     };
     let json = ["--decoder", "json"];

@@ -112,7 +112,7 @@ fn demo(cli: &Cli) -> Result<bool, String> {
         println!("\nThe server stays up on {}. Ask it, from another terminal:", cli.listen);
         println!("  pip install zenoh-cli");
         for question in ["path?from=0,0;to=5,3", "nodes?near=0,0;radius=3", "head"] {
-            println!("  zenoh --mode client --connect {} get -s 'fht/{map}/{question}' --decoder json", cli.listen);
+            println!("  zenoh --connect {} get -s 'fht/{map}/{question}' --decoder json", cli.listen);
         }
         println!("Ctrl-C ends it.");
         let runtime =
