@@ -19,11 +19,25 @@ pub struct GridConfig {
     pub max_log_odds: f32,
     /// A cell is occupied above this and free below its negative. Default 0.35.
     pub decided_log_odds: f32,
+    /// Beams are used up to this length, metres; what is farther is too blurred by the beam's width and the heading's
+    /// error. Default 30.
+    pub max_range_m: f64,
+    /// A beam without return frees at most this much, metres: glass and dark walls return nothing either. Default 7
+    /// (the paper's LiDAR).
+    pub max_no_return_m: f64,
 }
 
 impl Default for GridConfig {
     fn default() -> Self {
-        Self { resolution_m: 0.05, hit_log_odds: 0.9, miss_log_odds: -0.4, max_log_odds: 4.0, decided_log_odds: 0.35 }
+        Self {
+            resolution_m: 0.05,
+            hit_log_odds: 0.9,
+            miss_log_odds: -0.4,
+            max_log_odds: 4.0,
+            decided_log_odds: 0.35,
+            max_range_m: 30.0,
+            max_no_return_m: 7.0,
+        }
     }
 }
 
@@ -164,7 +178,9 @@ impl OccupancyGrid {
     pub fn integrate(&mut self, map_from_base: &Pose2, scan: &LaserScan) {
         let map_from_sensor = map_from_base * scan.base_from_sensor;
         let origin = Point2::from(map_from_sensor.translation.vector);
-        let reach = scan.range_max_m + 2.0 * self.config.resolution_m;
+        let longest = scan.ranges_m.iter().filter(|&&range| scan.is_return(range)).fold(0.0, |a: f64, &b| a.max(b.into()));
+        let no_return_m = (scan.range_max_m - self.config.resolution_m).min(self.config.max_no_return_m);
+        let reach = longest.min(self.config.max_range_m).max(no_return_m) + 2.0 * self.config.resolution_m;
         let near =
             |value: f64| value.is_finite() && (value.abs() + reach) / self.config.resolution_m < f64::from(MAX_CELL);
         if !near(origin.x) || !near(origin.y) {
@@ -177,12 +193,15 @@ impl OccupancyGrid {
         let mut hits = Vec::new();
         let mut rays = Vec::with_capacity(scan.ranges_m.len());
         for (index, &range) in scan.ranges_m.iter().enumerate() {
-            let is_return = scan.is_return(range);
+            let is_far = f64::from(range) > self.config.max_range_m;
+            let is_return = scan.is_return(range) && !is_far;
             // Below the least range the beam says nothing; NaN neither. Infinite or too far: free up to the greatest.
             let length = if is_return {
                 f64::from(range)
+            } else if scan.is_return(range) {
+                self.config.max_range_m
             } else if f64::from(range) >= scan.range_max_m {
-                scan.range_max_m - self.config.resolution_m
+                no_return_m
             } else {
                 continue;
             };

@@ -19,3 +19,4 @@ pub mod matching;
 pub mod motion;
 pub mod planning;
 pub mod pose;
+pub mod pose_graph;

@@ -10,7 +10,7 @@ mod correlative;
 mod line_icp;
 
 pub use cloud::ReferenceCloud;
-pub use correlative::{SearchWindow, search};
+pub use correlative::{SearchWindow, alignments, search};
 pub use line_icp::{Prior, refine, refine_with_prior};
 
 use crate::pose::Pose2;

@@ -143,20 +143,18 @@ impl ReferenceCloud {
         None
     }
 
-    /// Share of `points` (after `transform`) that lie within `explained_m` of the line of their nearest point. Points
-    /// farther than `known` says from the reference's origin cannot be judged and do not count; `None` when fewer than
-    /// a tenth can be judged.
+    /// Whether `point` lies within `explained_m` of the line of its nearest point.
+    #[must_use]
+    pub fn explains(&self, point: Point2, explained_m: f64) -> bool {
+        self.nearest(point, 2.5 * explained_m).is_some_and(|reference| match reference.normal {
+            Some(normal) => (point - reference.position).dot(&normal).abs() <= explained_m,
+            None => (point - reference.position).norm() <= explained_m,
+        })
+    }
+
+    /// Share of `points` (after `transform`) that [`Self::explains`]; `None` when there are no points.
     pub(super) fn explained_share(&self, points: &[Point2], transform: &Pose2, explained_m: f64) -> Option<f64> {
-        if points.is_empty() {
-            return None;
-        }
-        let explained = points.iter().filter(|&&point| {
-            let point = transform * point;
-            self.nearest(point, 2.5 * explained_m).is_some_and(|reference| match reference.normal {
-                Some(normal) => (point - reference.position).dot(&normal).abs() <= explained_m,
-                None => (point - reference.position).norm() <= explained_m,
-            })
-        });
-        Some(explained.count() as f64 / points.len() as f64)
+        let explained = points.iter().filter(|&point| self.explains(transform * point, explained_m)).count();
+        (!points.is_empty()).then(|| explained as f64 / points.len() as f64)
     }
 }

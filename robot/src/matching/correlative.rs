@@ -81,7 +81,41 @@ struct Candidate {
     yaw: f64,
 }
 
-/// Finds the pose of `moving` in the reference's frame anywhere in `window`, without a guess.
+/// The best alignments of `moving` with the reference anywhere in `window`, without a guess: refined, each with the
+/// share of `moving` that it explains. None when there are too few points.
+#[must_use]
+pub fn alignments(
+    reference: &ReferenceCloud,
+    moving: &[Point2],
+    window: &SearchWindow,
+    config: &MatchConfig,
+) -> Vec<ScanMatch> {
+    if moving.len() < config.min_points || reference.len() < config.min_points {
+        return Vec::new();
+    }
+    let Some(coarse) = Picture::draw(reference, config.coarse_step_m * 0.5, config.coarse_step_m * 1.2) else {
+        return Vec::new();
+    };
+    let Some(fine) = Picture::draw(reference, 0.05, 0.1) else { return Vec::new() };
+
+    let thinned = thin(moving, config.coarse_points);
+    let mut found = sweep(&coarse, &thinned, window, config.coarse_step_m, config.coarse_step_rad);
+    found.sort_by(|a, b| b.sum.cmp(&a.sum).then(a.yaw.total_cmp(&b.yaw)).then(a.x.total_cmp(&b.x)));
+    let narrow = |candidate: &Candidate| SearchWindow {
+        centre: pose(candidate.x, candidate.y, candidate.yaw),
+        half_x_m: config.coarse_step_m * 0.75,
+        half_y_m: config.coarse_step_m * 0.75,
+        half_yaw_rad: config.coarse_step_rad * 0.75,
+    };
+    let refined = |candidate: &Candidate| {
+        let near = sweep(&fine, &thinned, &narrow(candidate), config.coarse_step_m / 4.0, config.coarse_step_rad / 4.0);
+        let finest = near.into_iter().max_by(|a, b| a.sum.cmp(&b.sum).then(b.yaw.total_cmp(&a.yaw)))?;
+        refine(reference, moving, &pose(finest.x, finest.y, finest.yaw), config)
+    };
+    keep_apart(&found, config).iter().filter_map(refined).collect()
+}
+
+/// Finds the pose of the scan `moving` in the frame of the scan `reference` anywhere in `window`, without a guess.
 ///
 /// # Errors
 /// [`NoMatch`] when even the best alignment leaves too much of either scan unexplained.
@@ -91,49 +125,21 @@ pub fn search(
     window: &SearchWindow,
     config: &MatchConfig,
 ) -> Result<ScanMatch, NoMatch> {
-    let none = NoMatch { best_score: 0.0 };
-    if moving.len() < config.min_points || reference.len() < config.min_points {
-        return Err(none);
-    }
-    let Some(coarse) = Picture::draw(reference, config.coarse_step_m * 0.5, config.coarse_step_m * 1.2) else {
-        return Err(none);
-    };
-    let Some(fine) = Picture::draw(reference, 0.05, 0.1) else { return Err(none) };
-
-    let thinned = thin(moving, config.coarse_points);
-    let mut found = sweep(&coarse, &thinned, window, config.coarse_step_m, config.coarse_step_rad);
-    found.sort_by(|a, b| b.sum.cmp(&a.sum).then(a.yaw.total_cmp(&b.yaw)).then(a.x.total_cmp(&b.x)));
-    let kept = keep_apart(&found, config);
-
-    let narrow = |candidate: &Candidate| SearchWindow {
-        centre: pose(candidate.x, candidate.y, candidate.yaw),
-        half_x_m: config.coarse_step_m * 0.75,
-        half_y_m: config.coarse_step_m * 0.75,
-        half_yaw_rad: config.coarse_step_rad * 0.75,
-    };
     let own = ReferenceCloud::from_points(moving);
     let reference_points: Vec<Point2> = reference.positions().collect();
     let mut best: Option<ScanMatch> = None;
-    for candidate in &kept {
-        let near = sweep(&fine, &thinned, &narrow(candidate), config.coarse_step_m / 4.0, config.coarse_step_rad / 4.0);
-        let Some(finest) = near.into_iter().max_by(|a, b| a.sum.cmp(&b.sum).then(b.yaw.total_cmp(&a.yaw))) else {
-            continue;
-        };
-        let Some(mut refined) = refine(reference, moving, &pose(finest.x, finest.y, finest.yaw), config) else {
-            continue;
-        };
-        let back = refined.reference_from_moving.inverse();
+    for mut found in alignments(reference, moving, window, config) {
+        let back = found.reference_from_moving.inverse();
         if let Some(backward) = own.explained_share(&reference_points, &back, config.explained_m) {
-            refined.score = refined.score.min(backward);
+            found.score = found.score.min(backward);
         }
-        if best.as_ref().is_none_or(|best| refined.score > best.score) {
-            best = Some(refined);
+        if best.as_ref().is_none_or(|best| found.score > best.score) {
+            best = Some(found);
         }
     }
     match best {
         Some(best) if best.score >= config.min_score => Ok(best),
-        Some(best) => Err(NoMatch { best_score: best.score }),
-        None => Err(none),
+        best => Err(NoMatch { best_score: best.map_or(0.0, |best| best.score) }),
     }
 }
 
