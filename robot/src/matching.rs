@@ -30,6 +30,8 @@ pub struct MatchConfig {
     /// Standard deviation of a point's distance to the wall that it belongs to, metres; LiDAR noise and the chord
     /// between beams. Default 0.015.
     pub point_sigma_m: f64,
+    /// Standard deviation of a reference point's normal, radians. Default 0.1.
+    pub normal_sigma_rad: f64,
     /// A moving point farther than this from every reference point belongs to none, at the start of the refinement,
     /// metres. Default 0.4.
     pub first_reach_m: f64,
@@ -53,6 +55,7 @@ impl Default for MatchConfig {
             candidates: 12,
             coarse_points: 120,
             point_sigma_m: 0.015,
+            normal_sigma_rad: 0.1,
             first_reach_m: 0.4,
             last_reach_m: 0.12,
             max_iterations: 20,

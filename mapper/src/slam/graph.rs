@@ -196,7 +196,14 @@ impl PoseGraph {
     pub fn optimise(&mut self) -> Result<(), GraphError> {
         self.since_optimised = 0;
         self.counts.optimised += 1;
-        optimise(&mut self.poses, &self.edges, &self.config.graph)
+        let before = self.poses.clone();
+        let done = optimise(&mut self.poses, &self.edges, &self.config.graph);
+        if std::env::var("TRACEF").is_ok() {
+            let sum = |p: &[Pose2], d: bool| self.edges.iter().filter(|e| e.is_doubtful == d).map(|e| fht_robot::pose_graph::chi2(e, p)).sum::<f64>();
+            println!("optimise {} {:?} firm {:.0} -> {:.0} doubtful {:.0} -> {:.0} over 200: {} {}", self.poses.len(), done.is_ok(), sum(&before, false), sum(&self.poses, false), sum(&before, true), sum(&self.poses, true),
+              self.edges.iter().filter(|e| e.is_doubtful && fht_robot::pose_graph::chi2(e, &before) > 200.0).count(), self.edges.iter().filter(|e| e.is_doubtful && fht_robot::pose_graph::chi2(e, &self.poses) > 200.0).count());
+        }
+        done
     }
 
     /// Shortest ways along the graph from a keyframe, metres: error grows with them, and a closure makes them short.

@@ -94,5 +94,26 @@ fn linearise(
         system.information += weight * jacobian * jacobian.transpose();
         system.gradient += weight * residual * jacobian;
     }
+    discount_noise_of_normals(&mut system, config.normal_sigma_rad);
     system
+}
+
+/// Along a bare corridor nothing fixes the position, but normals are noisy, and each leans a little along the wall: what
+/// they would tell of that direction is noise. The information of a direction is made less by what noisy normals of the
+/// other direction would feign (compare Zhang et al., "On degeneracy of optimization-based state estimation problems",
+/// ICRA 2016, who drop such directions altogether).
+fn discount_noise_of_normals(system: &mut System, normal_sigma_rad: f64) {
+    let translation = system.information.fixed_view::<2, 2>(0, 0).into_owned().symmetric_eigen();
+    let mut scale = Matrix3::identity();
+    for (index, axis) in translation.eigenvectors.column_iter().enumerate() {
+        let (here, other) = (translation.eigenvalues[index], translation.eigenvalues[1 - index]);
+        if here <= 0.0 {
+            continue;
+        }
+        let share = (1.0 - normal_sigma_rad * normal_sigma_rad * other / here).max(0.0).sqrt();
+        let axis = Vector3::new(axis[0], axis[1], 0.0);
+        scale -= (1.0 - share) * axis * axis.transpose();
+    }
+    system.information = scale * system.information * scale;
+    system.gradient = scale * (scale * system.gradient);
 }

@@ -31,6 +31,7 @@ fn main() {
             "agreeing" => config.closure.agreeing = v as usize,
             "ofm" => config.odometry.floor_m = v,
             "ofr" => config.odometry.floor_rad = v,
+            "normal" => { config.matching.normal_sigma_rad = v; config.closure.matching.normal_sigma_rad = v }
             "winm" => config.closure.window_per_m = v,
             "scale" => config.odometry.scale_sigma = v,
             "dist" => config.odometry.distance_sigma_per_m = v,
@@ -66,6 +67,7 @@ fn main() {
                 if a.0 > 1000 || b.0 > 1000 { far += 1; }
                 let seen = a.1.inverse() * b.1;
                 let want = pose(v[2], v[3], v[7]);
+                if std::env::var("WORST").is_ok() && (seen.translation.vector - want.translation.vector).norm() > 0.25 { println!("worst {:.2} {:.2} off {:?}", v[0], v[1], (seen.translation.vector - want.translation.vector)); }
                 e.push((seen.translation.vector - want.translation.vector).norm());
                 r.push(wrap_angle(seen.rotation.angle() - want.rotation.angle()).abs().to_degrees());
             }
@@ -76,8 +78,7 @@ fn main() {
     let failed = scores.iter().filter(|s| **s == 0.0).count();
     println!("online {:.1} s, {} frames, {} keyframes, failed {} mean score {:.3} {:?}", online, scores.len(), slam.keyframes().len(), failed, scores.iter().sum::<f64>()/scores.len() as f64, slam.graph().counts());
     evaluate(&slam);
-    if std::env::var("NOFIN").is_ok() { return; }
-    slam.finish();
+    if std::env::var("NOFIN").is_err() { slam.finish(); }
     println!("finished {:.1} s {:?}", begin.elapsed().as_secs_f64(), slam.graph().counts());
     evaluate(&slam);
     // picture
