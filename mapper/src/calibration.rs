@@ -19,9 +19,9 @@ pub struct OdometryNoise {
     pub heading_sigma_per_sqrt_m: f64,
     /// Standard deviation of a turn beyond the scale error, per radian. Default 0.01.
     pub turn_sigma_per_rad: f64,
-    /// Least standard deviation of a step, metres. Default 0.001.
+    /// Least standard deviation of a step, metres. Default 0.01.
     pub floor_m: f64,
-    /// Least standard deviation of a step, radians. Default 0.001.
+    /// Least standard deviation of a step, radians. Default 0.01.
     pub floor_rad: f64,
 }
 
@@ -32,8 +32,8 @@ impl Default for OdometryNoise {
             distance_sigma_per_m: 0.01,
             heading_sigma_per_sqrt_m: 0.0087,
             turn_sigma_per_rad: 0.01,
-            floor_m: 0.001,
-            floor_rad: 0.001,
+            floor_m: 0.01,
+            floor_rad: 0.01,
         }
     }
 }

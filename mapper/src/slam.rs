@@ -41,6 +41,9 @@ pub struct SlamConfig {
     pub keyframe_turn_rad: f64,
     /// A scan that explains less than this share of its points does not move the estimate: the wheels do. Default 0.3.
     pub min_score: f64,
+    /// Share of the information of a wheels' edge that counts beside an edge of the scan: wheels err alike from one
+    /// keyframe to the next. Default 0.01.
+    pub odometry_trust: f64,
     /// A scan that explains less than this share is also searched for elsewhere: the wheels slipped. Default 0.6.
     pub good_score: f64,
     /// Half width of that search, metres. Default 0.5.
@@ -60,6 +63,7 @@ impl Default for SlamConfig {
             keyframe_distance_m: 0.3,
             keyframe_turn_rad: 0.5,
             min_score: 0.3,
+            odometry_trust: 0.01,
             good_score: 0.6,
             rescue_m: 0.5,
             rescue_rad: 0.8,
@@ -296,7 +300,8 @@ impl Slam {
             self.calibration.learn(&raw, &between, &scan_information, here.rotation.angle());
         }
         let driven = self.calibration.correct(&raw);
-        let information = self.calibration.information(&driven, driven.rotation.angle());
+        let trust = if matched.is_some() { self.config.odometry_trust } else { 1.0 };
+        let information = self.calibration.information(&driven, driven.rotation.angle()) * trust;
         edges.push(Edge { from: index - 1, to: index, measured: driven, information, is_doubtful: false });
 
         active.older.insert(&here, &frame.scan, &points);

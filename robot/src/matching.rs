@@ -28,9 +28,9 @@ pub struct MatchConfig {
     /// Points of the moving scan that the coarse search uses. Default 120.
     pub coarse_points: usize,
     /// Standard deviation of a point's distance to the wall that it belongs to, metres; LiDAR noise and the chord
-    /// between beams. Default 0.015.
+    /// between beams. Default 0.01.
     pub point_sigma_m: f64,
-    /// Standard deviation of a reference point's normal, radians. Default 0.1.
+    /// Standard deviation of a reference point's normal, radians. Default 0.25.
     pub normal_sigma_rad: f64,
     /// A moving point farther than this from every reference point belongs to none, at the start of the refinement,
     /// metres. Default 0.4.
@@ -54,8 +54,8 @@ impl Default for MatchConfig {
             coarse_step_rad: 0.05,
             candidates: 12,
             coarse_points: 120,
-            point_sigma_m: 0.015,
-            normal_sigma_rad: 0.1,
+            point_sigma_m: 0.01,
+            normal_sigma_rad: 0.25,
             first_reach_m: 0.4,
             last_reach_m: 0.12,
             max_iterations: 20,

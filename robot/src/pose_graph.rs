@@ -33,13 +33,13 @@ pub struct GraphConfig {
     pub max_iterations: usize,
     /// Ends when no pose moves farther in an iteration, metres. Default 1e-4.
     pub least_step_m: f64,
-    /// Squared Mahalanobis distance at which a doubtful edge has lost three quarters of its weight. Default 25.
+    /// Squared Mahalanobis distance at which a doubtful edge has lost three quarters of its weight. Default 200.
     pub doubt_chi2: f64,
 }
 
 impl Default for GraphConfig {
     fn default() -> Self {
-        Self { max_iterations: 40, least_step_m: 1e-4, doubt_chi2: 25.0 }
+        Self { max_iterations: 40, least_step_m: 1e-4, doubt_chi2: 200.0 }
     }
 }
 

@@ -160,6 +160,12 @@ impl PoseGraph {
         &self.poses
     }
 
+    /// The edges, oldest first.
+    #[must_use]
+    pub fn edges(&self) -> &[Edge] {
+        &self.edges
+    }
+
     /// What was done so far.
     #[must_use]
     pub fn counts(&self) -> ClosureCounts {

@@ -32,6 +32,7 @@ fn main() {
             "ofm" => config.odometry.floor_m = v,
             "ofr" => config.odometry.floor_rad = v,
             "normal" => { config.matching.normal_sigma_rad = v; config.closure.matching.normal_sigma_rad = v }
+            "trust" => config.odometry_trust = v,
             "winm" => config.closure.window_per_m = v,
             "scale" => config.odometry.scale_sigma = v,
             "dist" => config.odometry.distance_sigma_per_m = v,
@@ -81,6 +82,9 @@ fn main() {
     if std::env::var("NOFIN").is_err() { slam.finish(); }
     println!("finished {:.1} s {:?}", begin.elapsed().as_secs_f64(), slam.graph().counts());
     evaluate(&slam);
+    if std::env::var("EDGES").is_ok() { for e in slam.graph().edges() { let p = slam.graph().poses(); let r = fht_robot::pose_graph::residual(e, &p[e.from], &p[e.to]); let kind = if e.is_doubtful { "loop" } else if e.from + 1 == e.to && (e.information - e.information.transpose()).norm() < 1e9 && e.information[(2,2)] < 2e5 { "odo?" } else { "scan" };
+        let c = e.information.try_inverse().unwrap_or_default();
+        println!("edge {kind} {} {} res {:.3} {:.3} {:.4} sig {:.3} {:.3} {:.4} chi2 {:.1}", e.from, e.to, r.x, r.y, r.z, c[(0,0)].sqrt(), c[(1,1)].sqrt(), c[(2,2)].sqrt(), fht_robot::pose_graph::chi2(e, p)); } }
     // picture
     let res = 0.05;
     let mut points: Vec<Point2> = Vec::new();
