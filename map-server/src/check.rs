@@ -2,6 +2,7 @@
 
 use crate::config::Limits;
 use fht_proto::keys::Key;
+use fht_proto::query::{ErrorCode, ErrorReply};
 use fht_proto::{CodecError, Increment, MapName, decode, encode};
 
 /// What arrived under a key, unread.
@@ -72,6 +73,23 @@ pub enum Refusal {
     /// Over [`Limits::max_map_bytes`], [`Limits::max_maps`] or the limit of authors.
     #[error("the limit of {0} is reached")]
     Full(&'static str),
+}
+
+impl Refusal {
+    /// The reason as its writer is told.
+    #[must_use]
+    pub fn reply(&self) -> ErrorReply {
+        let code = match self {
+            Self::Conflict => ErrorCode::Conflict,
+            Self::NotCanonical => ErrorCode::NotCanonical,
+            Self::Full(_) => ErrorCode::Full,
+            Self::Future { .. } => ErrorCode::Future,
+            Self::TooLong { .. } => ErrorCode::TooLong,
+            // Damaged on the way, or not from a writer at all.
+            Self::Key | Self::Delete | Self::Codec(_) | Self::OtherKey { .. } => ErrorCode::BadRequest,
+        };
+        ErrorReply { code, message: self.to_string() }
+    }
 }
 
 /// The map that a key names, whatever else is wrong with it.

@@ -4,16 +4,20 @@
 use crate::catalog::Catalog;
 use crate::check::{Arrival, Checked, Refusal, check, map_of};
 use crate::config::Limits;
+use crate::refusals::{Notice, Refusals};
 use crate::store::{Record, Store, StoreError};
 use crate::throttle::Throttle;
 use fht_map::sequence::{Offered, Sequence};
+use fht_proto::keys::Key;
 use fht_proto::{AuthorId, Increment, MapName, VersionVector};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Refusals are logged at most this often.
 const LOG_PERIOD: Duration = Duration::from_secs(1);
+/// A writer is told of a kind of refusal at most this often.
+const NOTICE_PERIOD: Duration = Duration::from_secs(1);
 
 /// The one writer of a store.
 #[derive(Debug)]
@@ -23,6 +27,17 @@ pub struct Ingest {
     limits: Limits,
     maps: BTreeMap<MapName, Intake>,
     log: Throttle,
+    refusals: Refusals,
+}
+
+/// What others should hear of a batch.
+#[derive(Debug, Default)]
+pub struct Taken {
+    /// The maps whose heads the writers should see now: those that have grown, and those that were sent increments which they
+    /// already had.
+    pub announce: BTreeSet<MapName>,
+    /// What writers are told of refused increments.
+    pub notices: Vec<Notice>,
 }
 
 /// What the writer knows of one map.
@@ -40,7 +55,7 @@ struct Batch {
     increments: BTreeMap<MapName, Vec<Increment>>,
     added_bytes: BTreeMap<MapName, u64>,
     refused: BTreeMap<MapName, u64>,
-    announce: BTreeSet<MapName>,
+    taken: Taken,
 }
 
 impl Ingest {
@@ -52,16 +67,15 @@ impl Ingest {
             bytes: head.bytes,
         };
         let maps = catalog.heads().iter().map(|head| (head.map.clone(), intake(head))).collect();
-        Self { store, catalog, limits, maps, log: Throttle::new(LOG_PERIOD) }
+        Self { store, catalog, limits, maps, log: Throttle::new(LOG_PERIOD), refusals: Refusals::new(NOTICE_PERIOD) }
     }
 
     /// Takes in what arrived until `now_us` (microseconds since the Unix epoch). On return, all that the heads in the
-    /// catalog cover is durable. Returns the maps whose heads the writers should see now: those that have grown, and those
-    /// that were sent increments which they already had.
+    /// catalog cover is durable.
     ///
     /// # Errors
     /// [`StoreError`]: the store is not usable any more; nothing of this batch was acknowledged.
-    pub fn take(&mut self, arrivals: Vec<Arrival>, now_us: u64) -> Result<BTreeSet<MapName>, StoreError> {
+    pub fn take(&mut self, arrivals: Vec<Arrival>, now_us: u64) -> Result<Taken, StoreError> {
         let mut batch = Batch::default();
         for arrival in arrivals {
             let key = arrival.key.clone();
@@ -71,6 +85,7 @@ impl Ingest {
             };
             if let Err(refusal) = outcome {
                 self.log_refusal(&key, &refusal);
+                batch.taken.notices.extend(self.notice(&key, &refusal));
                 if let Some(map) = map_of(&key) {
                     *batch.refused.entry(map).or_default() += 1;
                 }
@@ -87,14 +102,21 @@ impl Ingest {
         for (map, count) in batch.refused {
             self.catalog.count_refused(&map, count);
         }
-        Ok(batch.announce)
+        Ok(batch.taken)
     }
 
     fn log_refusal(&mut self, key: &str, refusal: &Refusal) {
-        if let Some(suppressed) = self.log.pass(std::time::Instant::now()) {
+        if let Some(suppressed) = self.log.pass(Instant::now()) {
             let key: String = key.chars().take(120).collect();
             tracing::warn!(%key, suppressed, "increment refused: {refusal}");
         }
+    }
+
+    /// What the writer is told, if the key names one and it was not told the same a moment ago.
+    fn notice(&mut self, key: &str, refusal: &Refusal) -> Option<Notice> {
+        let Ok(Key::Increment { map, author, .. }) = key.parse() else { return None };
+        let notice = Notice { map, author, reply: refusal.reply() };
+        self.refusals.pass(&notice, Instant::now()).then_some(notice)
     }
 
     fn room(&self, checked: &Checked) -> Result<(), Refusal> {
@@ -121,7 +143,7 @@ impl Ingest {
                 None => self.store.get(&map, author, number)?.as_ref() == Some(&checked.bytes),
             };
             // The writer has missed a head: it is told again.
-            batch.announce.insert(map);
+            batch.taken.announce.insert(map);
             return Ok(if same { Ok(()) } else { Err(Refusal::Conflict) });
         }
         if let Err(refusal) = self.room(&checked) {
@@ -159,7 +181,7 @@ impl Batch {
         self.by_key.insert((map.clone(), author, number), self.records.len());
         *self.added_bytes.entry(map.clone()).or_default() += bytes.len() as u64;
         self.increments.entry(map.clone()).or_default().push(increment);
-        self.announce.insert(map.clone());
+        self.taken.announce.insert(map.clone());
         self.records.push(Record { map, sequence, author, number, bytes });
     }
 }

@@ -13,6 +13,7 @@
 //! | [`queue`] | what has arrived, bounded in bytes |
 //! | [`check`] | what is wrong with an increment |
 //! | [`ingest`] | check, order, commit, apply: the one writer |
+//! | [`refusals`] | what writers are told of refused increments |
 //! | [`store`] | the durable log |
 //! | [`catalog`] | the maps in memory, shared with the readers |
 //! | [`request`] | queries as they come, to typed requests |
@@ -30,6 +31,7 @@ pub mod cli;
 pub mod config;
 pub mod ingest;
 pub mod queue;
+pub mod refusals;
 pub mod request;
 pub mod serve;
 pub mod session;
@@ -45,6 +47,7 @@ use fht_proto::keys::{ALL_INCREMENTS, ALL_QUERIES, Key, Topic};
 use fht_proto::query::Head;
 use ingest::Ingest;
 use queue::Queue;
+use refusals::Notice;
 use serve::Service;
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -106,6 +109,21 @@ fn announce(session: &Session, head: &Head) {
     }
 }
 
+/// Tells a writer why its increment was refused. Lost ones do no harm: the writer sends again and is told again.
+fn tell(session: &Session, notice: &Notice) {
+    let put = |payload: Vec<u8>| {
+        session
+            .put(Key::refused(&notice.map, notice.author).to_string(), payload)
+            .encoding(Encoding::APPLICATION_JSON)
+            .congestion_control(CongestionControl::Drop)
+            .wait()
+    };
+    let sent = serde_json::to_vec(&notice.reply).map_err(zenoh::Error::from).and_then(put);
+    if let Err(error) = sent {
+        tracing::warn!(map = %notice.map, author = %notice.author, "a refusal could not be told: {error}");
+    }
+}
+
 /// The writer's thread: until the queue is closed and empty, or the store fails.
 fn write_all(
     mut ingest: Ingest,
@@ -120,7 +138,9 @@ fn write_all(
             tracing::warn!(dropped, "more increments came than could be taken in; their writers will send them again");
         }
         let count = arrivals.len();
-        for map in ingest.take(arrivals, now_us())? {
+        let taken = ingest.take(arrivals, now_us())?;
+        taken.notices.iter().for_each(|notice| tell(session, notice));
+        for map in taken.announce {
             if let Some(view) = catalog.view(&map) {
                 tracing::debug!(%map, version = view.head.version, count, "stored");
                 announce(session, &view.head);

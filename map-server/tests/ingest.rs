@@ -3,7 +3,7 @@
 
 mod support;
 
-use fht_proto::query::Head;
+use fht_proto::query::{ErrorCode, Head};
 use fht_proto::{AuthorId, Increment, MapName, Op, encode};
 use map_server::catalog::Catalog;
 use map_server::check::{Arrival, Refusal, check};
@@ -41,7 +41,7 @@ impl Bench {
     }
 
     fn take(&mut self, arrivals: Vec<Arrival>) -> Vec<MapName> {
-        self.ingest.take(arrivals, NOW_US).unwrap().into_iter().collect()
+        self.ingest.take(arrivals, NOW_US).unwrap().announce.into_iter().collect()
     }
 
     fn head(&self) -> Head {
@@ -151,6 +151,20 @@ fn limits_hold() {
     let mut bench = Bench::open(dir.path(), Limits { max_map_bytes: 4000, ..Limits::default() });
     bench.take((1..=100).map(|number| arrival(ANA, number)).collect());
     assert!(bench.head().bytes <= 4000 && bench.head().refused > 0, "{:?}", bench.head());
+}
+
+#[test]
+fn a_writer_is_told_why_it_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut bench = Bench::open(dir.path(), Limits::default());
+    bench.take(vec![arrival(ANA, 1)]);
+    let forged = arrival_of(&Increment { hlc_us: 5, ..increment(ANA, 1) });
+    let future = arrival_of(&Increment { hlc_us: NOW_US + 7_200_000_000, ..increment(BEN, 1) });
+    let elsewhere = Arrival { key: "fht/museum/inc".to_owned(), ..forged.clone() };
+    let taken = bench.ingest.take(vec![forged.clone(), forged, future, elsewhere], NOW_US).unwrap();
+    let told: Vec<_> = taken.notices.iter().map(|notice| (notice.author, notice.reply.code)).collect();
+    assert_eq!(told, [(ANA, ErrorCode::Conflict), (BEN, ErrorCode::Future)], "once each, and only whom a key names");
+    assert!(taken.notices.iter().all(|notice| notice.map == museum() && notice.reply.code.is_permanent_refusal()));
 }
 
 #[test]

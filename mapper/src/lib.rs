@@ -10,6 +10,7 @@
 //! | [`camera`] | descriptors, computed beside the loop |
 //! | [`mapping`] | all of it, frame by frame |
 //! | [`publish`] | increments to the server, kept until acknowledged |
+//! | [`window`] | which increment goes out next, and when again |
 //! | [`run`], [`report`], [`cli`] | the program |
 
 pub mod calibration;
@@ -25,5 +26,6 @@ pub mod refine;
 pub mod report;
 pub mod run;
 pub mod slam;
+pub mod window;
 
 pub use cli::main_with_args;

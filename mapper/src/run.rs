@@ -1,7 +1,7 @@
 //! The explorer program: simulator, mapper and publisher put together.
 
 use crate::mapping::{Mapper, MapperConfig, Step};
-use crate::publish::{Outbox, Progress, PublishError, current_head, outbox};
+use crate::publish::{Outbox, Progress, PublishError, find_head, outbox};
 use crate::report::{ExploreReport, explored, trajectory_error};
 use fht_proto::{AuthorId, MapName, keys};
 use fht_robot::descriptor::{DescriptorError, DescriptorNet};
@@ -12,6 +12,10 @@ use fht_sim::{SimConfig, Simulator, World, WorldError};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use tokio::sync::watch;
+
+/// How long the server may take to tell whether the map is there already.
+const SERVER_PATIENCE: Duration = Duration::from_secs(30);
 
 /// What to explore and where to publish.
 #[derive(Clone, Debug)]
@@ -114,7 +118,7 @@ pub async fn explore(
         return Ok(run.await?.0);
     };
     let session = link::open(&link_config).await?;
-    if let Some(head) = current_head(&session, &task.map, Duration::from_secs(1)).await?
+    if let Some(head) = find_head(&session, &task.map, SERVER_PATIENCE).await?
         && head.version > 0
     {
         return Err(ExploreError::MapExists { map: task.map, version: head.version });
@@ -122,13 +126,16 @@ pub async fn explore(
     let presence = keys::Key::Robot { map: task.map.clone(), robot: task.robot.clone() }.to_string();
     let token = session.liveliness().declare_token(presence).await.map_err(PublishError::from)?;
     let (outbox, publisher) = outbox(session.clone(), task.map.clone(), author);
-    let publisher = tokio::spawn(publisher);
+    let mut publisher = tokio::spawn(publisher);
     let run = tokio::task::spawn_blocking(move || drive(task, world, mapper, Some(outbox), watch));
-    let (mut report, last) = run.await?;
-    // The outbox is closed: the publisher ends when everything is acknowledged.
-    let progress = match tokio::time::timeout(linger, publisher).await {
+    let (mut report, progress) = run.await?;
+    // The outbox is closed: the publisher ends when everything is acknowledged, or with the reason why that cannot be.
+    let progress = match tokio::time::timeout(linger, &mut publisher).await {
         Ok(published) => published??,
-        Err(_) => last,
+        Err(_) => {
+            publisher.abort();
+            progress.map(|progress| progress.borrow().clone()).unwrap_or_default()
+        }
     };
     report.map_bytes = progress.map_bytes;
     report.wire_bytes = progress.wire_bytes;
@@ -138,14 +145,14 @@ pub async fn explore(
     Ok(report)
 }
 
-/// The robot's loop: sense, think, drive.
+/// The robot's loop: sense, think, drive. Closes the outbox at the end and returns how far publishing has come.
 fn drive(
     task: ExploreTask,
     world: Arc<World>,
     mut mapper: Mapper,
     outbox: Option<Outbox>,
     mut watch: impl FnMut(Snapshot),
-) -> (ExploreReport, Progress) {
+) -> (ExploreReport, Option<watch::Receiver<Progress>>) {
     let begin = Instant::now();
     let start = world.start();
     let mut sim_config = task.sim.clone();
@@ -159,12 +166,11 @@ fn drive(
     let mut frame_max = Duration::ZERO;
     let mut written = 0;
     let mut next_watch_us = 0;
-    let mut is_open = true;
     let mut publish = |mapper: &mut Mapper| {
         for increment in mapper.take_increments() {
             written = increment.number;
             if let Some(outbox) = &outbox {
-                is_open = is_open && outbox.send(increment);
+                outbox.send(increment);
             }
         }
         written
@@ -185,6 +191,9 @@ fn drive(
                 written,
                 acknowledged: outbox.as_ref().map_or(0, |outbox| outbox.progress().acknowledged),
             });
+        }
+        if outbox.as_ref().is_some_and(Outbox::has_ended) {
+            break; // nobody takes the map any more; the publisher says why
         }
         let twist: Twist = match step {
             Step::Drive(twist) if (frame.time_us as f64) * 1e-6 < task.max_sim_s => twist,
@@ -224,6 +233,5 @@ fn drive(
         sim_s: frame.time_us as f64 * 1e-6,
         wall_s: begin.elapsed().as_secs_f64(),
     };
-    let last = outbox.map(|outbox| outbox.progress()).unwrap_or_default();
-    (report, last)
+    (report, outbox.map(Outbox::close))
 }

@@ -17,6 +17,7 @@ fn key() -> impl Strategy<Value = Key> {
         Just(Key::Maps),
         (map(), any::<u32>(), 1_u64..).prop_map(|(map, author, number)| Key::increment(&map, AuthorId(author), number)),
         (map(), prop::sample::select(Topic::ALL.to_vec())).prop_map(|(map, topic)| Key::topic(&map, topic)),
+        (map(), any::<u32>()).prop_map(|(map, author)| Key::refused(&map, AuthorId(author))),
         (map(), robot()).prop_map(|(map, robot)| Key::Robot { map, robot }),
         (map(), robot()).prop_map(|(map, robot)| Key::RobotPose { map, robot }),
     ]
@@ -29,7 +30,7 @@ proptest! {
     }
 
     #[test]
-    fn a_key_has_one_spelling(text in "fht/[a-z*$]{0,3}/(inc|head|robots|path)?(/[0-9a-f]{0,9}){0,3}") {
+    fn a_key_has_one_spelling(text in "fht/[a-z*$]{0,3}/(inc|head|robots|path|refused)?(/[0-9a-f]{0,9}){0,3}") {
         if let Ok(key) = text.parse::<Key>() {
             prop_assert_eq!(key.to_string(), text);
         }
@@ -114,6 +115,9 @@ fn wrong_keys_are_refused() {
         "fht/a/inc/1a2b3c4d/99999999999999999999",
         "fht/a/inc/1a2b3c4d/",
         "fht/a/robots/r/p",
+        "fht/a/refused",
+        "fht/a/refused/x",
+        "fht/a/refused/1a2b3c4d/1",
     ] {
         assert!(wrong.parse::<Key>().is_err(), "{wrong}");
     }
@@ -134,4 +138,6 @@ fn wrong_vectors_and_places_are_refused() {
 fn error_replies_are_readable() {
     let reply = ErrorReply { code: ErrorCode::NoPath, message: "no path".to_owned() };
     assert_eq!(serde_json::to_string(&reply).unwrap(), r#"{"code":"NO_PATH","message":"no path"}"#);
+    let newer = r#"{"code":"OUT_OF_CHEESE","message":"later"}"#;
+    assert_eq!(serde_json::from_str::<ErrorReply>(newer).unwrap().code, ErrorCode::Unknown, "a newer server is read");
 }
