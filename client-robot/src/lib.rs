@@ -3,6 +3,8 @@
 //! | module | idea |
 //! | --- | --- |
 //! | [`replica`] | a live copy of the map over Zenoh |
+//! | [`follow`] | when the copy has to ask, and when it cannot be trusted any more |
+//! | [`ask`] | questions to the server |
 //! | [`landmarks`] | the replica's main nodes, prepared for matching |
 //! | [`odometry`] | wheel odometry corrected by scans |
 //! | [`estimate`] | one estimation of the place, and how odometry errors grow |
@@ -22,9 +24,11 @@
 //! | [`report`] | what happened, as figures |
 //! | [`cli`] | the command line |
 
+pub mod ask;
 pub mod cli;
 pub mod consensus;
 pub mod estimate;
+pub mod follow;
 pub mod landmarks;
 pub mod local_map;
 pub mod localize;
