@@ -14,6 +14,7 @@
 //! | [`check`] | what is wrong with an increment |
 //! | [`ingest`] | check, order, commit, apply: the one writer |
 //! | [`refusals`] | what writers are told of refused increments |
+//! | [`nursery`] | increments that came before the first of their map |
 //! | [`store`] | the durable log |
 //! | [`catalog`] | the maps in memory, shared with the readers |
 //! | [`request`] | queries as they come, to typed requests |
@@ -30,6 +31,7 @@ pub mod check;
 pub mod cli;
 pub mod config;
 pub mod ingest;
+pub mod nursery;
 pub mod queue;
 pub mod refusals;
 pub mod request;
@@ -42,7 +44,7 @@ pub use cli::main_with_args;
 pub use config::ServerConfig;
 
 use catalog::Catalog;
-use check::Arrival;
+use check::{Arrival, Refusal};
 use fht_proto::keys::{ALL_INCREMENTS, ALL_QUERIES, Key, Topic};
 use fht_proto::query::Head;
 use ingest::Ingest;
@@ -84,12 +86,15 @@ fn now_us() -> u64 {
     u64::try_from(since_epoch.as_micros()).unwrap_or(u64::MAX)
 }
 
-fn arrival(sample: &Sample) -> Arrival {
-    let is_put = sample.kind() == SampleKind::Put;
-    Arrival {
-        key: sample.key_expr().as_str().to_owned(),
-        payload: is_put.then(|| sample.payload().to_bytes().into_owned()),
-    }
+fn arrival(sample: &Sample, max_bytes: usize) -> Arrival {
+    let bytes = sample.payload().len();
+    let payload = match sample.kind() {
+        SampleKind::Delete => Err(Refusal::Delete),
+        // Not even copied.
+        SampleKind::Put if bytes > max_bytes => Err(Refusal::TooLong { bytes }),
+        SampleKind::Put => Ok(sample.payload().to_bytes().into_owned()),
+    };
+    Arrival { key: sample.key_expr().as_str().to_owned(), payload }
 }
 
 /// Publishes a head. Lost ones do no harm: writers ask when they hear nothing.
@@ -164,8 +169,9 @@ pub async fn run(config: ServerConfig, shutdown: impl Future<Output = ()>) -> Re
     let queryable = session.declare_queryable(ALL_QUERIES).callback(move |query| service.take(query)).await?;
     let queue = Arc::new(Queue::new(config.limits.max_queue_bytes));
     let arriving = Arc::clone(&queue);
-    let subscriber =
-        session.declare_subscriber(ALL_INCREMENTS).callback(move |sample| arriving.push(arrival(&sample))).await?;
+    let max_bytes = config.limits.max_increment_bytes;
+    let arrive = move |sample: Sample| arriving.push(arrival(&sample, max_bytes));
+    let subscriber = session.declare_subscriber(ALL_INCREMENTS).callback(arrive).await?;
 
     let (report, mut stopped) = oneshot::channel();
     let max_batch = config.limits.max_batch_bytes;
