@@ -4,7 +4,7 @@
 use crate::store::{Store, StoreError};
 use fht_map::MapState;
 use fht_proto::query::Head;
-use fht_proto::{Increment, MapName, VersionVector, decode};
+use fht_proto::{CodecError, Increment, MapName, VersionVector, decode};
 use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
@@ -27,14 +27,16 @@ impl Catalog {
     /// Reads all maps from the store.
     ///
     /// # Errors
-    /// [`StoreError::Damaged`] if increments are missing or unreadable, [`StoreError::Disk`].
+    /// [`StoreError::Damaged`] if increments are missing or unreadable, [`StoreError::IncrementFormat`], [`StoreError::Disk`].
     pub fn load(store: &Store) -> Result<Self, StoreError> {
         let mut maps: BTreeMap<MapName, (MapState, VersionVector, u64)> = BTreeMap::new();
         store.for_each(|name, author, number, bytes| {
             let damaged = |reason: String| StoreError::Damaged { map: name.to_owned(), reason };
             let map: MapName = name.parse().map_err(|error| damaged(format!("{error}")))?;
-            let increment: Increment =
-                decode(bytes).map_err(|error| damaged(format!("increment {author}/{number}: {error}")))?;
+            let increment: Increment = decode(bytes).map_err(|error| match error {
+                CodecError::Version { found } => StoreError::IncrementFormat { map: name.to_owned(), found },
+                other => damaged(format!("increment {author}/{number}: {other}")),
+            })?;
             let (state, vector, total) = maps.entry(map).or_default();
             if (increment.author, increment.number) != (author, number) || vector.get(author) + 1 != number {
                 return Err(damaged(format!("increment {author}/{number} is out of place")));

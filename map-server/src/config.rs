@@ -25,7 +25,8 @@ pub struct LinkConfig {
     pub listen: Vec<String>,
     /// Endpoints of other routers.
     pub connect: Vec<String>,
-    /// A Zenoh configuration file (JSON5) to start from: TLS, access control. The endpoints above override its own.
+    /// A Zenoh configuration file (JSON5) to start from: endpoints, TLS, access control. What is given above goes before what
+    /// it says; whatever it leaves open is set as without a file.
     pub zenoh_config: Option<PathBuf>,
 }
 

@@ -184,8 +184,10 @@ pub async fn run(config: ServerConfig, shutdown: impl Future<Output = ()>) -> Re
     for head in catalog.heads() {
         announce(&session, &head);
     }
-    let endpoints: Vec<&str> = config.link.listen.iter().chain(&config.link.connect).map(String::as_str).collect();
-    eprintln!("map-server: {} map(s) in {}, on {}", catalog.heads().len(), config.data.display(), endpoints.join(", "));
+    let (count, link) = (catalog.heads().len(), &config.link);
+    let file = link.zenoh_config.iter().map(|file| format!("what {} says", file.display()));
+    let endpoints: Vec<String> = link.listen.iter().chain(&link.connect).cloned().chain(file).collect();
+    eprintln!("map-server: {count} map(s) in {}, on {}", config.data.display(), endpoints.join(", "));
 
     let outcome = tokio::select! {
         () = shutdown => {

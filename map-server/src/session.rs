@@ -6,8 +6,8 @@ use zenoh::{Config, Session};
 /// Why there is no session.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
-    /// Neither to listen nor to connect.
-    #[error("no endpoint: give --listen, --connect or both")]
+    /// Neither to listen nor to connect, and no file that says.
+    #[error("no endpoint: give --listen, --connect or --zenoh-config")]
     NoEndpoint,
     /// The configuration file or an endpoint is not understood.
     #[error("the Zenoh configuration is refused: {0}")]
@@ -28,17 +28,25 @@ pub enum SessionError {
     },
 }
 
+/// Sets `key` unless the configuration file did.
+fn set_default(config: &mut Config, key: &str, value: &str) -> Result<(), zenoh::Error> {
+    if config.get_json(key).is_ok_and(|set| set != "null") { Ok(()) } else { config.insert_json5(key, value) }
+}
+
 fn to_zenoh(link: &LinkConfig) -> Result<Config, zenoh::Error> {
     let mut config = link.zenoh_config.as_ref().map_or_else(|| Ok(Config::default()), Config::from_file)?;
+    for (key, endpoints) in [("listen/endpoints", &link.listen), ("connect/endpoints", &link.connect)] {
+        if link.zenoh_config.is_none() || !endpoints.is_empty() {
+            config.insert_json5(key, &serde_json::to_string(endpoints)?)?;
+        }
+    }
     // A router puts its clients in touch with each other: explorers, robots and tools need no other program between them.
-    let mode = if link.listen.is_empty() { "client" } else { "router" };
-    config.insert_json5("mode", &serde_json::to_string(mode)?)?;
-    config.insert_json5("listen/endpoints", &serde_json::to_string(&link.listen)?)?;
-    config.insert_json5("connect/endpoints", &serde_json::to_string(&link.connect)?)?;
+    let is_client = link.zenoh_config.is_none() && link.listen.is_empty();
+    set_default(&mut config, "mode", if is_client { "\"client\"" } else { "\"router\"" })?;
     // Other routers may come up later than this one.
-    config.insert_json5("connect/timeout_ms", "-1")?;
-    config.insert_json5("connect/exit_on_failure", "false")?;
-    config.insert_json5("scouting/multicast/enabled", "false")?;
+    set_default(&mut config, "connect/timeout_ms", "-1")?;
+    set_default(&mut config, "connect/exit_on_failure", "false")?;
+    set_default(&mut config, "scouting/multicast/enabled", "false")?;
     Ok(config)
 }
 
@@ -52,7 +60,7 @@ fn without_source_paths(text: &str) -> String {
 /// # Errors
 /// [`SessionError`]; an address that is in use, above all.
 pub async fn open(link: &LinkConfig) -> Result<Session, SessionError> {
-    if link.listen.is_empty() && link.connect.is_empty() {
+    if link.listen.is_empty() && link.connect.is_empty() && link.zenoh_config.is_none() {
         return Err(SessionError::NoEndpoint);
     }
     let config = to_zenoh(link).map_err(SessionError::Config)?;
@@ -65,4 +73,53 @@ pub async fn open(link: &LinkConfig) -> Result<Session, SessionError> {
             SessionError::Open { listen, reason }
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn json(config: &Config, key: &str) -> String {
+        config.get_json(key).unwrap()
+    }
+
+    #[test]
+    fn a_configuration_file_is_obeyed() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("zenoh.json5");
+        let text = r#"{mode: "peer", listen: {endpoints: ["tls/0.0.0.0:7448"]}, connect: {timeout_ms: 5},
+            scouting: {multicast: {enabled: true}}}"#;
+        std::fs::write(&file, text).unwrap();
+        let mut link = LinkConfig { zenoh_config: Some(file.clone()), ..LinkConfig::default() };
+        let config = to_zenoh(&link).unwrap();
+        assert!(json(&config, "listen/endpoints").contains("tls/0.0.0.0:7448"));
+        assert_eq!(json(&config, "mode"), "\"peer\"");
+        assert_eq!(json(&config, "connect/timeout_ms"), "5");
+        assert_eq!(json(&config, "scouting/multicast/enabled"), "true");
+
+        link.listen = vec!["tcp/127.0.0.1:1".to_owned()];
+        let listen = json(&to_zenoh(&link).unwrap(), "listen/endpoints");
+        assert!(listen.contains("tcp/127.0.0.1:1") && !listen.contains("7448"), "{listen}");
+
+        // What the file leaves open.
+        std::fs::write(&file, "{}").unwrap();
+        link.listen.clear();
+        let config = to_zenoh(&link).unwrap();
+        assert_eq!(json(&config, "mode"), "\"router\"");
+        assert_eq!(json(&config, "scouting/multicast/enabled"), "false");
+    }
+
+    #[test]
+    fn without_a_file_the_endpoints_say_it_all() {
+        let with = |listen: &[&str], connect: &[&str]| {
+            let owned = |endpoints: &[&str]| endpoints.iter().map(|&endpoint| endpoint.to_owned()).collect();
+            to_zenoh(&LinkConfig { listen: owned(listen), connect: owned(connect), zenoh_config: None }).unwrap()
+        };
+        assert_eq!(json(&with(&["tcp/127.0.0.1:1"], &[]), "mode"), "\"router\"");
+        let client = with(&[], &["tcp/127.0.0.1:1"]);
+        assert_eq!(
+            (json(&client, "mode"), json(&client, "listen/endpoints")),
+            ("\"client\"".to_owned(), "[]".to_owned())
+        );
+    }
 }

@@ -10,7 +10,7 @@ use map_server::check::{Arrival, Refusal, check};
 use map_server::config::Limits;
 use map_server::ingest::Ingest;
 use map_server::queue::Queue;
-use map_server::store::{Record, Store, StoreError};
+use map_server::store::{FILE_NAME, Record, Store, StoreError};
 use proptest::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
@@ -258,6 +258,34 @@ fn a_damaged_store_is_not_served() {
         store.append(&[damage]).unwrap();
         assert!(matches!(Catalog::load(&store), Err(StoreError::Damaged { .. })));
     }
+}
+
+#[test]
+fn a_later_format_is_told_from_damage() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path()).unwrap();
+    let mut newer = bytes(ANA, 1);
+    newer[3] = 2;
+    store.append(&[Record { map: museum(), sequence: 1, author: ANA, number: 1, bytes: newer }]).unwrap();
+    let error = Catalog::load(&store).unwrap_err();
+    assert!(matches!(error, StoreError::IncrementFormat { found: 2, .. }), "{error}");
+    drop(store);
+    let database = redb::Database::open(dir.path().join(FILE_NAME)).unwrap();
+    let write = database.begin_write().unwrap();
+    write.open_table(redb::TableDefinition::<&str, u64>::new("meta")).unwrap().insert("format", 7).unwrap();
+    write.commit().unwrap();
+    drop(database);
+    let error = Store::open(dir.path()).unwrap_err();
+    assert!(matches!(error, StoreError::Format { found: 7, .. }), "{error}");
+}
+
+#[test]
+fn a_store_has_one_owner_at_a_time() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path()).unwrap();
+    assert!(matches!(Store::open(dir.path()), Err(StoreError::InUse { .. })));
+    drop(store);
+    Store::open(dir.path()).unwrap();
 }
 
 #[test]
