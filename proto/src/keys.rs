@@ -5,7 +5,7 @@
 //! | `fht/{map}/inc/{author}/{number}` | writer puts | one increment |
 //! | `fht/{map}/head` | server puts, answers | version, vector, digest, counts, bytes |
 //! | `fht/{map}/since?vector=…` | server answers | the increments that a replica lacks |
-//! | `fht/{map}/snapshot?version=…` | server answers | the whole map then |
+//! | `fht/{map}/snapshot?version=…` | server answers | the map then, or at `vector=…`; without what `have=…` contains |
 //! | `fht/{map}/path?from=x,y;to=x,y` | server answers | a path |
 //! | `fht/{map}/nodes?near=x,y;radius=r` | server answers | nodes |
 //! | `fht/{map}/match` | server answers | nodes that look like the descriptor in the payload |

@@ -137,7 +137,8 @@ impl Head {
 }
 
 /// The reply to `since` and `snapshot`: one message of limited size, the first increments that the asker lacks. The asker
-/// takes them in and asks again with its new vector, until a reply is empty. (One sample an increment would not do: of
+/// takes them in and asks again with its new vector (`since?vector=…`, `snapshot?version=…;have=…`), until a reply is empty.
+/// Both vectors are of the form that [`VersionVector`] is shown in; without them the asker has nothing yet. (One sample an increment would not do: of
 /// several replies under one key, a Zenoh query delivers one by default.)
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {

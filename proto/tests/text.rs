@@ -3,7 +3,7 @@
 
 use fht_proto::compact::CompactPath;
 use fht_proto::keys::{Key, Topic};
-use fht_proto::query::{ErrorCode, ErrorReply, Place, parse_point};
+use fht_proto::query::{ErrorCode, ErrorReply, Head, Place, parse_point};
 use fht_proto::{AuthorId, Digest, FixedPoint, FixedPose, MapName, NodeId, Rect, VersionVector, decode};
 use proptest::prelude::*;
 
@@ -132,6 +132,52 @@ fn wrong_vectors_and_places_are_refused() {
         let error = wrong.parse::<Place>().unwrap_err();
         assert_eq!(error.code, ErrorCode::BadRequest, "{wrong}");
     }
+}
+
+#[test]
+fn a_head_is_readable() {
+    let json = concat!(
+        r#"{"map":"museum","version":19,"vector":{"0000000a":2,"1a2b3c4d":17},"#,
+        r#""digest":"0707070707070707070707070707070707070707070707070707070707070707","#,
+        r#""main_nodes":3,"support_nodes":4,"edges":5,"bytes":6,"refused":0}"#
+    );
+    let head = Head {
+        map: "museum".parse().unwrap(),
+        version: 19,
+        vector: "0000000a:2,1a2b3c4d:17".parse().unwrap(),
+        digest: Digest([7; 32]),
+        main_nodes: 3,
+        support_nodes: 4,
+        edges: 5,
+        bytes: 6,
+        refused: 0,
+    };
+    assert_eq!(serde_json::to_string(&head).unwrap(), json);
+    assert_eq!(serde_json::from_str::<Head>(json).unwrap(), head);
+    assert!(serde_json::from_str::<Head>(&json.replace("1a2b3c4d", "1A2B3C4D")).is_err());
+    assert_eq!(serde_json::to_string(&AuthorId(10)).unwrap(), r#""0000000a""#);
+}
+
+#[test]
+fn only_heads_that_make_sense_pass() {
+    let map: MapName = "museum".parse().unwrap();
+    let mut head = Head {
+        map: map.clone(),
+        version: u64::MAX,
+        vector: VersionVector::default(),
+        digest: Digest([0; 32]),
+        main_nodes: 0,
+        support_nodes: 0,
+        edges: 0,
+        bytes: 0,
+        refused: 0,
+    };
+    assert!(head.clone().checked(&map).is_err(), "the version is not the vector's");
+    head.vector.set(AuthorId(1), u64::MAX);
+    assert!(head.clone().checked(&map).is_ok());
+    assert!(head.clone().checked(&"office".parse().unwrap()).is_err(), "of another map");
+    (2..=VersionVector::MAX_AUTHORS as u32 + 1).for_each(|author| head.vector.set(AuthorId(author), 1));
+    assert!(head.checked(&map).is_err(), "too many authors");
 }
 
 #[test]
