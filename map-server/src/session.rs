@@ -7,7 +7,7 @@ use zenoh::{Config, Session};
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
     /// Neither to listen nor to connect, and no file that says.
-    #[error("no endpoint: give --listen, --connect or --zenoh-config")]
+    #[error("no endpoint: give --listen, --connect or both, or a --zenoh-config with endpoints")]
     NoEndpoint,
     /// The configuration file or an endpoint is not understood.
     #[error("the Zenoh configuration is refused: {0}")]
@@ -28,26 +28,38 @@ pub enum SessionError {
     },
 }
 
-/// Sets `key` unless the configuration file did.
-fn set_default(config: &mut Config, key: &str, value: &str) -> Result<(), zenoh::Error> {
-    if config.get_json(key).is_ok_and(|set| set != "null") { Ok(()) } else { config.insert_json5(key, value) }
-}
+/// No endpoints, as Zenoh's configuration shows them.
+const NONE: &str = "[]";
 
 fn to_zenoh(link: &LinkConfig) -> Result<Config, zenoh::Error> {
     let mut config = link.zenoh_config.as_ref().map_or_else(|| Ok(Config::default()), Config::from_file)?;
+    let untouched = Config::default();
+    let set_default = |config: &mut Config, key: &str, value: &str| {
+        let is_set = config.get_json(key)? != untouched.get_json(key)?;
+        if is_set { Ok(()) } else { config.insert_json5(key, value) }
+    };
     for (key, endpoints) in [("listen/endpoints", &link.listen), ("connect/endpoints", &link.connect)] {
-        if link.zenoh_config.is_none() || !endpoints.is_empty() {
+        if endpoints.is_empty() {
+            // Zenoh's own default is to listen on all interfaces.
+            set_default(&mut config, key, NONE)?;
+        } else {
             config.insert_json5(key, &serde_json::to_string(endpoints)?)?;
         }
     }
     // A router puts its clients in touch with each other: explorers, robots and tools need no other program between them.
-    let is_client = link.zenoh_config.is_none() && link.listen.is_empty();
+    let is_client = config.get_json("listen/endpoints")? == NONE;
     set_default(&mut config, "mode", if is_client { "\"client\"" } else { "\"router\"" })?;
     // Other routers may come up later than this one.
     set_default(&mut config, "connect/timeout_ms", "-1")?;
     set_default(&mut config, "connect/exit_on_failure", "false")?;
     set_default(&mut config, "scouting/multicast/enabled", "false")?;
     Ok(config)
+}
+
+/// Whether there is a way from this session to another.
+fn reaches_anyone(config: &Config) -> bool {
+    let is = |key: &str, value: &str| config.get_json(key).is_ok_and(|set| set == value);
+    !is("listen/endpoints", NONE) || !is("connect/endpoints", NONE) || is("scouting/multicast/enabled", "true")
 }
 
 /// Zenoh's errors end in the place in its source where they arose, which helps nobody here.
@@ -60,10 +72,10 @@ fn without_source_paths(text: &str) -> String {
 /// # Errors
 /// [`SessionError`]; an address that is in use, above all.
 pub async fn open(link: &LinkConfig) -> Result<Session, SessionError> {
-    if link.listen.is_empty() && link.connect.is_empty() && link.zenoh_config.is_none() {
+    let config = to_zenoh(link).map_err(SessionError::Config)?;
+    if !reaches_anyone(&config) {
         return Err(SessionError::NoEndpoint);
     }
-    let config = to_zenoh(link).map_err(SessionError::Config)?;
     zenoh::open(config).await.map_err(|error| {
         let (listen, reason) = (link.listen.clone(), without_source_paths(&error.to_string()));
         // Zenoh's errors are texts.
@@ -101,12 +113,17 @@ mod tests {
         let listen = json(&to_zenoh(&link).unwrap(), "listen/endpoints");
         assert!(listen.contains("tcp/127.0.0.1:1") && !listen.contains("7448"), "{listen}");
 
-        // What the file leaves open.
+        // What the file leaves open: above all, nobody listens who was not told to.
         std::fs::write(&file, "{}").unwrap();
+        let router = to_zenoh(&link).unwrap();
+        assert_eq!(json(&router, "mode"), "\"router\"");
+        assert_eq!(json(&router, "scouting/multicast/enabled"), "false");
         link.listen.clear();
-        let config = to_zenoh(&link).unwrap();
-        assert_eq!(json(&config, "mode"), "\"router\"");
-        assert_eq!(json(&config, "scouting/multicast/enabled"), "false");
+        assert!(!reaches_anyone(&to_zenoh(&link).unwrap()));
+        link.connect = vec!["tcp/127.0.0.1:1".to_owned()];
+        let client = to_zenoh(&link).unwrap();
+        assert_eq!((json(&client, "mode").as_str(), json(&client, "listen/endpoints").as_str()), ("\"client\"", NONE));
+        assert!(reaches_anyone(&client));
     }
 
     #[test]
