@@ -1,7 +1,7 @@
 //! The command line.
 
 use crate::mission::{Goal, Services, run};
-use crate::paths::{ServerPaths, ask_path, planned};
+use crate::paths::{ServerPaths, UnusablePath, ask_path, planned};
 use crate::pilot::{PilotConfig, Step};
 use crate::replica::{AskError, LiveReplica, ReplicaConfig, ReplicaError, ask_head};
 use crate::report::Report;
@@ -155,6 +155,8 @@ enum CliError {
     World(#[from] WorldError),
     #[error("the descriptor network cannot be loaded: {0}")]
     Descriptor(#[from] fht_robot::descriptor::DescriptorError),
+    #[error("the server's answer cannot be used: {0}")]
+    Path(#[from] UnusablePath),
     #[error("robot name '{0}' is not 1 to 64 letters, digits, '_' or '-'")]
     RobotName(String),
     #[error("the map '{0}' has no main nodes yet; nothing to relocalize at")]
@@ -227,7 +229,7 @@ fn path(link: &LinkArgs, from: &str, to: &str, json: bool) -> Result<ExitCode, C
             println!("{}", serde_json::to_string_pretty(&reply)?);
             return Ok(ExitCode::SUCCESS);
         }
-        Ok(reply) => planned(reply),
+        Ok(reply) => planned(reply)?,
         Err(AskError::Refused(refusal)) => {
             eprintln!("client-robot: {:?}: {}", refusal.code, refusal.message);
             return Ok(ExitCode::from(1));
