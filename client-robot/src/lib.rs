@@ -17,6 +17,7 @@
 //! | [`local_map`] | the robot's own live grid |
 //! | [`wander`] | where to go while the place is not known |
 //! | [`route`] | following a path of the map (section III-C-2) |
+//! | [`blockages`] | ways found blocked, for a while |
 //! | [`steering`] | driving to a point on the live grid |
 //! | [`pilot`] | all of it: the paper's Algorithm 2 |
 //! | [`paths`] | paths from the server, or from the replica |
@@ -25,6 +26,7 @@
 //! | [`cli`] | the command line |
 
 pub mod ask;
+pub mod blockages;
 pub mod cli;
 pub mod consensus;
 pub mod estimate;

@@ -208,7 +208,9 @@ impl PathFollower {
     }
 }
 
-fn distance_to_segment(point: Point2, a: Point2, b: Point2) -> f64 {
+/// Distance from a point to the segment from `a` to `b`, metres.
+#[must_use]
+pub fn distance_to_segment(point: Point2, a: Point2, b: Point2) -> f64 {
     let along = b - a;
     let t =
         if along.norm_squared() > 0.0 { ((point - a).dot(&along) / along.norm_squared()).clamp(0.0, 1.0) } else { 0.0 };
