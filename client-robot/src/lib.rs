@@ -5,6 +5,7 @@
 //! | [`replica`] | a live copy of the map over Zenoh |
 //! | [`follow`] | when the copy has to ask, and when it cannot be trusted any more |
 //! | [`ask`] | questions to the server |
+//! | [`inquiry`] | questions put beside the robot's loop |
 //! | [`landmarks`] | the replica's main nodes, prepared for matching |
 //! | [`odometry`] | wheel odometry corrected by scans |
 //! | [`estimate`] | one estimation of the place, and how odometry errors grow |
@@ -31,6 +32,7 @@ pub mod cli;
 pub mod consensus;
 pub mod estimate;
 pub mod follow;
+pub mod inquiry;
 pub mod landmarks;
 pub mod local_map;
 pub mod localize;

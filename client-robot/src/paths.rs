@@ -1,5 +1,7 @@
-//! Where paths come from: the server's `path` query, or the robot's own replica when the server is silent.
+//! Where paths come from: the robot's own replica at once, and the server's `path` query when its answer comes. The loop
+//! that drives the robot never waits for the network.
 
+use crate::inquiry::{Inquiry, Taking};
 use crate::pilot::PathSource;
 use crate::replica::{AskError, LiveReplica, ask};
 use crate::route::{PlannedPath, Planner, RoutePoint};
@@ -97,48 +99,82 @@ pub fn ask_path(
     serde_json::from_slice(&first).map_err(|error| AskError::Unreadable(error.to_string()))
 }
 
-/// Paths from the server, and from the replica when the server is silent, answers with what is no path, or edges are blocked (only this robot knows
-/// of those).
+/// How the server is asked.
+#[derive(Clone, Debug)]
+pub struct ServerPathsConfig {
+    /// How long the server may take. Default 5 s.
+    pub timeout: Duration,
+    /// When its answer is taken. Default two frames after the question, for simulated time.
+    pub taking: Taking,
+}
+
+impl Default for ServerPathsConfig {
+    fn default() -> Self {
+        Self { timeout: Duration::from_secs(5), taking: Taking::AfterFrames(2) }
+    }
+}
+
+struct Question {
+    from: Point2,
+    to: Point2,
+    entry: Option<RoutePoint>,
+}
+
+/// What the server answered: a path, a refusal, or nothing of use (a sentence).
+type Answer = Result<Result<PlannedPath, ErrorReply>, String>;
+
+/// Paths from the replica, replaced by the server's when its answer comes and is a path. With blocked edges from the
+/// replica alone: only this robot knows of those.
 pub struct ServerPaths<'a> {
-    session: &'a Session,
-    map: MapName,
     replica: &'a LiveReplica,
-    timeout: Duration,
+    inquiry: Inquiry<Question, Answer>,
     fallbacks: usize,
 }
 
 impl<'a> ServerPaths<'a> {
-    /// Asks through `session`, waiting `timeout` for answers.
-    #[must_use]
-    pub fn new(session: &'a Session, map: MapName, replica: &'a LiveReplica, timeout: Duration) -> Self {
-        Self { session, map, replica, timeout, fallbacks: 0 }
+    /// Asks through `session`, from a thread of its own.
+    ///
+    /// # Errors
+    /// When the system gives no thread.
+    pub fn new(
+        session: &Session,
+        map: MapName,
+        replica: &'a LiveReplica,
+        config: &ServerPathsConfig,
+    ) -> std::io::Result<Self> {
+        let (session, timeout) = (session.clone(), config.timeout);
+        let ask = move |question: Question| answer(&session, &map, question, timeout);
+        // With an entry the server is asked twice.
+        let inquiry = Inquiry::start(config.taking, 3 * timeout, ask)?;
+        Ok(Self { replica, inquiry, fallbacks: 0 })
     }
 
-    /// How often the server was silent and the robot planned for itself.
+    /// How often the server was silent, or answered with what is no path, and the robot kept its own.
     #[must_use]
     pub fn fallbacks(&self) -> usize {
         self.fallbacks
     }
+}
 
-    fn plan_once(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<EdgeKey>) -> Result<PlannedPath, ErrorReply> {
-        if !blocked.is_empty() {
-            return plan_inside(self.replica.read().state(), from, to, blocked);
-        }
-        let text = |point: Point2| format!("{:.3},{:.3}", point.x, point.y);
-        let reply = ask_path(self.session, &self.map, &text(from), &text(to), self.timeout);
+fn answer(session: &Session, map: &MapName, question: Question, timeout: Duration) -> Answer {
+    let text = |point: Point2| format!("{:.3},{:.3}", point.x, point.y);
+    let Question { from, to, entry } = question;
+    let mut failure = None;
+    let path = with_entry(from, entry, |start| {
+        let reply = ask_path(session, map, &text(start), &text(to), timeout);
         let path = reply.and_then(|reply| {
-            planned_between(reply, from, to).map_err(|error| AskError::Unreadable(error.to_string()))
+            planned_between(reply, start, to).map_err(|error| AskError::Unreadable(error.to_string()))
         });
-        match path {
-            Err(AskError::Refused(refusal)) if refusal.code != ErrorCode::Internal => Err(refusal),
-            Ok(path) => Ok(path),
-            Err(error) => {
-                tracing::warn!(%error, "planning on the robot's own copy of the map");
-                self.fallbacks += 1;
-                plan_inside(self.replica.read().state(), from, to, blocked)
+        path.map_err(|error| match error {
+            AskError::Refused(refusal) if refusal.code != ErrorCode::Internal => refusal,
+            error => {
+                let message = error.to_string();
+                failure = Some(message.clone());
+                ErrorReply { code: ErrorCode::Internal, message }
             }
-        }
-    }
+        })
+    });
+    failure.map_or(Ok(path), Err)
 }
 
 /// Farthest coordinate of a path, metres: as for nodes (`fht_proto`).
@@ -216,8 +252,32 @@ pub fn planned_between(reply: PathReply, from: Point2, to: Point2) -> Result<Pla
 
 impl PathSource for ServerPaths<'_> {
     fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<EdgeKey>) -> Result<PlannedPath, ErrorReply> {
-        let entry = nearest_node(self.replica.read().state(), from);
-        with_entry(from, entry, |start| self.plan_once(start, to, blocked))
+        let replica = self.replica.read();
+        if blocked.is_empty() {
+            self.inquiry.put(Question { from, to, entry: nearest_node(replica.state(), from) });
+        } else {
+            self.inquiry.cancel();
+        }
+        plan_on(replica.state(), from, to, blocked)
+    }
+
+    fn is_pending(&self) -> bool {
+        self.inquiry.is_pending()
+    }
+
+    fn revised(&mut self) -> Option<PlannedPath> {
+        match self.inquiry.take()? {
+            Ok(Ok(path)) => Some(path),
+            Ok(Err(refusal)) => {
+                tracing::info!(%refusal, "the server has no path");
+                None
+            }
+            Err(error) => {
+                tracing::warn!(%error, "no path from the server: planning on the robot's own copy of the map");
+                self.fallbacks += 1;
+                None
+            }
+        }
     }
 }
 

@@ -114,6 +114,16 @@ pub trait PathSource {
     /// # Errors
     /// Why there is none, with the server's code.
     fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<EdgeKey>) -> Result<PlannedPath, ErrorReply>;
+
+    /// Whether a better answer to the last question may still come.
+    fn is_pending(&self) -> bool {
+        false
+    }
+
+    /// Asked once per frame: the better answer to the last question, when it has come.
+    fn revised(&mut self) -> Option<PlannedPath> {
+        None
+    }
 }
 
 /// What one frame led to.
@@ -142,6 +152,8 @@ pub struct Pilot {
     wander_target: Option<Point2>,
     route: Option<Route>,
     blockages: Blockages,
+    /// The refusal of a path, while a better answer may still come.
+    refusal: Option<ErrorReply>,
     no_way: usize,
     plans: usize,
     started_us: Option<u64>,
@@ -162,6 +174,7 @@ impl Pilot {
             wander_target: None,
             route: None,
             blockages: Blockages::default(),
+            refusal: None,
             no_way: 0,
             plans: 0,
             started_us: None,
@@ -174,6 +187,7 @@ impl Pilot {
     pub fn set_task(&mut self, task: Task) {
         self.task = task;
         self.route = None;
+        self.refusal = None;
         self.no_way = 0;
     }
 
@@ -228,6 +242,7 @@ impl Pilot {
     /// Moves about to see more.
     fn search(&mut self, frame: &SensorFrame, localization: &Localization) -> (Twist, Option<Outcome>) {
         self.route = None;
+        self.refusal = None;
         let odom_from_base = localization.odometry.odom_from_base;
         let here = Point2::from(odom_from_base.translation.vector);
         self.wanderer.visit(here);
@@ -272,11 +287,19 @@ impl Pilot {
         if self.blockages.is_waiting(now_us) {
             return (LOOK_AROUND, None);
         }
+        if let Some(path) = paths.revised() {
+            tracing::info!(length_m = path.length_m, points = path.points.len(), planner = ?path.planner, "path revised");
+            self.refusal = None;
+            self.route = Some(Route::new(self.config.route.clone(), path, *map_from_odom));
+        }
+        if let Some(refusal) = self.refusal.take() {
+            return self.refused(refusal, now_us, paths);
+        }
         let is_outdated = self.route.as_ref().is_none_or(|route| route.is_outdated(map_from_odom, here));
         if (localization.is_new_fix || is_outdated)
             && let Err(refusal) = self.plan(map_from_odom, here, goal, now_us, paths)
         {
-            return self.refused(refusal, now_us);
+            return self.refused(refusal, now_us, paths);
         }
         let Some(route) = &mut self.route else { return (Twist::default(), None) };
         let Some(target) = route.target(map_from_odom, &odom_from_base, self.local_map.grid()) else {
@@ -326,12 +349,18 @@ impl Pilot {
         }
         match self.plan(map_from_odom, here, goal, now_us, paths) {
             Ok(()) => (LOOK_AROUND, None),
-            Err(refusal) => self.refused(refusal, now_us),
+            Err(refusal) => self.refused(refusal, now_us, paths),
         }
     }
 
-    /// The planner has no path. Without the edges that the robot found blocked it may have one.
-    fn refused(&mut self, refusal: ErrorReply, now_us: u64) -> (Twist, Option<Outcome>) {
+    /// The planner has no path: the robot stands until it is clear that no other answer comes. Without the edges that it
+    /// found blocked there may be one.
+    fn refused(&mut self, refusal: ErrorReply, now_us: u64, paths: &dyn PathSource) -> (Twist, Option<Outcome>) {
+        self.route = None;
+        if paths.is_pending() {
+            self.refusal = Some(refusal);
+            return (Twist::default(), None);
+        }
         let may_open = refusal.code == ErrorCode::NoPath && !self.blockages.is_empty();
         let failure = Failure::NoPath(refusal);
         if may_open { self.wait_or(failure, now_us) } else { (Twist::default(), Some(Outcome::Failed(failure))) }
