@@ -1,7 +1,7 @@
 //! The command line.
 
 use crate::mission::{Goal, Services, run};
-use crate::paths::{ServerPaths, ask_path, planned};
+use crate::paths::{ServerPaths, ServerPathsConfig, UnusablePath, ask_path, planned};
 use crate::pilot::{PilotConfig, Step};
 use crate::replica::{AskError, LiveReplica, ReplicaConfig, ReplicaError, ask_head};
 use crate::report::Report;
@@ -155,12 +155,16 @@ enum CliError {
     World(#[from] WorldError),
     #[error("the descriptor network cannot be loaded: {0}")]
     Descriptor(#[from] fht_robot::descriptor::DescriptorError),
+    #[error("the server's answer cannot be used: {0}")]
+    Path(#[from] UnusablePath),
     #[error("robot name '{0}' is not 1 to 64 letters, digits, '_' or '-'")]
     RobotName(String),
     #[error("the map '{0}' has no main nodes yet; nothing to relocalize at")]
     EmptyMap(MapName),
     #[error("{path}: {source}", path = path.display())]
     Write { path: PathBuf, source: std::io::Error },
+    #[error("a thread cannot be started: {0}")]
+    Thread(#[source] std::io::Error),
     #[error("no runtime: {0}")]
     Runtime(#[source] std::io::Error),
     #[error("zenoh: {0}")]
@@ -227,7 +231,7 @@ fn path(link: &LinkArgs, from: &str, to: &str, json: bool) -> Result<ExitCode, C
             println!("{}", serde_json::to_string_pretty(&reply)?);
             return Ok(ExitCode::SUCCESS);
         }
-        Ok(reply) => planned(reply),
+        Ok(reply) => planned(reply)?,
         Err(AskError::Refused(refusal)) => {
             eprintln!("client-robot: {:?}: {}", refusal.code, refusal.message);
             return Ok(ExitCode::from(1));
@@ -282,7 +286,8 @@ fn mission(link: &LinkArgs, args: &RobotArgs, goal: Goal) -> Result<ExitCode, Cl
     let sim = SimConfig { light_seed: args.light_seed, ..SimConfig::default() };
     let mut simulator = Simulator::new(world, sim, start, args.seed);
     let config = PilotConfig { seed: args.seed, max_time_s: args.max_time_s, ..PilotConfig::default() };
-    let mut paths = ServerPaths::new(&session, link.map.clone(), &replica, TIMEOUT);
+    let asking = ServerPathsConfig { timeout: TIMEOUT, ..ServerPathsConfig::default() };
+    let mut paths = ServerPaths::new(&session, link.map.clone(), &replica, &asking).map_err(CliError::Thread)?;
     let bar = progress(args);
     let pose_key = Key::RobotPose { map: link.map.clone(), robot: args.robot.clone() }.to_string();
     let model = net.model().id;

@@ -5,6 +5,7 @@
 //! | [`replica`] | a live copy of the map over Zenoh |
 //! | [`follow`] | when the copy has to ask, and when it cannot be trusted any more |
 //! | [`ask`] | questions to the server |
+//! | [`inquiry`] | questions put beside the robot's loop |
 //! | [`landmarks`] | the replica's main nodes, prepared for matching |
 //! | [`odometry`] | wheel odometry corrected by scans |
 //! | [`estimate`] | one estimation of the place, and how odometry errors grow |
@@ -17,6 +18,7 @@
 //! | [`local_map`] | the robot's own live grid |
 //! | [`wander`] | where to go while the place is not known |
 //! | [`route`] | following a path of the map (section III-C-2) |
+//! | [`blockages`] | ways found blocked, for a while |
 //! | [`steering`] | driving to a point on the live grid |
 //! | [`pilot`] | all of it: the paper's Algorithm 2 |
 //! | [`paths`] | paths from the server, or from the replica |
@@ -25,10 +27,12 @@
 //! | [`cli`] | the command line |
 
 pub mod ask;
+pub mod blockages;
 pub mod cli;
 pub mod consensus;
 pub mod estimate;
 pub mod follow;
+pub mod inquiry;
 pub mod landmarks;
 pub mod local_map;
 pub mod localize;

@@ -17,7 +17,9 @@ pub struct LaserScan {
     pub range_min_m: f64,
     /// Ranges at or above this are no return: the beam was free up to here, metres.
     pub range_max_m: f64,
-    /// Ranges, metres. Non-finite, below `range_min_m` or at or above `range_max_m`: no return.
+    /// Ranges, metres (REP-117). At or above `range_max_m`, infinity included: no return, the beam was free. Below
+    /// `range_min_m`, negative infinity and 0 included: something is too near to be measured. NaN: nothing is known, as
+    /// with a sensor that says 0 for any failure.
     pub ranges_m: Vec<f32>,
 }
 
@@ -27,6 +29,12 @@ impl LaserScan {
     pub fn is_return(&self, range_m: f32) -> bool {
         let range = f64::from(range_m);
         range.is_finite() && range >= self.range_min_m && range < self.range_max_m
+    }
+
+    /// Whether a range says that something is nearer than the scanner can measure.
+    #[must_use]
+    pub fn is_too_near(&self, range_m: f32) -> bool {
+        f64::from(range_m) < self.range_min_m
     }
 
     /// Angle of beam `index` in the sensor's frame, radians.
@@ -39,12 +47,22 @@ impl LaserScan {
     #[must_use]
     pub fn points_in_base(&self) -> Vec<Point2> {
         let returns = self.ranges_m.iter().enumerate().filter(|&(_, &range)| self.is_return(range));
-        returns
-            .map(|(index, &range)| {
-                let (sin, cos) = self.angle(index).sin_cos();
-                self.base_from_sensor * Point2::new(f64::from(range) * cos, f64::from(range) * sin)
-            })
-            .collect()
+        returns.map(|(index, &range)| self.end_in_base(index, f64::from(range))).collect()
+    }
+
+    /// What a robot must not drive into, in the frame of its base: the ends of the beams that returned and, at the least
+    /// range, those of the beams that met something nearer. The latter are no measurements, so nothing is matched to them.
+    #[must_use]
+    pub fn obstacles_in_base(&self) -> Vec<Point2> {
+        let mut obstacles = self.points_in_base();
+        let near = self.ranges_m.iter().enumerate().filter(|&(_, &range)| self.is_too_near(range));
+        obstacles.extend(near.map(|(index, _)| self.end_in_base(index, self.range_min_m)));
+        obstacles
+    }
+
+    fn end_in_base(&self, index: usize, range_m: f64) -> Point2 {
+        let (sin, cos) = self.angle(index).sin_cos();
+        self.base_from_sensor * Point2::new(range_m * cos, range_m * sin)
     }
 
     /// The scan as a main node keeps it.
