@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::landmarks::{UnusableMap, check_usable};
 use crate::mission::{Goal, Services, run};
 use crate::paths::{ServerPaths, ServerPathsConfig, UnusablePath, ask_path, planned};
 use crate::pilot::{PilotConfig, Step};
@@ -110,7 +111,8 @@ struct RobotArgs {
     /// The robot's name.
     #[arg(long, default_value = "client")]
     robot: String,
-    /// A descriptor model to use in place of the built-in one: its description file.
+    /// A descriptor model to use in place of the built-in one: an ONNX file with its description beside it, the one that the
+    /// map was made with.
     #[arg(long)]
     model: Option<PathBuf>,
     /// Give up after this many seconds of simulated time.
@@ -161,6 +163,8 @@ enum CliError {
     RobotName(String),
     #[error("the map '{0}' has no main nodes yet; nothing to relocalize at")]
     EmptyMap(MapName),
+    #[error("the map '{map}' is of no use to this robot: {reason}")]
+    Unusable { map: MapName, reason: UnusableMap },
     #[error("{path}: {source}", path = path.display())]
     Write { path: PathBuf, source: std::io::Error },
     #[error("a thread cannot be started: {0}")]
@@ -282,6 +286,8 @@ fn mission(link: &LinkArgs, args: &RobotArgs, goal: Goal) -> Result<ExitCode, Cl
     if replica.read().state().counts().main_nodes == 0 {
         return Err(CliError::EmptyMap(link.map.clone()));
     }
+    check_usable(replica.read().state(), net.model())
+        .map_err(|reason| CliError::Unusable { map: link.map.clone(), reason })?;
 
     let sim = SimConfig { light_seed: args.light_seed, ..SimConfig::default() };
     let mut simulator = Simulator::new(world, sim, start, args.seed);

@@ -3,7 +3,7 @@
 //! Pure of I/O: frames go in, a command and increments come out. Camera and refinement work in threads beside it and
 //! are joined at fixed frames, so the same frames give the same map.
 
-use crate::camera::CameraWorker;
+use crate::camera::{CameraError, CameraWorker};
 use crate::construct::{Builder, BuilderConfig, Chain, Observation, point};
 use crate::explore::{ExploreConfig, ExploreStep, Explorer};
 use crate::journal::Journal;
@@ -100,6 +100,14 @@ impl Mapper {
     #[must_use]
     pub fn trajectory(&self) -> &[(u64, Pose2)] {
         &self.trajectory
+    }
+
+    /// Whether nodes still get what the task asked for.
+    ///
+    /// # Errors
+    /// [`CameraError`]: too many panoramas in a row could not be described.
+    pub fn check(&self) -> Result<(), CameraError> {
+        self.camera.as_ref().map_or(Ok(()), CameraWorker::check)
     }
 
     /// The increments written since the last call, in order.

@@ -1,5 +1,6 @@
 //! The explorer program: simulator, mapper and publisher put together.
 
+use crate::camera::CameraError;
 use crate::mapping::{Mapper, MapperConfig, Step};
 use crate::publish::{Outbox, Progress, PublishError, find_head, outbox};
 use crate::report::{ExploreReport, explored, trajectory_error};
@@ -76,6 +77,9 @@ pub enum ExploreError {
         /// Its version.
         version: u64,
     },
+    /// The cameras failed on the way.
+    #[error(transparent)]
+    Cameras(#[from] CameraError),
     /// The system gave no thread.
     #[error("a thread cannot be started: {0}")]
     Thread(#[from] std::io::Error),
@@ -115,7 +119,7 @@ pub async fn explore(
 
     let Some(link_config) = task.link.clone() else {
         let run = tokio::task::spawn_blocking(move || drive(task, world, mapper, None, watch));
-        return Ok(run.await?.0);
+        return Ok(run.await??.0);
     };
     let session = link::open(&link_config).await?;
     if let Some(head) = find_head(&session, &task.map, SERVER_PATIENCE).await?
@@ -128,7 +132,7 @@ pub async fn explore(
     let (outbox, publisher) = outbox(session.clone(), task.map.clone(), author);
     let mut publisher = tokio::spawn(publisher);
     let run = tokio::task::spawn_blocking(move || drive(task, world, mapper, Some(outbox), watch));
-    let (mut report, progress) = run.await?;
+    let (mut report, progress) = run.await??;
     // The outbox is closed: the publisher ends when everything is acknowledged, or with the reason why that cannot be.
     let progress = match tokio::time::timeout(linger, &mut publisher).await {
         Ok(published) => published??,
@@ -152,7 +156,7 @@ fn drive(
     mut mapper: Mapper,
     outbox: Option<Outbox>,
     mut watch: impl FnMut(Snapshot),
-) -> (ExploreReport, Option<watch::Receiver<Progress>>) {
+) -> Result<(ExploreReport, Option<watch::Receiver<Progress>>), CameraError> {
     let begin = Instant::now();
     let start = world.start();
     let mut sim_config = task.sim.clone();
@@ -179,6 +183,7 @@ fn drive(
         truth.push(sim.truth());
         let thinking = Instant::now();
         let step = mapper.step(&frame);
+        mapper.check()?;
         let written = publish(&mut mapper);
         frame_max = frame_max.max(thinking.elapsed());
         if frame.time_us >= next_watch_us {
@@ -233,5 +238,5 @@ fn drive(
         sim_s: frame.time_us as f64 * 1e-6,
         wall_s: begin.elapsed().as_secs_f64(),
     };
-    (report, outbox.map(Outbox::close))
+    Ok((report, outbox.map(Outbox::close)))
 }
