@@ -116,7 +116,7 @@ struct RobotArgs {
     #[arg(long)]
     model: Option<PathBuf>,
     /// Give up after this many seconds of simulated time.
-    #[arg(long, default_value_t = 1500.0)]
+    #[arg(long, default_value_t = 1500.0, value_parser = parse_seconds)]
     max_time_s: f64,
     /// Write the figures to this file, as JSON.
     #[arg(long)]
@@ -127,6 +127,11 @@ struct RobotArgs {
     /// Print nothing but errors.
     #[arg(long)]
     quiet: bool,
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| (0.0..=1e7).contains(value));
+    value.ok_or_else(|| format!("'{text}' is not a number of seconds from 0 to 10000000"))
 }
 
 fn parse_pose(text: &str) -> Result<Pose2, String> {
@@ -390,5 +395,19 @@ fn print_report(report: &Report) {
     }
     if report.planner == Some(Planner::Replica) {
         println!("the server was silent: the path was planned on the robot's own copy of the map");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_time_that_never_comes_is_refused() {
+        let parse = |value: &str| Cli::try_parse_from(["client-robot", "relocalize", "--max-time-s", value]);
+        assert!(parse("60").is_ok());
+        for value in ["nan", "inf", "-1", "1e300", "soon"] {
+            assert!(parse(value).is_err(), "{value}");
+        }
     }
 }

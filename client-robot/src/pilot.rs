@@ -140,6 +140,10 @@ pub struct Step {
 /// Turning shows more of the surroundings, and often that the way is free after all.
 const LOOK_AROUND: Twist = Twist { linear_mps: 0.0, angular_radps: 0.6 };
 
+fn went_back() -> String {
+    "it is older than the one before".to_owned()
+}
+
 /// Carries out one task.
 pub struct Pilot {
     config: PilotConfig,
@@ -157,6 +161,8 @@ pub struct Pilot {
     no_way: usize,
     plans: usize,
     started_us: Option<u64>,
+    /// Time of the last frame taken in.
+    last_us: Option<u64>,
     search_began_m: f64,
 }
 
@@ -178,6 +184,7 @@ impl Pilot {
             no_way: 0,
             plans: 0,
             started_us: None,
+            last_us: None,
             search_began_m: 0.0,
             config,
         }
@@ -209,7 +216,8 @@ impl Pilot {
         &self.localizer
     }
 
-    /// Takes in a frame and says what to do. `describe` makes the descriptor of the frame's panorama when it is needed.
+    /// Takes in a frame and says what to do. A frame of which nothing can be made, or from before the last one, is left out,
+    /// and the robot stands until the next. `describe` makes the descriptor of the frame's panorama when it is needed.
     pub fn step(
         &mut self,
         landmarks: &Landmarks,
@@ -217,6 +225,12 @@ impl Pilot {
         describe: impl FnOnce() -> Option<Descriptor>,
         paths: &mut dyn PathSource,
     ) -> Step {
+        let is_late = self.last_us.is_some_and(|last| frame.time_us < last);
+        if let Some(reason) = frame.check().err().map(|error| error.to_string()).or(is_late.then(went_back)) {
+            tracing::warn!(reason, "frame left out");
+            return Step { command: Twist::default(), localization: self.localizer.current(), outcome: None };
+        }
+        self.last_us = Some(frame.time_us);
         let localization = self.localizer.update(landmarks, frame, describe);
         self.local_map.integrate(&localization.odometry, &frame.scan);
         let started = *self.started_us.get_or_insert(frame.time_us);
@@ -392,3 +406,6 @@ impl Pilot {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

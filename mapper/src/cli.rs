@@ -1,5 +1,6 @@
 //! The command line of `mapper`.
 
+use crate::explore::Ending;
 use crate::mapping::MapperConfig;
 use crate::report::ExploreReport;
 use crate::run::{ExploreTask, Snapshot, explore};
@@ -29,6 +30,7 @@ enum Command {
   mapper explore --world floor/map.yaml --textures pictures/ --map floor --seed 3
   mapper explore --world office --offline --json        # no server: how good is the map?
 
+Exit code 0: the map is complete and delivered; 1: it is not, or it failed; 2: a wrong argument.
 Set RUST_LOG=info (or debug) for logs.")]
     Explore(ExploreArgs),
 }
@@ -63,7 +65,7 @@ struct ExploreArgs {
     #[arg(long, default_value_t = 0)]
     light_seed: u64,
     /// Multiplies the wheels' errors.
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 1.0, value_parser = drift)]
     drift: f64,
     /// Another descriptor model: an ONNX file with its description beside it.
     #[arg(long)]
@@ -72,13 +74,13 @@ struct ExploreArgs {
     #[arg(long)]
     no_cameras: bool,
     /// Simulated seconds per second; by default as fast as possible.
-    #[arg(long)]
+    #[arg(long, value_parser = rate)]
     rate: Option<f64>,
     /// Give up after this much simulated time, seconds.
-    #[arg(long, default_value_t = 14_400.0)]
+    #[arg(long, default_value_t = 14_400.0, value_parser = seconds)]
     max_sim: f64,
     /// How long to wait at the end for the server to acknowledge everything, seconds.
-    #[arg(long, default_value_t = 60.0)]
+    #[arg(long, default_value_t = 60.0, value_parser = seconds)]
     linger: f64,
     /// Write the figures to this file as JSON.
     #[arg(long)]
@@ -94,6 +96,23 @@ struct ExploreArgs {
     quiet: bool,
 }
 
+fn number(text: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| range.contains(value));
+    value.ok_or_else(|| format!("'{text}' is not a number from {} to {}", range.start(), range.end()))
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=1e7)
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    number(text, 1e-3..=1e6)
+}
+
+fn drift(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=100.0)
+}
+
 impl ExploreArgs {
     fn task(&self) -> Result<ExploreTask, String> {
         let name =
@@ -102,12 +121,6 @@ impl ExploreArgs {
             Some(map) => map.clone(),
             None => name.parse().map_err(|error| format!("{error}; give the map a name with --map"))?,
         };
-        if !self.drift.is_finite() || self.drift < 0.0 {
-            return Err(format!("--drift {} is not a factor of 0 or more", self.drift));
-        }
-        if self.rate.is_some_and(|rate| !rate.is_finite() || rate <= 0.0) {
-            return Err("--rate needs a positive number".to_owned());
-        }
         Ok(ExploreTask {
             world: self.world.clone(),
             textures: self.textures.clone(),
@@ -201,6 +214,10 @@ fn run(args: ExploreArgs) -> Result<bool, String> {
         eprintln!("mapper: the server did not acknowledge the whole map within {} s", args.linger);
         return Ok(false);
     }
+    if report.ending != Ending::Complete {
+        eprintln!("mapper: the map is not complete: {}", report.ending);
+        return Ok(false);
+    }
     Ok(true)
 }
 
@@ -212,6 +229,7 @@ fn spinner() -> ProgressBar {
 
 fn print_report(report: &ExploreReport) {
     println!("explored    {:.1} % of {:.0} m²", report.explored_fraction * 100.0, report.free_area_m2);
+    println!("ended       {}", report.ending);
     println!(
         "map         {} main nodes, {} support nodes, {} edges, version {}",
         report.main_nodes, report.support_nodes, report.edges, report.version
@@ -230,4 +248,22 @@ fn print_report(report: &ExploreReport) {
         report.sim_s, report.wall_s, report.frame_max_ms
     );
     println!("digest      {}", report.digest);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_that_make_no_sense_are_refused_with_the_arguments() {
+        let parse = |flag: &str, value: &str| Cli::try_parse_from(["mapper", "explore", flag, value]);
+        for flag in ["--linger", "--rate", "--max-sim", "--drift"] {
+            for value in ["nan", "inf", "1e300", "many"] {
+                let error = parse(flag, value).err().map(|error| error.to_string());
+                assert!(error.is_some_and(|text| text.contains(flag)), "{flag} {value}");
+            }
+            assert!(parse(flag, "1.5").is_ok(), "{flag}");
+        }
+        assert!(parse("--rate", "1e-21").is_err() && parse("--rate", "0").is_err());
+    }
 }

@@ -5,7 +5,7 @@
 
 use crate::camera::{CameraError, CameraWorker};
 use crate::construct::{Builder, BuilderConfig, Chain, Observation, point};
-use crate::explore::{ExploreConfig, ExploreStep, Explorer};
+use crate::explore::{Ending, ExploreConfig, ExploreStep, Explorer};
 use crate::journal::Journal;
 use crate::refine::{RefineConfig, RefineJob, RefineWorker, Roadmap, Shortcut, is_still_free, shortcuts};
 use crate::slam::{Slam, SlamConfig};
@@ -41,8 +41,8 @@ const REFINE_QUEUE: usize = 64;
 pub enum Step {
     /// Drive on.
     Drive(Twist),
-    /// Nothing reachable is unexplored.
-    Done,
+    /// It is over, complete or stuck.
+    Done(Ending),
 }
 
 /// An exploration in progress.
@@ -130,7 +130,7 @@ impl Mapper {
         self.frame += 1;
         match self.explorer.step(self.slam.grid(), &map_from_base, &frame.scan, frame.time_us) {
             ExploreStep::Drive(twist) => Step::Drive(twist),
-            ExploreStep::Done => Step::Done,
+            ExploreStep::Done(ending) => Step::Done(ending),
         }
     }
 

@@ -1,6 +1,7 @@
 //! The explorer program: simulator, mapper and publisher put together.
 
 use crate::camera::CameraError;
+use crate::explore::Ending;
 use crate::mapping::{Mapper, MapperConfig, Step};
 use crate::publish::{Outbox, Progress, PublishError, find_head, outbox};
 use crate::report::{ExploreReport, explored, trajectory_error};
@@ -115,7 +116,8 @@ pub async fn explore(
     let net = if task.cameras { Some(DescriptorNet::load(task.model.as_deref())?) } else { None };
     let author = AuthorId::of_robot(&task.robot);
     let mapper = Mapper::new(task.mapper.clone(), author, net)?;
-    let linger = Duration::from_secs_f64(task.linger_s.max(0.0));
+    // What is no duration is for ever.
+    let linger = Duration::try_from_secs_f64(task.linger_s.max(0.0)).unwrap_or(Duration::MAX);
 
     let Some(link_config) = task.link.clone() else {
         let run = tokio::task::spawn_blocking(move || drive(task, world, mapper, None, watch));
@@ -179,7 +181,7 @@ fn drive(
         }
         written
     };
-    loop {
+    let ending = loop {
         truth.push(sim.truth());
         let thinking = Instant::now();
         let step = mapper.step(&frame);
@@ -198,18 +200,19 @@ fn drive(
             });
         }
         if outbox.as_ref().is_some_and(Outbox::has_ended) {
-            break; // nobody takes the map any more; the publisher says why
+            break Ending::Interrupted; // nobody takes the map any more; the publisher says why
         }
         let twist: Twist = match step {
             Step::Drive(twist) if (frame.time_us as f64) * 1e-6 < task.max_sim_s => twist,
-            Step::Drive(_) | Step::Done => break,
+            Step::Drive(_) => break Ending::OutOfTime,
+            Step::Done(ending) => break ending,
         };
         frame = sim.step(twist);
         if let Some(rate) = task.rate.filter(|rate| *rate > 0.0) {
-            let due = Duration::from_secs_f64(frame.time_us as f64 * 1e-6 / rate);
+            let due = Duration::try_from_secs_f64(frame.time_us as f64 * 1e-6 / rate).unwrap_or(Duration::MAX);
             std::thread::sleep(due.saturating_sub(begin.elapsed()));
         }
-    }
+    };
     mapper.finish();
     let version = publish(&mut mapper);
     let (free_area_m2, explored_fraction) = explored(world.plan(), mapper.grid(), &start, radius_m);
@@ -219,6 +222,7 @@ fn drive(
     let report = ExploreReport {
         world: world.name().to_owned(),
         world_from_map: [start.translation.x, start.translation.y, start.rotation.angle()],
+        ending,
         free_area_m2,
         explored_fraction,
         main_nodes: counts.main_nodes,

@@ -11,7 +11,11 @@ use fht_robot::pose::wrap_angle;
 pub struct EdgeConfig {
     /// Longest edge, metres. Default 8 (facts §1.3).
     pub longest_m: f64,
-    /// Free half width on each side of an edge, metres. Default 0.15: the paper's robot has a radius of 0.105 m.
+    /// Every cell whose centre lies within this of an edge must be known to be free, metres. Default 0.12. An occupied cell's
+    /// centre is thus farther than 0.12 m from the edge and its nearest point farther than 0.12 m less half a cell's
+    /// diagonal (0.035 m for cells of 0.05 m): 0.085 m is guaranteed, less than the paper's robot's radius of 0.105 m. A
+    /// robot drives along an edge with a local planner of its own, which keeps its distance; the edge says that free space
+    /// joins the two nodes, and is not a line to be driven blindly.
     pub half_width_m: f64,
     /// Of edges whose directions differ by less than this, only the shortest is kept, radians. Default 0.5 (facts
     /// §1.3; nearest first, where the paper's code takes the newest first).

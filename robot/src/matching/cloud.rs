@@ -143,9 +143,9 @@ impl ReferenceCloud {
         None
     }
 
-    /// Share of `points` (after `transform`) that lie within `explained_m` of the line of their nearest point. Points
-    /// farther than `known` says from the reference's origin cannot be judged and do not count; `None` when fewer than
-    /// a tenth can be judged.
+    /// Share of all `points` (after `transform`) that lie within `explained_m` of the line of their nearest point, or of the
+    /// point itself where it has no line. Points without a reference point near count as not explained, also where the
+    /// reference never looked. `None` without points.
     pub(super) fn explained_share(&self, points: &[Point2], transform: &Pose2, explained_m: f64) -> Option<f64> {
         if points.is_empty() {
             return None;
