@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | [`pose`] | SE(2) poses, REP-105 names |
 //! | [`frame`] | what the sensors said at one instant |
+//! | [`bag`] | frames from rosbag2 logs |
 //! | [`grid`] | occupancy grid with ray-traced free space |
 //! | [`matching`] | scan matching: correlative search, point-to-line refinement, covariance |
 //! | [`planning`] | shortest ways over the grid |
@@ -11,6 +12,7 @@
 //! | [`descriptor`] | a CNN over the panorama, a unit vector |
 //! | [`link`] | the robot's Zenoh session |
 
+pub mod bag;
 pub mod descriptor;
 pub mod frame;
 pub mod grid;
