@@ -10,7 +10,11 @@
 //! | [`camera`] | descriptors, computed beside the loop |
 //! | [`mapping`] | all of it, frame by frame |
 //! | [`publish`] | increments to the server, kept until acknowledged |
-//! | [`run`], [`report`], [`cli`] | the program |
+//! | [`linked`] | a run whose map goes to a server while it is made |
+//! | [`record`] | the run as a bag |
+//! | [`run`], [`report`] | exploring a simulated building |
+//! | [`replay`] | mapping from a bag |
+//! | [`cli`] | the program |
 
 pub mod calibration;
 pub mod camera;
@@ -19,9 +23,12 @@ pub mod construct;
 pub mod explore;
 pub mod frontier;
 pub mod journal;
+pub mod linked;
 pub mod mapping;
 pub mod publish;
+pub mod record;
 pub mod refine;
+pub mod replay;
 pub mod report;
 pub mod run;
 pub mod slam;

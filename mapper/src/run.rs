@@ -1,13 +1,17 @@
 //! The explorer program: simulator, mapper and publisher put together.
 
+use crate::linked::{LinkedError, Publication, publish_while};
 use crate::mapping::{Mapper, MapperConfig, Step};
-use crate::publish::{Outbox, Progress, PublishError, current_head, outbox};
+use crate::publish::Outbox;
+use crate::record::MapRecorder;
 use crate::report::{ExploreReport, explored, trajectory_error};
-use fht_proto::{AuthorId, MapName, keys};
+use fht_proto::{AuthorId, MapName};
+use fht_robot::bag::WriteError;
 use fht_robot::descriptor::{DescriptorError, DescriptorNet};
 use fht_robot::frame::{SensorFrame, Twist};
-use fht_robot::link::{self, LinkConfig, LinkError};
+use fht_robot::link::LinkConfig;
 use fht_robot::pose::Pose2;
+use fht_robot::stop::Stop;
 use fht_sim::{SimConfig, Simulator, World, WorldError};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -44,6 +48,10 @@ pub struct ExploreTask {
     pub linger_s: f64,
     /// Algorithm parameters.
     pub mapper: MapperConfig,
+    /// A bag to write: an `.mcap` file, or a folder.
+    pub record: Option<PathBuf>,
+    /// Ends the exploration early, with the map finished as it is.
+    pub stop: Stop,
 }
 
 /// Why an exploration failed.
@@ -55,23 +63,12 @@ pub enum ExploreError {
     /// The descriptor network cannot be loaded.
     #[error("{0}; --no-cameras maps without appearance")]
     Descriptor(#[from] DescriptorError),
-    /// The session cannot be opened.
+    /// The map cannot be published.
     #[error(transparent)]
-    Link(#[from] LinkError),
-    /// Publishing failed.
-    #[error(transparent)]
-    Publish(#[from] PublishError),
-    /// The map is there already: a second exploration would be in another frame.
-    #[error(
-        "the map '{map}' already has {version} increments on the server; choose another --map (an exploration starts a \
-         map of its own, in a frame of its own)"
-    )]
-    MapExists {
-        /// Its name.
-        map: MapName,
-        /// Its version.
-        version: u64,
-    },
+    Linked(#[from] LinkedError),
+    /// The recording failed.
+    #[error("the recording failed: {0}")]
+    Record(#[from] WriteError),
     /// The system gave no thread.
     #[error("a thread cannot be started: {0}")]
     Thread(#[from] std::io::Error),
@@ -108,33 +105,19 @@ pub async fn explore(
     let author = AuthorId::of_robot(&task.robot);
     let mapper = Mapper::new(task.mapper.clone(), author, net)?;
     let linger = Duration::from_secs_f64(task.linger_s.max(0.0));
+    let recorder = task.record.as_deref().map(MapRecorder::start).transpose()?;
 
     let Some(link_config) = task.link.clone() else {
-        let run = tokio::task::spawn_blocking(move || drive(task, world, mapper, None, watch));
-        return Ok(run.await?.0);
+        let run = tokio::task::spawn_blocking(move || drive(task, world, mapper, recorder, None, watch));
+        return Ok(run.await??);
     };
-    let session = link::open(&link_config).await?;
-    if let Some(head) = current_head(&session, &task.map, Duration::from_secs(1)).await?
-        && head.version > 0
-    {
-        return Err(ExploreError::MapExists { map: task.map, version: head.version });
-    }
-    let presence = keys::Key::Robot { map: task.map.clone(), robot: task.robot.clone() }.to_string();
-    let token = session.liveliness().declare_token(presence).await.map_err(PublishError::from)?;
-    let (outbox, publisher) = outbox(session.clone(), task.map.clone(), author);
-    let publisher = tokio::spawn(publisher);
-    let run = tokio::task::spawn_blocking(move || drive(task, world, mapper, Some(outbox), watch));
-    let (mut report, last) = run.await?;
-    // The outbox is closed: the publisher ends when everything is acknowledged.
-    let progress = match tokio::time::timeout(linger, publisher).await {
-        Ok(published) => published??,
-        Err(_) => last,
-    };
-    report.map_bytes = progress.map_bytes;
-    report.wire_bytes = progress.wire_bytes;
-    report.delivered = progress.acknowledged >= report.version;
-    token.undeclare().await.map_err(PublishError::from)?;
-    session.close().await.map_err(PublishError::from)?;
+    let publication = Publication { link: link_config, map: task.map.clone(), robot: task.robot.clone(), linger };
+    let run = move |outbox: &Outbox| drive(task, world, mapper, recorder, Some(outbox), watch);
+    let (report, published) = publish_while(&publication, run).await?;
+    let mut report = report?;
+    report.map_bytes = published.map_bytes;
+    report.wire_bytes = published.wire_bytes;
+    report.delivered = published.acknowledged >= report.version;
     Ok(report)
 }
 
@@ -143,9 +126,10 @@ fn drive(
     task: ExploreTask,
     world: Arc<World>,
     mut mapper: Mapper,
-    outbox: Option<Outbox>,
+    mut recorder: Option<MapRecorder>,
+    outbox: Option<&Outbox>,
     mut watch: impl FnMut(Snapshot),
-) -> (ExploreReport, Progress) {
+) -> Result<ExploreReport, WriteError> {
     let begin = Instant::now();
     let start = world.start();
     let mut sim_config = task.sim.clone();
@@ -163,7 +147,7 @@ fn drive(
     let mut publish = |mapper: &mut Mapper| {
         for increment in mapper.take_increments() {
             written = increment.number;
-            if let Some(outbox) = &outbox {
+            if let Some(outbox) = outbox {
                 is_open = is_open && outbox.send(increment);
             }
         }
@@ -175,6 +159,9 @@ fn drive(
         let step = mapper.step(&frame);
         let written = publish(&mut mapper);
         frame_max = frame_max.max(thinking.elapsed());
+        if let Some(recorder) = &mut recorder {
+            recorder.record(&frame, &mapper);
+        }
         if frame.time_us >= next_watch_us {
             next_watch_us = frame.time_us + 1_000_000;
             let counts = mapper.map().counts();
@@ -183,11 +170,11 @@ fn drive(
                 free_area_m2: mapper.free_area_m2(),
                 nodes: counts.main_nodes + counts.support_nodes,
                 written,
-                acknowledged: outbox.as_ref().map_or(0, |outbox| outbox.progress().acknowledged),
+                acknowledged: outbox.map_or(0, |outbox| outbox.progress().acknowledged),
             });
         }
         let twist: Twist = match step {
-            Step::Drive(twist) if (frame.time_us as f64) * 1e-6 < task.max_sim_s => twist,
+            Step::Drive(twist) if (frame.time_us as f64) * 1e-6 < task.max_sim_s && !task.stop.is_set() => twist,
             Step::Drive(_) | Step::Done => break,
         };
         frame = sim.step(twist);
@@ -198,11 +185,14 @@ fn drive(
     }
     mapper.finish();
     let version = publish(&mut mapper);
+    if let Some(recorder) = recorder {
+        recorder.finish(&mapper)?;
+    }
     let (free_area_m2, explored_fraction) = explored(world.plan(), mapper.grid(), &start, radius_m);
     let estimated: Vec<Pose2> = mapper.trajectory().iter().map(|(_, pose)| *pose).collect();
     let (mean_m, max_m, mean_deg) = trajectory_error(&estimated, &truth, &start);
     let counts = mapper.map().counts();
-    let report = ExploreReport {
+    Ok(ExploreReport {
         world: world.name().to_owned(),
         world_from_map: [start.translation.x, start.translation.y, start.rotation.angle()],
         free_area_m2,
@@ -223,7 +213,5 @@ fn drive(
         frame_max_ms: frame_max.as_secs_f64() * 1e3,
         sim_s: frame.time_us as f64 * 1e-6,
         wall_s: begin.elapsed().as_secs_f64(),
-    };
-    let last = outbox.map(|outbox| outbox.progress()).unwrap_or_default();
-    (report, last)
+    })
 }

@@ -1,4 +1,4 @@
-//! Sensor logs as roboticists keep them: rosbag2 bags in MCAP files.
+//! Sensor logs as roboticists keep them: rosbag2 bags in MCAP files, read and written.
 //!
 //! | module | idea |
 //! | --- | --- |
@@ -13,6 +13,10 @@
 //! | [`scan`], [`odometry`], `picture` | one kind of message each |
 //! | [`frames`] | all of it: [`SensorFrame`](crate::frame::SensorFrame)s |
 //! | [`report`] | what became of the messages |
+//! | `definitions`, `metadata` | what readers of a bag want to know |
+//! | [`writer`] | writing a bag |
+//! | [`recording`] | frames as messages |
+//! | [`recorder`] | a bag that is written in a thread of its own |
 //!
 //! ```no_run
 //! use fht_robot::bag::{FrameConfig, Frames};
@@ -27,22 +31,31 @@
 //! ```
 
 pub mod cdr;
+mod definitions;
 pub mod files;
 pub mod frames;
+mod metadata;
 pub mod msg;
 pub mod odometry;
 mod picture;
+pub mod recorder;
+pub mod recording;
 pub mod report;
 pub mod scan;
 pub mod stream;
 pub mod survey;
 pub mod tf;
 pub mod topics;
+pub mod writer;
 pub mod yaw;
 
 pub use files::OpenError;
 pub use frames::{FrameConfig, FrameError, Frames};
+pub use metadata::Durability;
+pub use recorder::Recorder;
+pub use recording::FrameRecording;
 pub use report::{BagReport, Dropped};
 pub use stream::{Broken, Messages};
 pub use survey::{BagInfo, Topic, survey};
 pub use topics::{TopicConfig, TopicError};
+pub use writer::{BagWriter, WriteError, WriteReport};

@@ -11,6 +11,7 @@
 //! | [`motion`] | following a path with a differential drive |
 //! | [`descriptor`] | a CNN over the panorama, a unit vector |
 //! | [`link`] | the robot's Zenoh session |
+//! | [`stop`] | ending on Ctrl-C, in order |
 
 pub mod bag;
 pub mod descriptor;
@@ -21,3 +22,4 @@ pub mod matching;
 pub mod motion;
 pub mod planning;
 pub mod pose;
+pub mod stop;

@@ -271,12 +271,12 @@ impl Frames {
         if may_wait && !is_settled {
             return Ok(Verdict::Wait);
         }
-        let base = self.base_frame.as_deref().unwrap_or("base_link");
+        let base = self.base_frame.clone().unwrap_or_else(|| "base_link".to_owned());
         let sensor = frame_name(&scan.message.header.frame_id);
-        let mount = match self.tree.base_from(base, sensor) {
+        let mount = match self.tree.base_from(&base, sensor) {
             Some(base_from_sensor) => Mount::of(&base_from_sensor),
             None if may_wait => return Ok(Verdict::Wait),
-            None => self.missing_mount(&base.to_owned(), sensor)?,
+            None => self.missing_mount(&base, sensor)?,
         };
         if mount.tilt_rad > TILT_LIMIT_RAD {
             let tilt = mount.tilt_rad.to_degrees();

@@ -166,7 +166,8 @@ fn cameras(topics: &[Topic], wanted: &[String; 4], notes: &mut Vec<String>) -> O
     let is_picture = |topic: &Topic| topic.type_name == Image::TYPE || topic.type_name == CompressedImage::TYPE;
     let found = wanted.each_ref().map(|name| {
         let compressed = format!("{name}/compressed");
-        let mut there = topics.iter().filter(|topic| is_picture(topic) && topic.encoding == "cdr");
+        let mut there =
+            topics.iter().filter(|topic| is_picture(topic) && topic.encoding == "cdr" && topic.messages > 0);
         there.find(|topic| topic.name == *name || topic.name == compressed).map(|topic| topic.name.clone())
     });
     let missing: Vec<&str> =
