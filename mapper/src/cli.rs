@@ -35,7 +35,7 @@ enum Command {
   mapper explore --world museum --offline --record run.mcap   # look at it in Foxglove, or replay it
 
 Ctrl-C ends the exploration and finishes the map as it is; a second one ends the program. Set RUST_LOG=info (or debug) for logs.")]
-    Explore(ExploreArgs),
+    Explore(Box<ExploreArgs>),
     /// Builds the map from a recorded run: a rosbag2 folder or an MCAP file with scans and odometry.
     #[command(after_help = "Examples:
   mapper replay run/ --map lab                           # a rosbag2 folder: /scan, /odom, /tf_static
@@ -185,7 +185,7 @@ where
     // A second subscriber in one process (tests) is no harm.
     let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
     let outcome = match cli.command {
-        Command::Explore(args) => run(args),
+        Command::Explore(args) => run(&args),
         Command::Replay(args) => replay::replay_bag(&args),
         Command::Info(args) => replay::info(&args),
     };
@@ -199,7 +199,7 @@ where
     }
 }
 
-fn run(args: ExploreArgs) -> Result<bool, String> {
+fn run(args: &ExploreArgs) -> Result<bool, String> {
     let task = args.task()?;
     let is_offline = task.link.is_none();
     let runtime = runtime()?;

@@ -8,7 +8,7 @@ use super::msg::{
 use super::scan::message_of;
 use super::topics::CAMERAS;
 use super::writer::{BagWriter, WriteError};
-use super::yaw::quaternion_of;
+use super::yaw::{heading_of, quaternion_of};
 use crate::frame::{Panorama, SensorFrame};
 use crate::pose::Pose2;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -20,7 +20,7 @@ use std::f64::consts::FRAC_PI_2;
 pub fn pose_message(pose: &Pose2) -> Pose {
     Pose {
         position: Vector3 { x: pose.translation.x, y: pose.translation.y, z: 0.0 },
-        orientation: quaternion_of(pose.rotation.angle()),
+        orientation: quaternion_of(heading_of(&pose.rotation)),
     }
 }
 

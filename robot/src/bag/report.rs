@@ -38,18 +38,18 @@ pub enum Dropped {
 impl fmt::Display for Dropped {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::ScanBroken => "scans cannot be decoded",
-            Self::ScanUnusable => "scans have no beams, no sensible angles or no range limit",
-            Self::ScanDuplicate => "scans have the stamp of the scan before",
-            Self::ScanTimeBack => "scans are older than the scan before",
-            Self::ScanOutsideOdometry => "scans are from before the first or after the last odometry",
-            Self::ScanOdometryGap => "scans fall in gaps of the odometry",
-            Self::OdometryBroken => "odometry messages cannot be decoded",
-            Self::OdometryUnusable => "odometry messages hold no pose",
-            Self::OdometryNotNewer => "odometry messages are not newer than the one before",
-            Self::TransformUnusable => "transforms cannot be used",
-            Self::PictureBroken => "panoramas have pictures that cannot be decoded",
-            Self::PictureShape => "panoramas have pictures that are not square or not of one size",
+            Self::ScanBroken => "scans that cannot be decoded",
+            Self::ScanUnusable => "scans without beams, sensible angles or a range limit",
+            Self::ScanDuplicate => "scans with the stamp of the one before",
+            Self::ScanTimeBack => "scans older than the one before",
+            Self::ScanOutsideOdometry => "scans from before the first or after the last odometry",
+            Self::ScanOdometryGap => "scans in gaps of the odometry",
+            Self::OdometryBroken => "odometry messages that cannot be decoded",
+            Self::OdometryUnusable => "odometry messages without a usable pose",
+            Self::OdometryNotNewer => "odometry messages not newer than the one before",
+            Self::TransformUnusable => "transforms that cannot be used",
+            Self::PictureBroken => "panoramas with pictures that cannot be decoded",
+            Self::PictureShape => "panoramas whose pictures are not square or not of one size",
         })
     }
 }
@@ -100,10 +100,10 @@ impl fmt::Display for BagReport {
             write!(f, ", {} of them with a panorama ({} pictures)", self.panoramas, self.pictures)?;
         }
         for (reason, count) in &self.dropped {
-            write!(f, "\nnot used: {count} {reason}")?;
+            write!(f, "\nnot used: {reason} ({count})")?;
         }
         if self.odometry_jumps > 0 {
-            write!(f, "\nthe odometry was set anew {} times", self.odometry_jumps)?;
+            write!(f, "\nodometry that jumped, and goes on from where it was ({})", self.odometry_jumps)?;
         }
         for note in &self.notes {
             write!(f, "\nnote: {note}")?;

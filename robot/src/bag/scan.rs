@@ -24,6 +24,10 @@ impl Default for ScanConfig {
 }
 
 /// The scan of a message, from a scanner that sits on the robot like `mount`. Beams are put in counter-clockwise order.
+///
+/// A beam that reads infinity was free up to the greatest range (REP-117). A finite number at or above the scanner's own
+/// `range_max` says nothing (`sensor_msgs/LaserScan`: to be discarded): old scanners report it for black walls and glass.
+///
 /// `None` if it makes no sense: no beams, angles that are not finite or more than a turn, a range limit of 0.
 #[must_use]
 pub fn scan_of(message: &msg::LaserScan, mount: &Mount, config: &ScanConfig) -> Option<LaserScan> {
@@ -38,13 +42,14 @@ pub fn scan_of(message: &msg::LaserScan, mount: &Mount, config: &ScanConfig) -> 
     if !(1..=BEAM_LIMIT).contains(&beams) || !is_turn || !is_ranged || range_max_m <= range_min_m {
         return None;
     }
+    let is_discarded = |range: f32| range.is_finite() && range >= message.range_max;
     let mut scan = LaserScan {
         base_from_sensor: mount.base_from_sensor,
         angle_min,
         angle_increment,
         range_min_m,
         range_max_m,
-        ranges_m: message.ranges.clone(),
+        ranges_m: message.ranges.iter().map(|&range| if is_discarded(range) { f32::NAN } else { range }).collect(),
     };
     if mount.is_upside_down {
         scan.angle_min = -scan.angle_min;
@@ -149,6 +154,8 @@ mod tests {
         let returns: Vec<bool> = scan.ranges_m.iter().map(|&range| scan.is_return(range)).collect();
         assert_eq!(returns.iter().filter(|is| **is).count(), 1);
         assert!(returns[8]);
+        // Infinity was free; what is finite and too far, and NaN, say nothing.
+        assert!(scan.ranges_m[1].is_infinite() && scan.ranges_m[6].is_nan() && scan.ranges_m[7].is_nan());
         assert_eq!((scan.range_min_m, scan.range_max_m), (0.12, 7.0));
     }
 

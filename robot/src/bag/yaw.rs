@@ -1,7 +1,7 @@
 //! Headings as quaternions and back.
 
 use super::msg::Quaternion;
-use nalgebra::UnitQuaternion;
+use nalgebra::{UnitComplex, UnitQuaternion};
 use std::f64::consts::{PI, TAU};
 
 /// Quaternions shorter than this say nothing (some drivers leave all four at 0).
@@ -52,6 +52,19 @@ pub fn quaternion_of(yaw: f64) -> Quaternion {
     Quaternion { x: 0.0, y: 0.0, z, w }
 }
 
+/// The heading whose cosine and sine are exactly those of `rotation`, if there is one; else the nearest, radians.
+#[must_use]
+pub fn heading_of(rotation: &UnitComplex<f64>) -> f64 {
+    let nearest = rotation.angle();
+    // The arc tangent of a rounded sine and cosine may miss the angle that they were made from by some last bits.
+    let steps = (0..=8_i32).flat_map(|step| [step, -step]);
+    let exact = steps.map(|step| nudge(nearest, step)).find(|yaw| {
+        let made = UnitComplex::new(*yaw);
+        made.re.to_bits() == rotation.re.to_bits() && made.im.to_bits() == rotation.im.to_bits()
+    });
+    exact.filter(|yaw| yaw.abs() <= PI).unwrap_or(nearest)
+}
+
 /// The number `steps` representable numbers away.
 fn nudge(value: f64, steps: i32) -> f64 {
     (0..steps.abs()).fold(value, |value, _| if steps > 0 { value.next_up() } else { value.next_down() })
@@ -83,6 +96,15 @@ mod tests {
         fn every_heading_comes_back_bit_for_bit(yaw in -PI..=PI, shift in 0..60_i32) {
             for yaw in [yaw, yaw * 0.5_f64.powi(shift)] {
                 prop_assert_eq!(yaw_of(&quaternion_of(yaw)).unwrap().to_bits(), yaw.to_bits());
+            }
+        }
+
+        #[test]
+        fn every_rotation_made_from_a_heading_comes_back_bit_for_bit(yaw in -PI..=PI, shift in 0..60_i32) {
+            for yaw in [yaw, yaw * 0.5_f64.powi(shift)] {
+                let rotation = UnitComplex::new(yaw);
+                let back = UnitComplex::new(yaw_of(&quaternion_of(heading_of(&rotation))).unwrap());
+                prop_assert_eq!([back.re.to_bits(), back.im.to_bits()], [rotation.re.to_bits(), rotation.im.to_bits()]);
             }
         }
 
