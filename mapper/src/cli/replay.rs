@@ -28,8 +28,6 @@ pub(super) struct ReplayArgs {
     /// Map without a server.
     #[arg(long)]
     offline: bool,
-    #[command(flatten)]
-    frames: FrameArgs,
     /// Another descriptor model: an ONNX file with its description beside it.
     #[arg(long)]
     model: Option<PathBuf>,
@@ -51,6 +49,9 @@ pub(super) struct ReplayArgs {
     /// No progress bar.
     #[arg(long, short)]
     quiet: bool,
+    // Last, since its heading holds for all that comes after it.
+    #[command(flatten)]
+    frames: FrameArgs,
 }
 
 #[derive(Debug, Args)]
@@ -70,7 +71,7 @@ struct FrameArgs {
     tf_static_topic: String,
     /// Cameras ahead, left, behind, right, with commas between (sensor_msgs/Image or CompressedImage); NAME/compressed is
     /// looked for too. By default /camera_front/image, /camera_left/image, /camera_back/image, /camera_right/image.
-    #[arg(long, value_delimiter = ',', num_args = 4)]
+    #[arg(long, value_delimiter = ',', value_name = "AHEAD,LEFT,BEHIND,RIGHT")]
     camera_topics: Vec<String>,
     /// Map with the LiDAR alone: nodes carry no descriptors.
     #[arg(long, conflicts_with = "camera_topics")]
