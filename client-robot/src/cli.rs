@@ -4,6 +4,7 @@ use crate::landmarks::{UnusableMap, check_usable};
 use crate::mission::{Goal, Services, run};
 use crate::paths::{ServerPaths, ServerPathsConfig, UnusablePath, ask_path, planned};
 use crate::pilot::{PilotConfig, Step};
+use crate::recording::Recording;
 use crate::replica::{AskError, LiveReplica, ReplicaConfig, ReplicaError, ask_head};
 use crate::report::Report;
 use crate::route::{PlannedPath, Planner};
@@ -118,6 +119,9 @@ struct RobotArgs {
     /// Give up after this many seconds of simulated time.
     #[arg(long, default_value_t = 1500.0, value_parser = parse_seconds)]
     max_time_s: f64,
+    /// Write the run as a bag for ROS 2 and Foxglove: a file (FILE.mcap) or a rosbag2 folder.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
     /// Write the figures to this file, as JSON.
     #[arg(long)]
     report: Option<PathBuf>,
@@ -178,6 +182,8 @@ enum CliError {
     Runtime(#[source] std::io::Error),
     #[error("zenoh: {0}")]
     Zenoh(#[from] zenoh::Error),
+    #[error("the recording failed: {0}")]
+    Record(#[from] fht_robot::bag::WriteError),
     #[error("the report cannot be written as JSON: {0}")]
     Json(#[from] serde_json::Error),
 }
@@ -310,7 +316,11 @@ fn mission(link: &LinkArgs, args: &RobotArgs, goal: Goal) -> Result<ExitCode, Cl
         }
     };
     let mut frames = 0_u64;
+    let mut recording = args.record.as_deref().map(Recording::start).transpose()?;
     let mut on_frame = |frame: &SensorFrame, step: &Step| {
+        if let Some(recording) = &mut recording {
+            recording.record(frame, step);
+        }
         if frames.is_multiple_of(POSE_EVERY) {
             publish_pose(&session, &pose_key, &args.robot, step);
             show(&bar, frame, step);
@@ -320,6 +330,9 @@ fn mission(link: &LinkArgs, args: &RobotArgs, goal: Goal) -> Result<ExitCode, Cl
     let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe, on_frame: &mut on_frame };
     let mut report = run(&mut simulator, config, goal, &world_from_map, &mut services);
     bar.finish_and_clear();
+    if let Some(recording) = recording {
+        recording.finish()?;
+    }
     report.fallbacks = paths.fallbacks();
     report.robot.clone_from(&args.robot);
     report.map = link.map.to_string();

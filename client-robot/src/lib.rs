@@ -24,6 +24,7 @@
 //! | [`paths`] | paths from the server, or from the replica |
 //! | [`mission`] | a task in a simulated world, scored |
 //! | [`report`] | what happened, as figures |
+//! | [`recording`] | the run as a bag |
 //! | [`cli`] | the command line |
 
 pub mod ask;
@@ -41,6 +42,7 @@ pub mod odometry;
 pub mod paths;
 pub mod pilot;
 pub mod pose_graph;
+pub mod recording;
 pub mod relocalize;
 pub mod replica;
 pub mod report;

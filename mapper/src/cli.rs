@@ -1,5 +1,8 @@
 //! The command line of `mapper`.
 
+mod replay;
+
+use self::replay::{InfoArgs, ReplayArgs};
 use crate::explore::Ending;
 use crate::mapping::MapperConfig;
 use crate::report::ExploreReport;
@@ -7,6 +10,7 @@ use crate::run::{ExploreTask, Snapshot, explore};
 use clap::{Args, Parser, Subcommand};
 use fht_proto::MapName;
 use fht_robot::link::LinkConfig;
+use fht_robot::stop::Stop;
 use fht_sim::SimConfig;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsString;
@@ -29,10 +33,28 @@ enum Command {
   mapper explore --world museum --map museum
   mapper explore --world floor/map.yaml --textures pictures/ --map floor --seed 3
   mapper explore --world office --offline --json        # no server: how good is the map?
+  mapper explore --world museum --offline --record run.mcap   # look at it in Foxglove, or replay it
 
 Exit code 0: the map is complete and delivered; 1: it is not, or it failed; 2: a wrong argument.
-Set RUST_LOG=info (or debug) for logs.")]
-    Explore(ExploreArgs),
+Ctrl-C ends the exploration and finishes the map as it is; a second one ends the program. Set RUST_LOG=info (or debug) for logs.")]
+    Explore(Box<ExploreArgs>),
+    /// Builds the map from a recorded run: a rosbag2 folder or an MCAP file with scans and odometry.
+    #[command(after_help = "Examples:
+  mapper replay run/ --map lab                           # a rosbag2 folder: /scan, /odom, /tf_static
+  mapper replay run.mcap --offline --json                # no server: what comes of it?
+  mapper replay run/ --map lab --scan-topic /front/scan --odom-topic /tf --base-frame base_footprint
+  mapper replay run/ --map lab --camera-topics /cam0/image,/cam1/image,/cam2/image,/cam3/image
+  mapper replay run/ --map lab --record mapped.mcap      # with /map, /path and /fht_map to look at
+
+Needed are sensor_msgs/LaserScan and nav_msgs/Odometry (or odom → base in /tf); the scanner's place on the robot comes
+from /tf_static. Four cameras ahead, left, behind and right (90° each, square pictures) give nodes their appearance;
+without them the map has scans only. 'mapper info BAG' says what a bag has.
+
+Ctrl-C ends the replay and finishes the map as it is; a second one ends the program. Set RUST_LOG=info (or debug) for
+logs.")]
+    Replay(Box<ReplayArgs>),
+    /// Says what is in a bag: topics, types, counts, times, and whether it can be read to its end.
+    Info(InfoArgs),
 }
 
 #[derive(Debug, Args)]
@@ -82,6 +104,9 @@ struct ExploreArgs {
     /// How long to wait at the end for the server to acknowledge everything, seconds.
     #[arg(long, default_value_t = 60.0, value_parser = seconds)]
     linger: f64,
+    /// Write the run as a bag for ROS 2 and Foxglove: a file (FILE.mcap) or a rosbag2 folder.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
     /// Write the figures to this file as JSON.
     #[arg(long)]
     report: Option<PathBuf>,
@@ -136,8 +161,22 @@ impl ExploreArgs {
             max_sim_s: self.max_sim,
             linger_s: self.linger,
             mapper: MapperConfig::default(),
+            record: self.record.clone(),
+            stop: stop_on_signal()?,
         })
     }
+}
+
+fn stop_on_signal() -> Result<Stop, String> {
+    Stop::on_signal().map_err(|error| format!("signals cannot be handled: {error}"))
+}
+
+fn runtime() -> Result<tokio::runtime::Runtime, String> {
+    tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()
+        .map_err(|error| format!("the async runtime cannot be started: {error}"))
 }
 
 /// Runs the program with `args` (the first is its name).
@@ -158,8 +197,12 @@ where
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error"));
     // A second subscriber in one process (tests) is no harm.
     let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
-    let Command::Explore(args) = cli.command;
-    match run(args) {
+    let outcome = match cli.command {
+        Command::Explore(args) => run(&args),
+        Command::Replay(args) => replay::replay_bag(&args),
+        Command::Info(args) => replay::info(&args),
+    };
+    match outcome {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(message) => {
@@ -169,14 +212,10 @@ where
     }
 }
 
-fn run(args: ExploreArgs) -> Result<bool, String> {
+fn run(args: &ExploreArgs) -> Result<bool, String> {
     let task = args.task()?;
     let is_offline = task.link.is_none();
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(2)
-        .enable_all()
-        .build()
-        .map_err(|error| format!("the async runtime cannot be started: {error}"))?;
+    let runtime = runtime()?;
     let bar = if args.quiet || args.progress_json { ProgressBar::hidden() } else { spinner() };
     let progress_json = args.progress_json;
     let watched = bar.clone();

@@ -117,6 +117,16 @@ impl Mapper {
 
     /// Takes in a frame and says what to do next.
     pub fn step(&mut self, frame: &SensorFrame) -> Step {
+        let map_from_base = self.observe(frame);
+        match self.explorer.step(self.slam.grid(), &map_from_base, &frame.scan, frame.time_us) {
+            ExploreStep::Drive(twist) => Step::Drive(twist),
+            ExploreStep::Done(ending) => Step::Done(ending),
+        }
+    }
+
+    /// Takes in a frame of a robot that somebody else drives (a recorded run), and says where the robot is. The map is the
+    /// same as with [`step`](Self::step).
+    pub fn observe(&mut self, frame: &SensorFrame) -> Pose2 {
         let update = self.slam.update(frame);
         let map_from_base = update.map_from_base;
         self.trajectory.push((frame.time_us, map_from_base));
@@ -128,10 +138,7 @@ impl Mapper {
         self.take_node(made, frame.time_us);
         self.refine(frame.time_us);
         self.frame += 1;
-        match self.explorer.step(self.slam.grid(), &map_from_base, &frame.scan, frame.time_us) {
-            ExploreStep::Drive(twist) => Step::Drive(twist),
-            ExploreStep::Done(ending) => Step::Done(ending),
-        }
+        map_from_base
     }
 
     /// Main nodes: from the panorama before this one, whose descriptor is ready by now.
