@@ -1,8 +1,10 @@
 //! The command line.
 
+use crate::landmarks::{UnusableMap, check_usable};
 use crate::mission::{Goal, Services, run};
-use crate::paths::{ServerPaths, ask_path, planned};
+use crate::paths::{ServerPaths, ServerPathsConfig, UnusablePath, ask_path, planned};
 use crate::pilot::{PilotConfig, Step};
+use crate::recording::Recording;
 use crate::replica::{AskError, LiveReplica, ReplicaConfig, ReplicaError, ask_head};
 use crate::report::Report;
 use crate::route::{PlannedPath, Planner};
@@ -110,12 +112,16 @@ struct RobotArgs {
     /// The robot's name.
     #[arg(long, default_value = "client")]
     robot: String,
-    /// A descriptor model to use in place of the built-in one: its description file.
+    /// A descriptor model to use in place of the built-in one: an ONNX file with its description beside it, the one that the
+    /// map was made with.
     #[arg(long)]
     model: Option<PathBuf>,
     /// Give up after this many seconds of simulated time.
-    #[arg(long, default_value_t = 1500.0)]
+    #[arg(long, default_value_t = 1500.0, value_parser = parse_seconds)]
     max_time_s: f64,
+    /// Write the run as a bag for ROS 2 and Foxglove: a file (FILE.mcap) or a rosbag2 folder.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
     /// Write the figures to this file, as JSON.
     #[arg(long)]
     report: Option<PathBuf>,
@@ -125,6 +131,11 @@ struct RobotArgs {
     /// Print nothing but errors.
     #[arg(long)]
     quiet: bool,
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| (0.0..=1e7).contains(value));
+    value.ok_or_else(|| format!("'{text}' is not a number of seconds from 0 to 10000000"))
 }
 
 fn parse_pose(text: &str) -> Result<Pose2, String> {
@@ -155,16 +166,24 @@ enum CliError {
     World(#[from] WorldError),
     #[error("the descriptor network cannot be loaded: {0}")]
     Descriptor(#[from] fht_robot::descriptor::DescriptorError),
+    #[error("the server's answer cannot be used: {0}")]
+    Path(#[from] UnusablePath),
     #[error("robot name '{0}' is not 1 to 64 letters, digits, '_' or '-'")]
     RobotName(String),
     #[error("the map '{0}' has no main nodes yet; nothing to relocalize at")]
     EmptyMap(MapName),
+    #[error("the map '{map}' is of no use to this robot: {reason}")]
+    Unusable { map: MapName, reason: UnusableMap },
     #[error("{path}: {source}", path = path.display())]
     Write { path: PathBuf, source: std::io::Error },
+    #[error("a thread cannot be started: {0}")]
+    Thread(#[source] std::io::Error),
     #[error("no runtime: {0}")]
     Runtime(#[source] std::io::Error),
     #[error("zenoh: {0}")]
     Zenoh(#[from] zenoh::Error),
+    #[error("the recording failed: {0}")]
+    Record(#[from] fht_robot::bag::WriteError),
     #[error("the report cannot be written as JSON: {0}")]
     Json(#[from] serde_json::Error),
 }
@@ -227,7 +246,7 @@ fn path(link: &LinkArgs, from: &str, to: &str, json: bool) -> Result<ExitCode, C
             println!("{}", serde_json::to_string_pretty(&reply)?);
             return Ok(ExitCode::SUCCESS);
         }
-        Ok(reply) => planned(reply),
+        Ok(reply) => planned(reply)?,
         Err(AskError::Refused(refusal)) => {
             eprintln!("client-robot: {:?}: {}", refusal.code, refusal.message);
             return Ok(ExitCode::from(1));
@@ -278,11 +297,14 @@ fn mission(link: &LinkArgs, args: &RobotArgs, goal: Goal) -> Result<ExitCode, Cl
     if replica.read().state().counts().main_nodes == 0 {
         return Err(CliError::EmptyMap(link.map.clone()));
     }
+    check_usable(replica.read().state(), net.model())
+        .map_err(|reason| CliError::Unusable { map: link.map.clone(), reason })?;
 
     let sim = SimConfig { light_seed: args.light_seed, ..SimConfig::default() };
     let mut simulator = Simulator::new(world, sim, start, args.seed);
     let config = PilotConfig { seed: args.seed, max_time_s: args.max_time_s, ..PilotConfig::default() };
-    let mut paths = ServerPaths::new(&session, link.map.clone(), &replica, TIMEOUT);
+    let asking = ServerPathsConfig { timeout: TIMEOUT, ..ServerPathsConfig::default() };
+    let mut paths = ServerPaths::new(&session, link.map.clone(), &replica, &asking).map_err(CliError::Thread)?;
     let bar = progress(args);
     let pose_key = Key::RobotPose { map: link.map.clone(), robot: args.robot.clone() }.to_string();
     let model = net.model().id;
@@ -294,7 +316,11 @@ fn mission(link: &LinkArgs, args: &RobotArgs, goal: Goal) -> Result<ExitCode, Cl
         }
     };
     let mut frames = 0_u64;
+    let mut recording = args.record.as_deref().map(Recording::start).transpose()?;
     let mut on_frame = |frame: &SensorFrame, step: &Step| {
+        if let Some(recording) = &mut recording {
+            recording.record(frame, step);
+        }
         if frames.is_multiple_of(POSE_EVERY) {
             publish_pose(&session, &pose_key, &args.robot, step);
             show(&bar, frame, step);
@@ -304,6 +330,9 @@ fn mission(link: &LinkArgs, args: &RobotArgs, goal: Goal) -> Result<ExitCode, Cl
     let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe, on_frame: &mut on_frame };
     let mut report = run(&mut simulator, config, goal, &world_from_map, &mut services);
     bar.finish_and_clear();
+    if let Some(recording) = recording {
+        recording.finish()?;
+    }
     report.fallbacks = paths.fallbacks();
     report.robot.clone_from(&args.robot);
     report.map = link.map.to_string();
@@ -379,5 +408,19 @@ fn print_report(report: &Report) {
     }
     if report.planner == Some(Planner::Replica) {
         println!("the server was silent: the path was planned on the robot's own copy of the map");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_time_that_never_comes_is_refused() {
+        let parse = |value: &str| Cli::try_parse_from(["client-robot", "relocalize", "--max-time-s", value]);
+        assert!(parse("60").is_ok());
+        for value in ["nan", "inf", "-1", "1e300", "soon"] {
+            assert!(parse(value).is_err(), "{value}");
+        }
     }
 }

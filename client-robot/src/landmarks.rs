@@ -5,11 +5,58 @@
 
 use crate::visibility::PolarScan;
 use fht_map::MapState;
-use fht_proto::{Descriptor, FixedPoint, ModelId, NodeId, Rect, Signature};
+use fht_proto::{Descriptor, DescriptorModel, FixedPoint, ModelId, NodeId, Rect, Signature};
 use fht_robot::frame::LaserScan;
 use fht_robot::matching::ReferenceCloud;
 use fht_robot::pose::{Point2, Pose2, from_fixed};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// A robot cannot find its place on this map.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum UnusableMap {
+    /// No node looks like anything.
+    #[error(
+        "none of the map's {main_nodes} main nodes carries a descriptor (it was made without cameras); this robot compares \
+         descriptors of the model '{own}'"
+    )]
+    NoDescriptors {
+        /// Main nodes of the map.
+        main_nodes: usize,
+        /// The robot's model.
+        own: String,
+    },
+    /// All descriptors are of other models.
+    #[error(
+        "the map's descriptors are of the model {map}, this robot's of '{own}': neither can be compared with the other"
+    )]
+    OtherModel {
+        /// The models that the map's nodes use.
+        map: String,
+        /// The robot's model.
+        own: String,
+    },
+}
+
+/// Checks that some node of `map` carries a descriptor of the robot's model `own`.
+///
+/// # Errors
+/// [`UnusableMap`], with the names of both models.
+pub fn check_usable(map: &MapState, own: &DescriptorModel) -> Result<(), UnusableMap> {
+    let descriptors = map.nodes().filter_map(|node| node.signature?.descriptor.as_ref());
+    let models: BTreeSet<ModelId> = descriptors.map(|descriptor| descriptor.model).collect();
+    if models.contains(&own.id) {
+        return Ok(());
+    }
+    if models.is_empty() {
+        return Err(UnusableMap::NoDescriptors { main_nodes: map.counts().main_nodes, own: own.name.clone() });
+    }
+    let name = |id: &ModelId| {
+        let model = map.models().find(|model| model.id == *id);
+        model.map_or_else(|| format!("{id:?} (not described in the map)"), |model| format!("'{}'", model.name))
+    };
+    let names: Vec<String> = models.iter().map(name).collect();
+    Err(UnusableMap::OtherModel { map: names.join(", "), own: own.name.clone() })
+}
 
 /// A main node with its scan.
 pub struct Landmark {
@@ -124,5 +171,46 @@ impl Landmark {
             points,
             signature: signature.clone(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fht_proto::{AuthorId, FixedPose, Increment, NodeKind, Op, ScanRecord};
+
+    fn model(id: u32, name: &str) -> DescriptorModel {
+        DescriptorModel { id: ModelId(id), name: name.to_owned(), dimension: 2, match_threshold_e3: 500 }
+    }
+
+    /// A map of one main node, with a descriptor of `of` if any.
+    fn map_with(of: Option<&DescriptorModel>) -> MapState {
+        let author = AuthorId(1);
+        let id = NodeId { author, number: 0 };
+        let scan = ScanRecord {
+            base_from_sensor: FixedPose::default(),
+            angle_min: 0.0,
+            angle_increment: 0.1,
+            ranges_mm: vec![1000; 60],
+        };
+        let descriptor = of.map(|model| Descriptor::quantise(model.id, &[0.6, 0.8]));
+        let mut ops = vec![
+            Op::PutNode { id, kind: NodeKind::Main, pose: FixedPose::default() },
+            Op::SetSignature { id, signature: Signature { descriptor, scan } },
+        ];
+        ops.extend(of.map(|model| Op::PutModel { model: model.clone() }));
+        let mut map = MapState::new();
+        map.apply(&Increment { author, number: 1, hlc_us: 1, ops });
+        map
+    }
+
+    #[test]
+    fn a_map_is_of_use_only_with_descriptors_of_the_robots_model() {
+        let (own, other) = (model(1, "ours"), model(2, "theirs"));
+        assert_eq!(check_usable(&map_with(Some(&own)), &own), Ok(()));
+        let error = check_usable(&map_with(Some(&other)), &own).map_err(|error| error.to_string());
+        assert!(error.is_err_and(|sentence| sentence.contains("'theirs'") && sentence.contains("'ours'")));
+        let error = check_usable(&map_with(None), &own);
+        assert_eq!(error, Err(UnusableMap::NoDescriptors { main_nodes: 1, own: "ours".to_owned() }));
     }
 }

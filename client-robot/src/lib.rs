@@ -3,6 +3,9 @@
 //! | module | idea |
 //! | --- | --- |
 //! | [`replica`] | a live copy of the map over Zenoh |
+//! | [`follow`] | when the copy has to ask, and when it cannot be trusted any more |
+//! | [`ask`] | questions to the server |
+//! | [`inquiry`] | questions put beside the robot's loop |
 //! | [`landmarks`] | the replica's main nodes, prepared for matching |
 //! | [`odometry`] | wheel odometry corrected by scans |
 //! | [`estimate`] | one estimation of the place, and how odometry errors grow |
@@ -15,16 +18,22 @@
 //! | [`local_map`] | the robot's own live grid |
 //! | [`wander`] | where to go while the place is not known |
 //! | [`route`] | following a path of the map (section III-C-2) |
+//! | [`blockages`] | ways found blocked, for a while |
 //! | [`steering`] | driving to a point on the live grid |
 //! | [`pilot`] | all of it: the paper's Algorithm 2 |
 //! | [`paths`] | paths from the server, or from the replica |
 //! | [`mission`] | a task in a simulated world, scored |
 //! | [`report`] | what happened, as figures |
+//! | [`recording`] | the run as a bag |
 //! | [`cli`] | the command line |
 
+pub mod ask;
+pub mod blockages;
 pub mod cli;
 pub mod consensus;
 pub mod estimate;
+pub mod follow;
+pub mod inquiry;
 pub mod landmarks;
 pub mod local_map;
 pub mod localize;
@@ -33,6 +42,7 @@ pub mod odometry;
 pub mod paths;
 pub mod pilot;
 pub mod pose_graph;
+pub mod recording;
 pub mod relocalize;
 pub mod replica;
 pub mod report;

@@ -84,12 +84,49 @@ impl LocalMap {
         self.drawn_at_m = odometer_m;
     }
 
-    /// Where the robot's centre may be, in a square of `reach_m` metres each way that contains both points.
+    /// Where the robot's centre may be, in a rectangle that contains both points and `reach_m` metres more each way, as
+    /// far as it lies within `reach_m` of what the grid knows: a point far outside costs no memory.
     #[must_use]
     pub fn space_around(&self, a: Point2, b: Point2, reach_m: f64, config: &PlanConfig) -> Traversable {
         let low = self.grid.cell_of(Point2::new(a.x.min(b.x) - reach_m, a.y.min(b.y) - reach_m));
         let high = self.grid.cell_of(Point2::new(a.x.max(b.x) + reach_m, a.y.max(b.y) + reach_m));
-        let max = Cell { i: high.i + 1, j: high.j + 1 };
-        Traversable::in_region(&self.grid, config, CellBounds { min: low, max })
+        let known = self.grid.bounds();
+        let margin = (reach_m / self.grid.resolution_m()).ceil() as i32;
+        let least = |cell: i32, known: i32| cell.max(known.saturating_sub(margin));
+        // Casts of what is far away saturate, so no sum of theirs may wrap around.
+        let greatest = |cell: i32, known: i32| cell.saturating_add(1).min(known.saturating_add(margin));
+        let min = Cell { i: least(low.i, known.min.i), j: least(low.j, known.min.j) };
+        let max = Cell { i: greatest(high.i, known.max.i).max(min.i), j: greatest(high.j, known.max.j).max(min.j) };
+        Traversable::in_region(&self.grid, config, CellBounds { min, max })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fht_robot::pose::pose;
+
+    #[test]
+    fn a_point_far_away_costs_no_memory() {
+        let scan = LaserScan {
+            base_from_sensor: pose(0.0, 0.0, 0.0),
+            angle_min: 0.0,
+            angle_increment: std::f64::consts::TAU / 360.0,
+            range_min_m: 0.1,
+            range_max_m: 7.0,
+            ranges_m: vec![3.0; 360],
+        };
+        let mut map = LocalMap::new(LocalMapConfig::default());
+        map.grid.integrate(&Pose2::identity(), &scan);
+        let known = map.grid().bounds();
+        let here = Point2::origin();
+        for (x, y) in [(1e9, 0.0), (-1e9, 1e9), (1e300, 1e300), (f64::INFINITY, 0.0)] {
+            let far = Point2::new(x, y);
+            let space = map.space_around(here, far, 3.0, &PlanConfig::default());
+            assert!(space.bounds().width() <= known.width() + 120 && space.bounds().height() <= known.height() + 120);
+            assert!(space.is_passable(space.cell_of(here)));
+            let nowhere = map.space_around(far, far, 3.0, &PlanConfig::default());
+            assert!(nowhere.bounds().width() <= known.width() + 120);
+        }
     }
 }

@@ -151,11 +151,17 @@ impl Localizer {
             let belief = self.relocalizer.observe(landmarks, &observation, candidates);
             is_new_fix = self.take(belief, odometry);
         }
+        Localization { odometry, is_new_fix, ..self.current() }
+    }
+
+    /// What the robot says since the last frame, as when a frame is left out.
+    #[must_use]
+    pub fn current(&self) -> Localization {
         Localization {
             status: self.status,
-            odometry,
+            odometry: self.odometry.current(),
             map_from_odom: self.tracker.as_ref().map(Tracker::map_from_odom),
-            is_new_fix,
+            is_new_fix: false,
             evidence: self.evidence.filter(|_| self.tracker.is_some()),
         }
     }

@@ -5,6 +5,7 @@ use crate::landmarks::Landmarks;
 use crate::pilot::{Failure, Outcome, PathSource, Pilot, PilotConfig, Step, Task};
 use crate::replica::LiveReplica;
 use crate::report::{Report, error};
+use crate::route::Planner;
 use fht_map::MapState;
 use fht_proto::query::{ErrorCode, ErrorReply};
 use fht_proto::{Descriptor, NodeId};
@@ -161,11 +162,12 @@ impl Score {
         if is_drawn {
             report.true_trajectory.push([truth.translation.x, truth.translation.y]);
         }
-        if let Some(path) = pilot.path()
-            && report.planned_length_m.is_none()
-        {
-            report.planned_length_m = Some(path.length_m);
-            report.planner = Some(path.planner);
+        if let Some(path) = pilot.path() {
+            report.planned_length_m.get_or_insert(path.length_m);
+            // The robot plans first and the server answers after: its word is the better.
+            if report.planner != Some(Planner::Server) {
+                report.planner = Some(path.planner);
+            }
         }
         let estimate = step.localization.map_from_base();
         report.localized_at_end = estimate.is_some();

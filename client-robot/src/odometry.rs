@@ -88,6 +88,13 @@ impl ScanOdometry {
         }
     }
 
+    /// Where odometry says the robot is since the last frame.
+    #[must_use]
+    pub fn current(&self) -> Odometry {
+        let (odometer_m, turned_rad) = (self.odometer_m, self.turned_rad);
+        Odometry { odom_from_base: self.current, odometer_m, turned_rad, is_keyframe: false }
+    }
+
     /// Takes in a frame with its scan's `points` (base frame).
     pub fn update(&mut self, frame: &SensorFrame, points: &[Point2]) -> Odometry {
         let step = match self.wheels {
@@ -103,7 +110,7 @@ impl ScanOdometry {
         let predicted = self.current * step;
         self.current = self.corrected(&predicted, points).unwrap_or(predicted);
         let is_keyframe = self.keep_if_new(points);
-        Odometry { odom_from_base: self.current, odometer_m: self.odometer_m, turned_rad: self.turned_rad, is_keyframe }
+        Odometry { is_keyframe, ..self.current() }
     }
 
     fn corrected(&self, predicted: &Pose2, points: &[Point2]) -> Option<Pose2> {

@@ -1,5 +1,7 @@
-//! Where paths come from: the server's `path` query, or the robot's own replica when the server is silent.
+//! Where paths come from: the robot's own replica at once, and the server's `path` query when its answer comes. The loop
+//! that drives the robot never waits for the network.
 
+use crate::inquiry::{Inquiry, Taking};
 use crate::pilot::PathSource;
 use crate::replica::{AskError, LiveReplica, ask};
 use crate::route::{PlannedPath, Planner, RoutePoint};
@@ -97,59 +99,212 @@ pub fn ask_path(
     serde_json::from_slice(&first).map_err(|error| AskError::Unreadable(error.to_string()))
 }
 
-/// Paths from the server, and from the replica when the server is silent or edges are blocked (only this robot knows
-/// of those).
+/// How the server is asked.
+#[derive(Clone, Debug)]
+pub struct ServerPathsConfig {
+    /// How long the server may take. Default 5 s.
+    pub timeout: Duration,
+    /// When its answer is taken. Default two frames after the question, for simulated time.
+    pub taking: Taking,
+}
+
+impl Default for ServerPathsConfig {
+    fn default() -> Self {
+        Self { timeout: Duration::from_secs(5), taking: Taking::AfterFrames(2) }
+    }
+}
+
+struct Question {
+    from: Point2,
+    to: Point2,
+    entry: Option<RoutePoint>,
+}
+
+/// What the server answered: a path, a refusal, or nothing of use (a sentence).
+type Answer = Result<Result<PlannedPath, ErrorReply>, String>;
+
+/// Paths from the replica, replaced by the server's when its answer comes and is a path. With blocked edges from the
+/// replica alone: only this robot knows of those.
 pub struct ServerPaths<'a> {
-    session: &'a Session,
-    map: MapName,
     replica: &'a LiveReplica,
-    timeout: Duration,
+    inquiry: Inquiry<Question, Answer>,
     fallbacks: usize,
 }
 
 impl<'a> ServerPaths<'a> {
-    /// Asks through `session`, waiting `timeout` for answers.
-    #[must_use]
-    pub fn new(session: &'a Session, map: MapName, replica: &'a LiveReplica, timeout: Duration) -> Self {
-        Self { session, map, replica, timeout, fallbacks: 0 }
+    /// Asks through `session`, from a thread of its own.
+    ///
+    /// # Errors
+    /// When the system gives no thread.
+    pub fn new(
+        session: &Session,
+        map: MapName,
+        replica: &'a LiveReplica,
+        config: &ServerPathsConfig,
+    ) -> std::io::Result<Self> {
+        let (session, timeout) = (session.clone(), config.timeout);
+        let ask = move |question: Question| answer(&session, &map, question, timeout);
+        // With an entry the server is asked twice.
+        let inquiry = Inquiry::start(config.taking, 3 * timeout, ask)?;
+        Ok(Self { replica, inquiry, fallbacks: 0 })
     }
 
-    /// How often the server was silent and the robot planned for itself.
+    /// How often the server was silent, or answered with what is no path, and the robot kept its own.
     #[must_use]
     pub fn fallbacks(&self) -> usize {
         self.fallbacks
     }
+}
 
-    fn plan_once(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<EdgeKey>) -> Result<PlannedPath, ErrorReply> {
-        if !blocked.is_empty() {
-            return plan_inside(self.replica.read().state(), from, to, blocked);
+fn answer(session: &Session, map: &MapName, question: Question, timeout: Duration) -> Answer {
+    let text = |point: Point2| format!("{:.3},{:.3}", point.x, point.y);
+    let Question { from, to, entry } = question;
+    let mut failure = None;
+    let path = with_entry(from, entry, |start| {
+        let reply = ask_path(session, map, &text(start), &text(to), timeout);
+        let path = reply.and_then(|reply| {
+            planned_between(reply, start, to).map_err(|error| AskError::Unreadable(error.to_string()))
+        });
+        path.map_err(|error| match error {
+            AskError::Refused(refusal) if refusal.code != ErrorCode::Internal => refusal,
+            error => {
+                let message = error.to_string();
+                failure = Some(message.clone());
+                ErrorReply { code: ErrorCode::Internal, message }
+            }
+        })
+    });
+    failure.map_or(Ok(path), Err)
+}
+
+/// Farthest coordinate of a path, metres: as for nodes (`fht_proto`).
+const MAX_COORDINATE_M: f64 = 100_000.0;
+/// A path begins and ends this near to where it was asked to, metres. The question is put in whole millimetres.
+const ENDS_WITHIN_M: f64 = 0.5;
+
+/// Why a reply of the server is no path that a robot should drive.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum UnusablePath {
+    /// There is nothing to drive to.
+    #[error("the path has no waypoints")]
+    Empty,
+    /// A waypoint is not a place.
+    #[error("waypoint {index} of the path, ({x}, {y}), is not within {MAX_COORDINATE_M} m of the map's origin")]
+    FarAway {
+        /// Which, from 0.
+        index: usize,
+        /// Metres, as it came.
+        x: f64,
+        /// Metres, as it came.
+        y: f64,
+    },
+    /// The length is none.
+    #[error("the path's length is {0} m")]
+    Length(f64),
+    /// It is an answer to something else.
+    #[error("the path leads from ({:.2}, {:.2}) to ({:.2}, {:.2}), asked was ({:.2}, {:.2}) to ({:.2}, {:.2})",
+        path[0].x, path[0].y, path[1].x, path[1].y, asked[0].x, asked[0].y, asked[1].x, asked[1].y)]
+    Elsewhere {
+        /// Its first and last points.
+        path: [Point2; 2],
+        /// Those that were asked for.
+        asked: [Point2; 2],
+    },
+}
+
+/// The server's reply as a path, if it is one.
+///
+/// # Errors
+/// [`UnusablePath`]: empty, or not finite, or beyond 100 km.
+pub fn planned(reply: PathReply) -> Result<PlannedPath, UnusablePath> {
+    if reply.waypoints.is_empty() {
+        return Err(UnusablePath::Empty);
+    }
+    let is_near = |metres: f64| metres.abs() <= MAX_COORDINATE_M;
+    let far = reply.waypoints.iter().position(|waypoint| !(is_near(waypoint.x) && is_near(waypoint.y)));
+    if let Some(index) = far {
+        let waypoint = &reply.waypoints[index];
+        return Err(UnusablePath::FarAway { index, x: waypoint.x, y: waypoint.y });
+    }
+    if !(reply.length_m.is_finite() && reply.length_m >= 0.0) {
+        return Err(UnusablePath::Length(reply.length_m));
+    }
+    let points = reply.waypoints.into_iter().map(|waypoint| RoutePoint {
+        position: Point2::new(waypoint.x, waypoint.y),
+        node: waypoint.node.and_then(|id| id.parse().ok()),
+    });
+    Ok(PlannedPath { points: points.collect(), length_m: reply.length_m, planner: Planner::Server })
+}
+
+/// The server's reply as a path between two points of the map frame.
+///
+/// # Errors
+/// [`UnusablePath`], also when it begins or ends elsewhere.
+pub fn planned_between(reply: PathReply, from: Point2, to: Point2) -> Result<PlannedPath, UnusablePath> {
+    let path = planned(reply)?;
+    if let (Some(first), Some(last)) = (path.points.first(), path.points.last())
+        && ((first.position - from).norm() > ENDS_WITHIN_M || (last.position - to).norm() > ENDS_WITHIN_M)
+    {
+        return Err(UnusablePath::Elsewhere { path: [first.position, last.position], asked: [from, to] });
+    }
+    Ok(path)
+}
+
+impl PathSource for ServerPaths<'_> {
+    fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<EdgeKey>) -> Result<PlannedPath, ErrorReply> {
+        let replica = self.replica.read();
+        if blocked.is_empty() {
+            self.inquiry.put(Question { from, to, entry: nearest_node(replica.state(), from) });
+        } else {
+            self.inquiry.cancel();
         }
-        let text = |point: Point2| format!("{:.3},{:.3}", point.x, point.y);
-        match ask_path(self.session, &self.map, &text(from), &text(to), self.timeout) {
-            Ok(reply) => Ok(planned(reply)),
-            Err(AskError::Refused(refusal)) if refusal.code != ErrorCode::Internal => Err(refusal),
+        plan_on(replica.state(), from, to, blocked)
+    }
+
+    fn is_pending(&self) -> bool {
+        self.inquiry.is_pending()
+    }
+
+    fn revised(&mut self) -> Option<PlannedPath> {
+        match self.inquiry.take()? {
+            Ok(Ok(path)) => Some(path),
+            Ok(Err(refusal)) => {
+                tracing::info!(%refusal, "the server has no path");
+                None
+            }
             Err(error) => {
-                tracing::warn!(%error, "planning on the robot's own copy of the map");
+                tracing::warn!(%error, "no path from the server: planning on the robot's own copy of the map");
                 self.fallbacks += 1;
-                plan_inside(self.replica.read().state(), from, to, blocked)
+                None
             }
         }
     }
 }
 
-/// The server's reply as a path.
-#[must_use]
-pub fn planned(reply: PathReply) -> PlannedPath {
-    let points = reply.waypoints.into_iter().map(|waypoint| RoutePoint {
-        position: Point2::new(waypoint.x, waypoint.y),
-        node: waypoint.node.and_then(|id| id.parse().ok()),
-    });
-    PlannedPath { points: points.collect(), length_m: reply.length_m, planner: Planner::Server }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fht_proto::query::Waypoint;
 
-impl PathSource for ServerPaths<'_> {
-    fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<EdgeKey>) -> Result<PlannedPath, ErrorReply> {
-        let entry = nearest_node(self.replica.read().state(), from);
-        with_entry(from, entry, |start| self.plan_once(start, to, blocked))
+    fn reply(points: &[(f64, f64)]) -> PathReply {
+        let waypoints = points.iter().map(|&(x, y)| Waypoint { x, y, node: None }).collect();
+        PathReply { map: "m".parse().expect("a name"), version: 1, length_m: 1.0, waypoints }
+    }
+
+    #[test]
+    fn a_reply_is_driven_only_if_it_is_the_path_that_was_asked_for() {
+        let (from, to) = (Point2::new(0.0, 0.0), Point2::new(4.0, 1.0));
+        let judge = |points: &[(f64, f64)]| planned_between(reply(points), from, to);
+        assert!(judge(&[(0.0, 0.001), (2.0, 2.0), (4.0, 1.0)]).is_ok_and(|path| path.planner == Planner::Server));
+        assert_eq!(judge(&[]), Err(UnusablePath::Empty));
+        for far in [1e12, f64::NAN, f64::NEG_INFINITY, -100_001.0] {
+            let error = judge(&[(0.0, 0.0), (far, 0.0), (4.0, 1.0)]);
+            assert!(matches!(error, Err(UnusablePath::FarAway { index: 1, .. })), "{far}: {error:?}");
+        }
+        for elsewhere in [[(0.0, 0.0), (40.0, 1.0)], [(5.0, 0.0), (4.0, 1.0)]] {
+            assert!(matches!(judge(&elsewhere), Err(UnusablePath::Elsewhere { .. })));
+        }
+        let endless = PathReply { length_m: f64::NAN, ..reply(&[(0.0, 0.0), (4.0, 1.0)]) };
+        assert!(matches!(planned_between(endless, from, to), Err(UnusablePath::Length(_))));
     }
 }

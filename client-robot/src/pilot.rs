@@ -1,13 +1,14 @@
 //! Using the map (paper, Algorithm 2): move until the place is known, ask for a path, drive along it, plan anew when a better
 //! estimate or a blocked way turns up. No Zenoh and no simulator in here: frames come in, commands go out.
 
+use crate::blockages::{BlockageConfig, Blockages};
 use crate::landmarks::Landmarks;
 use crate::local_map::{LocalMap, LocalMapConfig};
 use crate::localize::{Localization, LocalizeConfig, Localizer};
 use crate::route::{PlannedPath, Route, RouteConfig};
 use crate::steering::{Steering, SteeringConfig, Steersman};
 use crate::wander::{WanderConfig, Wanderer};
-use fht_proto::query::ErrorReply;
+use fht_proto::query::{ErrorCode, ErrorReply};
 use fht_proto::{Descriptor, EdgeKey};
 use fht_robot::frame::{SensorFrame, Twist};
 use fht_robot::pose::{Point2, Pose2};
@@ -30,6 +31,8 @@ pub struct PilotConfig {
     pub steering: SteeringConfig,
     /// Frames in a row without a way to the next point before the edge there counts as blocked. Default 10 (2 s).
     pub blocked_after: usize,
+    /// What is done about blocked edges.
+    pub blockages: BlockageConfig,
     /// A goal that cannot be entered counts as reached this near to it, metres. Default 0.3.
     pub goal_slack_m: f64,
     /// Greatest distance driven without knowing the place, metres. Default 150.
@@ -49,6 +52,7 @@ impl Default for PilotConfig {
             route: RouteConfig::default(),
             steering: SteeringConfig::default(),
             blocked_after: 10,
+            blockages: BlockageConfig::default(),
             goal_slack_m: 0.3,
             max_search_m: 150.0,
             max_time_s: 1500.0,
@@ -110,6 +114,16 @@ pub trait PathSource {
     /// # Errors
     /// Why there is none, with the server's code.
     fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<EdgeKey>) -> Result<PlannedPath, ErrorReply>;
+
+    /// Whether a better answer to the last question may still come.
+    fn is_pending(&self) -> bool {
+        false
+    }
+
+    /// Asked once per frame: the better answer to the last question, when it has come.
+    fn revised(&mut self) -> Option<PlannedPath> {
+        None
+    }
 }
 
 /// What one frame led to.
@@ -123,6 +137,13 @@ pub struct Step {
     pub outcome: Option<Outcome>,
 }
 
+/// Turning shows more of the surroundings, and often that the way is free after all.
+const LOOK_AROUND: Twist = Twist { linear_mps: 0.0, angular_radps: 0.6 };
+
+fn went_back() -> String {
+    "it is older than the one before".to_owned()
+}
+
 /// Carries out one task.
 pub struct Pilot {
     config: PilotConfig,
@@ -134,10 +155,14 @@ pub struct Pilot {
     rng: ChaCha8Rng,
     wander_target: Option<Point2>,
     route: Option<Route>,
-    blocked: BTreeSet<EdgeKey>,
+    blockages: Blockages,
+    /// The refusal of a path, while a better answer may still come.
+    refusal: Option<ErrorReply>,
     no_way: usize,
     plans: usize,
     started_us: Option<u64>,
+    /// Time of the last frame taken in.
+    last_us: Option<u64>,
     search_began_m: f64,
 }
 
@@ -154,10 +179,12 @@ impl Pilot {
             rng: ChaCha8Rng::seed_from_u64(config.seed),
             wander_target: None,
             route: None,
-            blocked: BTreeSet::new(),
+            blockages: Blockages::default(),
+            refusal: None,
             no_way: 0,
             plans: 0,
             started_us: None,
+            last_us: None,
             search_began_m: 0.0,
             config,
         }
@@ -167,6 +194,7 @@ impl Pilot {
     pub fn set_task(&mut self, task: Task) {
         self.task = task;
         self.route = None;
+        self.refusal = None;
         self.no_way = 0;
     }
 
@@ -188,7 +216,8 @@ impl Pilot {
         &self.localizer
     }
 
-    /// Takes in a frame and says what to do. `describe` makes the descriptor of the frame's panorama when it is needed.
+    /// Takes in a frame and says what to do. A frame of which nothing can be made, or from before the last one, is left out,
+    /// and the robot stands until the next. `describe` makes the descriptor of the frame's panorama when it is needed.
     pub fn step(
         &mut self,
         landmarks: &Landmarks,
@@ -196,6 +225,12 @@ impl Pilot {
         describe: impl FnOnce() -> Option<Descriptor>,
         paths: &mut dyn PathSource,
     ) -> Step {
+        let is_late = self.last_us.is_some_and(|last| frame.time_us < last);
+        if let Some(reason) = frame.check().err().map(|error| error.to_string()).or(is_late.then(went_back)) {
+            tracing::warn!(reason, "frame left out");
+            return Step { command: Twist::default(), localization: self.localizer.current(), outcome: None };
+        }
+        self.last_us = Some(frame.time_us);
         let localization = self.localizer.update(landmarks, frame, describe);
         self.local_map.integrate(&localization.odometry, &frame.scan);
         let started = *self.started_us.get_or_insert(frame.time_us);
@@ -221,6 +256,7 @@ impl Pilot {
     /// Moves about to see more.
     fn search(&mut self, frame: &SensorFrame, localization: &Localization) -> (Twist, Option<Outcome>) {
         self.route = None;
+        self.refusal = None;
         let odom_from_base = localization.odometry.odom_from_base;
         let here = Point2::from(odom_from_base.translation.vector);
         self.wanderer.visit(here);
@@ -238,15 +274,14 @@ impl Pilot {
             tracing::debug!(here = ?(here.x, here.y), target = ?self.wander_target, "wandering");
         }
         // Nothing to go to: look around.
-        let turn = Twist { linear_mps: 0.0, angular_radps: 0.6 };
-        let Some(target) = self.wander_target else { return (turn, None) };
+        let Some(target) = self.wander_target else { return (LOOK_AROUND, None) };
         match self.steersman.steer(&self.local_map, &odom_from_base, &frame.scan, target) {
             Steering::Drive(command) => (command, None),
             steering @ (Steering::AtEnd { .. } | Steering::NoWay) => {
                 tracing::debug!(?steering, x = target.x, y = target.y, "wandering elsewhere");
                 self.wanderer.give_up(target);
                 self.wander_target = None;
-                (turn, None)
+                (LOOK_AROUND, None)
             }
         }
     }
@@ -262,11 +297,23 @@ impl Pilot {
     ) -> (Twist, Option<Outcome>) {
         let odom_from_base = localization.odometry.odom_from_base;
         let here = Point2::from(odom_from_base.translation.vector);
+        let now_us = frame.time_us;
+        if self.blockages.is_waiting(now_us) {
+            return (LOOK_AROUND, None);
+        }
+        if let Some(path) = paths.revised() {
+            tracing::info!(length_m = path.length_m, points = path.points.len(), planner = ?path.planner, "path revised");
+            self.refusal = None;
+            self.route = Some(Route::new(self.config.route.clone(), path, *map_from_odom));
+        }
+        if let Some(refusal) = self.refusal.take() {
+            return self.refused(refusal, now_us, paths);
+        }
         let is_outdated = self.route.as_ref().is_none_or(|route| route.is_outdated(map_from_odom, here));
         if (localization.is_new_fix || is_outdated)
-            && let Err(refusal) = self.plan(map_from_odom, here, goal, paths)
+            && let Err(refusal) = self.plan(map_from_odom, here, goal, now_us, paths)
         {
-            return (Twist::default(), Some(Outcome::Failed(Failure::NoPath(refusal))));
+            return self.refused(refusal, now_us, paths);
         }
         let Some(route) = &mut self.route else { return (Twist::default(), None) };
         let Some(target) = route.target(map_from_odom, &odom_from_base, self.local_map.grid()) else {
@@ -287,38 +334,60 @@ impl Pilot {
                 route.skip();
                 (Twist::default(), None)
             }
-            Steering::NoWay => self.no_way(map_from_odom, here, goal, target.distance_m, paths),
+            Steering::NoWay => self.no_way(map_from_odom, here, goal, (target.distance_m, now_us), paths),
         }
     }
 
-    /// The next point cannot be reached: wait a little, then leave its edge out and ask for another path.
+    /// The next point cannot be reached: look around a little, then leave its edge out and ask for another path.
     fn no_way(
         &mut self,
         map_from_odom: &Pose2,
         here: Point2,
         goal: Point2,
-        left_m: f64,
+        (left_m, now_us): (f64, u64),
         paths: &mut dyn PathSource,
     ) -> (Twist, Option<Outcome>) {
         self.no_way += 1;
-        // Turning shows more of the surroundings, and often that the way is free after all.
-        let turn = Twist { linear_mps: 0.0, angular_radps: 0.6 };
         if self.no_way < self.config.blocked_after {
-            return (turn, None);
+            return (LOOK_AROUND, None);
         }
         self.no_way = 0;
-        let Some(route) = &mut self.route else { return (turn, None) };
-        match route.current_edge() {
-            Some(edge) if self.blocked.insert(edge) => {
-                tracing::info!(low = %edge.low(), high = %edge.high(), "edge blocked, planning another way");
-            }
-            _ if route.skip() => return (turn, None),
-            _ => return (Twist::default(), Some(Outcome::Failed(Failure::GoalBlocked { left_m }))),
+        let Some(route) = &mut self.route else { return (LOOK_AROUND, None) };
+        if let Some(edge) = route.current_edge(map_from_odom * here) {
+            tracing::info!(low = %edge.low(), high = %edge.high(), "edge blocked, planning another way");
+            self.blockages.block(edge, now_us, &self.config.blockages);
+        } else if route.skip() {
+            return (LOOK_AROUND, None);
+        } else {
+            return self.wait_or(Failure::GoalBlocked { left_m }, now_us);
         }
-        match self.plan(map_from_odom, here, goal, paths) {
-            Ok(()) => (turn, None),
-            Err(refusal) => (Twist::default(), Some(Outcome::Failed(Failure::NoPath(refusal)))),
+        match self.plan(map_from_odom, here, goal, now_us, paths) {
+            Ok(()) => (LOOK_AROUND, None),
+            Err(refusal) => self.refused(refusal, now_us, paths),
         }
+    }
+
+    /// The planner has no path: the robot stands until it is clear that no other answer comes. Without the edges that it
+    /// found blocked there may be one.
+    fn refused(&mut self, refusal: ErrorReply, now_us: u64, paths: &dyn PathSource) -> (Twist, Option<Outcome>) {
+        self.route = None;
+        if paths.is_pending() {
+            self.refusal = Some(refusal);
+            return (Twist::default(), None);
+        }
+        let may_open = refusal.code == ErrorCode::NoPath && !self.blockages.is_empty();
+        let failure = Failure::NoPath(refusal);
+        if may_open { self.wait_or(failure, now_us) } else { (Twist::default(), Some(Outcome::Failed(failure))) }
+    }
+
+    /// Gives what is in the way some time to leave, and plans anew after it; or fails, if that was done often enough.
+    fn wait_or(&mut self, failure: Failure, now_us: u64) -> (Twist, Option<Outcome>) {
+        if !self.blockages.wait(now_us, &self.config.blockages) {
+            return (Twist::default(), Some(Outcome::Failed(failure)));
+        }
+        tracing::info!(%failure, "waiting for the way to clear");
+        self.route = None;
+        (LOOK_AROUND, None)
     }
 
     fn plan(
@@ -326,13 +395,17 @@ impl Pilot {
         map_from_odom: &Pose2,
         here: Point2,
         goal: Point2,
+        now_us: u64,
         paths: &mut dyn PathSource,
     ) -> Result<(), ErrorReply> {
         self.plans += 1;
         self.steersman.reset();
-        let path = paths.plan(map_from_odom * here, goal, &self.blocked)?;
+        let path = paths.plan(map_from_odom * here, goal, &self.blockages.edges(now_us))?;
         tracing::info!(length_m = path.length_m, points = path.points.len(), planner = ?path.planner, "path planned");
         self.route = Some(Route::new(self.config.route.clone(), path, *map_from_odom));
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

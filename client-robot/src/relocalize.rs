@@ -28,8 +28,6 @@ pub struct RelocalizeConfig {
     pub min_similarity: Option<f32>,
     /// How far from a node the robot may be for its scan to be tried, metres each way. Default 4.
     pub window_m: f64,
-    /// Least score of a match. Default 0.45.
-    pub min_score: f64,
     /// Greatest share of contradictions between two scans that match. Default 0.12.
     pub max_contradiction: f64,
     /// Two estimations of one node count as one until the robot has moved this far, metres. Default 0.7.
@@ -64,7 +62,7 @@ pub struct RelocalizeConfig {
     pub pose_graph: PoseGraphConfig,
     /// The free-space test.
     pub visibility: VisibilityConfig,
-    /// The scan matching.
+    /// The scan matching; its least score is that of an estimation.
     pub matching: MatchConfig,
 }
 
@@ -74,7 +72,6 @@ impl Default for RelocalizeConfig {
             candidates: 4,
             min_similarity: None,
             window_m: 4.0,
-            min_score: 0.45,
             max_contradiction: 0.12,
             min_baseline_m: 0.7,
             min_spread_m: 1.0,
@@ -247,9 +244,6 @@ impl Relocalizer {
             half_yaw_rad: PI,
         };
         let found = search(&landmark.cloud, observation.points, &window, &config.matching).ok()?;
-        if found.score < config.min_score {
-            return None;
-        }
         let tally = mutual_tally(
             (&landmark.polar, &landmark.points),
             (observation.polar, observation.points),

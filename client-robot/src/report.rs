@@ -47,12 +47,12 @@ pub struct Report {
     pub shortest_length_m: Option<f64>,
     /// Length of the first path planned, metres.
     pub planned_length_m: Option<f64>,
-    /// Who planned it.
+    /// Who planned: the server, if it ever gave a path.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub planner: Option<Planner>,
     /// How often a path was asked for.
     pub plans: usize,
-    /// How often the server was silent and the robot planned for itself.
+    /// How often the server was silent, or answered with what is no path, and the robot kept to its own.
     pub fallbacks: usize,
     /// How often a fix was replaced by another place.
     pub refixes: usize,

@@ -99,7 +99,10 @@ impl Tracker {
     /// Whether the pose can no longer be stood by.
     #[must_use]
     pub fn is_lost(&self) -> bool {
-        self.sigma_m() > self.config.lost_sigma_m || self.contradicted_in_a_row >= self.config.lost_after
+        // Any comparison with NaN is false, so it is asked the other way round.
+        let is_known =
+            self.covariance.iter().all(|value| value.is_finite()) && self.sigma_m() <= self.config.lost_sigma_m;
+        !is_known || self.contradicted_in_a_row >= self.config.lost_after
     }
 
     /// Moves the pose by odometry.
@@ -173,5 +176,23 @@ impl Tracker {
         let keep = Matrix3::identity() - gain;
         self.covariance = keep * self.covariance * keep.transpose() + gain * covariance * gain.transpose();
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_covariance_that_is_not_finite_is_lost() {
+        let at = Odometry { odom_from_base: pose(0.0, 0.0, 0.0), odometer_m: 0.0, turned_rad: 0.0, is_keyframe: true };
+        let tracker = |sigma: f64| {
+            let covariance = Matrix3::from_diagonal(&Vector3::new(sigma * sigma, 0.01, 0.001));
+            Tracker::new(TrackConfig::default(), pose(0.0, 0.0, 0.0), covariance, at)
+        };
+        assert!(!tracker(0.1).is_lost());
+        for sigma in [1.0, f64::NAN, f64::INFINITY] {
+            assert!(tracker(sigma).is_lost(), "{sigma}");
+        }
     }
 }

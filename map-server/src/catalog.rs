@@ -1,10 +1,10 @@
-//! The maps in memory, as queries see them. Readers take a shared view and let go of the lock at once; a writer copies a map
-//! only while a reader still holds a view of it, and copies share descriptors and scans.
+//! The maps in memory, as queries see them. Readers take a shared view and let go of the lock at once; the one
+//! writer changes a copy, which shares descriptors and scans, and puts it in the map's place.
 
 use crate::store::{Store, StoreError};
 use fht_map::MapState;
 use fht_proto::query::Head;
-use fht_proto::{Increment, MapName, VersionVector, decode};
+use fht_proto::{CodecError, Increment, MapName, VersionVector, decode};
 use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
@@ -27,14 +27,16 @@ impl Catalog {
     /// Reads all maps from the store.
     ///
     /// # Errors
-    /// [`StoreError::Damaged`] if increments are missing or unreadable, [`StoreError::Disk`].
+    /// [`StoreError::Damaged`] if increments are missing or unreadable, [`StoreError::IncrementFormat`], [`StoreError::Disk`].
     pub fn load(store: &Store) -> Result<Self, StoreError> {
         let mut maps: BTreeMap<MapName, (MapState, VersionVector, u64)> = BTreeMap::new();
         store.for_each(|name, author, number, bytes| {
             let damaged = |reason: String| StoreError::Damaged { map: name.to_owned(), reason };
             let map: MapName = name.parse().map_err(|error| damaged(format!("{error}")))?;
-            let increment: Increment =
-                decode(bytes).map_err(|error| damaged(format!("increment {author}/{number}: {error}")))?;
+            let increment: Increment = decode(bytes).map_err(|error| match error {
+                CodecError::Version { found } => StoreError::IncrementFormat { map: name.to_owned(), found },
+                other => damaged(format!("increment {author}/{number}: {other}")),
+            })?;
             let (state, vector, total) = maps.entry(map).or_default();
             if (increment.author, increment.number) != (author, number) || vector.get(author) + 1 != number {
                 return Err(damaged(format!("increment {author}/{number} is out of place")));
@@ -77,18 +79,26 @@ impl Catalog {
         self.read().values().map(|view| Arc::clone(&view.head)).collect()
     }
 
-    /// Applies increments that are on the disk, `bytes` long in all; `vector` is what the map then contains.
-    pub fn apply(&self, map: &MapName, increments: &[Increment], vector: VersionVector, bytes: u64) {
-        let mut maps = self.write();
-        let view = maps.entry(map.clone()).or_insert_with(|| {
-            let state = MapState::new();
-            let head = head_of(map, &state, VersionVector::default(), 0, 0);
-            MapView { state: Arc::new(state), head: Arc::new(head) }
-        });
-        let state = Arc::make_mut(&mut view.state);
+    /// All maps, by name.
+    #[must_use]
+    pub fn views(&self) -> Vec<MapView> {
+        self.read().values().cloned().collect()
+    }
+
+    /// Applies increments that are on the disk, `bytes` long in all; `vector` is what the map then contains. Returns how many
+    /// elements it has then ([`MapState::elements`]). For one thread at a time.
+    pub fn apply(&self, map: &MapName, increments: &[Increment], vector: VersionVector, bytes: u64) -> usize {
+        // On a copy (which shares descriptors and scans), so that readers wait only while it takes the old one's place.
+        let old = self.view(map);
+        let mut state = old.as_ref().map(|view| view.state.as_ref().clone()).unwrap_or_default();
         increments.iter().for_each(|increment| state.apply(increment));
-        let head = head_of(map, state, vector, view.head.bytes + bytes, view.head.refused);
-        view.head = Arc::new(head);
+        let (old_bytes, refused) = old.as_ref().map_or((0, 0), |view| (view.head.bytes, view.head.refused));
+        let head = head_of(map, &state, vector, old_bytes + bytes, refused);
+        let elements = state.elements();
+        let view = MapView { state: Arc::new(state), head: Arc::new(head) };
+        let replaced = self.write().insert(map.clone(), view);
+        drop(replaced); // a large map takes its time, and the lock is free by now
+        elements
     }
 
     /// Counts refused increments, if there is such a map.

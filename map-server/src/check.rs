@@ -2,6 +2,7 @@
 
 use crate::config::Limits;
 use fht_proto::keys::Key;
+use fht_proto::query::{ErrorCode, ErrorReply};
 use fht_proto::{CodecError, Increment, MapName, decode, encode};
 
 /// What arrived under a key, unread.
@@ -9,8 +10,16 @@ use fht_proto::{CodecError, Increment, MapName, decode, encode};
 pub struct Arrival {
     /// The key expression.
     pub key: String,
-    /// The payload; `None` if the key was deleted.
-    pub payload: Option<Vec<u8>>,
+    /// The payload, or why there is none to look at.
+    pub payload: Result<Vec<u8>, Refusal>,
+}
+
+impl Arrival {
+    /// What it takes up in memory, bytes.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        self.key.len() + self.payload.as_ref().map_or(0, Vec::len) + size_of::<Self>()
+    }
 }
 
 /// An increment that may be stored.
@@ -22,6 +31,14 @@ pub struct Checked {
     pub increment: Increment,
     /// The increment in its envelope.
     pub bytes: Vec<u8>,
+}
+
+impl Checked {
+    /// What it takes up in memory, about, bytes.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        size_of::<Self>() + self.bytes.len() + self.increment.memory_bytes()
+    }
 }
 
 impl PartialEq for Checked {
@@ -69,9 +86,26 @@ pub enum Refusal {
     /// Another increment of this author and number is stored.
     #[error("another increment with this author and number came before it")]
     Conflict,
-    /// Over [`Limits::max_map_bytes`], [`Limits::max_maps`] or the limit of authors.
+    /// Over one of [`Limits`], or the limit of authors.
     #[error("the limit of {0} is reached")]
     Full(&'static str),
+}
+
+impl Refusal {
+    /// The reason as its writer is told.
+    #[must_use]
+    pub fn reply(&self) -> ErrorReply {
+        let code = match self {
+            Self::Conflict => ErrorCode::Conflict,
+            Self::NotCanonical => ErrorCode::NotCanonical,
+            Self::Full(_) => ErrorCode::Full,
+            Self::Future { .. } => ErrorCode::Future,
+            Self::TooLong { .. } => ErrorCode::TooLong,
+            // Damaged on the way, or not from a writer at all.
+            Self::Key | Self::Delete | Self::Codec(_) | Self::OtherKey { .. } => ErrorCode::BadRequest,
+        };
+        ErrorReply { code, message: self.to_string() }
+    }
 }
 
 /// The map that a key names, whatever else is wrong with it.
@@ -86,7 +120,7 @@ pub fn map_of(key: &str) -> Option<MapName> {
 /// The first thing that is wrong.
 pub fn check(arrival: Arrival, limits: &Limits, now_us: u64) -> Result<Checked, Refusal> {
     let Ok(Key::Increment { map, author, number }) = arrival.key.parse() else { return Err(Refusal::Key) };
-    let bytes = arrival.payload.ok_or(Refusal::Delete)?;
+    let bytes = arrival.payload?;
     if bytes.len() > limits.max_increment_bytes {
         return Err(Refusal::TooLong { bytes: bytes.len() });
     }

@@ -20,7 +20,8 @@ struct Args {
     /// Directory that keeps the maps; made if absent. One server at a time.
     #[arg(long, value_name = "DIR", default_value = "fht-data")]
     data: PathBuf,
-    /// Listen here for robots and tools (repeatable) [default: tcp/127.0.0.1:7447, unless --connect is given].
+    /// Listen here for robots and tools (repeatable) [default: tcp/127.0.0.1:7447, unless --connect or --zenoh-config
+    /// is given].
     ///
     /// The server then is a Zenoh router: whoever connects sees everyone else. Use tcp/0.0.0.0:7447 to be reached from
     /// other machines.
@@ -29,7 +30,7 @@ struct Args {
     /// Connect to a Zenoh router, such as zenohd (repeatable). Without --listen the server is its client.
     #[arg(long, value_name = "ENDPOINT")]
     connect: Vec<String>,
-    /// A Zenoh configuration file to start from (JSON5): TLS, access control.
+    /// A Zenoh configuration file (JSON5): endpoints, TLS, access control. --listen and --connect go before what it says.
     #[arg(long, value_name = "FILE")]
     zenoh_config: Option<PathBuf>,
     /// Say more: once for what is stored, twice for everything. RUST_LOG is obeyed, too.
@@ -53,7 +54,7 @@ Topics of a map: head, path?from=X,Y;to=X,Y, nodes?near=X,Y;radius=R, since?vect
 impl Args {
     fn config(&self) -> ServerConfig {
         let mut listen = self.listen.clone();
-        if listen.is_empty() && self.connect.is_empty() {
+        if listen.is_empty() && self.connect.is_empty() && self.zenoh_config.is_none() {
             listen.push(DEFAULT_LISTEN.to_owned());
         }
         let link = LinkConfig { listen, connect: self.connect.clone(), zenoh_config: self.zenoh_config.clone() };
@@ -119,5 +120,22 @@ where
             eprintln!("map-server: {error}");
             ExitCode::FAILURE
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn link(args: &[&str]) -> LinkConfig {
+        Args::try_parse_from(["map-server"].iter().chain(args)).unwrap().config().link
+    }
+
+    #[test]
+    fn a_server_that_was_told_where_does_not_listen_elsewhere() {
+        assert_eq!(link(&[]).listen, [DEFAULT_LISTEN]);
+        assert!(link(&["--connect", "tcp/router:7447"]).listen.is_empty());
+        assert!(link(&["--zenoh-config", "zenoh.json5"]).listen.is_empty());
+        assert_eq!(link(&["--zenoh-config", "zenoh.json5", "--listen", "tcp/[::]:1"]).listen, ["tcp/[::]:1"]);
     }
 }

@@ -25,7 +25,8 @@ pub struct LinkConfig {
     pub listen: Vec<String>,
     /// Endpoints of other routers.
     pub connect: Vec<String>,
-    /// A Zenoh configuration file (JSON5) to start from: TLS, access control. The endpoints above override its own.
+    /// A Zenoh configuration file (JSON5) to start from: endpoints, TLS, access control. What is given above goes before what
+    /// it says; whatever it leaves open is set as without a file.
     pub zenoh_config: Option<PathBuf>,
 }
 
@@ -36,6 +37,13 @@ pub struct Limits {
     pub max_increment_bytes: usize,
     /// Bytes of increments in one map. Default 1 GiB.
     pub max_map_bytes: u64,
+    /// Bytes of increments in all maps together. Default 4 GiB.
+    pub max_total_bytes: u64,
+    /// Nodes, edges and descriptor models in one map, removed ones included: each takes up some hundred bytes of memory,
+    /// however short its increment was. Default 500 000.
+    pub max_map_elements: usize,
+    /// The same in all maps together. Default 2 000 000.
+    pub max_total_elements: usize,
     /// Maps. Default 256.
     pub max_maps: usize,
     /// Stamps may be ahead of the server's clock by so much, seconds. Default 3600. A stamp far in the future could not be
@@ -44,10 +52,12 @@ pub struct Limits {
     /// Increments that wait to be taken in, bytes. Default 64 MiB. What comes when the queue is full is dropped; its writer
     /// sends again.
     pub max_queue_bytes: usize,
-    /// Bytes in one commit. Default 8 MiB.
+    /// Bytes in one commit, as they travelled; in memory they may be ten times that. Default 2 MiB.
     pub max_batch_bytes: usize,
-    /// Increments that wait for a gap to close, per map.
+    /// Increments that wait for a gap to close, per map: 4096 numbers ahead and 4 MiB of memory.
     pub early: SequenceConfig,
+    /// Memory for increments of all maps that have not begun, bytes. Default 4 MiB.
+    pub max_nursery_bytes: usize,
 }
 
 impl Default for Limits {
@@ -55,11 +65,15 @@ impl Default for Limits {
         Self {
             max_increment_bytes: 1 << 20,
             max_map_bytes: 1 << 30,
+            max_total_bytes: 4 << 30,
+            max_map_elements: 500_000,
+            max_total_elements: 2_000_000,
             max_maps: 256,
             max_clock_ahead_s: 3600,
             max_queue_bytes: 64 << 20,
-            max_batch_bytes: 8 << 20,
-            early: SequenceConfig { max_ahead: 4096, max_waiting_bytes: 8 << 20 },
+            max_batch_bytes: 2 << 20,
+            early: SequenceConfig { max_ahead: 4096, max_waiting_bytes: 4 << 20 },
+            max_nursery_bytes: 4 << 20,
         }
     }
 }

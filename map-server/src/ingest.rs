@@ -1,19 +1,24 @@
 //! From arrivals to acknowledgement: check, put in order, store in one commit, apply, announce. Nothing here knows the
 //! network, so that all of it can be tested with bytes.
 
-use crate::catalog::Catalog;
+use crate::catalog::{Catalog, MapView};
 use crate::check::{Arrival, Checked, Refusal, check, map_of};
 use crate::config::Limits;
+use crate::nursery::Nursery;
+use crate::refusals::{Notice, Refusals};
 use crate::store::{Record, Store, StoreError};
 use crate::throttle::Throttle;
 use fht_map::sequence::{Offered, Sequence};
+use fht_proto::keys::Key;
 use fht_proto::{AuthorId, Increment, MapName, VersionVector};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Refusals are logged at most this often.
 const LOG_PERIOD: Duration = Duration::from_secs(1);
+/// A writer is told of a kind of refusal at most this often.
+const NOTICE_PERIOD: Duration = Duration::from_secs(1);
 
 /// The one writer of a store.
 #[derive(Debug)]
@@ -22,7 +27,19 @@ pub struct Ingest {
     catalog: Arc<Catalog>,
     limits: Limits,
     maps: BTreeMap<MapName, Intake>,
+    nursery: Nursery,
     log: Throttle,
+    refusals: Refusals,
+}
+
+/// What others should hear of a batch.
+#[derive(Debug, Default)]
+pub struct Taken {
+    /// The maps whose heads the writers should see now: those that have grown, and those that were sent increments which they
+    /// already had.
+    pub announce: BTreeSet<MapName>,
+    /// What writers are told of refused increments.
+    pub notices: Vec<Notice>,
 }
 
 /// What the writer knows of one map.
@@ -30,6 +47,18 @@ pub struct Ingest {
 struct Intake {
     sequence: Sequence<Checked>,
     bytes: u64,
+    /// At least as many as the map has.
+    elements: usize,
+}
+
+/// What became of an increment that there is room for.
+enum Placed {
+    /// It is in the batch, or waits for the gap before it to close.
+    Kept,
+    /// It came too early to be kept.
+    Dropped,
+    /// Another one of its number waits already.
+    Conflict,
 }
 
 /// What one batch adds to the store.
@@ -40,28 +69,37 @@ struct Batch {
     increments: BTreeMap<MapName, Vec<Increment>>,
     added_bytes: BTreeMap<MapName, u64>,
     refused: BTreeMap<MapName, u64>,
-    announce: BTreeSet<MapName>,
+    taken: Taken,
 }
 
 impl Ingest {
     /// Goes on where store and catalog are; `catalog` must have been loaded from `store`.
     #[must_use]
     pub fn new(store: Arc<Store>, catalog: Arc<Catalog>, limits: Limits) -> Self {
-        let intake = |head: &fht_proto::query::Head| Intake {
-            sequence: Sequence::starting_at(head.vector.clone(), limits.early.clone()),
-            bytes: head.bytes,
+        let intake = |view: &MapView| Intake {
+            sequence: Sequence::starting_at(view.head.vector.clone(), limits.early.clone()),
+            bytes: view.head.bytes,
+            elements: view.state.elements(),
         };
-        let maps = catalog.heads().iter().map(|head| (head.map.clone(), intake(head))).collect();
-        Self { store, catalog, limits, maps, log: Throttle::new(LOG_PERIOD) }
+        let maps = catalog.views().iter().map(|view| (view.head.map.clone(), intake(view))).collect();
+        let nursery = Nursery::new(limits.early.clone(), limits.max_nursery_bytes);
+        Self {
+            store,
+            catalog,
+            limits,
+            maps,
+            nursery,
+            log: Throttle::new(LOG_PERIOD),
+            refusals: Refusals::new(NOTICE_PERIOD),
+        }
     }
 
     /// Takes in what arrived until `now_us` (microseconds since the Unix epoch). On return, all that the heads in the
-    /// catalog cover is durable. Returns the maps whose heads the writers should see now: those that have grown, and those
-    /// that were sent increments which they already had.
+    /// catalog cover is durable.
     ///
     /// # Errors
     /// [`StoreError`]: the store is not usable any more; nothing of this batch was acknowledged.
-    pub fn take(&mut self, arrivals: Vec<Arrival>, now_us: u64) -> Result<BTreeSet<MapName>, StoreError> {
+    pub fn take(&mut self, arrivals: Vec<Arrival>, now_us: u64) -> Result<Taken, StoreError> {
         let mut batch = Batch::default();
         for arrival in arrivals {
             let key = arrival.key.clone();
@@ -71,6 +109,7 @@ impl Ingest {
             };
             if let Err(refusal) = outcome {
                 self.log_refusal(&key, &refusal);
+                batch.taken.notices.extend(self.notice(&key, &refusal));
                 if let Some(map) = map_of(&key) {
                     *batch.refused.entry(map).or_default() += 1;
                 }
@@ -80,34 +119,58 @@ impl Ingest {
             self.store.append(&batch.records)?;
         }
         for (map, increments) in &batch.increments {
-            let vector = self.maps.get(map).map(|intake| intake.sequence.vector().clone()).unwrap_or_default();
+            let Some(intake) = self.maps.get_mut(map) else { continue }; // nothing is in a batch without one
             let bytes = batch.added_bytes.get(map).copied().unwrap_or(0);
-            self.catalog.apply(map, increments, vector, bytes);
+            intake.elements = self.catalog.apply(map, increments, intake.sequence.vector().clone(), bytes);
         }
         for (map, count) in batch.refused {
             self.catalog.count_refused(&map, count);
         }
-        Ok(batch.announce)
+        Ok(batch.taken)
     }
 
     fn log_refusal(&mut self, key: &str, refusal: &Refusal) {
-        if let Some(suppressed) = self.log.pass(std::time::Instant::now()) {
+        if let Some(suppressed) = self.log.pass(Instant::now()) {
             let key: String = key.chars().take(120).collect();
             tracing::warn!(%key, suppressed, "increment refused: {refusal}");
         }
     }
 
+    /// What the writer is told, if the key names one and it was not told the same a moment ago.
+    fn notice(&mut self, key: &str, refusal: &Refusal) -> Option<Notice> {
+        let Ok(Key::Increment { map, author, .. }) = key.parse() else { return None };
+        let notice = Notice { map, author, reply: refusal.reply() };
+        self.refusals.pass(&notice, Instant::now()).then_some(notice)
+    }
+
     fn room(&self, checked: &Checked) -> Result<(), Refusal> {
-        let Some(intake) = self.maps.get(&checked.map) else {
-            return if self.maps.len() < self.limits.max_maps { Ok(()) } else { Err(Refusal::Full("maps")) };
+        let (limits, bytes) = (&self.limits, checked.bytes.len() as u64);
+        // No operation makes more than one element.
+        let elements = checked.increment.ops.len();
+        let total = |of: fn(&Intake) -> u64| self.maps.values().map(of).fold(0, u64::saturating_add);
+        if total(|intake| intake.bytes).saturating_add(bytes) > limits.max_total_bytes {
+            return Err(Refusal::Full("bytes in all maps"));
+        }
+        if total(|intake| intake.elements as u64) + elements as u64 > limits.max_total_elements as u64 {
+            return Err(Refusal::Full("nodes and edges in all maps"));
+        }
+        let (known_bytes, known_elements) = match self.maps.get(&checked.map) {
+            None if self.maps.len() >= limits.max_maps => return Err(Refusal::Full("maps")),
+            None => (0, 0),
+            Some(intake) => {
+                let vector = intake.sequence.vector();
+                let is_new = vector.get(checked.increment.author) == 0;
+                if is_new && vector.iter().count() >= VersionVector::MAX_AUTHORS {
+                    return Err(Refusal::Full("authors of this map"));
+                }
+                (intake.bytes, intake.elements)
+            }
         };
-        if intake.bytes.saturating_add(checked.bytes.len() as u64) > self.limits.max_map_bytes {
+        if known_bytes.saturating_add(bytes) > limits.max_map_bytes {
             return Err(Refusal::Full("bytes in this map"));
         }
-        let vector = intake.sequence.vector();
-        let is_new = vector.get(checked.increment.author) == 0;
-        if is_new && vector.iter().count() >= VersionVector::MAX_AUTHORS {
-            return Err(Refusal::Full("authors of this map"));
+        if known_elements + elements > limits.max_map_elements {
+            return Err(Refusal::Full("nodes and edges in this map"));
         }
         Ok(())
     }
@@ -121,33 +184,53 @@ impl Ingest {
                 None => self.store.get(&map, author, number)?.as_ref() == Some(&checked.bytes),
             };
             // The writer has missed a head: it is told again.
-            batch.announce.insert(map);
+            batch.taken.announce.insert(map);
             return Ok(if same { Ok(()) } else { Err(Refusal::Conflict) });
         }
         if let Err(refusal) = self.room(&checked) {
             return Ok(Err(refusal));
         }
-        let early = &self.limits.early;
-        let intake = self.maps.entry(map.clone()).or_insert_with(|| Intake {
-            sequence: Sequence::starting_at(VersionVector::default(), early.clone()),
-            bytes: 0,
-        });
-        let first_sequence = intake.sequence.vector().version() + 1;
-        let bytes = checked.bytes.len();
-        match intake.sequence.offer(author, number, bytes, checked) {
-            Offered::Ready(ready) => {
-                for (sequence, item) in (first_sequence..).zip(ready) {
-                    intake.bytes += item.bytes.len() as u64;
-                    batch.add(sequence, item);
-                }
-                Ok(Ok(()))
-            }
-            Offered::Conflict => Ok(Err(Refusal::Conflict)),
-            Offered::Dropped => {
+        match self.offer(checked, batch) {
+            Placed::Conflict => return Ok(Err(Refusal::Conflict)),
+            Placed::Dropped => {
                 tracing::debug!(%map, %author, number, "too early to be kept; its writer will send it again");
-                Ok(Ok(()))
             }
-            Offered::Waiting | Offered::Past => Ok(Ok(())),
+            Placed::Kept => {}
+        }
+        Ok(Ok(()))
+    }
+
+    /// Offers an increment to its map's sequence and puts what is ready into the batch. A map begins with the first increment
+    /// of any author.
+    fn offer(&mut self, checked: Checked, batch: &mut Batch) -> Placed {
+        let number = checked.increment.number;
+        if number > 1 && !self.maps.contains_key(&checked.map) {
+            return Placed::from(&self.nursery.keep(checked));
+        }
+        let nursery = &mut self.nursery;
+        let begin = |map: &MapName| Intake { sequence: nursery.take(map), bytes: 0, elements: 0 };
+        let intake = self.maps.entry(checked.map.clone()).or_insert_with_key(begin);
+        let first_sequence = intake.sequence.vector().version() + 1;
+        let (author, memory) = (checked.increment.author, checked.memory_bytes());
+        let offered = intake.sequence.offer(author, number, memory, checked);
+        let placed = Placed::from(&offered);
+        if let Offered::Ready(ready) = offered {
+            for (sequence, item) in (first_sequence..).zip(ready) {
+                intake.bytes += item.bytes.len() as u64;
+                intake.elements += item.increment.ops.len();
+                batch.add(sequence, item);
+            }
+        }
+        placed
+    }
+}
+
+impl From<&Offered<Checked>> for Placed {
+    fn from(offered: &Offered<Checked>) -> Self {
+        match offered {
+            Offered::Conflict => Self::Conflict,
+            Offered::Dropped => Self::Dropped,
+            Offered::Ready(_) | Offered::Waiting | Offered::Past => Self::Kept,
         }
     }
 }
@@ -159,7 +242,7 @@ impl Batch {
         self.by_key.insert((map.clone(), author, number), self.records.len());
         *self.added_bytes.entry(map.clone()).or_default() += bytes.len() as u64;
         self.increments.entry(map.clone()).or_default().push(increment);
-        self.announce.insert(map.clone());
+        self.taken.announce.insert(map.clone());
         self.records.push(Record { map, sequence, author, number, bytes });
     }
 }

@@ -13,6 +13,8 @@
 //! | [`queue`] | what has arrived, bounded in bytes |
 //! | [`check`] | what is wrong with an increment |
 //! | [`ingest`] | check, order, commit, apply: the one writer |
+//! | [`refusals`] | what writers are told of refused increments |
+//! | [`nursery`] | increments that came before the first of their map |
 //! | [`store`] | the durable log |
 //! | [`catalog`] | the maps in memory, shared with the readers |
 //! | [`request`] | queries as they come, to typed requests |
@@ -29,7 +31,9 @@ pub mod check;
 pub mod cli;
 pub mod config;
 pub mod ingest;
+pub mod nursery;
 pub mod queue;
+pub mod refusals;
 pub mod request;
 pub mod serve;
 pub mod session;
@@ -40,11 +44,12 @@ pub use cli::main_with_args;
 pub use config::ServerConfig;
 
 use catalog::Catalog;
-use check::Arrival;
+use check::{Arrival, Refusal};
 use fht_proto::keys::{ALL_INCREMENTS, ALL_QUERIES, Key, Topic};
 use fht_proto::query::Head;
 use ingest::Ingest;
 use queue::Queue;
+use refusals::Notice;
 use serve::Service;
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -81,12 +86,15 @@ fn now_us() -> u64 {
     u64::try_from(since_epoch.as_micros()).unwrap_or(u64::MAX)
 }
 
-fn arrival(sample: &Sample) -> Arrival {
-    let is_put = sample.kind() == SampleKind::Put;
-    Arrival {
-        key: sample.key_expr().as_str().to_owned(),
-        payload: is_put.then(|| sample.payload().to_bytes().into_owned()),
-    }
+fn arrival(sample: &Sample, max_bytes: usize) -> Arrival {
+    let bytes = sample.payload().len();
+    let payload = match sample.kind() {
+        SampleKind::Delete => Err(Refusal::Delete),
+        // Not even copied.
+        SampleKind::Put if bytes > max_bytes => Err(Refusal::TooLong { bytes }),
+        SampleKind::Put => Ok(sample.payload().to_bytes().into_owned()),
+    };
+    Arrival { key: sample.key_expr().as_str().to_owned(), payload }
 }
 
 /// Publishes a head. Lost ones do no harm: writers ask when they hear nothing.
@@ -106,6 +114,21 @@ fn announce(session: &Session, head: &Head) {
     }
 }
 
+/// Tells a writer why its increment was refused. Lost ones do no harm: the writer sends again and is told again.
+fn tell(session: &Session, notice: &Notice) {
+    let put = |payload: Vec<u8>| {
+        session
+            .put(Key::refused(&notice.map, notice.author).to_string(), payload)
+            .encoding(Encoding::APPLICATION_JSON)
+            .congestion_control(CongestionControl::Drop)
+            .wait()
+    };
+    let sent = serde_json::to_vec(&notice.reply).map_err(zenoh::Error::from).and_then(put);
+    if let Err(error) = sent {
+        tracing::warn!(map = %notice.map, author = %notice.author, "a refusal could not be told: {error}");
+    }
+}
+
 /// The writer's thread: until the queue is closed and empty, or the store fails.
 fn write_all(
     mut ingest: Ingest,
@@ -120,7 +143,9 @@ fn write_all(
             tracing::warn!(dropped, "more increments came than could be taken in; their writers will send them again");
         }
         let count = arrivals.len();
-        for map in ingest.take(arrivals, now_us())? {
+        let taken = ingest.take(arrivals, now_us())?;
+        taken.notices.iter().for_each(|notice| tell(session, notice));
+        for map in taken.announce {
             if let Some(view) = catalog.view(&map) {
                 tracing::debug!(%map, version = view.head.version, count, "stored");
                 announce(session, &view.head);
@@ -144,8 +169,9 @@ pub async fn run(config: ServerConfig, shutdown: impl Future<Output = ()>) -> Re
     let queryable = session.declare_queryable(ALL_QUERIES).callback(move |query| service.take(query)).await?;
     let queue = Arc::new(Queue::new(config.limits.max_queue_bytes));
     let arriving = Arc::clone(&queue);
-    let subscriber =
-        session.declare_subscriber(ALL_INCREMENTS).callback(move |sample| arriving.push(arrival(&sample))).await?;
+    let max_bytes = config.limits.max_increment_bytes;
+    let arrive = move |sample: Sample| arriving.push(arrival(&sample, max_bytes));
+    let subscriber = session.declare_subscriber(ALL_INCREMENTS).callback(arrive).await?;
 
     let (report, mut stopped) = oneshot::channel();
     let max_batch = config.limits.max_batch_bytes;
@@ -158,8 +184,10 @@ pub async fn run(config: ServerConfig, shutdown: impl Future<Output = ()>) -> Re
     for head in catalog.heads() {
         announce(&session, &head);
     }
-    let endpoints: Vec<&str> = config.link.listen.iter().chain(&config.link.connect).map(String::as_str).collect();
-    eprintln!("map-server: {} map(s) in {}, on {}", catalog.heads().len(), config.data.display(), endpoints.join(", "));
+    let (count, link) = (catalog.heads().len(), &config.link);
+    let file = link.zenoh_config.iter().map(|file| format!("what {} says", file.display()));
+    let endpoints: Vec<String> = link.listen.iter().chain(&link.connect).cloned().chain(file).collect();
+    eprintln!("map-server: {count} map(s) in {}, on {}", config.data.display(), endpoints.join(", "));
 
     let outcome = tokio::select! {
         () = shutdown => {

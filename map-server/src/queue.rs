@@ -21,10 +21,6 @@ pub struct Queue {
     max_bytes: usize,
 }
 
-fn size_of_arrival(arrival: &Arrival) -> usize {
-    arrival.key.len() + arrival.payload.as_ref().map_or(0, Vec::len) + size_of::<Arrival>()
-}
-
 impl Queue {
     /// An empty queue for at most so many bytes.
     #[must_use]
@@ -39,7 +35,7 @@ impl Queue {
     /// Adds an arrival, or drops it if there is no room: its writer sends it again, since no head covers it. Never waits.
     pub fn push(&self, arrival: Arrival) {
         let mut waiting = self.lock();
-        let bytes = size_of_arrival(&arrival);
+        let bytes = arrival.memory_bytes();
         if waiting.closed || waiting.bytes + bytes > self.max_bytes {
             waiting.dropped += 1;
             return;
@@ -59,7 +55,7 @@ impl Queue {
         while batch_bytes < max_bytes
             && let Some(arrival) = waiting.arrivals.pop_front()
         {
-            let bytes = size_of_arrival(&arrival);
+            let bytes = arrival.memory_bytes();
             waiting.bytes -= bytes;
             batch_bytes += bytes;
             batch.push(arrival);

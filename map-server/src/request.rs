@@ -164,7 +164,7 @@ pub fn parse<'a>(
     match key {
         Key::Maps => Parameters::of(parameters, &[]).map(|_| Request::Maps),
         Key::Topic { map, topic } => Ok(Request::Map(map, question(topic, parameters, payload)?)),
-        Key::Increment { .. } | Key::Robot { .. } | Key::RobotPose { .. } => {
+        Key::Increment { .. } | Key::Refused { .. } | Key::Robot { .. } | Key::RobotPose { .. } => {
             Err(bad_request(format!("{key} is not a topic")))
         }
     }

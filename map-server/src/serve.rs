@@ -43,7 +43,8 @@ fn addressed(expression: &str, maps: impl Iterator<Item = MapName>) -> Addressed
     if !expression.contains('*') {
         return match expression.parse::<Key>() {
             Ok(key @ (Key::Maps | Key::Topic { .. })) => Addressed::One(key),
-            Ok(_) => Addressed::Others,
+            Ok(Key::Increment { .. } | Key::Robot { .. } | Key::RobotPose { .. }) => Addressed::Others,
+            Ok(Key::Refused { .. }) => Addressed::Unknown,
             Err(_) if matches!(expression.split('/').nth(2), Some("inc" | "robots")) => Addressed::Others,
             Err(_) => Addressed::Unknown,
         };
@@ -152,7 +153,9 @@ mod tests {
         for others in ["fht/a/inc/**", "fht/*/inc/**", "fht/a/inc/00000001/1", "fht/a/robots/r", "fht/a/robots/**"] {
             assert_eq!(asked(others), Addressed::Others, "{others}");
         }
-        for unknown in ["fht", "fht/a", "fht/a/paths", "fht/a/path/b", "fht/a b/path", "fht/*/path"] {
+        for unknown in
+            ["fht", "fht/a", "fht/a/paths", "fht/a/path/b", "fht/a b/path", "fht/*/path", "fht/a/refused/00000001"]
+        {
             assert_eq!(asked(unknown), Addressed::Unknown, "{unknown}");
         }
     }

@@ -6,8 +6,8 @@ use zenoh::{Config, Session};
 /// Why there is no session.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
-    /// Neither to listen nor to connect.
-    #[error("no endpoint: give --listen, --connect or both")]
+    /// Neither to listen nor to connect, and no file that says.
+    #[error("no endpoint: give --listen, --connect or both, or a --zenoh-config with endpoints")]
     NoEndpoint,
     /// The configuration file or an endpoint is not understood.
     #[error("the Zenoh configuration is refused: {0}")]
@@ -28,18 +28,38 @@ pub enum SessionError {
     },
 }
 
+/// No endpoints, as Zenoh's configuration shows them.
+const NONE: &str = "[]";
+
 fn to_zenoh(link: &LinkConfig) -> Result<Config, zenoh::Error> {
     let mut config = link.zenoh_config.as_ref().map_or_else(|| Ok(Config::default()), Config::from_file)?;
+    let untouched = Config::default();
+    let set_default = |config: &mut Config, key: &str, value: &str| {
+        let is_set = config.get_json(key)? != untouched.get_json(key)?;
+        if is_set { Ok(()) } else { config.insert_json5(key, value) }
+    };
+    for (key, endpoints) in [("listen/endpoints", &link.listen), ("connect/endpoints", &link.connect)] {
+        if endpoints.is_empty() {
+            // Zenoh's own default is to listen on all interfaces.
+            set_default(&mut config, key, NONE)?;
+        } else {
+            config.insert_json5(key, &serde_json::to_string(endpoints)?)?;
+        }
+    }
     // A router puts its clients in touch with each other: explorers, robots and tools need no other program between them.
-    let mode = if link.listen.is_empty() { "client" } else { "router" };
-    config.insert_json5("mode", &serde_json::to_string(mode)?)?;
-    config.insert_json5("listen/endpoints", &serde_json::to_string(&link.listen)?)?;
-    config.insert_json5("connect/endpoints", &serde_json::to_string(&link.connect)?)?;
+    let is_client = config.get_json("listen/endpoints")? == NONE;
+    set_default(&mut config, "mode", if is_client { "\"client\"" } else { "\"router\"" })?;
     // Other routers may come up later than this one.
-    config.insert_json5("connect/timeout_ms", "-1")?;
-    config.insert_json5("connect/exit_on_failure", "false")?;
-    config.insert_json5("scouting/multicast/enabled", "false")?;
+    set_default(&mut config, "connect/timeout_ms", "-1")?;
+    set_default(&mut config, "connect/exit_on_failure", "false")?;
+    set_default(&mut config, "scouting/multicast/enabled", "false")?;
     Ok(config)
+}
+
+/// Whether there is a way from this session to another.
+fn reaches_anyone(config: &Config) -> bool {
+    let is = |key: &str, value: &str| config.get_json(key).is_ok_and(|set| set == value);
+    !is("listen/endpoints", NONE) || !is("connect/endpoints", NONE) || is("scouting/multicast/enabled", "true")
 }
 
 /// Zenoh's errors end in the place in its source where they arose, which helps nobody here.
@@ -52,10 +72,10 @@ fn without_source_paths(text: &str) -> String {
 /// # Errors
 /// [`SessionError`]; an address that is in use, above all.
 pub async fn open(link: &LinkConfig) -> Result<Session, SessionError> {
-    if link.listen.is_empty() && link.connect.is_empty() {
+    let config = to_zenoh(link).map_err(SessionError::Config)?;
+    if !reaches_anyone(&config) {
         return Err(SessionError::NoEndpoint);
     }
-    let config = to_zenoh(link).map_err(SessionError::Config)?;
     zenoh::open(config).await.map_err(|error| {
         let (listen, reason) = (link.listen.clone(), without_source_paths(&error.to_string()));
         // Zenoh's errors are texts.
@@ -65,4 +85,58 @@ pub async fn open(link: &LinkConfig) -> Result<Session, SessionError> {
             SessionError::Open { listen, reason }
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn json(config: &Config, key: &str) -> String {
+        config.get_json(key).unwrap()
+    }
+
+    #[test]
+    fn a_configuration_file_is_obeyed() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("zenoh.json5");
+        let text = r#"{mode: "peer", listen: {endpoints: ["tls/0.0.0.0:7448"]}, connect: {timeout_ms: 5},
+            scouting: {multicast: {enabled: true}}}"#;
+        std::fs::write(&file, text).unwrap();
+        let mut link = LinkConfig { zenoh_config: Some(file.clone()), ..LinkConfig::default() };
+        let config = to_zenoh(&link).unwrap();
+        assert!(json(&config, "listen/endpoints").contains("tls/0.0.0.0:7448"));
+        assert_eq!(json(&config, "mode"), "\"peer\"");
+        assert_eq!(json(&config, "connect/timeout_ms"), "5");
+        assert_eq!(json(&config, "scouting/multicast/enabled"), "true");
+
+        link.listen = vec!["tcp/127.0.0.1:1".to_owned()];
+        let listen = json(&to_zenoh(&link).unwrap(), "listen/endpoints");
+        assert!(listen.contains("tcp/127.0.0.1:1") && !listen.contains("7448"), "{listen}");
+
+        // What the file leaves open: above all, nobody listens who was not told to.
+        std::fs::write(&file, "{}").unwrap();
+        let router = to_zenoh(&link).unwrap();
+        assert_eq!(json(&router, "mode"), "\"router\"");
+        assert_eq!(json(&router, "scouting/multicast/enabled"), "false");
+        link.listen.clear();
+        assert!(!reaches_anyone(&to_zenoh(&link).unwrap()));
+        link.connect = vec!["tcp/127.0.0.1:1".to_owned()];
+        let client = to_zenoh(&link).unwrap();
+        assert_eq!((json(&client, "mode").as_str(), json(&client, "listen/endpoints").as_str()), ("\"client\"", NONE));
+        assert!(reaches_anyone(&client));
+    }
+
+    #[test]
+    fn without_a_file_the_endpoints_say_it_all() {
+        let with = |listen: &[&str], connect: &[&str]| {
+            let owned = |endpoints: &[&str]| endpoints.iter().map(|&endpoint| endpoint.to_owned()).collect();
+            to_zenoh(&LinkConfig { listen: owned(listen), connect: owned(connect), zenoh_config: None }).unwrap()
+        };
+        assert_eq!(json(&with(&["tcp/127.0.0.1:1"], &[]), "mode"), "\"router\"");
+        let client = with(&[], &["tcp/127.0.0.1:1"]);
+        assert_eq!(
+            (json(&client, "mode"), json(&client, "listen/endpoints")),
+            ("\"client\"".to_owned(), "[]".to_owned())
+        );
+    }
 }

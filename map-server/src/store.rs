@@ -8,8 +8,10 @@
 //!
 //! A map's scalar version is the length of its log, so that version N of a map is what its first N entries add up to.
 
+use fht_proto::envelope::FORMAT_VERSION;
 use fht_proto::{AuthorId, MapName, VersionVector};
-use redb::{Database, ReadableDatabase, ReadableTable, TableDefinition};
+use redb::{Database, ReadableDatabase, ReadableTable, TableDefinition, TableError};
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
 const INCREMENTS: TableDefinition<'_, (&str, u32, u64), &[u8]> = TableDefinition::new("increments");
@@ -19,6 +21,10 @@ const FORMAT_KEY: &str = "format";
 const FORMAT: u64 = 1;
 /// The file in the data directory.
 pub const FILE_NAME: &str = "maps.redb";
+/// The file while it is made.
+const UNFINISHED_NAME: &str = "maps.redb.new";
+/// Locked by the server that uses the directory.
+const LOCK_NAME: &str = "lock";
 
 /// Why the store failed.
 #[derive(Debug, thiserror::Error)]
@@ -52,6 +58,17 @@ pub enum StoreError {
         action: &'static str,
         /// What the system says.
         reason: String,
+    },
+    /// A later version of this program has stored increments.
+    #[error(
+        "the store has increments of format {found} in map {map}; this program reads format {FORMAT_VERSION}: use the \
+         map-server that wrote them"
+    )]
+    IncrementFormat {
+        /// The map.
+        map: String,
+        /// The format found.
+        found: u8,
     },
     /// What was read is not what was written.
     #[error("the store is damaged: map {map}: {reason}")]
@@ -90,6 +107,8 @@ pub struct Record {
 #[derive(Debug)]
 pub struct Store {
     database: Database,
+    // Held until the store is closed: one server at a time.
+    _lock: Option<File>,
 }
 
 impl Store {
@@ -98,35 +117,62 @@ impl Store {
     /// # Errors
     /// [`StoreError::InUse`], [`StoreError::Open`], [`StoreError::Format`], [`StoreError::Disk`].
     pub fn open(dir: &Path) -> Result<Self, StoreError> {
-        let failed = |reason: String| StoreError::Open { dir: dir.to_owned(), reason };
-        std::fs::create_dir_all(dir).map_err(|error| failed(error.to_string()))?;
-        let database = Database::create(dir.join(FILE_NAME)).map_err(|error| match error {
-            redb::DatabaseError::DatabaseAlreadyOpen => StoreError::InUse { dir: dir.to_owned() },
-            other => failed(other.to_string()),
-        })?;
-        // The file's name must outlive a power failure, too.
-        std::fs::File::open(dir).and_then(|dir| dir.sync_all()).map_err(|error| failed(error.to_string()))?;
-        let store = Self { database };
-        let found = store.format()?;
-        if found != FORMAT {
-            return Err(StoreError::Format { dir: dir.to_owned(), found });
+        let failed = |error: std::io::Error| StoreError::Open { dir: dir.to_owned(), reason: error.to_string() };
+        std::fs::create_dir_all(dir).map_err(failed)?;
+        let lock = File::create(dir.join(LOCK_NAME)).map_err(failed)?;
+        match lock.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Err(StoreError::InUse { dir: dir.to_owned() }),
+            Err(TryLockError::Error(error)) => return Err(failed(error)),
         }
-        Ok(store)
+        let path = dir.join(FILE_NAME);
+        if !path.try_exists().map_err(failed)? {
+            // Made under another name: a server that is killed meanwhile leaves nothing that the next one would take for a
+            // store.
+            let unfinished = dir.join(UNFINISHED_NAME);
+            match std::fs::remove_file(&unfinished) {
+                Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(failed(error)),
+                _ => {}
+            }
+            drop(Self::open_file(dir, &unfinished, None)?);
+            std::fs::rename(&unfinished, &path).map_err(failed)?;
+        }
+        // The file's name must outlive a power failure, too.
+        File::open(dir).and_then(|dir| dir.sync_all()).map_err(failed)?;
+        Self::open_file(dir, &path, Some(lock))
     }
 
-    /// The format of the file, set in a new one. Makes all tables.
-    fn format(&self) -> Result<u64, StoreError> {
+    fn open_file(dir: &Path, path: &Path, lock: Option<File>) -> Result<Self, StoreError> {
+        let database = Database::create(path).map_err(|error| match error {
+            redb::DatabaseError::DatabaseAlreadyOpen => StoreError::InUse { dir: dir.to_owned() },
+            other => StoreError::Open { dir: dir.to_owned(), reason: other.to_string() },
+        })?;
+        let store = Self { database, _lock: lock };
+        match store.format()? {
+            Some(FORMAT) => Ok(store),
+            Some(found) => Err(StoreError::Format { dir: dir.to_owned(), found }),
+            None => store.make_tables().map(|()| store),
+        }
+    }
+
+    /// The format of the file; none in a new one.
+    fn format(&self) -> Result<Option<u64>, StoreError> {
+        let read = self.database.begin_read().map_err(reading)?;
+        let meta = match read.open_table(META) {
+            Err(TableError::TableDoesNotExist(_)) => return Ok(None),
+            other => other.map_err(reading)?,
+        };
+        Ok(meta.get(FORMAT_KEY).map_err(reading)?.map(|format| format.value()))
+    }
+
+    fn make_tables(&self) -> Result<(), StoreError> {
         let write = self.database.begin_write().map_err(writing)?;
         write.open_table(INCREMENTS).map_err(writing)?;
         write.open_table(LOG).map_err(writing)?;
         let mut meta = write.open_table(META).map_err(writing)?;
-        let found = meta.get(FORMAT_KEY).map_err(reading)?.map(|format| format.value());
-        if found.is_none() {
-            meta.insert(FORMAT_KEY, FORMAT).map_err(writing)?;
-        }
+        meta.insert(FORMAT_KEY, FORMAT).map_err(writing)?;
         drop(meta);
-        write.commit().map_err(writing)?;
-        Ok(found.unwrap_or(FORMAT))
+        write.commit().map_err(writing)
     }
 
     /// Stores all records in one commit. When this returns they are on the disk; if it fails, none is.

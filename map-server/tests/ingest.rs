@@ -3,14 +3,14 @@
 
 mod support;
 
-use fht_proto::query::Head;
+use fht_proto::query::{ErrorCode, Head};
 use fht_proto::{AuthorId, Increment, MapName, Op, encode};
 use map_server::catalog::Catalog;
 use map_server::check::{Arrival, Refusal, check};
 use map_server::config::Limits;
 use map_server::ingest::Ingest;
 use map_server::queue::Queue;
-use map_server::store::{Record, Store, StoreError};
+use map_server::store::{FILE_NAME, Record, Store, StoreError};
 use proptest::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
@@ -19,11 +19,11 @@ use support::{ANA, BEN, bytes, expected, increment, key, museum, node};
 const NOW_US: u64 = 1_795_000_000_000_000;
 
 fn arrival(author: AuthorId, number: u64) -> Arrival {
-    Arrival { key: key(author, number), payload: Some(bytes(author, number)) }
+    Arrival { key: key(author, number), payload: Ok(bytes(author, number)) }
 }
 
 fn arrival_of(increment: &Increment) -> Arrival {
-    Arrival { key: key(increment.author, increment.number), payload: Some(encode(increment).unwrap()) }
+    Arrival { key: key(increment.author, increment.number), payload: Ok(encode(increment).unwrap()) }
 }
 
 struct Bench {
@@ -41,7 +41,7 @@ impl Bench {
     }
 
     fn take(&mut self, arrivals: Vec<Arrival>) -> Vec<MapName> {
-        self.ingest.take(arrivals, NOW_US).unwrap().into_iter().collect()
+        self.ingest.take(arrivals, NOW_US).unwrap().announce.into_iter().collect()
     }
 
     fn head(&self) -> Head {
@@ -100,8 +100,8 @@ fn hostile_arrivals_change_nothing() {
     bench.take(vec![arrival(ANA, 1), arrival(ANA, 2)]);
     let before = bench.head();
     let good = bytes(ANA, 3);
-    let with = |payload: Vec<u8>| Arrival { key: key(ANA, 3), payload: Some(payload) };
-    let at = |key: &str| Arrival { key: key.to_owned(), payload: Some(good.clone()) };
+    let with = |payload: Vec<u8>| Arrival { key: key(ANA, 3), payload: Ok(payload) };
+    let at = |key: &str| Arrival { key: key.to_owned(), payload: Ok(good.clone()) };
     let mut hostile = vec![
         with(Vec::new()),
         with(b"{}".to_vec()),
@@ -111,8 +111,8 @@ fn hostile_arrivals_change_nothing() {
         with(bytes(ANA, 4)),
         with(bytes(BEN, 3)),
         with(encode(&fht_proto::query::Snapshot::default()).unwrap()),
-        Arrival { key: key(ANA, 3), payload: None },
-        Arrival { key: key(ANA, 1), payload: None },
+        Arrival { key: key(ANA, 3), payload: Err(Refusal::Delete) },
+        Arrival { key: key(ANA, 1), payload: Err(Refusal::Delete) },
         at("fht/museum/inc/0000000a"),
         at("fht/museum/inc/0000000a/3/4"),
         at("fht/museum/inc/0000000A/3"),
@@ -142,7 +142,7 @@ fn limits_hold() {
     let mut bench = Bench::open(dir.path(), small);
     let to = |map: &str| {
         let map = map.parse().unwrap();
-        Arrival { key: fht_proto::keys::Key::increment(&map, ANA, 1).to_string(), payload: Some(bytes(ANA, 1)) }
+        Arrival { key: fht_proto::keys::Key::increment(&map, ANA, 1).to_string(), payload: Ok(bytes(ANA, 1)) }
     };
     assert_eq!(bench.take(vec![to("a"), to("b"), to("c")]).len(), 2);
     assert!(bench.take(vec![to("c")]).is_empty());
@@ -151,6 +151,84 @@ fn limits_hold() {
     let mut bench = Bench::open(dir.path(), Limits { max_map_bytes: 4000, ..Limits::default() });
     bench.take((1..=100).map(|number| arrival(ANA, number)).collect());
     assert!(bench.head().bytes <= 4000 && bench.head().refused > 0, "{:?}", bench.head());
+}
+
+#[test]
+fn a_writer_is_told_why_it_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut bench = Bench::open(dir.path(), Limits::default());
+    bench.take(vec![arrival(ANA, 1)]);
+    let forged = arrival_of(&Increment { hlc_us: 5, ..increment(ANA, 1) });
+    let future = arrival_of(&Increment { hlc_us: NOW_US + 7_200_000_000, ..increment(BEN, 1) });
+    let elsewhere = Arrival { key: "fht/museum/inc".to_owned(), ..forged.clone() };
+    let taken = bench.ingest.take(vec![forged.clone(), forged, future, elsewhere], NOW_US).unwrap();
+    let told: Vec<_> = taken.notices.iter().map(|notice| (notice.author, notice.reply.code)).collect();
+    assert_eq!(told, [(ANA, ErrorCode::Conflict), (BEN, ErrorCode::Future)], "once each, and only whom a key names");
+    assert!(taken.notices.iter().all(|notice| notice.map == museum() && notice.reply.code.is_permanent_refusal()));
+}
+
+#[test]
+fn invented_map_names_keep_nobody_out() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut bench = Bench::open(dir.path(), Limits { max_nursery_bytes: 100_000, ..Limits::default() });
+    let to = |map: &str, number| {
+        let map = map.parse().unwrap();
+        let key = fht_proto::keys::Key::increment(&map, ANA, number).to_string();
+        Arrival { key, payload: Ok(bytes(ANA, number)) }
+    };
+    for index in 0..2000 {
+        assert!(bench.take(vec![to(&format!("invented{index}"), 2)]).is_empty());
+    }
+    assert!(bench.catalog.heads().is_empty());
+    assert_eq!(bench.take(vec![to("honest", 1)]).len(), 1);
+    // What was kept last is still there.
+    bench.take(vec![to("late", 3), to("late", 2), to("late", 1)]);
+    assert_eq!(bench.catalog.view(&"late".parse().unwrap()).unwrap().head.version, 3);
+}
+
+/// Many small operations: three bytes each on the wire, some hundred in memory.
+fn crowd(author: AuthorId, number: u64, first: u32, count: u32) -> Increment {
+    let ops = (first..first + count).map(|id| Op::RemoveNode { id: node(author, id) }).collect();
+    Increment { ops, ..increment(author, number) }
+}
+
+#[test]
+fn elements_are_limited_whatever_they_weigh_on_the_wire() {
+    let limits = Limits { max_map_elements: 1000, max_total_elements: 1500, ..Limits::default() };
+    let dir = tempfile::tempdir().unwrap();
+    let mut bench = Bench::open(dir.path(), limits.clone());
+    let crowds: Vec<Arrival> = (1..=5).map(|n| arrival_of(&crowd(ANA, n, n as u32 * 400, 400))).collect();
+    bench.take(crowds);
+    assert_eq!((bench.head().version, bench.head().refused), (2, 3), "two of 400 fit into 1000");
+    // The same ones again make no more elements: there is room for as long as an operation could still make one.
+    bench.take(vec![arrival_of(&crowd(ANA, 3, 400, 200)), arrival_of(&crowd(ANA, 4, 400, 200))]);
+    assert_eq!(bench.head().version, 3);
+    bench.take(vec![arrival_of(&crowd(ANA, 4, 400, 200))]);
+    assert_eq!(bench.head().version, 4, "counted anew after each batch");
+    // All maps together, and after a restart.
+    drop(bench);
+    let mut bench = Bench::open(dir.path(), limits);
+    let other = |number, count| {
+        let increment = crowd(BEN, number, number as u32 * 1000, count);
+        let key = fht_proto::keys::Key::increment(&"other".parse().unwrap(), BEN, number).to_string();
+        Arrival { key, payload: Ok(encode(&increment).unwrap()) }
+    };
+    assert!(bench.take(vec![other(1, 701)]).is_empty());
+    assert_eq!(bench.take(vec![other(1, 700)]).len(), 1);
+}
+
+#[test]
+fn what_waits_is_charged_as_it_is_in_memory() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut limits = Limits::default();
+    limits.early.max_waiting_bytes = 1 << 20;
+    let mut bench = Bench::open(dir.path(), limits);
+    bench.take(vec![arrival(ANA, 1)]);
+    // Twenty increments of 4096 small operations: 16 KB each on the wire, some 300 KB in memory.
+    bench.take((3..=22).map(|number| arrival_of(&crowd(ANA, number, 0, 4096))).collect());
+    bench.take(vec![arrival(ANA, 2)]);
+    let kept = bench.head().version - 2;
+    assert!((1..5).contains(&kept), "{kept} waited");
 }
 
 #[test]
@@ -167,7 +245,7 @@ fn only_the_canonical_form_is_taken() {
     forged.extend(body);
     forged.extend(crc32fast::hash(&forged).to_le_bytes());
     assert_eq!(fht_proto::decode::<Increment>(&forged).unwrap(), one);
-    let arrival = Arrival { key: key(ANA, 1), payload: Some(forged) };
+    let arrival = Arrival { key: key(ANA, 1), payload: Ok(forged) };
     assert_eq!(check(arrival, &Limits::default(), NOW_US), Err(Refusal::NotCanonical));
 }
 
@@ -183,9 +261,37 @@ fn a_damaged_store_is_not_served() {
 }
 
 #[test]
+fn a_later_format_is_told_from_damage() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path()).unwrap();
+    let mut newer = bytes(ANA, 1);
+    newer[3] = 2;
+    store.append(&[Record { map: museum(), sequence: 1, author: ANA, number: 1, bytes: newer }]).unwrap();
+    let error = Catalog::load(&store).unwrap_err();
+    assert!(matches!(error, StoreError::IncrementFormat { found: 2, .. }), "{error}");
+    drop(store);
+    let database = redb::Database::open(dir.path().join(FILE_NAME)).unwrap();
+    let write = database.begin_write().unwrap();
+    write.open_table(redb::TableDefinition::<&str, u64>::new("meta")).unwrap().insert("format", 7).unwrap();
+    write.commit().unwrap();
+    drop(database);
+    let error = Store::open(dir.path()).unwrap_err();
+    assert!(matches!(error, StoreError::Format { found: 7, .. }), "{error}");
+}
+
+#[test]
+fn a_store_has_one_owner_at_a_time() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path()).unwrap();
+    assert!(matches!(Store::open(dir.path()), Err(StoreError::InUse { .. })));
+    drop(store);
+    Store::open(dir.path()).unwrap();
+}
+
+#[test]
 fn the_queue_is_bounded_and_ends() {
     let queue = Queue::new(3000);
-    let arrival = |size| Arrival { key: "k".to_owned(), payload: Some(vec![0; size]) };
+    let arrival = |size| Arrival { key: "k".to_owned(), payload: Ok(vec![0; size]) };
     (0..4).for_each(|_| queue.push(arrival(1000)));
     assert_eq!(queue.take_dropped(), 2);
     assert_eq!(queue.take(1).unwrap().len(), 1);

@@ -4,6 +4,7 @@
 mod support;
 
 use fht_proto::AuthorId;
+use map_server::store::Store;
 use std::time::Duration;
 use support::{ANA, Server, bytes, client, expected, free_endpoint, head, head_when, key, refused_start, until_up};
 use zenoh::Session;
@@ -50,6 +51,23 @@ async fn kill_9_in_the_middle_loses_nothing_acknowledged() {
     let last = head_when(&session, |head| head.version >= acknowledged).await;
     let (state, vector) = expected(&[(ANA, last.version)]);
     assert_eq!((last.digest, last.vector), (state.digest(), vector));
+}
+
+#[test]
+fn kill_9_in_the_very_first_start_does_no_harm() {
+    for round in 0..40 {
+        let dir = tempfile::tempdir().unwrap();
+        let mut server = Server::start(dir.path(), &free_endpoint());
+        std::thread::sleep(Duration::from_micros(400 * round));
+        server.kill();
+        if let Err(error) = Store::open(dir.path()) {
+            panic!("killed after {} us: {error}", 400 * round);
+        }
+    }
+    // What a power failure may leave of a file that was not finished.
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("maps.redb.new"), [0; 8192]).unwrap();
+    Store::open(dir.path()).unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -5,11 +5,15 @@ mod support;
 
 use fht_map::Replica;
 use fht_proto::compact::{CompactNodes, CompactPath};
+use fht_proto::keys::Key;
 use fht_proto::query::{ErrorCode, ErrorReply, Head, MapsReply, NodesReply, PathReply, Snapshot};
 use fht_proto::{Descriptor, ModelId, VersionVector, decode, encode};
 use map_server::config::LinkConfig;
 use map_server::{ServerConfig, run};
-use support::{ANA, BEN, ask, ask_with, bytes, client, expected, free_endpoint, head_when, key, node, signature};
+use std::time::Duration;
+use support::{
+    ANA, BEN, ask, ask_with, bytes, client, expected, free_endpoint, head_when, key, museum, node, signature,
+};
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use zenoh::Session;
@@ -188,6 +192,7 @@ async fn wrong_questions_get_a_reason() {
         ("fht/museum/match", BadRequest),
         ("fht/museum/map", BadRequest),
         ("fht/museum/path/extra", BadRequest),
+        ("fht/museum/refused/0000000a", BadRequest),
         ("fht/museum", BadRequest),
         ("fht/*/path?from=0,0;to=1,0", BadRequest),
     ] {
@@ -212,6 +217,7 @@ fn far_node() -> fht_proto::Increment {
 async fn hostile_increments_change_nothing() {
     let server = Running::with(5, 0).await;
     let before: Head = server.json("fht/museum/head").await;
+    let refusals = server.session.declare_subscriber(Key::refused(&museum(), ANA).to_string()).await.unwrap();
     let good = bytes(ANA, 6);
     let mut sent = 0;
     for at in (0..good.len()).step_by(7) {
@@ -233,6 +239,9 @@ async fn hostile_increments_change_nothing() {
     server.session.delete(key(ANA, 1)).await.unwrap();
     sent += 1;
     let after = head_when(&server.session, |head| head.refused >= sent).await;
+    let told = tokio::time::timeout(Duration::from_secs(10), refusals.recv_async()).await.unwrap().unwrap();
+    let told: ErrorReply = serde_json::from_slice(&told.payload().to_bytes()).unwrap();
+    assert_eq!(told.code, ErrorCode::BadRequest, "{told}");
     assert_eq!(Head { refused: 0, ..after }, before);
     // The server goes on as if nothing had been.
     server.session.put(key(ANA, 6), good).await.unwrap();

@@ -2,6 +2,7 @@
 
 use fht_proto::Stamp;
 use serde::Serialize;
+use std::io::BufWriter;
 
 /// BLAKE3 hash of a value's `postcard` form.
 pub(crate) type ContentHash = [u8; 32];
@@ -10,7 +11,9 @@ pub(crate) type ContentHash = [u8; 32];
 pub(crate) fn content_hash<T: Serialize>(value: &T) -> ContentHash {
     // Neither the hasher nor the types here (structures, and sequences of known length) have a way to fail. Were one to
     // appear, the empty hash would still be the same on every machine.
-    let hasher = postcard::to_io(value, blake3::Hasher::new()).unwrap_or_default();
+    // Through a buffer: one byte at a time, as `postcard` writes them, the hash takes many times as long.
+    let buffered = postcard::to_io(value, BufWriter::new(blake3::Hasher::new())).ok();
+    let hasher = buffered.and_then(|buffered| buffered.into_inner().ok()).unwrap_or_default();
     *hasher.finalize().as_bytes()
 }
 

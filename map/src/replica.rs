@@ -80,7 +80,7 @@ impl Replica {
     pub fn accept(&mut self, increment: Increment) -> Accepted {
         let (author, number) = (increment.author, increment.number);
         let hash = content_hash(&increment);
-        let bytes = increment.ops.iter().map(approximate_bytes).sum();
+        let bytes = increment.memory_bytes();
         let waited = self.sequence.waiting();
         match self.sequence.offer(author, number, bytes, Hashed { hash, increment }) {
             Offered::Ready(ready) => {
@@ -104,16 +104,4 @@ impl Replica {
         let applied = index.and_then(|index| self.applied.get(&author)?.get(index));
         if number >= 1 && applied == Some(&hash) { Accepted::Duplicate } else { Accepted::Conflict }
     }
-}
-
-/// What an operation takes up in memory, roughly.
-fn approximate_bytes(op: &fht_proto::Op) -> usize {
-    let payload = match op {
-        fht_proto::Op::SetSignature { signature, .. } => {
-            let descriptor = signature.descriptor.as_ref().map_or(0, |descriptor| descriptor.values.len());
-            descriptor + 2 * signature.scan.ranges_mm.len()
-        }
-        _ => 0,
-    };
-    size_of::<fht_proto::Op>() + payload
 }

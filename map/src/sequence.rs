@@ -63,6 +63,12 @@ impl<T: PartialEq> Sequence<T> {
         self.waiting.len()
     }
 
+    /// Bytes that wait, as they were offered.
+    #[must_use]
+    pub fn waiting_bytes(&self) -> usize {
+        self.waiting_bytes
+    }
+
     /// Offers item `number` (from 1) of `author`, which takes up `bytes`.
     pub fn offer(&mut self, author: AuthorId, number: u64, bytes: usize, item: T) -> Offered<T> {
         let passed = self.vector.get(author);

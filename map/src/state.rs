@@ -247,6 +247,12 @@ impl MapState {
         counts
     }
 
+    /// How many nodes, edges and models take up memory, removed ones included.
+    #[must_use]
+    pub fn elements(&self) -> usize {
+        self.nodes.len() + self.edges.len() + self.models.len()
+    }
+
     fn is_shown(&self, id: NodeId) -> bool {
         self.nodes.get(&id).is_some_and(|node| node.kind.is_some())
     }

@@ -169,6 +169,76 @@ fn put(number: u32, x_mm: i32) -> Op {
     Op::PutNode { id: node(number), kind: NodeKind::Support, pose }
 }
 
+/// Two nodes with all that nodes can have, an edge and a model, all written with one clock.
+fn furnished() -> Vec<Op> {
+    let signature = |value: i8, range: u16| Signature {
+        descriptor: Some(Descriptor { model: ModelId(1), scale: 1.0, values: vec![value; 4] }),
+        scan: ScanRecord {
+            base_from_sensor: FixedPose::default(),
+            angle_min: 0.0,
+            angle_increment: 0.1,
+            ranges_mm: vec![range; 4],
+        },
+    };
+    let model = DescriptorModel { id: ModelId(1), name: "model".to_owned(), dimension: 4, match_threshold_e3: 700 };
+    vec![
+        put(0, 1),
+        put(1, 2),
+        Op::SetFreeSpace { id: node(0), rect: Some(Rect { east_mm: 5, ..Rect::default() }) },
+        Op::SetSignature { id: node(0), signature: signature(1, 1000) },
+        Op::PutEdge { edge: EdgeKey::new(node(0), node(1)) },
+        Op::PutModel { model },
+    ]
+}
+
+#[test]
+fn a_change_of_anything_visible_changes_the_digest() {
+    let state = |ops: &[Op]| state_of(&[increment(1, 1, ops.to_vec())]);
+    let before = state(&furnished());
+    let mut digests = vec![before.digest()];
+    let mut check = |what: &str, change: &dyn Fn(&mut Vec<Op>)| {
+        let mut ops = furnished();
+        change(&mut ops);
+        let after = state(&ops);
+        assert_ne!(shown(&after), shown(&before), "{what} is to be seen");
+        assert!(!digests.contains(&after.digest()), "{what} does not change the digest");
+        digests.push(after.digest());
+    };
+    let signature_of = |ops: &mut Vec<Op>, change: &dyn Fn(&mut Signature)| match &mut ops[3] {
+        Op::SetSignature { signature, .. } => change(signature),
+        other => panic!("{other:?}"),
+    };
+    let pose = FixedPose { position: FixedPoint { x_mm: 1, y_mm: 0 }, yaw_e4: 0 };
+    // The same stamps throughout: the content alone is what differs.
+    check("a position", &|ops| ops[0] = put(0, 9));
+    check("a heading", &|ops| {
+        ops[0] = Op::PutNode { id: node(0), kind: NodeKind::Support, pose: FixedPose { yaw_e4: 1, ..pose } };
+    });
+    check("a kind", &|ops| ops[0] = Op::PutNode { id: node(0), kind: NodeKind::Main, pose });
+    check("a node's id", &|ops| ops[0] = put(2, 1));
+    check("a rectangle", &|ops| {
+        ops[2] = Op::SetFreeSpace { id: node(0), rect: Some(Rect { east_mm: 6, ..Rect::default() }) };
+    });
+    check("no rectangle", &|ops| ops[2] = Op::SetFreeSpace { id: node(0), rect: None });
+    check("a descriptor's value", &|ops| {
+        signature_of(ops, &|signature| signature.descriptor.as_mut().unwrap().values[3] = 2);
+    });
+    check("a descriptor's scale", &|ops| {
+        signature_of(ops, &|signature| signature.descriptor.as_mut().unwrap().scale = 2.0);
+    });
+    check("no descriptor", &|ops| signature_of(ops, &|signature| signature.descriptor = None));
+    check("a range", &|ops| signature_of(ops, &|signature| signature.scan.ranges_mm[3] = 1));
+    check("a scan's angle", &|ops| signature_of(ops, &|signature| signature.scan.angle_min = 0.1));
+    check("an edge", &|ops| ops[4] = Op::RemoveEdge { edge: EdgeKey::new(node(0), node(1)) });
+    check("a model's name", &|ops| {
+        if let Op::PutModel { model } = &mut ops[5] {
+            model.name.push('2');
+        }
+    });
+    check("a removed node", &|ops| ops.push(Op::RemoveNode { id: node(1) }));
+    check("one operation less", &|ops| _ = ops.pop());
+}
+
 #[test]
 fn a_removed_node_hides_its_edges_and_comes_back_bare() {
     let rect = Op::SetFreeSpace { id: node(0), rect: Some(Rect { east_mm: 5, ..Rect::default() }) };

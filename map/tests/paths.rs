@@ -101,6 +101,16 @@ fn a_place_beside_the_map_enters_it_at_the_nearest_point() {
 }
 
 #[test]
+fn borders_of_rectangles_belong_to_them() {
+    let node = FixedPoint { x_mm: 8043, y_mm: 2706 };
+    let rect = Rect { west_mm: 2282, east_mm: 2282, south_mm: 2282, north_mm: 2282 };
+    for (x_mm, y_mm) in [(8043, 4988), (8043, 424), (5761, 2706), (10_325, 2706)] {
+        assert!(rect.contains(node, FixedPoint { x_mm, y_mm }), "({x_mm}, {y_mm})");
+    }
+    assert!(!rect.contains(node, FixedPoint { x_mm: 8043, y_mm: 4989 }));
+}
+
+#[test]
 fn blocked_edges_are_gone_round() {
     let square = map(&[(0.0, 0.0, 0.5), (4.0, 0.0, 0.5), (4.0, 3.0, 0.5)], &[(0, 1), (1, 2), (0, 2)]);
     let mut config = RouteConfig::default();

@@ -1,11 +1,16 @@
 //! The command line of `mapper`.
 
+mod replay;
+
+use self::replay::{InfoArgs, ReplayArgs};
+use crate::explore::Ending;
 use crate::mapping::MapperConfig;
 use crate::report::ExploreReport;
 use crate::run::{ExploreTask, Snapshot, explore};
 use clap::{Args, Parser, Subcommand};
 use fht_proto::MapName;
 use fht_robot::link::LinkConfig;
+use fht_robot::stop::Stop;
 use fht_sim::SimConfig;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsString;
@@ -28,9 +33,28 @@ enum Command {
   mapper explore --world museum --map museum
   mapper explore --world floor/map.yaml --textures pictures/ --map floor --seed 3
   mapper explore --world office --offline --json        # no server: how good is the map?
+  mapper explore --world museum --offline --record run.mcap   # look at it in Foxglove, or replay it
 
-Set RUST_LOG=info (or debug) for logs.")]
-    Explore(ExploreArgs),
+Exit code 0: the map is complete and delivered; 1: it is not, or it failed; 2: a wrong argument.
+Ctrl-C ends the exploration and finishes the map as it is; a second one ends the program. Set RUST_LOG=info (or debug) for logs.")]
+    Explore(Box<ExploreArgs>),
+    /// Builds the map from a recorded run: a rosbag2 folder or an MCAP file with scans and odometry.
+    #[command(after_help = "Examples:
+  mapper replay run/ --map lab                           # a rosbag2 folder: /scan, /odom, /tf_static
+  mapper replay run.mcap --offline --json                # no server: what comes of it?
+  mapper replay run/ --map lab --scan-topic /front/scan --odom-topic /tf --base-frame base_footprint
+  mapper replay run/ --map lab --camera-topics /cam0/image,/cam1/image,/cam2/image,/cam3/image
+  mapper replay run/ --map lab --record mapped.mcap      # with /map, /path and /fht_map to look at
+
+Needed are sensor_msgs/LaserScan and nav_msgs/Odometry (or odom → base in /tf); the scanner's place on the robot comes
+from /tf_static. Four cameras ahead, left, behind and right (90° each, square pictures) give nodes their appearance;
+without them the map has scans only. 'mapper info BAG' says what a bag has.
+
+Ctrl-C ends the replay and finishes the map as it is; a second one ends the program. Set RUST_LOG=info (or debug) for
+logs.")]
+    Replay(Box<ReplayArgs>),
+    /// Says what is in a bag: topics, types, counts, times, and whether it can be read to its end.
+    Info(InfoArgs),
 }
 
 #[derive(Debug, Args)]
@@ -63,7 +87,7 @@ struct ExploreArgs {
     #[arg(long, default_value_t = 0)]
     light_seed: u64,
     /// Multiplies the wheels' errors.
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 1.0, value_parser = drift)]
     drift: f64,
     /// Another descriptor model: an ONNX file with its description beside it.
     #[arg(long)]
@@ -72,14 +96,17 @@ struct ExploreArgs {
     #[arg(long)]
     no_cameras: bool,
     /// Simulated seconds per second; by default as fast as possible.
-    #[arg(long)]
+    #[arg(long, value_parser = rate)]
     rate: Option<f64>,
     /// Give up after this much simulated time, seconds.
-    #[arg(long, default_value_t = 14_400.0)]
+    #[arg(long, default_value_t = 14_400.0, value_parser = seconds)]
     max_sim: f64,
     /// How long to wait at the end for the server to acknowledge everything, seconds.
-    #[arg(long, default_value_t = 60.0)]
+    #[arg(long, default_value_t = 60.0, value_parser = seconds)]
     linger: f64,
+    /// Write the run as a bag for ROS 2 and Foxglove: a file (FILE.mcap) or a rosbag2 folder.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
     /// Write the figures to this file as JSON.
     #[arg(long)]
     report: Option<PathBuf>,
@@ -94,6 +121,23 @@ struct ExploreArgs {
     quiet: bool,
 }
 
+fn number(text: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| range.contains(value));
+    value.ok_or_else(|| format!("'{text}' is not a number from {} to {}", range.start(), range.end()))
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=1e7)
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    number(text, 1e-3..=1e6)
+}
+
+fn drift(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=100.0)
+}
+
 impl ExploreArgs {
     fn task(&self) -> Result<ExploreTask, String> {
         let name =
@@ -102,12 +146,6 @@ impl ExploreArgs {
             Some(map) => map.clone(),
             None => name.parse().map_err(|error| format!("{error}; give the map a name with --map"))?,
         };
-        if !self.drift.is_finite() || self.drift < 0.0 {
-            return Err(format!("--drift {} is not a factor of 0 or more", self.drift));
-        }
-        if self.rate.is_some_and(|rate| !rate.is_finite() || rate <= 0.0) {
-            return Err("--rate needs a positive number".to_owned());
-        }
         Ok(ExploreTask {
             world: self.world.clone(),
             textures: self.textures.clone(),
@@ -123,8 +161,22 @@ impl ExploreArgs {
             max_sim_s: self.max_sim,
             linger_s: self.linger,
             mapper: MapperConfig::default(),
+            record: self.record.clone(),
+            stop: stop_on_signal()?,
         })
     }
+}
+
+fn stop_on_signal() -> Result<Stop, String> {
+    Stop::on_signal().map_err(|error| format!("signals cannot be handled: {error}"))
+}
+
+fn runtime() -> Result<tokio::runtime::Runtime, String> {
+    tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()
+        .map_err(|error| format!("the async runtime cannot be started: {error}"))
 }
 
 /// Runs the program with `args` (the first is its name).
@@ -145,8 +197,12 @@ where
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error"));
     // A second subscriber in one process (tests) is no harm.
     let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
-    let Command::Explore(args) = cli.command;
-    match run(args) {
+    let outcome = match cli.command {
+        Command::Explore(args) => run(&args),
+        Command::Replay(args) => replay::replay_bag(&args),
+        Command::Info(args) => replay::info(&args),
+    };
+    match outcome {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(message) => {
@@ -156,14 +212,10 @@ where
     }
 }
 
-fn run(args: ExploreArgs) -> Result<bool, String> {
+fn run(args: &ExploreArgs) -> Result<bool, String> {
     let task = args.task()?;
     let is_offline = task.link.is_none();
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(2)
-        .enable_all()
-        .build()
-        .map_err(|error| format!("the async runtime cannot be started: {error}"))?;
+    let runtime = runtime()?;
     let bar = if args.quiet || args.progress_json { ProgressBar::hidden() } else { spinner() };
     let progress_json = args.progress_json;
     let watched = bar.clone();
@@ -201,6 +253,10 @@ fn run(args: ExploreArgs) -> Result<bool, String> {
         eprintln!("mapper: the server did not acknowledge the whole map within {} s", args.linger);
         return Ok(false);
     }
+    if report.ending != Ending::Complete {
+        eprintln!("mapper: the map is not complete: {}", report.ending);
+        return Ok(false);
+    }
     Ok(true)
 }
 
@@ -212,6 +268,7 @@ fn spinner() -> ProgressBar {
 
 fn print_report(report: &ExploreReport) {
     println!("explored    {:.1} % of {:.0} m²", report.explored_fraction * 100.0, report.free_area_m2);
+    println!("ended       {}", report.ending);
     println!(
         "map         {} main nodes, {} support nodes, {} edges, version {}",
         report.main_nodes, report.support_nodes, report.edges, report.version
@@ -230,4 +287,22 @@ fn print_report(report: &ExploreReport) {
         report.sim_s, report.wall_s, report.frame_max_ms
     );
     println!("digest      {}", report.digest);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_that_make_no_sense_are_refused_with_the_arguments() {
+        let parse = |flag: &str, value: &str| Cli::try_parse_from(["mapper", "explore", flag, value]);
+        for flag in ["--linger", "--rate", "--max-sim", "--drift"] {
+            for value in ["nan", "inf", "1e300", "many"] {
+                let error = parse(flag, value).err().map(|error| error.to_string());
+                assert!(error.is_some_and(|text| text.contains(flag)), "{flag} {value}");
+            }
+            assert!(parse(flag, "1.5").is_ok(), "{flag}");
+        }
+        assert!(parse("--rate", "1e-21").is_err() && parse("--rate", "0").is_err());
+    }
 }

@@ -151,9 +151,9 @@ impl Builder {
         }
         let edges = edges::edges_of(journal.state(), grid, id, pose.position, &self.config.edges);
         ops.extend(edges.into_iter().map(|edge| Op::PutEdge { edge }));
-        if let Some(previous) = self.newest.replace(id) {
-            ops.extend(self.free_space_op(previous, journal, grid));
-        }
+        let previous = self.newest.replace(id);
+        ops.extend(previous.and_then(|previous| self.free_space_op(previous, journal, grid)));
+        ops.extend(self.corrections_near(pose.position, previous, journal, grid));
         (id, ops)
     }
 
@@ -178,15 +178,39 @@ impl Builder {
         ops
     }
 
-    /// The rectangle of a node, if it is larger than what the map has by a tenth.
+    /// The rectangle of a node, if it is larger than what the map has by a tenth, or if something stands in what the map
+    /// has; then whatever is free around the node by now, be it nothing.
     fn free_space_op(&self, id: NodeId, journal: &Journal, grid: &OccupancyGrid) -> Option<Op> {
         let node = journal.state().node(id)?;
-        let grown = free_space::grow(grid, node.pose.position, &self.config.free_space)?;
-        let is_news = node.free_space.is_none_or(|rect| grown.area_m2() > 1.1 * rect.area_m2());
-        is_news.then_some(Op::SetFreeSpace { id, rect: Some(grown) })
+        let position = node.pose.position;
+        let grown = free_space::grow(grid, position, &self.config.free_space);
+        let is_news = match (node.free_space, grown) {
+            (None, grown) => grown.is_some(),
+            (Some(rect), _) if free_space::is_obstructed(grid, position, &rect) => true,
+            (Some(rect), grown) => grown.is_some_and(|grown| grown.area_m2() > 1.1 * rect.area_m2()),
+        };
+        is_news.then_some(Op::SetFreeSpace { id, rect: grown })
     }
 
-    /// At the end: rectangles that have become larger since their node was made, and edges that walls now cross.
+    /// Corrects the rectangles of the nodes around `here`, but for `done`, that something stands in by now: the robot has
+    /// just seen this part, and others plan through what the map says is free.
+    fn corrections_near(
+        &self,
+        here: FixedPoint,
+        done: Option<NodeId>,
+        journal: &Journal,
+        grid: &OccupancyGrid,
+    ) -> Vec<Op> {
+        let nodes = edges::nearby_nodes(journal.state(), here, self.config.free_space.longest_reach_m);
+        let is_wrong = |id: NodeId, position: FixedPoint| {
+            let rect = journal.state().node(id).and_then(|node| node.free_space);
+            rect.is_some_and(|rect| free_space::is_obstructed(grid, position, &rect))
+        };
+        let wrong = nodes.into_iter().filter(|&(_, id, position)| done != Some(id) && is_wrong(id, position));
+        wrong.filter_map(|(_, id, _)| self.free_space_op(id, journal, grid)).collect()
+    }
+
+    /// At the end: rectangles that have become larger since their node was made or that something stands in, and edges that walls now cross.
     #[must_use]
     pub fn finish(&self, journal: &Journal, grid: &OccupancyGrid) -> Vec<Op> {
         let state = journal.state();
@@ -194,5 +218,85 @@ impl Builder {
         let removals = blocked.into_iter().map(|edge| Op::RemoveEdge { edge });
         let rectangles = state.nodes().filter_map(|node| self.free_space_op(node.id, journal, grid));
         removals.chain(rectangles).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fht_proto::AuthorId;
+    use fht_robot::frame::LaserScan;
+    use fht_robot::grid::GridConfig;
+
+    /// A scan from the middle of a square room of side 6 m, with a post of 0.2 m at (1, 0) if `post`.
+    fn room(post: bool) -> LaserScan {
+        let increment = std::f64::consts::TAU / 2880.0;
+        let ranges_m = (0..2880).map(|beam| {
+            let (sin, cos) = (f64::from(beam) * increment).sin_cos();
+            let is_post = post && cos > 0.0 && (sin / cos).abs() < 0.1;
+            (if is_post { 1.0 / cos } else { 3.0 / cos.abs().max(sin.abs()) }) as f32
+        });
+        LaserScan {
+            base_from_sensor: Pose2::identity(),
+            angle_min: 0.0,
+            angle_increment: increment,
+            range_min_m: 0.1,
+            range_max_m: 7.0,
+            ranges_m: ranges_m.collect(),
+        }
+    }
+
+    fn look(grid: &mut OccupancyGrid, scan: &LaserScan, times: usize) {
+        (0..times).for_each(|_| grid.integrate(&Pose2::identity(), scan));
+    }
+
+    /// A map of two nodes in an empty room; the first has a rectangle of the whole room.
+    fn mapped() -> (Builder, Journal, OccupancyGrid, NodeId) {
+        let mut grid = OccupancyGrid::new(GridConfig::default());
+        look(&mut grid, &room(false), 3);
+        let mut builder = Builder::new(BuilderConfig::default());
+        let mut journal = Journal::new(AuthorId(1));
+        let mut make = |place: Pose2| {
+            let (id, ops) = builder.make_node(NodeKind::Support, &place, None, &mut journal, &grid);
+            journal.write(ops, 1);
+            id
+        };
+        let first = make(pose(0.0, 0.0, 0.0));
+        make(pose(-1.0, 1.0, 0.0));
+        (builder, journal, grid, first)
+    }
+
+    fn free_around(journal: &Journal, id: NodeId) -> Option<fht_proto::Rect> {
+        journal.state().node(id).and_then(|node| node.free_space)
+    }
+
+    #[test]
+    fn a_rectangle_that_something_stands_in_is_corrected_when_a_node_near_it_is_made_and_at_the_end() {
+        for at_the_end in [false, true] {
+            let (mut builder, mut journal, mut grid, first) = mapped();
+            assert!(free_around(&journal, first).is_some_and(|rect| rect.east_mm > 2000));
+            look(&mut grid, &room(true), 20);
+            let ops = if at_the_end {
+                builder.finish(&journal, &grid)
+            } else {
+                builder.make_node(NodeKind::Support, &pose(-1.0, -1.0, 0.0), None, &mut journal, &grid).1
+            };
+            journal.write(ops, 2);
+            let rect = free_around(&journal, first).expect("still on free floor");
+            assert!(rect.east_mm <= 1000 || rect.north_mm < 200 || rect.south_mm < 200, "{rect:?}");
+            journal.write(builder.finish(&journal, &grid), 3);
+            assert!(builder.finish(&journal, &grid).is_empty(), "nothing is left to correct");
+        }
+    }
+
+    #[test]
+    fn a_node_that_something_stands_on_has_no_free_space() {
+        let (builder, mut journal, mut grid, first) = mapped();
+        let mut blocked = room(false);
+        blocked.ranges_m.fill(0.11);
+        // From beside the node, a ring of hits lies over it.
+        (0..20).for_each(|_| grid.integrate(&pose(0.13, 0.02, 0.0), &blocked));
+        journal.write(builder.finish(&journal, &grid), 2);
+        assert_eq!(free_around(&journal, first), None);
     }
 }

@@ -15,7 +15,9 @@ use fht_robot::grid::{Cell, OccupancyGrid};
 use fht_robot::motion::{FollowConfig, PathFollower, SafetyConfig, safe_command};
 use fht_robot::planning::{PlanConfig, Traversable, region_around};
 use fht_robot::pose::{Point2, Pose2, wrap_angle};
+use serde::{Deserialize, Serialize};
 use setbacks::Setbacks;
+use std::fmt;
 
 /// How to explore.
 #[derive(Clone, Debug)]
@@ -65,13 +67,38 @@ impl Default for ExploreConfig {
     }
 }
 
+/// Why an exploration ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ending {
+    /// Nothing reachable is unexplored, but for places that were tried and given up.
+    Complete,
+    /// The robot could not get free any more.
+    Stuck,
+    /// The time allowed was up.
+    OutOfTime,
+    /// Nobody took the map any more.
+    Interrupted,
+}
+
+impl fmt::Display for Ending {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Complete => "complete",
+            Self::Stuck => "the robot is stuck: it tried to get free and did not move",
+            Self::OutOfTime => "out of time (--max-sim)",
+            Self::Interrupted => "nobody takes the map any more",
+        })
+    }
+}
+
 /// What to do until the next frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ExploreStep {
     /// Drive so.
     Drive(Twist),
-    /// Nothing reachable is unexplored.
-    Done,
+    /// It is over, complete or stuck.
+    Done(Ending),
 }
 
 /// A frontier the robot is on its way to.
@@ -116,7 +143,7 @@ pub struct Explorer {
     moved: Option<(Point2, u64)>,
     recovering_since_us: Option<u64>,
     recoveries: u32,
-    done: bool,
+    ended: Option<Ending>,
 }
 
 impl Explorer {
@@ -132,7 +159,7 @@ impl Explorer {
             moved: None,
             recovering_since_us: None,
             recoveries: 0,
-            done: false,
+            ended: None,
         }
     }
 
@@ -151,8 +178,8 @@ impl Explorer {
     /// Once per frame: `grid` holds the frame's scan already, `map_from_base` is the robot's pose in the grid's frame.
     /// Time must not go back. After [`ExploreStep::Done`] it stays done.
     pub fn step(&mut self, grid: &OccupancyGrid, map_from_base: &Pose2, scan: &LaserScan, time_us: u64) -> ExploreStep {
-        if self.done {
-            return ExploreStep::Done;
+        if let Some(ending) = self.ended {
+            return ExploreStep::Done(ending);
         }
         let position = Point2::from(map_from_base.translation.vector);
         self.watch_for_being_stuck(position, time_us);
@@ -166,9 +193,12 @@ impl Explorer {
             Some(twist) if self.recoveries <= MAX_RECOVERIES => {
                 ExploreStep::Drive(safe_command(twist, scan, &self.config.safety))
             }
-            _ => {
-                self.done = true;
-                ExploreStep::Done
+            given_up => {
+                // Without having moved since, it has given its goals up because it cannot move.
+                let is_stuck = given_up.is_some() || self.recoveries > 0;
+                let ending = if is_stuck { Ending::Stuck } else { Ending::Complete };
+                self.ended = Some(ending);
+                ExploreStep::Done(ending)
             }
         }
     }

@@ -10,7 +10,12 @@
 //! | [`camera`] | descriptors, computed beside the loop |
 //! | [`mapping`] | all of it, frame by frame |
 //! | [`publish`] | increments to the server, kept until acknowledged |
-//! | [`run`], [`report`], [`cli`] | the program |
+//! | [`window`] | which increment goes out next, and when again |
+//! | [`linked`] | a run whose map goes to a server while it is made |
+//! | [`record`] | the run as a bag |
+//! | [`run`], [`report`] | exploring a simulated building |
+//! | [`replay`] | mapping from a bag |
+//! | [`cli`] | the program |
 
 pub mod calibration;
 pub mod camera;
@@ -19,11 +24,15 @@ pub mod construct;
 pub mod explore;
 pub mod frontier;
 pub mod journal;
+pub mod linked;
 pub mod mapping;
 pub mod publish;
+pub mod record;
 pub mod refine;
+pub mod replay;
 pub mod report;
 pub mod run;
 pub mod slam;
+pub mod window;
 
 pub use cli::main_with_args;

@@ -3,9 +3,9 @@
 //! Pure of I/O: frames go in, a command and increments come out. Camera and refinement work in threads beside it and
 //! are joined at fixed frames, so the same frames give the same map.
 
-use crate::camera::CameraWorker;
+use crate::camera::{CameraError, CameraWorker};
 use crate::construct::{Builder, BuilderConfig, Chain, Observation, point};
-use crate::explore::{ExploreConfig, ExploreStep, Explorer};
+use crate::explore::{Ending, ExploreConfig, ExploreStep, Explorer};
 use crate::journal::Journal;
 use crate::refine::{RefineConfig, RefineJob, RefineWorker, Roadmap, Shortcut, is_still_free, shortcuts};
 use crate::slam::{Slam, SlamConfig};
@@ -41,8 +41,8 @@ const REFINE_QUEUE: usize = 64;
 pub enum Step {
     /// Drive on.
     Drive(Twist),
-    /// Nothing reachable is unexplored.
-    Done,
+    /// It is over, complete or stuck.
+    Done(Ending),
 }
 
 /// An exploration in progress.
@@ -102,6 +102,14 @@ impl Mapper {
         &self.trajectory
     }
 
+    /// Whether nodes still get what the task asked for.
+    ///
+    /// # Errors
+    /// [`CameraError`]: too many panoramas in a row could not be described.
+    pub fn check(&self) -> Result<(), CameraError> {
+        self.camera.as_ref().map_or(Ok(()), CameraWorker::check)
+    }
+
     /// The increments written since the last call, in order.
     pub fn take_increments(&mut self) -> Vec<Increment> {
         std::mem::take(&mut self.increments)
@@ -109,6 +117,16 @@ impl Mapper {
 
     /// Takes in a frame and says what to do next.
     pub fn step(&mut self, frame: &SensorFrame) -> Step {
+        let map_from_base = self.observe(frame);
+        match self.explorer.step(self.slam.grid(), &map_from_base, &frame.scan, frame.time_us) {
+            ExploreStep::Drive(twist) => Step::Drive(twist),
+            ExploreStep::Done(ending) => Step::Done(ending),
+        }
+    }
+
+    /// Takes in a frame of a robot that somebody else drives (a recorded run), and says where the robot is. The map is the
+    /// same as with [`step`](Self::step).
+    pub fn observe(&mut self, frame: &SensorFrame) -> Pose2 {
         let update = self.slam.update(frame);
         let map_from_base = update.map_from_base;
         self.trajectory.push((frame.time_us, map_from_base));
@@ -120,10 +138,7 @@ impl Mapper {
         self.take_node(made, frame.time_us);
         self.refine(frame.time_us);
         self.frame += 1;
-        match self.explorer.step(self.slam.grid(), &map_from_base, &frame.scan, frame.time_us) {
-            ExploreStep::Drive(twist) => Step::Drive(twist),
-            ExploreStep::Done => Step::Done,
-        }
+        map_from_base
     }
 
     /// Main nodes: from the panorama before this one, whose descriptor is ready by now.

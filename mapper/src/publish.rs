@@ -1,20 +1,22 @@
 //! Increments to the server: each is put the moment it exists, and kept until the server's head covers it. After a
 //! lost link or a restarted server the rest is sent again from there.
 
-use fht_proto::query::Head;
-use fht_proto::{AuthorId, CodecError, Increment, MapName, encode, keys};
-use std::collections::BTreeMap;
-use std::time::Duration;
+use crate::window::{ForeignWriter, Window, WindowConfig};
+use fht_proto::keys::{Key, Topic};
+use fht_proto::query::{ErrorCode, ErrorReply, Head};
+use fht_proto::{AuthorId, CodecError, Increment, MapName, encode};
+use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 use zenoh::bytes::Encoding;
+use zenoh::handlers::RingChannel;
 use zenoh::qos::{CongestionControl, Priority};
 
 /// Increments that may wait between the robot's loop and the publisher.
 const QUEUE: usize = 1024;
-/// Increments on the way to the server without an acknowledgement.
-const WINDOW: usize = 256;
-/// The head is asked for this often while something is not acknowledged.
-const RESEND_PERIOD: Duration = Duration::from_secs(1);
+/// How long the server has for one answer.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(1);
+/// Pause before a question is put again.
+const ASK_AGAIN: Duration = Duration::from_millis(200);
 
 /// Why publishing ended.
 #[derive(Debug, thiserror::Error)]
@@ -25,6 +27,30 @@ pub enum PublishError {
     /// An increment that the server would refuse: a defect of this program.
     #[error("an increment cannot be sent: {0}")]
     Increment(#[from] CodecError),
+    /// Whether the map exists is not known.
+    #[error("no map server told within {seconds} s whether there is a map '{map}': {reason}")]
+    NoAnswer {
+        /// The map asked for.
+        map: MapName,
+        /// How long was waited.
+        seconds: u64,
+        /// What came instead of an answer, the last time.
+        reason: String,
+    },
+    /// The server has increments of this author that this run has not made.
+    #[error("{0}; give every robot a --robot of its own, and every run a --map of its own")]
+    Foreign(#[from] ForeignWriter),
+    /// The server refuses increments of this run and would do so again.
+    #[error("the map server refuses this run's increments: {}{}", .0.message, advice(.0.code))]
+    Refused(ErrorReply),
+}
+
+fn advice(code: ErrorCode) -> &'static str {
+    match code {
+        ErrorCode::Conflict => " (another robot of the same name writes this map)",
+        ErrorCode::Future => " (is this robot's clock right?)",
+        _ => "",
+    }
 }
 
 /// How far publishing has come.
@@ -50,9 +76,15 @@ pub struct Outbox {
 
 impl Outbox {
     /// Hands an increment over. Waits when the queue is full, which takes a server that is gone for long: what is not
-    /// acknowledged is kept by the publisher, not here.
+    /// acknowledged is kept by the publisher, not here. False when the publisher has ended.
     pub fn send(&self, increment: Increment) -> bool {
         self.increments.blocking_send(increment).is_ok()
+    }
+
+    /// Whether the publisher has ended, which it does early only for a reason: see its result.
+    #[must_use]
+    pub fn has_ended(&self) -> bool {
+        self.increments.is_closed()
     }
 
     /// How far publishing has come.
@@ -68,32 +100,8 @@ impl Outbox {
     }
 }
 
-/// Increments of one author that the server does not have yet.
-#[derive(Default)]
-struct Unacknowledged {
-    encoded: BTreeMap<u64, Vec<u8>>,
-    /// Number of the last one put since the last loss.
-    sent: u64,
-    acknowledged: u64,
-}
-
-impl Unacknowledged {
-    fn acknowledge(&mut self, number: u64) {
-        self.acknowledged = self.acknowledged.max(number);
-        self.encoded = self.encoded.split_off(&(self.acknowledged + 1));
-        self.sent = self.sent.max(self.acknowledged);
-    }
-
-    /// The next to be put, if the window has room.
-    fn next(&self) -> Option<(u64, &Vec<u8>)> {
-        let next = self.sent + 1;
-        let has_room = next - self.acknowledged <= WINDOW as u64;
-        self.encoded.get(&next).filter(|_| has_room).map(|bytes| (next, bytes))
-    }
-}
-
 /// Makes an outbox and the future that empties it over `session`. The future ends when the outbox is closed and all is
-/// acknowledged.
+/// acknowledged, or with the reason why that cannot be.
 pub fn outbox(
     session: zenoh::Session,
     map: MapName,
@@ -101,116 +109,172 @@ pub fn outbox(
 ) -> (Outbox, impl Future<Output = Result<Progress, PublishError>>) {
     let (increments, incoming) = mpsc::channel(QUEUE);
     let (report, progress) = watch::channel(Progress::default());
-    (Outbox { increments, progress }, publish(session, map, author, incoming, report))
+    let publisher = Publisher { session, map, author, window: Window::new(WindowConfig::default()), report };
+    (Outbox { increments, progress }, publisher.run(incoming))
 }
 
-async fn publish(
+struct Publisher {
     session: zenoh::Session,
     map: MapName,
     author: AuthorId,
-    mut incoming: mpsc::Receiver<Increment>,
+    window: Window,
     report: watch::Sender<Progress>,
-) -> Result<Progress, PublishError> {
-    let head_key = keys::Key::topic(&map, keys::Topic::Head).to_string();
-    let heads = session.declare_subscriber(&head_key).await?;
-    let mut queue = Unacknowledged::default();
-    let mut is_open = true;
-    let mut tick = tokio::time::interval(RESEND_PERIOD);
-    tick.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
-    let mut acknowledged_at_tick = 0;
-    loop {
-        while let Some((number, bytes)) = queue.next() {
-            let key = keys::Key::increment(&map, author, number).to_string();
-            report.send_modify(|progress| progress.wire_bytes += bytes.len() as u64);
-            session
-                .put(key, bytes.clone())
+}
+
+impl Publisher {
+    async fn run(mut self, mut incoming: mpsc::Receiver<Increment>) -> Result<Progress, PublishError> {
+        // Rings: the newest head is the only one that counts, and nobody waits for a slow robot.
+        let head_key = Key::topic(&self.map, Topic::Head).to_string();
+        let heads = self.session.declare_subscriber(head_key).with(RingChannel::new(1)).await?;
+        let refused_key = Key::refused(&self.map, self.author).to_string();
+        let refusals = self.session.declare_subscriber(refused_key).with(RingChannel::new(8)).await?;
+        let mut is_open = true;
+        loop {
+            self.put_all().await?;
+            if !is_open && self.window.is_empty() {
+                return Ok(self.report.borrow().clone());
+            }
+            let ask_at = self.window.ask_at();
+            tokio::select! {
+                next = incoming.recv(), if is_open => match next {
+                    Some(increment) => self.add(&increment)?,
+                    None => is_open = false,
+                },
+                head = heads.recv_async() => match read_head(&head?.payload().to_bytes(), &self.map) {
+                    Ok(head) => _ = self.take(head)?,
+                    Err(reason) => tracing::warn!("a head that cannot be used: {reason}"),
+                },
+                refusal = refusals.recv_async() => take_refusal(&refusal?.payload().to_bytes())?,
+                () = tokio::time::sleep_until(ask_at.unwrap_or_else(Instant::now).into()), if ask_at.is_some() => {
+                    self.ask().await?;
+                }
+            }
+        }
+    }
+
+    fn add(&mut self, increment: &Increment) -> Result<(), PublishError> {
+        let bytes = encode(increment)?;
+        self.report.send_modify(|progress| {
+            progress.written = increment.number;
+            progress.map_bytes += bytes.len() as u64;
+        });
+        self.window.push(increment.number, bytes);
+        Ok(())
+    }
+
+    async fn put_all(&mut self) -> Result<(), PublishError> {
+        while let Some((number, bytes)) = self.window.next() {
+            let key = Key::increment(&self.map, self.author, number).to_string();
+            self.report.send_modify(|progress| progress.wire_bytes += bytes.len() as u64);
+            self.session
+                .put(key, bytes)
                 .encoding(Encoding::APPLICATION_OCTET_STREAM)
                 .congestion_control(CongestionControl::Block)
                 .priority(Priority::Data)
                 .await?;
-            queue.sent = number;
+            self.window.put(Instant::now());
         }
-        if !is_open && queue.encoded.is_empty() {
-            return Ok(report.borrow().clone());
+        Ok(())
+    }
+
+    /// Takes a head in; returns whether it acknowledges more than was known.
+    fn take(&mut self, head: Head) -> Result<bool, PublishError> {
+        let is_news = self.window.acknowledge(head.vector.get(self.author), Instant::now())?;
+        self.report.send_modify(|progress| {
+            progress.acknowledged = self.window.acknowledged();
+            progress.head = Some(head);
+        });
+        Ok(is_news)
+    }
+
+    /// There is no news: the server may be new, or increments or heads were lost. Asks, and sends again from where the
+    /// server is.
+    async fn ask(&mut self) -> Result<(), PublishError> {
+        let is_news = match ask_head(&self.session, &self.map).await? {
+            Answer::Head(head) => self.take(head)?,
+            Answer::NoMap => false,
+            Answer::None(reason) => {
+                tracing::debug!("the head is not known: {reason}");
+                self.window.unanswered(Instant::now());
+                return Ok(());
+            }
+        };
+        if !is_news {
+            self.window.lost();
         }
-        tokio::select! {
-            next = incoming.recv(), if is_open => match next {
-                Some(increment) => {
-                    let bytes = encode(&increment)?;
-                    report.send_modify(|progress| {
-                        progress.written = increment.number;
-                        progress.map_bytes += bytes.len() as u64;
-                    });
-                    queue.encoded.insert(increment.number, bytes);
-                }
-                None => is_open = false,
-            },
-            head = heads.recv_async() => {
-                let head = head?;
-                take_head(&head.payload().to_bytes(), author, &mut queue, &report);
-            }
-            _ = tick.tick() => {
-                if queue.encoded.is_empty() {
-                    continue;
-                }
-                // No news since the last tick: the server may be new, or increments or heads were lost. Ask, and send
-                // again from where the server is.
-                if queue.acknowledged == acknowledged_at_tick {
-                    ask_head(&session, &head_key, author, &mut queue, &report).await?;
-                    queue.sent = queue.acknowledged;
-                }
-                acknowledged_at_tick = queue.acknowledged;
-            }
+        Ok(())
+    }
+}
+
+fn take_refusal(payload: &[u8]) -> Result<(), PublishError> {
+    match serde_json::from_slice::<ErrorReply>(payload) {
+        Ok(reply) if reply.code.is_permanent_refusal() => Err(PublishError::Refused(reply)),
+        Ok(reply) => {
+            tracing::warn!("the server refused an increment: {reply}");
+            Ok(())
+        }
+        Err(error) => {
+            tracing::warn!("a refusal that cannot be read: {error}");
+            Ok(())
         }
     }
 }
 
-fn take_head(payload: &[u8], author: AuthorId, queue: &mut Unacknowledged, report: &watch::Sender<Progress>) {
-    match serde_json::from_slice::<Head>(payload) {
-        Ok(head) => {
-            queue.acknowledge(head.vector.get(author));
-            report.send_modify(|progress| {
-                progress.acknowledged = queue.acknowledged;
-                progress.head = Some(head);
-            });
-        }
-        Err(error) => tracing::warn!("a head that cannot be read: {error}"),
-    }
+fn read_head(payload: &[u8], map: &MapName) -> Result<Head, String> {
+    let head: Head = serde_json::from_slice(payload).map_err(|error| error.to_string())?;
+    head.checked(map).map_err(|error| error.to_string())
 }
 
-async fn ask_head(
-    session: &zenoh::Session,
-    head_key: &str,
-    author: AuthorId,
-    queue: &mut Unacknowledged,
-    report: &watch::Sender<Progress>,
-) -> Result<(), PublishError> {
-    let replies = session.get(head_key).timeout(RESEND_PERIOD).await?;
+/// What came back to the question for a head.
+enum Answer {
+    Head(Head),
+    /// The server has no such map.
+    NoMap,
+    /// No server answered, or not to the question: what came instead.
+    None(String),
+}
+
+async fn ask_head(session: &zenoh::Session, map: &MapName) -> Result<Answer, PublishError> {
+    let key = Key::topic(map, Topic::Head).to_string();
+    let replies = session.get(key).timeout(ANSWER_TIMEOUT).await?;
+    let mut answer = Answer::None("nobody answered".to_owned());
     while let Ok(reply) = replies.recv_async().await {
-        if let Ok(sample) = reply.result() {
-            take_head(&sample.payload().to_bytes(), author, queue, report);
+        match reply.result() {
+            Ok(sample) => match read_head(&sample.payload().to_bytes(), map) {
+                Ok(head) => return Ok(Answer::Head(head)),
+                Err(reason) => answer = Answer::None(format!("a head that cannot be used: {reason}")),
+            },
+            Err(error) => match serde_json::from_slice::<ErrorReply>(&error.payload().to_bytes()) {
+                Ok(reply) if reply.code == ErrorCode::UnknownMap => answer = Answer::NoMap,
+                Ok(reply) => answer = Answer::None(reply.message),
+                // Zenoh's own, such as a timeout.
+                Err(_) => {}
+            },
         }
     }
-    Ok(())
+    Ok(answer)
 }
 
-/// The head of a map as the server has it now; `None` when no server answers within `timeout` or it has no such map.
+/// The head of a map as the server has it now; `None` when the server says that it has no such map. A server that is silent or
+/// busy is asked again, for as long as `patience`.
 ///
 /// # Errors
-/// When the session fails.
-pub async fn current_head(
+/// [`PublishError::NoAnswer`] when no server has answered by then, [`PublishError::Session`].
+pub async fn find_head(
     session: &zenoh::Session,
     map: &MapName,
-    timeout: Duration,
+    patience: Duration,
 ) -> Result<Option<Head>, PublishError> {
-    let key = keys::Key::topic(map, keys::Topic::Head).to_string();
-    let replies = session.get(key).timeout(timeout).await?;
-    while let Ok(reply) = replies.recv_async().await {
-        if let Ok(sample) = reply.result()
-            && let Ok(head) = serde_json::from_slice(&sample.payload().to_bytes())
-        {
-            return Ok(Some(head));
+    let begin = Instant::now();
+    loop {
+        let reason = match ask_head(session, map).await? {
+            Answer::Head(head) => return Ok(Some(head)),
+            Answer::NoMap => return Ok(None),
+            Answer::None(reason) => reason,
+        };
+        if begin.elapsed() >= patience {
+            return Err(PublishError::NoAnswer { map: map.clone(), seconds: patience.as_secs(), reason });
         }
+        tokio::time::sleep(ASK_AGAIN).await;
     }
-    Ok(None)
 }

@@ -1,5 +1,6 @@
 //! What an exploration came to, scored against the simulator's truth.
 
+use crate::explore::Ending;
 use fht_proto::Digest;
 use fht_robot::grid::{CellState, OccupancyGrid};
 use fht_robot::pose::{Point2, Pose2, wrap_angle};
@@ -13,6 +14,8 @@ pub struct ExploreReport {
     pub world: String,
     /// Pose of the map frame in the world: `[x, y, yaw]`, metres and radians.
     pub world_from_map: [f64; 3],
+    /// Why the exploration ended: `complete`, `stuck`, `out_of_time` or `interrupted`.
+    pub ending: Ending,
     /// Area that is free and that the robot can see from where it can drive, square metres.
     pub free_area_m2: f64,
     /// Share of that area that the grid knows.

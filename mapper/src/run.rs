@@ -1,13 +1,19 @@
 //! The explorer program: simulator, mapper and publisher put together.
 
+use crate::camera::CameraError;
+use crate::explore::Ending;
+use crate::linked::{LinkedError, Publication, publish_while};
 use crate::mapping::{Mapper, MapperConfig, Step};
-use crate::publish::{Outbox, Progress, PublishError, current_head, outbox};
+use crate::publish::Outbox;
+use crate::record::MapRecorder;
 use crate::report::{ExploreReport, explored, trajectory_error};
-use fht_proto::{AuthorId, MapName, keys};
+use fht_proto::{AuthorId, MapName};
+use fht_robot::bag::WriteError;
 use fht_robot::descriptor::{DescriptorError, DescriptorNet};
 use fht_robot::frame::{SensorFrame, Twist};
-use fht_robot::link::{self, LinkConfig, LinkError};
+use fht_robot::link::LinkConfig;
 use fht_robot::pose::Pose2;
+use fht_robot::stop::Stop;
 use fht_sim::{SimConfig, Simulator, World, WorldError};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -44,6 +50,10 @@ pub struct ExploreTask {
     pub linger_s: f64,
     /// Algorithm parameters.
     pub mapper: MapperConfig,
+    /// A bag to write: an `.mcap` file, or a folder.
+    pub record: Option<PathBuf>,
+    /// Ends the exploration early, with the map finished as it is.
+    pub stop: Stop,
 }
 
 /// Why an exploration failed.
@@ -55,23 +65,15 @@ pub enum ExploreError {
     /// The descriptor network cannot be loaded.
     #[error("{0}; --no-cameras maps without appearance")]
     Descriptor(#[from] DescriptorError),
-    /// The session cannot be opened.
+    /// The map cannot be published.
     #[error(transparent)]
-    Link(#[from] LinkError),
-    /// Publishing failed.
+    Linked(#[from] LinkedError),
+    /// The recording failed.
+    #[error("the recording failed: {0}")]
+    Record(#[from] WriteError),
+    /// The cameras failed on the way.
     #[error(transparent)]
-    Publish(#[from] PublishError),
-    /// The map is there already: a second exploration would be in another frame.
-    #[error(
-        "the map '{map}' already has {version} increments on the server; choose another --map (an exploration starts a \
-         map of its own, in a frame of its own)"
-    )]
-    MapExists {
-        /// Its name.
-        map: MapName,
-        /// Its version.
-        version: u64,
-    },
+    Cameras(#[from] CameraError),
     /// The system gave no thread.
     #[error("a thread cannot be started: {0}")]
     Thread(#[from] std::io::Error),
@@ -107,45 +109,33 @@ pub async fn explore(
     let net = if task.cameras { Some(DescriptorNet::load(task.model.as_deref())?) } else { None };
     let author = AuthorId::of_robot(&task.robot);
     let mapper = Mapper::new(task.mapper.clone(), author, net)?;
-    let linger = Duration::from_secs_f64(task.linger_s.max(0.0));
+    // What is no duration is for ever.
+    let linger = Duration::try_from_secs_f64(task.linger_s.max(0.0)).unwrap_or(Duration::MAX);
+    let recorder = task.record.as_deref().map(MapRecorder::start).transpose()?;
 
     let Some(link_config) = task.link.clone() else {
-        let run = tokio::task::spawn_blocking(move || drive(task, world, mapper, None, watch));
-        return Ok(run.await?.0);
+        let run = tokio::task::spawn_blocking(move || drive(task, world, mapper, recorder, None, watch));
+        return run.await?;
     };
-    let session = link::open(&link_config).await?;
-    if let Some(head) = current_head(&session, &task.map, Duration::from_secs(1)).await?
-        && head.version > 0
-    {
-        return Err(ExploreError::MapExists { map: task.map, version: head.version });
-    }
-    let presence = keys::Key::Robot { map: task.map.clone(), robot: task.robot.clone() }.to_string();
-    let token = session.liveliness().declare_token(presence).await.map_err(PublishError::from)?;
-    let (outbox, publisher) = outbox(session.clone(), task.map.clone(), author);
-    let publisher = tokio::spawn(publisher);
-    let run = tokio::task::spawn_blocking(move || drive(task, world, mapper, Some(outbox), watch));
-    let (mut report, last) = run.await?;
-    // The outbox is closed: the publisher ends when everything is acknowledged.
-    let progress = match tokio::time::timeout(linger, publisher).await {
-        Ok(published) => published??,
-        Err(_) => last,
-    };
-    report.map_bytes = progress.map_bytes;
-    report.wire_bytes = progress.wire_bytes;
-    report.delivered = progress.acknowledged >= report.version;
-    token.undeclare().await.map_err(PublishError::from)?;
-    session.close().await.map_err(PublishError::from)?;
+    let publication = Publication { link: link_config, map: task.map.clone(), robot: task.robot.clone(), linger };
+    let run = move |outbox: &Outbox| drive(task, world, mapper, recorder, Some(outbox), watch);
+    let (report, published) = publish_while(&publication, run).await?;
+    let mut report = report?;
+    report.map_bytes = published.map_bytes;
+    report.wire_bytes = published.wire_bytes;
+    report.delivered = published.acknowledged >= report.version;
     Ok(report)
 }
 
-/// The robot's loop: sense, think, drive.
+/// The robot's loop: sense, think, drive. Closes the outbox at the end and returns how far publishing has come.
 fn drive(
     task: ExploreTask,
     world: Arc<World>,
     mut mapper: Mapper,
-    outbox: Option<Outbox>,
+    mut recorder: Option<MapRecorder>,
+    outbox: Option<&Outbox>,
     mut watch: impl FnMut(Snapshot),
-) -> (ExploreReport, Progress) {
+) -> Result<ExploreReport, ExploreError> {
     let begin = Instant::now();
     let start = world.start();
     let mut sim_config = task.sim.clone();
@@ -159,22 +149,25 @@ fn drive(
     let mut frame_max = Duration::ZERO;
     let mut written = 0;
     let mut next_watch_us = 0;
-    let mut is_open = true;
     let mut publish = |mapper: &mut Mapper| {
         for increment in mapper.take_increments() {
             written = increment.number;
-            if let Some(outbox) = &outbox {
-                is_open = is_open && outbox.send(increment);
+            if let Some(outbox) = outbox {
+                outbox.send(increment);
             }
         }
         written
     };
-    loop {
+    let ending = loop {
         truth.push(sim.truth());
         let thinking = Instant::now();
         let step = mapper.step(&frame);
+        mapper.check()?;
         let written = publish(&mut mapper);
         frame_max = frame_max.max(thinking.elapsed());
+        if let Some(recorder) = &mut recorder {
+            recorder.record(&frame, &mapper);
+        }
         if frame.time_us >= next_watch_us {
             next_watch_us = frame.time_us + 1_000_000;
             let counts = mapper.map().counts();
@@ -183,28 +176,37 @@ fn drive(
                 free_area_m2: mapper.free_area_m2(),
                 nodes: counts.main_nodes + counts.support_nodes,
                 written,
-                acknowledged: outbox.as_ref().map_or(0, |outbox| outbox.progress().acknowledged),
+                acknowledged: outbox.map_or(0, |outbox| outbox.progress().acknowledged),
             });
         }
+        if outbox.is_some_and(Outbox::has_ended) {
+            break Ending::Interrupted; // nobody takes the map any more; the publisher says why
+        }
         let twist: Twist = match step {
+            Step::Drive(_) if task.stop.is_set() => break Ending::Interrupted,
             Step::Drive(twist) if (frame.time_us as f64) * 1e-6 < task.max_sim_s => twist,
-            Step::Drive(_) | Step::Done => break,
+            Step::Drive(_) => break Ending::OutOfTime,
+            Step::Done(ending) => break ending,
         };
         frame = sim.step(twist);
         if let Some(rate) = task.rate.filter(|rate| *rate > 0.0) {
-            let due = Duration::from_secs_f64(frame.time_us as f64 * 1e-6 / rate);
+            let due = Duration::try_from_secs_f64(frame.time_us as f64 * 1e-6 / rate).unwrap_or(Duration::MAX);
             std::thread::sleep(due.saturating_sub(begin.elapsed()));
         }
-    }
+    };
     mapper.finish();
     let version = publish(&mut mapper);
+    if let Some(recorder) = recorder {
+        recorder.finish(&mapper)?;
+    }
     let (free_area_m2, explored_fraction) = explored(world.plan(), mapper.grid(), &start, radius_m);
     let estimated: Vec<Pose2> = mapper.trajectory().iter().map(|(_, pose)| *pose).collect();
     let (mean_m, max_m, mean_deg) = trajectory_error(&estimated, &truth, &start);
     let counts = mapper.map().counts();
-    let report = ExploreReport {
+    Ok(ExploreReport {
         world: world.name().to_owned(),
         world_from_map: [start.translation.x, start.translation.y, start.rotation.angle()],
+        ending,
         free_area_m2,
         explored_fraction,
         main_nodes: counts.main_nodes,
@@ -223,7 +225,5 @@ fn drive(
         frame_max_ms: frame_max.as_secs_f64() * 1e3,
         sim_s: frame.time_us as f64 * 1e-6,
         wall_s: begin.elapsed().as_secs_f64(),
-    };
-    let last = outbox.map(|outbox| outbox.progress()).unwrap_or_default();
-    (report, last)
+    })
 }

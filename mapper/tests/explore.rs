@@ -4,7 +4,7 @@
 use fht_robot::grid::{GridConfig, OccupancyGrid};
 use fht_robot::pose::Pose2;
 use fht_sim::{SimConfig, Simulator, load};
-use mapper::explore::{ExploreConfig, ExploreStep, Explorer};
+use mapper::explore::{Ending, ExploreConfig, ExploreStep, Explorer};
 use mapper::report::explored;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -37,7 +37,10 @@ fn explore(spec: &str, seed: u64) -> Outcome {
         frames += 1;
         match step {
             ExploreStep::Drive(twist) => frame = sim.step(twist),
-            ExploreStep::Done => break,
+            ExploreStep::Done(ending) => {
+                assert_eq!(ending, Ending::Complete);
+                break;
+            }
         }
         assert!(frames < 15_000, "still exploring after 50 simulated minutes");
     }

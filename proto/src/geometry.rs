@@ -116,8 +116,11 @@ impl Rect {
     /// Whether the rectangle at `node` contains `point` (borders included).
     #[must_use]
     pub fn contains(&self, node: FixedPoint, point: FixedPoint) -> bool {
-        let (min, max) = (self.min(node), self.max(node));
-        (min.0..=max.0).contains(&point.x()) && (min.1..=max.1).contains(&point.y())
+        // In whole millimetres: in metres a point on the border can be rounded out.
+        let (east, north) =
+            (i64::from(point.x_mm) - i64::from(node.x_mm), i64::from(point.y_mm) - i64::from(node.y_mm));
+        (-i64::from(self.west_mm)..=i64::from(self.east_mm)).contains(&east)
+            && (-i64::from(self.south_mm)..=i64::from(self.north_mm)).contains(&north)
     }
 
     /// Area in square metres.

@@ -5,10 +5,11 @@
 //! | `fht/{map}/inc/{author}/{number}` | writer puts | one increment |
 //! | `fht/{map}/head` | server puts, answers | version, vector, digest, counts, bytes |
 //! | `fht/{map}/since?vector=…` | server answers | the increments that a replica lacks |
-//! | `fht/{map}/snapshot?version=…` | server answers | the whole map then |
+//! | `fht/{map}/snapshot?version=…` | server answers | the map then, or at `vector=…`; without what `have=…` contains |
 //! | `fht/{map}/path?from=x,y;to=x,y` | server answers | a path |
 //! | `fht/{map}/nodes?near=x,y;radius=r` | server answers | nodes |
 //! | `fht/{map}/match` | server answers | nodes that look like the descriptor in the payload |
+//! | `fht/{map}/refused/{author}` | server puts | why it refused an increment of this author, at most once a second |
 //! | `fht/maps` | server answers | the maps there are |
 //! | `fht/{map}/robots/{robot}` | liveliness token | who is here |
 //! | `fht/{map}/robots/{robot}/pose` | robot puts | where it is |
@@ -81,6 +82,13 @@ pub enum Key {
         /// What is asked.
         topic: Topic,
     },
+    /// `fht/{map}/refused/{author}`
+    Refused {
+        /// The map written to.
+        map: MapName,
+        /// The writer.
+        author: AuthorId,
+    },
     /// `fht/{map}/robots/{robot}`
     Robot {
         /// The map that the robot uses.
@@ -104,6 +112,12 @@ impl Key {
         Self::Increment { map: map.clone(), author, number }
     }
 
+    /// The key under which the server says why it refused an increment of `author`.
+    #[must_use]
+    pub fn refused(map: &MapName, author: AuthorId) -> Self {
+        Self::Refused { map: map.clone(), author }
+    }
+
     /// The key of a topic of a map.
     #[must_use]
     pub fn topic(map: &MapName, topic: Topic) -> Self {
@@ -123,6 +137,7 @@ impl fmt::Display for Key {
             Self::Maps => write!(f, "{PREFIX}/maps"),
             Self::Increment { map, author, number } => write!(f, "{PREFIX}/{map}/inc/{author}/{number}"),
             Self::Topic { map, topic } => write!(f, "{PREFIX}/{map}/{}", topic.as_str()),
+            Self::Refused { map, author } => write!(f, "{PREFIX}/{map}/refused/{author}"),
             Self::Robot { map, robot } => write!(f, "{PREFIX}/{map}/robots/{robot}"),
             Self::RobotPose { map, robot } => write!(f, "{PREFIX}/{map}/robots/{robot}/pose"),
         }
@@ -153,6 +168,9 @@ impl FromStr for Key {
                     author: author.parse().map_err(|_| error())?,
                     number: number.parse().map_err(|_| error())?,
                 })
+            }
+            [PREFIX, name, "refused", author] => {
+                Ok(Self::Refused { map: map(name)?, author: author.parse().map_err(|_| error())? })
             }
             [PREFIX, name, "robots", who] => Ok(Self::Robot { map: map(name)?, robot: robot(who)? }),
             [PREFIX, name, "robots", who, "pose"] => Ok(Self::RobotPose { map: map(name)?, robot: robot(who)? }),

@@ -5,12 +5,13 @@
 use crate::geometry::{FixedPoint, Rect};
 use crate::ids::{MapName, NodeId};
 use crate::increment::{Increment, NodeKind};
+use crate::validate::{Invalid, Validate, check};
 use crate::version::{Digest, VersionVector};
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
 /// What went wrong, for programs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "SCREAMING_SNAKE_CASE")]
 pub enum ErrorCode {
     /// Both places are in the map but nothing joins them.
@@ -29,9 +30,30 @@ pub enum ErrorCode {
     BadRequest,
     /// The server failed.
     Internal,
+    /// Another increment of this author and number is stored.
+    Conflict,
+    /// An increment is not in the one form that its content has in bytes.
+    NotCanonical,
+    /// A limit of the server is reached: of a map, of maps, or of all of them together.
+    Full,
+    /// An increment is stamped too far ahead of the server's clock.
+    Future,
+    /// An increment is longer than the server takes.
+    TooLong,
+    /// A code that this program does not know: its sender is newer.
+    #[serde(other)]
+    Unknown,
 }
 
-/// The payload of an error reply.
+impl ErrorCode {
+    /// Whether a refused increment would be refused again, however often it is sent.
+    #[must_use]
+    pub fn is_permanent_refusal(self) -> bool {
+        matches!(self, Self::Conflict | Self::NotCanonical | Self::Full | Self::Future | Self::TooLong)
+    }
+}
+
+/// The payload of an error reply, and of what the server puts under a writer's `refused` key.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 #[error("{message}")]
 pub struct ErrorReply {
@@ -101,8 +123,22 @@ pub struct Head {
     pub refused: u64,
 }
 
+impl Head {
+    /// The head, if it makes sense and is one of `map`: what everybody asks of a head that came from outside. The numbers in
+    /// its vector may still be anything.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub fn checked(self, map: &MapName) -> Result<Self, Invalid> {
+        check(self.map == *map, || format!("a head of map {} where one of {map} was expected", self.map))?;
+        self.validate()?;
+        Ok(self)
+    }
+}
+
 /// The reply to `since` and `snapshot`: one message of limited size, the first increments that the asker lacks. The asker
-/// takes them in and asks again with its new vector, until a reply is empty. (One sample an increment would not do: of
+/// takes them in and asks again with its new vector (`since?vector=…`, `snapshot?version=…;have=…`), until a reply is empty.
+/// Both vectors are of the form that [`VersionVector`] is shown in; without them the asker has nothing yet. (One sample an increment would not do: of
 /// several replies under one key, a Zenoh query delivers one by default.)
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {

@@ -3,8 +3,9 @@
 use crate::compact::{CompactNodes, CompactPath};
 use crate::geometry::{FixedPoint, FixedPose};
 use crate::increment::{EdgeKey, Increment, NodeKind, Op};
-use crate::query::Snapshot;
+use crate::query::{Head, Snapshot};
 use crate::signature::{Descriptor, DescriptorModel, ScanRecord, Signature};
+use crate::version::VersionVector;
 use std::f32::consts::TAU;
 
 /// Why a decoded message was refused.
@@ -27,7 +28,7 @@ const MAX_YAW_E4: i16 = 31_416;
 /// still stamp with more, and exact as a JSON number.
 const MAX_HLC_US: u64 = 1 << 53;
 
-fn check(holds: bool, message: impl FnOnce() -> String) -> Result<(), Invalid> {
+pub(crate) fn check(holds: bool, message: impl FnOnce() -> String) -> Result<(), Invalid> {
     if holds { Ok(()) } else { Err(Invalid(message())) }
 }
 
@@ -124,6 +125,16 @@ impl Validate for Increment {
 impl Validate for Snapshot {
     fn validate(&self) -> Result<(), Invalid> {
         self.increments.iter().try_for_each(Validate::validate)
+    }
+}
+
+impl Validate for Head {
+    fn validate(&self) -> Result<(), Invalid> {
+        let authors = self.vector.iter().count();
+        check(authors <= VersionVector::MAX_AUTHORS, || format!("a head of {authors} authors"))?;
+        check(self.version == self.vector.version(), || {
+            format!("a head of version {} with vector {}", self.version, self.vector)
+        })
     }
 }
 

@@ -9,8 +9,8 @@ use fht_proto::compact::{CompactNode, CompactNodes, CompactPath, CompactWaypoint
 use fht_proto::envelope::{FORMAT_VERSION, MAGIC, MAX_BODY_BYTES, Message};
 use fht_proto::query::Snapshot;
 use fht_proto::{
-    AuthorId, CodecError, Descriptor, EdgeKey, FixedPoint, FixedPose, Increment, ModelId, NodeId, NodeKind, Op, Rect,
-    Signature, decode, encode,
+    AuthorId, CodecError, Descriptor, DescriptorModel, EdgeKey, FixedPoint, FixedPose, Increment, ModelId, NodeId,
+    NodeKind, Op, Rect, Signature, decode, encode,
 };
 use proptest::prelude::*;
 
@@ -201,6 +201,72 @@ fn format_version_1_is_unchanged() {
 
 const GOLDEN: &str = "464854010126cdf8acd10102c0843d0400000101b8179f1f904e03000101010203ac02050001010904010000a420379e";
 
+fn hex<M: Message>(message: &M) -> String {
+    encode(message).unwrap().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Every operation once, with small contents.
+fn one_of_each() -> Increment {
+    let id = node(1);
+    let edge = EdgeKey::new(node(1), NodeId { author: AuthorId(9), number: 4 });
+    let pose = FixedPose::from_metres(1.5, -2.0, 0.5);
+    let descriptor = Some(Descriptor { model: ModelId(3), scale: 0.5, values: vec![-1, 2] });
+    let scan = fht_proto::ScanRecord {
+        base_from_sensor: FixedPose::from_metres(-0.032, 0.0, 0.0),
+        angle_min: -1.0,
+        angle_increment: 0.25,
+        ranges_mm: vec![0, 1500],
+    };
+    let model = DescriptorModel { id: ModelId(3), name: "net".to_owned(), dimension: 2, match_threshold_e3: -700 };
+    Increment {
+        author: id.author,
+        number: 2,
+        hlc_us: 1_000_000,
+        ops: vec![
+            Op::PutNode { id, kind: NodeKind::Main, pose },
+            Op::RemoveNode { id: node(0) },
+            Op::SetPose { id, pose },
+            Op::SetFreeSpace { id, rect: None },
+            Op::SetSignature { id, signature: Signature { descriptor, scan } },
+            Op::PutEdge { edge },
+            Op::RemoveEdge { edge },
+            Op::PutModel { model },
+        ],
+    }
+}
+
+#[test]
+fn every_message_of_format_version_1_is_unchanged() {
+    let increment = one_of_each();
+    let descriptor = Descriptor { model: ModelId(3), scale: 0.5, values: vec![-1, 2] };
+    let series = Snapshot { increments: vec![increment.clone(), Increment { number: 3, ..increment.clone() }] };
+    for (bytes, golden) in [
+        (hex(&increment), GOLDEN_INCREMENT),
+        (hex(&descriptor), GOLDEN_DESCRIPTOR),
+        (hex(&Snapshot::default()), GOLDEN_EMPTY_SERIES),
+        (hex(&series), GOLDEN_SERIES),
+    ] {
+        assert_eq!(bytes, golden, "bytes of format version 1 have changed: increase FORMAT_VERSION instead");
+    }
+    let bytes = |hex: &str| -> Vec<u8> {
+        (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap()).collect()
+    };
+    assert_eq!(decode::<Increment>(&bytes(GOLDEN_INCREMENT)).unwrap(), increment);
+    assert_eq!(decode::<Descriptor>(&bytes(GOLDEN_DESCRIPTOR)).unwrap(), descriptor);
+    assert_eq!(decode::<Snapshot>(&bytes(GOLDEN_SERIES)).unwrap(), series);
+}
+
+const GOLDEN_INCREMENT: &str = "\
+    464854010154cdf8acd10102c0843d0800000100b8179f1f904e010000020001b8179f1f904e030001000400010103000000\
+    3f02ff023f0000000080bf0000803e0200dc0b0500010109040600010109040703036e657402f70a95036470";
+const GOLDEN_DESCRIPTOR: &str = "464854010208030000003f02ff02f4ecf996";
+const GOLDEN_EMPTY_SERIES: &str = "464854010301004a96ce37";
+const GOLDEN_SERIES: &str = "\
+    4648540103a90102cdf8acd10102c0843d0800000100b8179f1f904e010000020001b8179f1f904e03000100040001010300\
+    00003f02ff023f0000000080bf0000803e0200dc0b0500010109040600010109040703036e657402f70acdf8acd10103c084\
+    3d0800000100b8179f1f904e010000020001b8179f1f904e0300010004000101030000003f02ff023f0000000080bf000080\
+    3e0200dc0b0500010109040600010109040703036e657402f70a38492296";
+
 #[test]
 fn foreign_bytes_are_named() {
     let bytes = encode(&main_node()).unwrap();
@@ -218,13 +284,54 @@ fn foreign_bytes_are_named() {
     assert!(MAX_BODY_BYTES < u32::MAX as usize);
 }
 
+/// Greatest virtual memory of this process so far, KiB, where the system tells.
+fn peak_kib() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmPeak"))?;
+    line.split_whitespace().nth(1)?.parse().ok()
+}
+
 #[test]
 fn a_stated_length_reserves_no_memory() {
-    // A body that announces 2^60 operations, and then a scan of 2^60 beams.
-    let lots = [0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x0f];
-    let mut body = vec![1, 1, 1];
-    body.extend(lots);
-    assert!(matches!(decode::<Increment>(&envelope(Increment::KIND, &body)), Err(CodecError::Body(_))));
+    let varint = |mut count: u64| {
+        let mut bytes = Vec::new();
+        while count >= 0x80 {
+            bytes.push(count as u8 | 0x80);
+            count >>= 7;
+        }
+        bytes.push(count as u8);
+        bytes
+    };
+    // What comes before each count: an increment's author, number, clock; then, for the later ones, one operation that sets
+    // the signature of node 0.
+    let increment = vec![1, 1, 1];
+    let signature = [increment.clone(), vec![1, 4, 0, 0]].concat();
+    let descriptor = [vec![1], 1.0_f32.to_le_bytes().to_vec()].concat();
+    let scan = vec![0; 3 + 8];
+    let before_peak = peak_kib();
+    // Sixteen thousand million are 16 GiB of the smallest items: a system that promises more than it has would give them.
+    for count in [1 << 20, 1 << 34, 1 << 60] {
+        let with = |parts: &[&[u8]]| [parts.concat(), varint(count)].concat();
+        let refused = |what: &str, error: Option<CodecError>| {
+            assert!(matches!(error, Some(CodecError::Body(_))), "{count} {what}: {error:?}");
+        };
+        let as_increment = |parts: &[&[u8]]| decode::<Increment>(&envelope(Increment::KIND, &with(parts))).err();
+        refused("operations", as_increment(&[&increment]));
+        refused("beams", as_increment(&[&signature, &[0], &scan]));
+        refused("descriptor values", as_increment(&[&signature, &[1], &descriptor]));
+        refused("letters of a model's name", as_increment(&[&increment, &[1, 7, 1]]));
+        refused("increments", decode::<Snapshot>(&envelope(Snapshot::KIND, &with(&[]))).err());
+        refused("values", decode::<Descriptor>(&envelope(Descriptor::KIND, &with(&[&descriptor]))).err());
+        let name = [1, b'm', 1];
+        refused("waypoints", decode::<CompactPath>(&envelope(CompactPath::KIND, &with(&[&name]))).err());
+        refused("nodes", decode::<CompactNodes>(&envelope(CompactNodes::KIND, &with(&[&name]))).err());
+    }
+    // That the bodies are right up to the count shows when the count is.
+    let fine = [signature, vec![0], scan, vec![1, 0]].concat();
+    assert!(decode::<Increment>(&envelope(Increment::KIND, &fine)).is_ok());
+    if let (Some(before), Some(after)) = (before_peak, peak_kib()) {
+        assert!(after - before < 12 << 20, "{} MiB were reserved", (after - before) >> 10);
+    }
 }
 
 #[test]

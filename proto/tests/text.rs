@@ -3,7 +3,7 @@
 
 use fht_proto::compact::CompactPath;
 use fht_proto::keys::{Key, Topic};
-use fht_proto::query::{ErrorCode, ErrorReply, Place, parse_point};
+use fht_proto::query::{ErrorCode, ErrorReply, Head, Place, parse_point};
 use fht_proto::{AuthorId, Digest, FixedPoint, FixedPose, MapName, NodeId, Rect, VersionVector, decode};
 use proptest::prelude::*;
 
@@ -17,6 +17,7 @@ fn key() -> impl Strategy<Value = Key> {
         Just(Key::Maps),
         (map(), any::<u32>(), 1_u64..).prop_map(|(map, author, number)| Key::increment(&map, AuthorId(author), number)),
         (map(), prop::sample::select(Topic::ALL.to_vec())).prop_map(|(map, topic)| Key::topic(&map, topic)),
+        (map(), any::<u32>()).prop_map(|(map, author)| Key::refused(&map, AuthorId(author))),
         (map(), robot()).prop_map(|(map, robot)| Key::Robot { map, robot }),
         (map(), robot()).prop_map(|(map, robot)| Key::RobotPose { map, robot }),
     ]
@@ -29,7 +30,7 @@ proptest! {
     }
 
     #[test]
-    fn a_key_has_one_spelling(text in "fht/[a-z*$]{0,3}/(inc|head|robots|path)?(/[0-9a-f]{0,9}){0,3}") {
+    fn a_key_has_one_spelling(text in "fht/[a-z*$]{0,3}/(inc|head|robots|path|refused)?(/[0-9a-f]{0,9}){0,3}") {
         if let Ok(key) = text.parse::<Key>() {
             prop_assert_eq!(key.to_string(), text);
         }
@@ -114,6 +115,9 @@ fn wrong_keys_are_refused() {
         "fht/a/inc/1a2b3c4d/99999999999999999999",
         "fht/a/inc/1a2b3c4d/",
         "fht/a/robots/r/p",
+        "fht/a/refused",
+        "fht/a/refused/x",
+        "fht/a/refused/1a2b3c4d/1",
     ] {
         assert!(wrong.parse::<Key>().is_err(), "{wrong}");
     }
@@ -131,7 +135,55 @@ fn wrong_vectors_and_places_are_refused() {
 }
 
 #[test]
+fn a_head_is_readable() {
+    let json = concat!(
+        r#"{"map":"museum","version":19,"vector":{"0000000a":2,"1a2b3c4d":17},"#,
+        r#""digest":"0707070707070707070707070707070707070707070707070707070707070707","#,
+        r#""main_nodes":3,"support_nodes":4,"edges":5,"bytes":6,"refused":0}"#
+    );
+    let head = Head {
+        map: "museum".parse().unwrap(),
+        version: 19,
+        vector: "0000000a:2,1a2b3c4d:17".parse().unwrap(),
+        digest: Digest([7; 32]),
+        main_nodes: 3,
+        support_nodes: 4,
+        edges: 5,
+        bytes: 6,
+        refused: 0,
+    };
+    assert_eq!(serde_json::to_string(&head).unwrap(), json);
+    assert_eq!(serde_json::from_str::<Head>(json).unwrap(), head);
+    assert!(serde_json::from_str::<Head>(&json.replace("1a2b3c4d", "1A2B3C4D")).is_err());
+    assert_eq!(serde_json::to_string(&AuthorId(10)).unwrap(), r#""0000000a""#);
+}
+
+#[test]
+fn only_heads_that_make_sense_pass() {
+    let map: MapName = "museum".parse().unwrap();
+    let mut head = Head {
+        map: map.clone(),
+        version: u64::MAX,
+        vector: VersionVector::default(),
+        digest: Digest([0; 32]),
+        main_nodes: 0,
+        support_nodes: 0,
+        edges: 0,
+        bytes: 0,
+        refused: 0,
+    };
+    assert!(head.clone().checked(&map).is_err(), "the version is not the vector's");
+    head.vector.set(AuthorId(1), u64::MAX);
+    assert!(head.clone().checked(&map).is_ok());
+    assert!(head.clone().checked(&"office".parse().unwrap()).is_err(), "of another map");
+    (2..=VersionVector::MAX_AUTHORS as u32 + 1).for_each(|author| head.vector.set(AuthorId(author), 1));
+    assert!(head.checked(&map).is_err(), "too many authors");
+}
+
+#[test]
 fn error_replies_are_readable() {
     let reply = ErrorReply { code: ErrorCode::NoPath, message: "no path".to_owned() };
     assert_eq!(serde_json::to_string(&reply).unwrap(), r#"{"code":"NO_PATH","message":"no path"}"#);
+    let newer = r#"{"code":"OUT_OF_CHEESE","message":"later"}"#;
+    assert_eq!(serde_json::from_str::<ErrorReply>(newer).unwrap().code, ErrorCode::Unknown, "a newer server is read");
 }

@@ -391,6 +391,23 @@ mod tests {
     }
 
     #[test]
+    fn a_beam_that_met_something_too_near_erases_no_wall() {
+        let mut grid = OccupancyGrid::new(GridConfig::default());
+        for _ in 0..3 {
+            grid.integrate(&pose(0.0, 0.0, 0.0), &room_scan());
+        }
+        for too_near in [f32::NEG_INFINITY, 0.05, 0.0] {
+            let mut scan = room_scan();
+            scan.ranges_m[..90].fill(too_near);
+            for _ in 0..50 {
+                grid.integrate(&pose(0.0, 0.0, 0.0), &scan);
+            }
+            assert_eq!(grid.state_at(Point2::new(2.01, 0.2)), CellState::Occupied, "{too_near}");
+            assert_eq!(grid.state_at(Point2::new(2.5, 0.2)), CellState::Unknown, "{too_near}");
+        }
+    }
+
+    #[test]
     fn non_finite_poses_and_ranges_change_nothing() {
         let mut grid = OccupancyGrid::new(GridConfig::default());
         let mut scan = room_scan();

@@ -208,7 +208,9 @@ impl PathFollower {
     }
 }
 
-fn distance_to_segment(point: Point2, a: Point2, b: Point2) -> f64 {
+/// Distance from a point to the segment from `a` to `b`, metres.
+#[must_use]
+pub fn distance_to_segment(point: Point2, a: Point2, b: Point2) -> f64 {
     let along = b - a;
     let t =
         if along.norm_squared() > 0.0 { ((point - a).dot(&along) / along.norm_squared()).clamp(0.0, 1.0) } else { 0.0 };
@@ -238,7 +240,7 @@ const PREDICTION_STEPS: u32 = 8;
 const SPEED_FACTORS: [f64; 6] = [1.0, 0.8, 0.6, 0.4, 0.2, 0.1];
 
 /// The fastest command along the same arc that, kept up for the horizon, does not bring the robot's disc nearer than the
-/// margin to a return of the scan. If there is none the robot may only turn. Moving away from something that is already
+/// margin to a return of the scan, or to something too near for the scanner. If there is none the robot may only turn. Moving away from something that is already
 /// too near is allowed.
 #[must_use]
 pub fn safe_command(command: Twist, scan: &LaserScan, config: &SafetyConfig) -> Twist {
@@ -250,7 +252,7 @@ pub fn safe_command(command: Twist, scan: &LaserScan, config: &SafetyConfig) -> 
     }
     let keep = config.robot_radius_m + config.margin_m;
     let reach = keep + command.linear_mps.abs() * config.horizon_s;
-    let mut points = scan.points_in_base();
+    let mut points = scan.obstacles_in_base();
     points.retain(|point| point.coords.norm() < reach);
     let scaled =
         |factor: f64| Twist { linear_mps: command.linear_mps * factor, angular_radps: command.angular_radps * factor };
@@ -397,6 +399,21 @@ mod tests {
         assert_eq!(safe_command(back, &wall_ahead(0.13), &config), back);
         let bad = Twist { linear_mps: f64::NAN, angular_radps: 0.0 };
         assert_eq!(safe_command(bad, &wall_ahead(1.0), &config), Twist::default());
+    }
+
+    #[test]
+    fn what_is_too_near_to_be_measured_is_not_driven_into() {
+        let (config, forward) = (SafetyConfig::default(), Twist { linear_mps: 0.5, angular_radps: 0.0 });
+        for too_near in [f32::NEG_INFINITY, 0.05] {
+            let mut scan = wall_ahead(2.0);
+            scan.ranges_m[..5].fill(too_near);
+            assert!(safe_command(forward, &scan, &config).linear_mps.abs() < 1e-12, "{too_near}");
+            let back = Twist { linear_mps: -0.1, angular_radps: 0.0 };
+            assert_eq!(safe_command(back, &scan, &config), back);
+        }
+        let mut scan = wall_ahead(2.0);
+        scan.ranges_m[..5].fill(f32::NAN);
+        assert_eq!(safe_command(forward, &scan, &config), forward, "NaN says nothing");
     }
 
     #[test]

@@ -22,7 +22,8 @@ pub(crate) struct LidarConfig {
     pub(crate) mount_m: [f64; 3],
 }
 
-/// The scan taken from `world_from_base`. Beams without a return read infinity. Each beam takes one number from `noise`
+/// The scan taken from `world_from_base`. Beams without a return read infinity, and beams that end nearer than the least
+/// range negative infinity (REP-117): the one says that the way is free, the other that it is not. Each beam takes one number from `noise`
 /// whether it returns or not.
 pub(crate) fn scan(scene: &Scene, config: &LidarConfig, world_from_base: &Pose2, noise: &mut impl Rng) -> LaserScan {
     let base_from_sensor = pose(config.mount_m[0], config.mount_m[1], 0.0);
@@ -39,7 +40,8 @@ pub(crate) fn scan(scene: &Scene, config: &LidarConfig, world_from_base: &Pose2,
         let limit = config.range_max_m + 5.0 * config.noise_m;
         let range = scene.range(origin, direction, limit as f32).map(|range| f64::from(range) + error * config.noise_m);
         match range {
-            Some(range) if range >= config.range_min_m && range < config.range_max_m => range as f32,
+            Some(range) if range < config.range_min_m => f32::NEG_INFINITY,
+            Some(range) if range < config.range_max_m => range as f32,
             _ => f32::INFINITY,
         }
     };

@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 
 /// Most cells a map may have.
 const MOST_CELLS: u64 = 64_000_000;
+/// Sides of a cell that a map of a building may have, metres.
+const RESOLUTIONS_M: std::ops::RangeInclusive<f64> = 0.001..=1.0;
 /// Largest yaw of the origin that counts as none, radians.
 const YAW_TOLERANCE: f64 = 1e-6;
 
@@ -96,8 +98,9 @@ enum Mode {
 
 impl Description {
     fn check(&self) -> Result<(), String> {
-        if !(self.resolution.is_finite() && self.resolution > 0.0) {
-            return Err(format!("resolution must be above 0, not {}", self.resolution));
+        if !RESOLUTIONS_M.contains(&self.resolution) {
+            let (least, most) = (RESOLUTIONS_M.start(), RESOLUTIONS_M.end());
+            return Err(format!("resolution must be {least} to {most} metres per pixel, not {}", self.resolution));
         }
         let &[x, y, yaw] = self.origin.as_slice() else {
             return Err(format!("origin must be [x, y, yaw], not {} numbers", self.origin.len()));

@@ -37,9 +37,11 @@ impl Wheels {
         }
     }
 
-    /// Where the wheels think the base is.
+    /// Where the wheels think the base is: x, y and heading in double precision, which is all that an odometry message
+    /// can carry. So a recorded run can be replayed to the bit.
     pub(crate) fn odom_from_base(&self) -> Pose2 {
-        self.odom_from_base
+        let at = self.odom_from_base.translation;
+        pose(at.x, at.y, self.odom_from_base.rotation.angle())
     }
 
     /// Counts a small motion: metres forward along the base's x, radians of turn. The arc is taken at its middle heading.

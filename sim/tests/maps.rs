@@ -161,6 +161,8 @@ fn bad_descriptions_are_refused_with_a_reason() {
     for (from, to, reason) in [
         ("resolution: 0.05", "resolution: 0", "resolution"),
         ("resolution: 0.05", "resolution: .nan", "resolution"),
+        ("resolution: 0.05", "resolution: 1e-300", "0.001 to 1 metres"),
+        ("resolution: 0.05", "resolution: 50", "0.001 to 1 metres"),
         ("resolution: 0.05", "resolution: wide", "resolution"),
         ("resolution: 0.05\n", "", "resolution"),
         ("[-1.0, -1.5, 0.0]", "[-1.0, -1.5]", "origin"),

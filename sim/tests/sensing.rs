@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests, where a panic is the failure")]
 
 use fht_robot::frame::{SensorFrame, Twist};
+use fht_robot::grid::{CellState, GridConfig, OccupancyGrid};
 use fht_robot::pose::{Point2, Pose2, pose, wrap_angle};
 use fht_sim::{SimConfig, Simulator, World, load};
 use image::RgbImage;
@@ -84,6 +85,33 @@ fn frames_come_at_the_lidars_pace_and_pictures_at_theirs() {
         assert_eq!(frame.panorama.is_some(), step % 3 == 0);
         assert_eq!(frame.scan.ranges_m.len(), 360);
     }
+}
+
+#[test]
+fn what_is_too_near_for_the_scanner_is_told_from_what_is_too_far() {
+    let world = museum();
+    let start = world.start();
+    let scan_with = |lidar_range_min_m: f64| {
+        let config = SimConfig { camera_every: 0, lidar_range_min_m, lidar_noise_m: 0.0, ..SimConfig::default() };
+        Simulator::new(Arc::clone(&world), config, start, 1).sense_first().scan
+    };
+    // A scanner that sees nothing nearer than 3 m stands for a robot beside a wall.
+    let (full, blind) = (scan_with(0.12), scan_with(3.0));
+    assert!(full.ranges_m.iter().any(|&range| range < 3.0), "the start is near some wall");
+    for (&truth, &range) in full.ranges_m.iter().zip(&blind.ranges_m) {
+        let expected = if truth < 3.0 { f32::NEG_INFINITY } else { truth };
+        assert!(range.total_cmp(&expected).is_eq(), "{truth} m read as {range}");
+    }
+    let (mut known, pose) = (OccupancyGrid::new(GridConfig::default()), Pose2::identity());
+    (0..3).for_each(|_| known.integrate(&pose, &full));
+    let walls = |grid: &OccupancyGrid| {
+        let near = full.points_in_base().into_iter().filter(|end| end.coords.norm() < 2.9);
+        near.filter(|&end| grid.state_at(end) == CellState::Occupied).count()
+    };
+    let before = walls(&known);
+    (0..50).for_each(|_| known.integrate(&pose, &blind));
+    // Beams to what is farther graze some cells.
+    assert!(before > 20 && walls(&known) * 10 >= before * 9, "of {before} cells of wall {} are left", walls(&known));
 }
 
 #[test]

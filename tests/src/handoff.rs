@@ -36,7 +36,7 @@ pub struct HandoffConfig {
 }
 
 /// What happened, in figures.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct HandoffReport {
     /// The world.
     pub world: String,
@@ -92,6 +92,14 @@ pub struct HandoffReport {
     pub explore_wall_s: f64,
     /// Seconds of the whole demo.
     pub wall_s: f64,
+}
+
+impl HandoffReport {
+    /// Whether the demo shows what it should: server and explorer have the same map, and the client arrived.
+    #[must_use]
+    pub fn is_success(&self) -> bool {
+        self.digests_agree && self.arrived
+    }
 }
 
 /// The part of the client's report that the demo shows.
@@ -340,4 +348,19 @@ fn draw(
     drop(replica);
     session.close().wait()?;
     Ok(agree)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_demo_fails_unless_the_maps_agree_and_the_client_arrives() {
+        for (digests_agree, arrived, is_success) in
+            [(true, true, true), (false, true, false), (true, false, false), (false, false, false)]
+        {
+            let report = HandoffReport { digests_agree, arrived, ..HandoffReport::default() };
+            assert_eq!(report.is_success(), is_success, "{digests_agree} {arrived}");
+        }
+    }
 }

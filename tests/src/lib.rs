@@ -4,8 +4,10 @@
 //! | --- | --- |
 //! | [`process`] | the programs as child processes that end with their parent |
 //! | [`handoff`] | the demo: map, keep, relocalize, drive |
+//! | [`python`] | other people's programs, from PyPI |
 //! | [`picture`] | a map as a picture, like the paper's figure 1 |
 
 pub mod handoff;
 pub mod picture;
 pub mod process;
+pub mod python;

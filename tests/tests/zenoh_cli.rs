@@ -7,35 +7,14 @@ use fht_proto::query::{Head, PathReply};
 use fht_proto::{AuthorId, EdgeKey, FixedPose, Increment, MapName, NodeId, NodeKind, Op, Rect, encode};
 use fht_robot::link::{self, LinkConfig};
 use fht_tests::process::{Process, Role, free_endpoint};
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use fht_tests::python::{environment, run};
+use std::path::Path;
+use std::process::Command;
 use std::time::{Duration, Instant};
 use zenoh::{Session, Wait};
 
 const PATIENCE: Duration = Duration::from_secs(30);
 const PACKAGE: &str = "zenoh-cli==0.7.0";
-
-fn run(command: &mut Command) -> Output {
-    let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
-    assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
-    output
-}
-
-/// The `zenoh` command in a virtual environment of its own, made once for each build directory.
-fn zenoh_command() -> PathBuf {
-    let environment = Path::new(env!("CARGO_TARGET_TMPDIR")).join("zenoh-cli");
-    let command = environment.join("bin/zenoh");
-    if !command.exists() {
-        run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&environment));
-        run(Command::new(environment.join("bin/pip")).args([
-            "install",
-            "--quiet",
-            "--disable-pip-version-check",
-            PACKAGE,
-        ]));
-    }
-    command
-}
 
 /// An L of two corridors: nodes at (0, 0), (5, 0) and (5, 3).
 fn corridors() -> Vec<Increment> {
@@ -78,7 +57,8 @@ fn put(session: &Session, map: &MapName, increments: &[Increment]) {
 
 #[test]
 fn a_path_is_printed_and_a_bad_request_prints_the_reason() {
-    let zenoh = zenoh_command();
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("zenoh-cli");
+    let zenoh = environment(&folder, &[PACKAGE]).join("zenoh");
     let folder = tempfile::tempdir().unwrap();
     let endpoint = free_endpoint().unwrap();
     let args = ["--data".as_ref(), folder.path().as_os_str(), "--listen".as_ref(), endpoint.as_ref()];

@@ -11,7 +11,9 @@ use fht_robot::pose::wrap_angle;
 pub struct EdgeConfig {
     /// Longest edge, metres. Default 8 (facts §1.3).
     pub longest_m: f64,
-    /// Free half width on each side of an edge, metres. Default 0.15: the paper's robot has a radius of 0.105 m.
+    /// Every cell whose centre lies within this of an edge must be known to be free, metres. Default 0.14: an occupied
+    /// cell's centre is farther than that, and its nearest point farther than that less half a cell's diagonal (0.035 m
+    /// for cells of 0.05 m), so 0.105 m are clear on either side, the radius of the paper's robot.
     pub half_width_m: f64,
     /// Of edges whose directions differ by less than this, only the shortest is kept, radians. Default 0.5 (facts
     /// §1.3; nearest first, where the paper's code takes the newest first).
@@ -23,7 +25,7 @@ pub struct EdgeConfig {
 
 impl Default for EdgeConfig {
     fn default() -> Self {
-        Self { longest_m: 8.0, half_width_m: 0.12, bearing_gap_rad: 0.5, blocked_m: 0.1 }
+        Self { longest_m: 8.0, half_width_m: 0.14, bearing_gap_rad: 0.5, blocked_m: 0.1 }
     }
 }
 

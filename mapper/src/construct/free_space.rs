@@ -3,6 +3,7 @@
 use super::point;
 use fht_proto::{FixedPoint, Rect};
 use fht_robot::grid::{Cell, CellState, OccupancyGrid};
+use fht_robot::pose::Point2;
 
 /// Parameters of the rectangles.
 #[derive(Clone, Debug)]
@@ -15,6 +16,21 @@ impl Default for FreeSpaceConfig {
     fn default() -> Self {
         Self { longest_reach_m: 7.0 }
     }
+}
+
+/// Whether something stands in a rectangle by now: a cell whose centre lies in it is occupied.
+#[must_use]
+pub fn is_obstructed(grid: &OccupancyGrid, node: FixedPoint, rect: &Rect) -> bool {
+    let (min, max) = (rect.min(node), rect.max(node));
+    // Reaches are whole millimetres and rounded down, so that a border may cut a cell but never reaches its centre.
+    let low = grid.cell_of(Point2::new(min.0, min.1));
+    let high = grid.cell_of(Point2::new(max.0, max.1));
+    let is_inside = |cell: Cell| {
+        let centre = grid.centre(cell);
+        (min.0..=max.0).contains(&centre.x) && (min.1..=max.1).contains(&centre.y)
+    };
+    let mut cells = (low.j..=high.j).flat_map(|j| (low.i..=high.i).map(move |i| Cell { i, j }));
+    cells.any(|cell| grid.state(cell) == CellState::Occupied && is_inside(cell))
 }
 
 /// Grows a rectangle around a node, a row of cells on each side in turn, as long as all cells of the row are free.

@@ -42,8 +42,8 @@ fn half_seen_room() -> (OccupancyGrid, LaserScan) {
 fn a_closed_room_is_done_and_stays_done() {
     let (grid, scan) = closed_room();
     let mut explorer = Explorer::new(ExploreConfig::default());
-    assert_eq!(explorer.step(&grid, &pose(0.0, 0.0, 0.0), &scan, 0), ExploreStep::Done);
-    assert_eq!(explorer.step(&half_seen_room().0, &pose(0.0, 0.0, 0.0), &scan, 1), ExploreStep::Done);
+    assert_eq!(explorer.step(&grid, &pose(0.0, 0.0, 0.0), &scan, 0), ExploreStep::Done(Ending::Complete));
+    assert_eq!(explorer.step(&half_seen_room().0, &pose(0.0, 0.0, 0.0), &scan, 1), ExploreStep::Done(Ending::Complete));
 }
 
 #[test]
@@ -68,8 +68,9 @@ fn a_robot_that_cannot_move_backs_out_and_gives_up_in_the_end() {
     for frame in 0..5 * 60 * 10 {
         match explorer.step(&grid, &pose(-1.0, 0.0, 0.0), &scan, frame * 200_000) {
             ExploreStep::Drive(twist) => has_backed_out |= twist.linear_mps < 0.0,
-            ExploreStep::Done => {
+            ExploreStep::Done(ending) => {
                 assert!(has_backed_out);
+                assert_eq!(ending, Ending::Stuck, "that is not the end of what can be explored");
                 return;
             }
         }

@@ -143,7 +143,7 @@ impl ReferenceCloud {
         None
     }
 
-    /// Whether `point` lies within `explained_m` of the line of its nearest point.
+    /// Whether `point` lies within `explained_m` of the line of its nearest point, or of the point itself where it has no line.
     #[must_use]
     pub fn explains(&self, point: Point2, explained_m: f64) -> bool {
         self.nearest(point, 2.5 * explained_m).is_some_and(|reference| match reference.normal {
@@ -152,7 +152,8 @@ impl ReferenceCloud {
         })
     }
 
-    /// Share of `points` (after `transform`) that [`Self::explains`]; `None` when there are no points.
+    /// Share of all `points` (after `transform`) that [`Self::explains`]. Points without a reference point near count as not
+    /// explained, also where the reference never looked. `None` without points.
     pub(super) fn explained_share(&self, points: &[Point2], transform: &Pose2, explained_m: f64) -> Option<f64> {
         let explained = points.iter().filter(|&point| self.explains(transform * point, explained_m)).count();
         (!points.is_empty()).then(|| explained as f64 / points.len() as f64)

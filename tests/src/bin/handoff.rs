@@ -120,7 +120,7 @@ fn demo(cli: &Cli) -> Result<bool, String> {
         runtime.block_on(tokio::signal::ctrl_c()).map_err(|error| text(&error))?;
     }
     drop(server);
-    Ok(report.arrived)
+    Ok(report.is_success())
 }
 
 fn print_report(report: &HandoffReport) {
