@@ -17,6 +17,7 @@
 //! | [`replay`] | mapping from a bag |
 //! | [`cli`] | the program |
 
+pub mod beside;
 pub mod calibration;
 pub mod camera;
 pub mod cli;

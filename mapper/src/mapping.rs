@@ -69,7 +69,7 @@ impl Mapper {
     pub fn new(config: MapperConfig, author: AuthorId, net: Option<DescriptorNet>) -> std::io::Result<Self> {
         let model = net.as_ref().map(|net| net.model().clone());
         Ok(Self {
-            slam: Slam::new(config.slam.clone()),
+            slam: Slam::new(config.slam.clone(), crate::beside::Pace::Repeatable)?,
             builder: Builder::new(config.builder.clone()),
             journal: Journal::new(author),
             explorer: Explorer::new(config.explore.clone()),

@@ -1,86 +1,40 @@
 //! 2D LiDAR SLAM: scans matched to submaps, submaps and keyframes held together by a pose graph.
 //!
-//! * The front end, here: each scan is matched to a submap of the last few metres, starting from what the wheels say.
-//!   Drift inside it is millimetres, and nothing that the back end does disturbs it.
-//! * The back end, [`graph`]: loop closures and optimisation. It moves submaps; the robot's pose in the map is the pose of
-//!   its submap times its pose therein.
+//! | module | idea |
+//! | --- | --- |
+//! | here | the front end: each scan is matched to a submap of the last few metres, starting from what the wheels say. Drift inside it is millimetres, and nothing that the back end does disturbs it |
+//! | [`submap`] | walls and free space that some keyframes saw |
+//! | [`graph`] | the keyframes and what was measured between them |
+//! | [`closure`] | loop closures |
+//! | [`back_end`] | closures, optimisation and the grid's redrawing in a thread. It moves submaps; the robot's pose in the map is the pose of its submap times its pose therein |
 //!
 //! After Hess et al., "Real-time loop closure in 2D LIDAR SLAM" (ICRA 2016), with point-to-line matching in the place of
 //! their probability grids.
 
+pub mod back_end;
+pub mod closure;
+mod config;
 pub mod graph;
 pub mod submap;
 
-use crate::calibration::{OdometryCalibration, OdometryNoise};
+pub use config::SlamConfig;
+
+use crate::beside::{Beside, Pace};
+use crate::calibration::OdometryCalibration;
+use back_end::{BackEnd, Job, Lost, Outcome, locate};
+use closure::{ClosureCounts, Found, NewKeyframe, Sighting, with_floor};
 use fht_robot::frame::{LaserScan, SensorFrame};
-use fht_robot::grid::{GridConfig, OccupancyGrid};
-use fht_robot::matching::{MatchConfig, Prior, ScanMatch, SearchWindow, alignments, refine_with_prior};
+use fht_robot::grid::OccupancyGrid;
+use fht_robot::matching::{Prior, ScanMatch, SearchWindow, alignments, refine_with_prior};
 use fht_robot::pose::{Point2, Pose2};
 use fht_robot::pose_graph::Edge;
-use graph::{ClosureConfig, NewKeyframe, PoseGraph, with_floor};
+use graph::Link;
 use nalgebra::{Matrix3, Vector2};
 use std::sync::Arc;
-use submap::{Submap, SubmapConfig};
+use submap::Submap;
 
-/// Parameters of the SLAM.
-#[derive(Clone, Debug)]
-pub struct SlamConfig {
-    /// The occupancy grid.
-    pub grid: GridConfig,
-    /// Scan matching of the front end.
-    pub matching: MatchConfig,
-    /// Submaps.
-    pub submap: SubmapConfig,
-    /// Loop closure.
-    pub closure: ClosureConfig,
-    /// What the wheels are believed to be.
-    pub odometry: OdometryNoise,
-    /// A keyframe is taken after this much driving, metres. Default 0.3.
-    pub keyframe_distance_m: f64,
-    /// A keyframe is taken after this much turning, radians. Default 0.5.
-    pub keyframe_turn_rad: f64,
-    /// A scan that explains less than this share of its points does not move the estimate: the wheels do. Default 0.3.
-    pub min_score: f64,
-    /// Share of the information of a wheels' edge that counts beside an edge of the scan: wheels err alike from one
-    /// keyframe to the next. Default 0.01.
-    pub odometry_trust: f64,
-    /// A scan that explains less than this share is also searched for elsewhere: the wheels slipped. Default 0.6.
-    pub good_score: f64,
-    /// Half width of that search, metres. Default 0.5.
-    pub rescue_m: f64,
-    /// Half width of its headings, radians. Default 0.8.
-    pub rescue_rad: f64,
-}
-
-impl Default for SlamConfig {
-    fn default() -> Self {
-        Self {
-            grid: GridConfig::default(),
-            matching: MatchConfig { first_reach_m: 0.3, ..MatchConfig::default() },
-            submap: SubmapConfig::default(),
-            closure: ClosureConfig::default(),
-            odometry: OdometryNoise::default(),
-            keyframe_distance_m: 0.3,
-            keyframe_turn_rad: 0.5,
-            min_score: 0.3,
-            odometry_trust: 0.01,
-            good_score: 0.6,
-            rescue_m: 0.5,
-            rescue_rad: 0.8,
-        }
-    }
-}
-
-/// A scan and what the wheels said when it was taken.
-#[derive(Clone, Debug)]
-pub struct Keyframe {
-    /// Time of the frame, microseconds.
-    pub time_us: u64,
-    /// What the wheels said.
-    pub odom_from_base: Pose2,
-    /// The scan.
-    pub scan: LaserScan,
-}
+/// Frames between a job of the back end and its result.
+const BACK_END_DELAY_FRAMES: u64 = 40;
 
 /// A pose that follows a keyframe when that is moved.
 #[derive(Clone, Copy, Debug)]
@@ -91,6 +45,27 @@ pub struct Anchored {
     pub keyframe_from_base: Pose2,
 }
 
+/// A scan that the grid shows.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Where it was taken.
+    pub anchored: Anchored,
+    /// The scan.
+    pub scan: Arc<LaserScan>,
+}
+
+/// How well the robot knows where it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Tracking {
+    /// Scans fit.
+    #[default]
+    Matched,
+    /// The scan shows too little to be matched, or did not fit for a moment: the wheels are believed.
+    Wheels,
+    /// Scans have contradicted the map for a while: nothing is mapped until the robot is found again.
+    Lost,
+}
+
 /// The estimate after one frame.
 #[derive(Clone, Debug)]
 pub struct SlamUpdate {
@@ -98,12 +73,22 @@ pub struct SlamUpdate {
     pub map_from_base: Pose2,
     /// The same, relative to a keyframe.
     pub anchored: Anchored,
-    /// Covariance of x, y (metres, map frame) and yaw (radians), relative to the submap.
+    /// Covariance of x, y (metres, submap frame) and yaw (radians), relative to the submap.
     pub covariance: Matrix3<f64>,
     /// Share of the scan that the submap explains; 0 when the wheels alone were used.
     pub score: f64,
+    /// How well the pose is known.
+    pub tracking: Tracking,
     /// Whether earlier keyframes were moved.
     pub is_corrected: bool,
+}
+
+/// A keyframe as the front end remembers it.
+#[derive(Clone, Copy, Debug)]
+struct Keyframe {
+    odom_from_base: Pose2,
+    /// Where it is in the submap that it was matched to (whose frame is an earlier keyframe).
+    anchored: Anchored,
 }
 
 /// The submaps that grow: the robot is matched to the first; the second takes its place when that is full.
@@ -125,28 +110,57 @@ struct Latest {
 }
 
 /// SLAM in progress. The map frame is where the robot was at the first frame.
-#[derive(Debug)]
 pub struct Slam {
     config: SlamConfig,
-    grid: OccupancyGrid,
     calibration: OdometryCalibration,
-    keyframes: Vec<Keyframe>,
     active: Option<(Active, Latest)>,
-    graph: PoseGraph,
+    keyframes: Vec<Keyframe>,
+    /// Poses of the keyframes in the map frame.
+    poses: Vec<Pose2>,
+    grid: OccupancyGrid,
+    /// The newest view, and where it was.
+    last_view: Option<Anchored>,
+    tracking: Tracking,
+    /// Driven while scans contradicted the map, metres.
+    contradicted_m: f64,
+    /// Whether the robot was lost, and no scan has been matched since.
+    was_lost: bool,
+    /// Whether the active submap is one in which a lost robot was found: the wheels tell nothing of the way there.
+    is_found_again: bool,
+    /// The submap that was being made when the robot got lost.
+    left: Option<Arc<Submap>>,
+    frame: u64,
+    /// What the back end has not been given yet.
+    next_job: Job,
+    back_end: Beside<Job, Outcome>,
+    counts: ClosureCounts,
 }
 
 impl Slam {
     /// Before the first frame.
-    #[must_use]
-    pub fn new(config: SlamConfig) -> Self {
-        Self {
-            grid: OccupancyGrid::new(config.grid.clone()),
+    ///
+    /// # Errors
+    /// When the system gives no thread.
+    pub fn new(config: SlamConfig, pace: Pace) -> std::io::Result<Self> {
+        let mut back_end = BackEnd::new(config.grid.clone(), config.closure.clone());
+        Ok(Self {
             calibration: OdometryCalibration::new(config.odometry.clone()),
-            keyframes: Vec::new(),
             active: None,
-            graph: PoseGraph::new(config.closure.clone()),
+            keyframes: Vec::new(),
+            poses: Vec::new(),
+            grid: OccupancyGrid::new(config.grid.clone()),
+            last_view: None,
+            tracking: Tracking::Matched,
+            contradicted_m: 0.0,
+            was_lost: false,
+            is_found_again: false,
+            left: None,
+            frame: 0,
+            next_job: Job::default(),
+            back_end: Beside::start("slam", pace, move |job| back_end.work(job))?,
+            counts: ClosureCounts::default(),
             config,
-        }
+        })
     }
 
     /// The occupancy grid, in the map frame.
@@ -155,28 +169,96 @@ impl Slam {
         &self.grid
     }
 
-    /// The keyframes, oldest first.
+    /// Poses of the keyframes in the map frame, as known by now.
     #[must_use]
-    pub fn keyframes(&self) -> &[Keyframe] {
-        &self.keyframes
+    pub fn poses(&self) -> &[Pose2] {
+        &self.poses
     }
 
-    /// The back end.
+    /// What loop closure has done, as far as is known by now.
     #[must_use]
-    pub fn graph(&self) -> &PoseGraph {
-        &self.graph
+    pub fn counts(&self) -> ClosureCounts {
+        self.counts
     }
 
     /// Where something is in the map, as known by now.
     #[must_use]
     pub fn locate(&self, anchored: &Anchored) -> Pose2 {
-        self.graph.poses().get(anchored.keyframe).copied().unwrap_or_else(Pose2::identity) * anchored.keyframe_from_base
+        locate(&self.poses, anchored)
+    }
+
+    /// A pose in the map, tied to the nearest keyframe; `None` before the first frame.
+    #[must_use]
+    pub fn anchor(&self, map_from_thing: &Pose2) -> Option<Anchored> {
+        let apart = |pose: &Pose2| (pose.translation.vector - map_from_thing.translation.vector).norm_squared();
+        let nearest = self.poses.iter().enumerate().min_by(|(_, a), (_, b)| apart(a).total_cmp(&apart(b)));
+        nearest.map(|(keyframe, pose)| Anchored { keyframe, keyframe_from_base: pose.inverse() * map_from_thing })
+    }
+
+    /// Tells what a panorama looked like that was taken at `anchored`: `components` are a unit vector, and `match_threshold`
+    /// is the cosine that means "near".
+    pub fn see(&mut self, anchored: &Anchored, components: Arc<Vec<f32>>, match_threshold: f32) {
+        self.next_job.sightings.push(Sighting { keyframe: anchored.keyframe, components, match_threshold });
     }
 
     /// Takes in one frame.
     pub fn update(&mut self, frame: &SensorFrame) -> SlamUpdate {
+        let outcome = self.back_end.take_due(self.frame);
+        let is_corrected = outcome.is_some_and(|outcome| self.take(outcome, &frame.odom_from_base));
+        let update = self.track(frame);
+        let is_worth_it = !self.next_job.keyframes.is_empty() || self.next_job.lost.is_some();
+        if is_worth_it && self.back_end.is_idle() {
+            self.back_end.submit(std::mem::take(&mut self.next_job), self.frame + BACK_END_DELAY_FRAMES);
+        }
+        self.frame += 1;
+        SlamUpdate { is_corrected, ..update }
+    }
+
+    /// After the last frame: the graph is closed and optimised as well as it can be.
+    pub fn finish(&mut self) {
+        let Some(last_odom) = self.active.as_ref().map(|(_, latest)| latest.odom_from_base) else { return };
+        if let Some(outcome) = self.back_end.finish() {
+            self.take(outcome, &last_odom);
+        }
+        let last = Job { is_last: true, ..std::mem::take(&mut self.next_job) };
+        self.back_end.submit(last, self.frame);
+        if let Some(outcome) = self.back_end.finish() {
+            self.take(outcome, &last_odom);
+        }
+    }
+
+    /// Takes over what the back end found; true when keyframes have moved.
+    fn take(&mut self, outcome: Outcome, odom_from_base: &Pose2) -> bool {
+        self.counts = outcome.counts;
+        let is_corrected = outcome.poses.is_some();
+        if let Some(poses) = outcome.poses {
+            let known = poses.len();
+            self.poses[..known].copy_from_slice(&poses);
+            for index in known..self.poses.len() {
+                self.poses[index] = locate(&self.poses, &self.keyframes[index].anchored);
+            }
+        }
+        if let Some(grid) = outcome.grid {
+            self.grid = grid;
+            for view in &self.next_job.views {
+                self.grid.integrate(&locate(&self.poses, &view.anchored), &view.scan);
+            }
+        }
+        if let Some(found) = outcome.found.filter(|_| self.tracking == Tracking::Lost) {
+            self.resume(&found, odom_from_base);
+        }
+        is_corrected
+    }
+
+    fn usable_points(&self, scan: &LaserScan) -> Vec<Point2> {
+        let reach = self.config.grid.max_range_m;
+        let sensor = Point2::from(scan.base_from_sensor.translation.vector);
+        scan.points_in_base().into_iter().filter(|point| (point - sensor).norm() <= reach).collect()
+    }
+
+    fn track(&mut self, frame: &SensorFrame) -> SlamUpdate {
         let points = self.usable_points(&frame.scan);
-        let Some((active, latest)) = self.active.take() else {
+        let Some((mut active, mut latest)) = self.active.take() else {
             return self.begin(frame, points);
         };
         let raw_motion = latest.odom_from_base.inverse() * frame.odom_from_base;
@@ -185,20 +267,32 @@ impl Slam {
         let prior_information = self.calibration.information(&motion, predicted.rotation.angle());
         let prior = Prior { reference_from_moving: predicted, information: prior_information };
         let matched = self.match_to(&active.older, &points, &prior);
-        let submap_from_base = matched.as_ref().map_or(predicted, |found| found.reference_from_moving);
-        let latest = Latest { submap_from_base, odom_from_base: frame.odom_from_base, ..latest };
+        latest.submap_from_base = matched.as_ref().map_or(predicted, |found| found.reference_from_moving);
+        latest.odom_from_base = frame.odom_from_base;
+        let driven_m = motion.translation.vector.norm();
+        self.judge_tracking(matched.is_some(), driven_m, &active.older, &points, &latest);
 
-        let motion_since = latest.submap_from_keyframe.inverse() * submap_from_base;
-        let mut anchored = Anchored { keyframe: self.keyframes.len() - 1, keyframe_from_base: motion_since };
-        let mut is_corrected = false;
-        if motion_since.translation.vector.norm() >= self.config.keyframe_distance_m
-            || motion_since.rotation.angle().abs() >= self.config.keyframe_turn_rad
-        {
-            anchored = Anchored { keyframe: self.keyframes.len(), keyframe_from_base: Pose2::identity() };
-            is_corrected = self.add_keyframe(frame, points, active, latest, matched.as_ref(), &prior_information);
-        } else {
-            self.active = Some((active, latest));
+        let motion_since = latest.submap_from_keyframe.inverse() * latest.submap_from_base;
+        let is_due = is_beyond(&motion_since, self.config.keyframe_distance_m, self.config.keyframe_turn_rad);
+        let is_known = matched.is_some() || !(self.is_found_again || self.tracking == Tracking::Lost);
+        if is_due && is_known {
+            let (edge, learnt) = self.scan_edge(&active, &latest, matched.as_ref(), &prior_information);
+            let is_driven = !self.is_found_again;
+            if let Some(information) = learnt.filter(|_| is_driven) {
+                let between = latest.submap_from_keyframe.inverse() * latest.submap_from_base;
+                let raw = self.keyframes[self.keyframes.len() - 1].odom_from_base.inverse() * frame.odom_from_base;
+                let yaw = latest.submap_from_base.rotation.angle();
+                self.calibration.learn(&raw, &between, &information, yaw);
+            }
+            let wheels = is_driven.then(|| self.wheels_link(&frame.odom_from_base, learnt.is_some()));
+            let links = edge.into_iter().chain(wheels).collect();
+            self.add_keyframe(frame, points, &mut active, &mut latest, links);
         }
+        let newest = self.keyframes.len() - 1;
+        let keyframe_from_base = latest.submap_from_keyframe.inverse() * latest.submap_from_base;
+        let anchored = Anchored { keyframe: newest, keyframe_from_base };
+        self.active = Some((active, latest));
+        self.view(&anchored, &frame.scan);
         SlamUpdate {
             map_from_base: self.locate(&anchored),
             anchored,
@@ -207,20 +301,9 @@ impl Slam {
                 |found| found.covariance,
             ),
             score: matched.map_or(0.0, |found| found.score),
-            is_corrected,
+            tracking: self.tracking,
+            is_corrected: false,
         }
-    }
-
-    /// After the last frame: the graph is closed and optimised as well as it can be.
-    pub fn finish(&mut self) {
-        self.graph.finish();
-        self.redraw();
-    }
-
-    fn usable_points(&self, scan: &LaserScan) -> Vec<Point2> {
-        let reach = self.config.grid.max_range_m;
-        let sensor = Point2::from(scan.base_from_sensor.translation.vector);
-        scan.points_in_base().into_iter().filter(|point| (point - sensor).norm() <= reach).collect()
     }
 
     /// Matches a scan to the active submap: from where the wheels say, and if that fits badly, anywhere near.
@@ -235,37 +318,118 @@ impl Slam {
                 half_y_m: config.rescue_m,
                 half_yaw_rad: config.rescue_rad,
             };
-            let elsewhere = alignments(submap.cloud(), points, &window, &config.matching);
-            let better = elsewhere.into_iter().filter(|found| found.score > score + 0.1);
-            better.max_by(|a, b| a.score.total_cmp(&b.score)).or(near)
+            // Another place must be better by what it explains and by what it does not contradict.
+            let balance = |found: &ScanMatch| submap.judge(points, &found.reference_from_moving).balance();
+            let needed = near.as_ref().map_or(0, balance) + (config.rescue_gain * points.len() as f64) as i64;
+            let elsewhere = alignments(submap.cloud(), points, &window, &config.matching).into_iter();
+            let better = elsewhere.filter(|found| found.score > score + config.rescue_gain).map(|found| (balance(&found), found));
+            let best = better.filter(|(balance, _)| *balance > needed).max_by_key(|(balance, _)| *balance);
+            best.map(|(_, found)| found).or(near)
         } else {
             near
         };
         best.filter(|found| found.score >= config.min_score)
     }
 
+    fn judge_tracking(
+        &mut self,
+        is_matched: bool,
+        driven_m: f64,
+        submap: &Submap,
+        points: &[Point2],
+        latest: &Latest,
+    ) {
+        self.next_job.lost = None;
+        if is_matched {
+            self.contradicted_m = 0.0;
+            self.was_lost = false;
+            self.tracking = Tracking::Matched;
+            return;
+        }
+        // New rooms and endless halls are no contradiction: the submap did not look there.
+        let contradicted = submap.judge(points, &latest.submap_from_base).contradicted as f64;
+        let is_contradiction = contradicted > self.config.lost_contradiction * points.len() as f64
+            && points.len() >= self.config.matching.min_points;
+        if is_contradiction {
+            self.contradicted_m += driven_m;
+        }
+        let is_lost = is_contradiction || self.was_lost;
+        let range = self.config.lost_after_m..self.config.give_up_m;
+        if is_lost && range.contains(&self.contradicted_m) {
+            self.tracking = Tracking::Lost;
+            self.was_lost = true;
+            self.next_job.lost = Some(Lost { points: points.to_vec(), odom_from_base: latest.odom_from_base });
+        } else {
+            self.tracking = Tracking::Wheels;
+        }
+    }
+
+    /// Whether a robot that is lost maps on as if in a new building, since no place was found for so long.
+    fn has_given_up(&self) -> bool {
+        self.was_lost && self.contradicted_m >= self.config.give_up_m
+    }
+
+    /// The link of a new keyframe to the submap that it was matched to, and what the scan alone knows of it.
+    fn scan_edge(
+        &self,
+        active: &Active,
+        latest: &Latest,
+        matched: Option<&ScanMatch>,
+        prior_information: &Matrix3<f64>,
+    ) -> (Option<Link>, Option<Matrix3<f64>>) {
+        let Some(found) = matched else { return (None, None) };
+        // The wheels have an edge of their own.
+        let information = found.covariance.try_inverse().unwrap_or_else(Matrix3::zeros) - prior_information;
+        let covariance = (information + Matrix3::from_diagonal_element(1e-4)).try_inverse();
+        let closure = &self.config.closure;
+        let floored = covariance.and_then(|c| with_floor(&c, closure.floor_m, closure.floor_rad));
+        let edge = |information| Edge {
+            from: active.older.first(),
+            to: self.keyframes.len(),
+            measured: latest.submap_from_base,
+            information,
+            is_doubtful: false,
+        };
+        (floored.map(edge).map(Link::ordinary), Some(information))
+    }
+
+    /// The link of a new keyframe to the one before it, by the wheels.
+    fn wheels_link(&self, odom_from_base: &Pose2, has_scan: bool) -> Link {
+        let newest = self.keyframes.len() - 1;
+        let raw = self.keyframes[newest].odom_from_base.inverse() * odom_from_base;
+        let measured = self.calibration.correct(&raw);
+        let (trust, doubt) = if has_scan {
+            (self.config.odometry_trust, 1.0)
+        } else if self.has_given_up() {
+            // Nobody knows what happened on the way.
+            (1e-4, f64::INFINITY)
+        } else {
+            (1.0, 10.0)
+        };
+        let information = self.calibration.information(&measured, measured.rotation.angle()) * trust;
+        let edge = Edge { from: newest, to: newest + 1, measured, information, is_doubtful: false };
+        // Finite, so that there is a way: longer than any window grows.
+        let way_m = (measured.translation.vector.norm() * doubt).min(1e3);
+        Link { edge, way_m }
+    }
+
     fn begin(&mut self, frame: &SensorFrame, points: Vec<Point2>) -> SlamUpdate {
         let origin = Pose2::identity();
-        let mut older = Submap::new(0, &self.config.submap);
-        older.insert(&origin, &frame.scan, &points);
-        self.graph.add(NewKeyframe { points: Arc::new(points), edges: Vec::new(), finished: Vec::new() });
-        self.grid.integrate(&origin, &frame.scan);
-        self.keyframes.push(Keyframe {
-            time_us: frame.time_us,
-            odom_from_base: frame.odom_from_base,
-            scan: frame.scan.clone(),
-        });
-        let latest = Latest {
-            submap_from_base: origin,
-            odom_from_base: frame.odom_from_base,
-            submap_from_keyframe: origin,
-        };
+        let older = Submap::begin(0, &self.config.submap, &frame.scan, &points);
+        let anchored = Anchored { keyframe: 0, keyframe_from_base: origin };
+        self.keyframes.push(Keyframe { odom_from_base: frame.odom_from_base, anchored });
+        self.poses.push(origin);
+        self.next_job.keyframes.push(NewKeyframe { points: Arc::new(points), links: Vec::new(), finished: Vec::new() });
+        let odom_from_base = frame.odom_from_base;
+        let latest = Latest { submap_from_base: origin, odom_from_base, submap_from_keyframe: origin };
         self.active = Some((Active { older, newer: None }, latest));
+        self.view(&anchored, &frame.scan);
         SlamUpdate {
             map_from_base: origin,
-            anchored: Anchored { keyframe: 0, keyframe_from_base: origin },
+            anchored,
             covariance: Matrix3::zeros(),
             score: 1.0,
+            tracking: Tracking::Matched,
             is_corrected: false,
         }
     }
@@ -274,76 +438,84 @@ impl Slam {
         &mut self,
         frame: &SensorFrame,
         points: Vec<Point2>,
-        mut active: Active,
-        mut latest: Latest,
-        matched: Option<&ScanMatch>,
-        prior_information: &Matrix3<f64>,
-    ) -> bool {
+        active: &mut Active,
+        latest: &mut Latest,
+        links: Vec<Link>,
+    ) {
         let index = self.keyframes.len();
         let here = latest.submap_from_base;
-        let mut edges = Vec::new();
-        if let Some(found) = matched {
-            // What the scan alone knows: the wheels have an edge of their own.
-            let information = found.covariance.try_inverse().unwrap_or_else(Matrix3::zeros) - prior_information;
-            let covariance = (information + Matrix3::from_diagonal_element(1e-4)).try_inverse();
-            let closure = &self.config.closure;
-            if let Some(information) = covariance.and_then(|c| with_floor(&c, closure.floor_m, closure.floor_rad)) {
-                let from = active.older.first();
-                edges.push(Edge { from, to: index, measured: here, information, is_doubtful: false });
+        let anchored = Anchored { keyframe: active.older.first(), keyframe_from_base: here };
+        self.keyframes.push(Keyframe { odom_from_base: frame.odom_from_base, anchored });
+        self.poses.push(locate(&self.poses, &anchored));
+        let mut finished: Vec<Arc<Submap>> = self.left.take().into_iter().collect();
+        latest.submap_from_keyframe = here;
+        if self.is_found_again || self.has_given_up() {
+            // A submap of its own: the keyframes of one are consecutive.
+            let next = Submap::begin(index, &self.config.submap, &frame.scan, &points);
+            let before = std::mem::replace(&mut active.older, next);
+            if !self.is_found_again {
+                finished.push(Arc::new(before));
+            }
+            active.newer = None;
+            latest.submap_from_base = Pose2::identity();
+            latest.submap_from_keyframe = Pose2::identity();
+            (self.is_found_again, self.was_lost, self.contradicted_m) = (false, false, 0.0);
+        } else {
+            active.older.insert(&here, &frame.scan, &points);
+            if let Some((newer, older_from_newer)) = &mut active.newer {
+                newer.insert(&(older_from_newer.inverse() * here), &frame.scan, &points);
+            } else if active.older.members().len() >= self.config.submap.keyframes {
+                active.newer = Some((Submap::begin(index, &self.config.submap, &frame.scan, &points), here));
+            }
+            if active.older.is_full()
+                && let Some((newer, older_from_newer)) = active.newer.take()
+            {
+                latest.submap_from_base = older_from_newer.inverse() * here;
+                latest.submap_from_keyframe = latest.submap_from_base;
+                let next = Submap::begin(index, &self.config.submap, &frame.scan, &points);
+                finished.push(Arc::new(std::mem::replace(&mut active.older, newer)));
+                active.newer = Some((next, latest.submap_from_base));
             }
         }
-        let before = &self.keyframes[index - 1];
-        let raw = before.odom_from_base.inverse() * frame.odom_from_base;
-        let between = latest.submap_from_keyframe.inverse() * here;
-        if let Some(found) = matched {
-            let scan_information = found.covariance.try_inverse().unwrap_or_else(Matrix3::zeros) - prior_information;
-            self.calibration.learn(&raw, &between, &scan_information, here.rotation.angle());
-        }
-        let driven = self.calibration.correct(&raw);
-        let trust = if matched.is_some() { self.config.odometry_trust } else { 1.0 };
-        let information = self.calibration.information(&driven, driven.rotation.angle()) * trust;
-        edges.push(Edge { from: index - 1, to: index, measured: driven, information, is_doubtful: false });
-
-        active.older.insert(&here, &frame.scan, &points);
-        if let Some((newer, older_from_newer)) = &mut active.newer {
-            newer.insert(&(older_from_newer.inverse() * here), &frame.scan, &points);
-        } else if active.older.members().len() >= self.config.submap.keyframes {
-            active.newer = Some((Submap::begin(index, &self.config.submap, &frame.scan, &points), here));
-        }
-        let mut finished = Vec::new();
-        latest.submap_from_keyframe = here;
-        if active.older.is_full()
-            && let Some((newer, older_from_newer)) = active.newer.take()
-        {
-            latest.submap_from_base = older_from_newer.inverse() * here;
-            latest.submap_from_keyframe = latest.submap_from_base;
-            let next = Submap::begin(index, &self.config.submap, &frame.scan, &points);
-            let newer_from_next = latest.submap_from_base;
-            finished.push(Arc::new(std::mem::replace(&mut active.older, newer)));
-            active.newer = Some((next, newer_from_next));
-        }
-        self.keyframes.push(Keyframe {
-            time_us: frame.time_us,
-            odom_from_base: frame.odom_from_base,
-            scan: frame.scan.clone(),
-        });
-        self.active = Some((active, latest));
-        let is_corrected = self.graph.add(NewKeyframe { points: Arc::new(points), edges, finished });
-        if is_corrected {
-            self.redraw();
-        } else if let Some(pose) = self.graph.poses().last() {
-            self.grid.integrate(pose, &frame.scan);
-        }
-        is_corrected
+        self.next_job.keyframes.push(NewKeyframe { points: Arc::new(points), links, finished });
     }
 
-    fn redraw(&mut self) {
-        let mut grid = OccupancyGrid::new(self.config.grid.clone());
-        for (keyframe, pose) in self.keyframes.iter().zip(self.graph.poses()) {
-            grid.integrate(pose, &keyframe.scan);
+    /// Draws a scan into the grid, if the robot has moved since the last one.
+    fn view(&mut self, anchored: &Anchored, scan: &LaserScan) {
+        let map_from_base = self.locate(anchored);
+        let moved = self.last_view.map(|last| self.locate(&last).inverse() * map_from_base);
+        let is_due = |moved| is_beyond(&moved, self.config.view_distance_m, self.config.view_turn_rad);
+        if self.tracking != Tracking::Lost && moved.is_none_or(is_due) {
+            self.grid.integrate(&map_from_base, scan);
+            self.next_job.views.push(View { anchored: *anchored, scan: Arc::new(scan.clone()) });
+            self.last_view = Some(*anchored);
         }
-        self.grid = grid;
     }
+
+    /// Goes on where a lost robot was found: in a finished submap, which grows no more, so the next keyframe begins a new one.
+    fn resume(&mut self, found: &Found, odom_from_base: &Pose2) {
+        let Some((active, _)) = self.active.take() else { return };
+        tracing::info!("found again in the submap of keyframe {}", found.submap.first());
+        let since = self.calibration.correct(&(found.odom_from_base.inverse() * odom_from_base));
+        if !self.is_found_again {
+            self.left = Some(Arc::new(active.older));
+        }
+        let submap_from_map = self.poses[found.submap.first()].inverse();
+        let newest = self.poses[self.poses.len() - 1];
+        let latest = Latest {
+            submap_from_base: found.submap_from_base * since,
+            odom_from_base: *odom_from_base,
+            submap_from_keyframe: submap_from_map * newest,
+        };
+        self.active = Some((Active { older: Submap::clone(&found.submap), newer: None }, latest));
+        (self.is_found_again, self.was_lost, self.contradicted_m) = (true, false, 0.0);
+        self.tracking = Tracking::Wheels;
+    }
+}
+
+/// Whether a motion is at least as long, or turns at least as far.
+fn is_beyond(motion: &Pose2, distance_m: f64, turn_rad: f64) -> bool {
+    motion.translation.vector.norm() >= distance_m || motion.rotation.angle().abs() >= turn_rad
 }
 
 /// Unit vector of a heading.

@@ -8,7 +8,8 @@
 use crate::pose::{Pose2, pose, wrap_angle};
 use faer::Side;
 use faer::linalg::solvers::Solve;
-use faer::sparse::{SparseColMat, Triplet};
+use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
+use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 /// A measurement between two poses.
@@ -35,11 +36,14 @@ pub struct GraphConfig {
     pub least_step_m: f64,
     /// Squared Mahalanobis distance at which a doubtful edge has lost three quarters of its weight. Default 200.
     pub doubt_chi2: f64,
+    /// Whether doubt begins mildly and grows: for poses that may be far off. Without, edges that have lost their weight
+    /// hardly get it back, and few iterations are enough. Default true.
+    pub is_graduated: bool,
 }
 
 impl Default for GraphConfig {
     fn default() -> Self {
-        Self { max_iterations: 40, least_step_m: 1e-4, doubt_chi2: 200.0 }
+        Self { max_iterations: 40, least_step_m: 1e-4, doubt_chi2: 200.0, is_graduated: true }
     }
 }
 
@@ -103,12 +107,13 @@ pub fn optimise(poses: &mut [Pose2], edges: &[Edge], config: &GraphConfig) -> Re
     if count < 2 {
         return Ok(());
     }
+    let singular = || GraphError::Singular { poses: count, edges: edges.len() };
+    let equations = NormalEquations::new(count, edges).ok_or_else(singular)?;
     let mut estimate = poses.to_vec();
     let worst = edges.iter().filter(|edge| edge.is_doubtful).map(|edge| chi2(edge, &estimate)).fold(0.0, f64::max);
-    let mut widening = (worst / config.doubt_chi2).max(1.0);
+    let mut widening = if config.is_graduated { (worst / config.doubt_chi2).max(1.0) } else { 1.0 };
     for _ in 0..config.max_iterations {
-        let step = solve(&estimate, edges, config.doubt_chi2 * widening)
-            .ok_or(GraphError::Singular { poses: count, edges: edges.len() })?;
+        let step = equations.step(&estimate, edges, config.doubt_chi2 * widening).ok_or_else(singular)?;
         let mut farthest = 0.0_f64;
         for (pose_here, step) in estimate.iter_mut().skip(1).zip(step.chunks_exact(3)) {
             farthest = farthest.max(step[0].hypot(step[1]));
@@ -127,45 +132,77 @@ pub fn optimise(poses: &mut [Pose2], edges: &[Edge], config: &GraphConfig) -> Re
     Ok(())
 }
 
-/// One Gauss-Newton step: three numbers for each pose but the first.
-fn solve(poses: &[Pose2], edges: &[Edge], width2: f64) -> Option<Vec<f64>> {
-    let size = 3 * (poses.len() - 1);
-    let mut triplets: Vec<Triplet<usize, usize, f64>> = Vec::with_capacity(edges.len() * 21 + size);
-    let mut gradient = vec![0.0; size];
-    for edge in edges {
-        let (from, to) = (&poses[edge.from], &poses[edge.to]);
-        let error = residual(edge, from, to);
-        let weight = if edge.is_doubtful { geman_mcclure(error.dot(&(edge.information * error)), width2) } else { 1.0 };
-        let information = edge.information * weight;
-        let (of_from, of_to) = jacobians(from, to);
-        let blocks = [(edge.from, of_from), (edge.to, of_to)];
-        for (index, jacobian) in &blocks {
-            let Some(row) = index.checked_sub(1) else { continue };
-            let part = jacobian.transpose() * information * error;
-            for k in 0..3 {
-                gradient[3 * row + k] -= part[k];
+/// Index of an entry of the normal equations' lower triangle.
+type Entry = Pair<usize, usize>;
+
+/// The normal equations. Which entries they have depends on the edges alone, so it is found out once for all steps.
+struct NormalEquations {
+    size: usize,
+    argsort: Argsort<usize>,
+    pattern: SymbolicSparseColMat<usize>,
+    symbolic: SymbolicLlt<usize>,
+}
+
+impl NormalEquations {
+    fn new(poses: usize, edges: &[Edge]) -> Option<Self> {
+        let size = 3 * (poses - 1);
+        let mut entries: Vec<Entry> = Vec::with_capacity(edges.len() * 21 + size);
+        for edge in edges {
+            for (row, column) in blocks(edge) {
+                entries.extend(lower(row == column).map(|(i, j)| Entry { row: 3 * row + i, col: 3 * column + j }));
             }
-            for (other, other_jacobian) in &blocks {
-                let Some(column) = other.checked_sub(1).filter(|column| *column <= row) else { continue };
-                let block = jacobian.transpose() * information * other_jacobian;
-                for i in 0..3 {
-                    for j in 0..3 {
-                        if row > column || i >= j {
-                            triplets.push(Triplet::new(3 * row + i, 3 * column + j, block[(i, j)]));
-                        }
-                    }
+        }
+        entries.extend((0..size).map(|index| Entry { row: index, col: index }));
+        let (pattern, argsort) = SymbolicSparseColMat::try_new_from_indices(size, size, &entries).ok()?;
+        let symbolic = SymbolicLlt::try_new(pattern.as_ref(), Side::Lower).ok()?;
+        Some(Self { size, argsort, pattern, symbolic })
+    }
+
+    /// One Gauss-Newton step: three numbers for each pose but the first.
+    fn step(&self, poses: &[Pose2], edges: &[Edge], width2: f64) -> Option<Vec<f64>> {
+        let mut values: Vec<f64> = Vec::with_capacity(edges.len() * 21 + self.size);
+        let mut gradient = vec![0.0; self.size];
+        for edge in edges {
+            let (from, to) = (&poses[edge.from], &poses[edge.to]);
+            let error = residual(edge, from, to);
+            let weight = match edge.is_doubtful {
+                true => geman_mcclure(error.dot(&(edge.information * error)), width2),
+                false => 1.0,
+            };
+            let information = edge.information * weight;
+            let (of_from, of_to) = jacobians(from, to);
+            let jacobian_of = |row: usize| if row + 1 == edge.from { &of_from } else { &of_to };
+            for (row, column) in blocks(edge) {
+                let block = jacobian_of(row).transpose() * information * jacobian_of(column);
+                values.extend(lower(row == column).map(|index| block[index]));
+                if row == column {
+                    let part = jacobian_of(row).transpose() * information * error;
+                    (0..3).for_each(|k| gradient[3 * row + k] -= part[k]);
                 }
             }
         }
+        // A trace of damping: a pose that no edge holds stays where it is rather than making everything unsolvable.
+        values.extend(std::iter::repeat_n(1e-6, self.size));
+        let system = SparseColMat::new_from_argsort(self.pattern.clone(), &self.argsort, &values).ok()?;
+        let factors = Llt::try_new_with_symbolic(self.symbolic.clone(), system.as_ref(), Side::Lower).ok()?;
+        let step = factors.solve(&faer::Col::from_fn(self.size, |index| gradient[index]));
+        let step: Vec<f64> = (0..self.size).map(|index| step[index]).collect();
+        step.iter().all(|value| value.is_finite()).then_some(step)
     }
-    // A trace of damping: a pose that no edge holds stays where it is rather than making everything unsolvable.
-    triplets.extend((0..size).map(|index| Triplet::new(index, index, 1e-6)));
-    let system = SparseColMat::<usize, f64>::try_new_from_triplets(size, size, &triplets).ok()?;
-    let factors = system.sp_cholesky(Side::Lower).ok()?;
-    let right = faer::Col::from_fn(size, |index| gradient[index]);
-    let step = factors.solve(&right);
-    let step: Vec<f64> = (0..size).map(|index| step[index]).collect();
-    step.iter().all(|value| value.is_finite()).then_some(step)
+}
+
+/// The blocks of the lower triangle that an edge adds to: row and column, as numbers of poses without the first.
+fn blocks(edge: &Edge) -> impl Iterator<Item = (usize, usize)> {
+    let (low, high) = (edge.from.min(edge.to), edge.from.max(edge.to));
+    let of_low = low.checked_sub(1);
+    let of_high = high.checked_sub(1).filter(|_| high != low);
+    let diagonal = of_low.into_iter().chain(of_high).map(|row| (row, row));
+    diagonal.chain(of_high.zip(of_low))
+}
+
+/// The entries of a block that are in the lower triangle.
+fn lower(is_diagonal: bool) -> impl Iterator<Item = (usize, usize)> {
+    (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).filter(move |(i, j)| !is_diagonal || i >= j)
 }
 
 /// Derivatives of [`residual`] by x, y, yaw of both poses.

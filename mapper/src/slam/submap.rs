@@ -93,6 +93,18 @@ impl Submap {
         self.first
     }
 
+    /// The indices of its keyframes.
+    #[must_use]
+    pub fn keyframes(&self) -> std::ops::Range<usize> {
+        self.first..self.first + self.members.len()
+    }
+
+    /// Whether keyframe `index` is one of its own.
+    #[must_use]
+    pub fn has(&self, index: usize) -> bool {
+        self.keyframes().contains(&index)
+    }
+
     /// Poses of its keyframes in its frame; the `i`-th is keyframe `first + i`.
     #[must_use]
     pub fn members(&self) -> &[Pose2] {

@@ -1,0 +1,481 @@
+//! Loop closure: which earlier submaps a new keyframe is matched to, and which matches are believed.
+//!
+//! * Close at hand, where little has been driven since both places were joined: refinement from where the graph says.
+//! * After a long way: a correlative search, as wide as the way was long.
+//! * Where the panorama looks like an earlier one: a search at all headings, whatever the graph says.
+//!
+//! What the last two find is believed only when several keyframes say the same. What is believed may still be wrong: the
+//! optimisation gives it a robust weight.
+
+use super::back_end::Lost;
+use super::graph::{KeyframeGraph, Link};
+use super::submap::{Submap, Verdict};
+use fht_robot::matching::{MatchConfig, ScanMatch, SearchWindow, alignments, refine};
+use fht_robot::pose::{Point2, Pose2, pose, wrap_angle};
+use fht_robot::pose_graph::{Edge, GraphConfig, chi2};
+use nalgebra::{Matrix3, Vector3};
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// Parameters of loop closure.
+#[derive(Clone, Debug)]
+pub struct ClosureConfig {
+    /// The optimisation.
+    pub graph: GraphConfig,
+    /// Scan matching.
+    pub matching: MatchConfig,
+    /// A submap is tried when one of its keyframes is nearer than this plus the uncertainty, metres. Default 4.
+    pub reach_m: f64,
+    /// Half width of the search after no way at all, metres. Default 0.15.
+    pub window_m: f64,
+    /// Growth of the half width with the length of the way since both places were joined, metres per metre. Default 0.03.
+    pub window_per_m: f64,
+    /// Greatest half width, metres. Default 10.
+    pub max_window_m: f64,
+    /// Half width of headings after no way at all, radians. Default 0.05.
+    pub window_rad: f64,
+    /// Growth of the half width of headings, radians per metre. Default 0.01.
+    pub window_rad_per_m: f64,
+    /// Up to this half width refinement needs no search, metres. Default 0.45.
+    pub refine_m: f64,
+    /// Submaps tried with each keyframe by refinement. Default 3.
+    pub tries: usize,
+    /// Keyframes between searches. Default 4.
+    pub search_every: usize,
+    /// Least explained share of the points that a submap can judge. Default 0.8.
+    pub min_agreement: f64,
+    /// Least explained share of all points. Default 0.4.
+    pub min_overlap: f64,
+    /// Closures after a long way that must agree. Default 3.
+    pub agreeing: usize,
+    /// They agree when the corrections that they imply differ by less than this, metres. Default 0.3.
+    pub agreement_m: f64,
+    /// And by less than this, radians. Default 0.05.
+    pub agreement_rad: f64,
+    /// Standard deviation of a match beyond what its geometry says, metres: neighbouring matches err alike. Default 0.01.
+    pub floor_m: f64,
+    /// The same for the heading, radians. Default 0.002.
+    pub floor_rad: f64,
+    /// The graph is optimised when new closures disagree with it by this much in sum (squared Mahalanobis distance).
+    /// Default 100.
+    pub optimise_tension: f64,
+    /// What one closure adds to that sum at most. Default 50.
+    pub most_tension: f64,
+    /// Least cosine of the descriptors of two panoramas that may be of one place; `None`: what the model says. Default `None`.
+    pub min_similarity: Option<f32>,
+    /// A look-alike is tried when the way to it is longer than this, metres. Default 15.
+    pub look_alike_way_m: f64,
+    /// Half width of the search around a look-alike, metres. Default 2.5.
+    pub look_alike_m: f64,
+    /// Half width of the search in each submap when the robot is lost, metres. Default 6.
+    pub lost_window_m: f64,
+    /// Least agreement and overlap of a place that a lost robot believes. Default 0.85 and 0.6.
+    pub lost_agreement: f64,
+    /// See `lost_agreement`.
+    pub lost_overlap: f64,
+    /// A lost robot believes no place when another one has more than this share of its balance. Default 0.8.
+    pub lost_ambiguity: f64,
+}
+
+impl Default for ClosureConfig {
+    fn default() -> Self {
+        Self {
+            graph: GraphConfig::default(),
+            matching: MatchConfig::default(),
+            reach_m: 4.0,
+            window_m: 0.15,
+            window_per_m: 0.03,
+            max_window_m: 10.0,
+            window_rad: 0.05,
+            window_rad_per_m: 0.01,
+            refine_m: 0.45,
+            tries: 3,
+            search_every: 4,
+            min_agreement: 0.8,
+            min_overlap: 0.4,
+            agreeing: 3,
+            agreement_m: 0.3,
+            agreement_rad: 0.05,
+            floor_m: 0.01,
+            floor_rad: 0.002,
+            optimise_tension: 100.0,
+            most_tension: 50.0,
+            min_similarity: None,
+            look_alike_way_m: 15.0,
+            look_alike_m: 2.5,
+            lost_window_m: 6.0,
+            lost_agreement: 0.85,
+            lost_overlap: 0.6,
+            lost_ambiguity: 0.8,
+        }
+    }
+}
+
+/// A keyframe as the front end hands it over.
+#[derive(Clone, Debug)]
+pub struct NewKeyframe {
+    /// Wall points in the robot's frame.
+    pub points: Arc<Vec<Point2>>,
+    /// What joins it to earlier keyframes.
+    pub links: Vec<Link>,
+    /// Submaps that were finished with it.
+    pub finished: Vec<Arc<Submap>>,
+}
+
+/// What a panorama taken at a keyframe looks like: a unit vector, and the cosine that means "near".
+#[derive(Clone, Debug)]
+pub struct Sighting {
+    /// The keyframe.
+    pub keyframe: usize,
+    /// The descriptor's components.
+    pub components: Arc<Vec<f32>>,
+    /// The model's own threshold.
+    pub match_threshold: f32,
+}
+
+/// A closure that waits for others that say the same.
+#[derive(Clone, Debug)]
+struct Pending {
+    edge: Edge,
+    /// The correction in the map frame that it implies.
+    correction: Pose2,
+}
+
+/// What loop closure has done, for reports.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ClosureCounts {
+    /// Closures close at hand.
+    pub near: usize,
+    /// Closures found by searching.
+    pub far: usize,
+    /// Of these, tried because a panorama looked alike.
+    pub look_alike: usize,
+    /// Searches and refinements that found nothing that could be believed.
+    pub refused: usize,
+    /// Optimisations.
+    pub optimised: usize,
+}
+
+/// Where a lost robot was found: a submap, and the pose therein.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// The submap.
+    pub submap: Arc<Submap>,
+    /// The robot's pose in its frame.
+    pub submap_from_base: Pose2,
+    /// What the wheels said there.
+    pub odom_from_base: Pose2,
+}
+
+/// Finds closures. Owns what closures are found with; the poses are the graph's.
+#[derive(Debug)]
+pub struct LoopCloser {
+    config: ClosureConfig,
+    points: Vec<Arc<Vec<Point2>>>,
+    submaps: Vec<Arc<Submap>>,
+    sightings: Vec<Sighting>,
+    pending: Vec<Pending>,
+    tension: f64,
+    /// Whether closures after long ways were joined since the last optimisation.
+    is_graduated: bool,
+    counts: ClosureCounts,
+}
+
+/// A submap that a keyframe could be matched to.
+struct Candidate {
+    submap: usize,
+    /// Where the keyframe should be in it.
+    guess: Pose2,
+    window_m: f64,
+    window_rad: f64,
+    distance_m: f64,
+}
+
+impl LoopCloser {
+    /// Before the first keyframe.
+    #[must_use]
+    pub fn new(config: ClosureConfig) -> Self {
+        Self {
+            config,
+            points: Vec::new(),
+            submaps: Vec::new(),
+            sightings: Vec::new(),
+            pending: Vec::new(),
+            tension: 0.0,
+            is_graduated: false,
+            counts: ClosureCounts::default(),
+        }
+    }
+
+    /// What was done so far.
+    #[must_use]
+    pub fn counts(&self) -> ClosureCounts {
+        self.counts
+    }
+
+    /// Takes a keyframe in, and joins it to what it closes a loop with.
+    pub fn add(&mut self, keyframe: NewKeyframe, graph: &mut KeyframeGraph) {
+        let index = graph.add(keyframe.links);
+        self.points.push(keyframe.points);
+        self.close(index, graph);
+        self.submaps.extend(keyframe.finished);
+    }
+
+    /// Takes a panorama's look in, and searches where an earlier one looked alike.
+    pub fn see(&mut self, sighting: Sighting, graph: &mut KeyframeGraph) {
+        let least = self.config.min_similarity.unwrap_or(sighting.match_threshold);
+        let ways = graph.ways_from(sighting.keyframe, self.config.look_alike_way_m);
+        let cosine = |other: &Sighting| -> f32 {
+            other.components.iter().zip(sighting.components.iter()).map(|(a, b)| a * b).sum()
+        };
+        let alike = self
+            .sightings
+            .iter()
+            .filter(|other| ways[other.keyframe].is_infinite())
+            .map(|other| (cosine(other), other.keyframe))
+            .filter(|(cosine, _)| *cosine >= least)
+            .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+        if let Some((_, there)) = alike
+            && let Some(submap) = self.submaps.iter().position(|submap| submap.has(there))
+        {
+            // The cameras look all around, so headings may be anything; the place is within sight of the other.
+            let member = self.submaps[submap].members()[there - self.submaps[submap].first()];
+            let candidate = Candidate {
+                submap,
+                guess: member,
+                window_m: self.config.look_alike_m,
+                window_rad: PI,
+                distance_m: 0.0,
+            };
+            match self.match_to(sighting.keyframe, &candidate) {
+                Some(edge) => {
+                    self.counts.look_alike += 1;
+                    self.take_far(edge, graph);
+                }
+                None => self.counts.refused += 1,
+            }
+        }
+        self.sightings.push(sighting);
+    }
+
+    /// Optimises if closures pull at the graph; true when poses have moved.
+    pub fn settle(&mut self, graph: &mut KeyframeGraph) -> bool {
+        if self.tension < self.config.optimise_tension {
+            return false;
+        }
+        self.tension = 0.0;
+        self.counts.optimised += 1;
+        let config = GraphConfig { is_graduated: self.is_graduated, ..self.config.graph.clone() };
+        self.is_graduated = false;
+        match graph.optimise(&config) {
+            Ok(()) => true,
+            Err(error) => {
+                tracing::warn!("the pose graph was not optimised: {error}");
+                false
+            }
+        }
+    }
+
+    fn join(&mut self, edge: Edge, graph: &mut KeyframeGraph) {
+        self.tension += chi2(&edge, graph.poses()).min(self.config.most_tension);
+        graph.join(Link::ordinary(edge));
+    }
+
+    fn candidates(&self, index: usize, graph: &KeyframeGraph) -> Vec<Candidate> {
+        let here = graph.poses()[index];
+        let config = &self.config;
+        let distance_to = |submap: &Submap| {
+            let apart = |member: usize| (graph.poses()[member].translation.vector - here.translation.vector).norm();
+            submap.keyframes().map(apart).fold(f64::INFINITY, f64::min)
+        };
+        // What the front end has joined it to needs no closure.
+        let recent: Vec<usize> =
+            graph.edges().iter().rev().take(8).filter(|edge| edge.to == index).map(|edge| edge.from).collect();
+        let near: Vec<(usize, f64)> = (0..self.submaps.len())
+            .filter(|&number| !recent.contains(&self.submaps[number].first()) && !self.submaps[number].has(index))
+            .map(|number| (number, distance_to(&self.submaps[number])))
+            .filter(|&(_, distance_m)| distance_m < config.reach_m + config.max_window_m)
+            .collect();
+        if near.is_empty() {
+            return Vec::new();
+        }
+        let ways = graph.ways_from(index, f64::INFINITY);
+        let mut found: Vec<Candidate> = near
+            .into_iter()
+            .map(|(submap, distance_m)| {
+                let way_m = self.submaps[submap].keyframes().map(|member| ways[member]).fold(f64::INFINITY, f64::min);
+                Candidate {
+                    submap,
+                    guess: graph.poses()[self.submaps[submap].first()].inverse() * here,
+                    window_m: (config.window_m + config.window_per_m * way_m).min(config.max_window_m),
+                    window_rad: (config.window_rad + config.window_rad_per_m * way_m).min(PI),
+                    distance_m,
+                }
+            })
+            .filter(|candidate| candidate.distance_m < config.reach_m + candidate.window_m)
+            .collect();
+        found.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.submap.cmp(&b.submap)));
+        found
+    }
+
+    fn close(&mut self, index: usize, graph: &mut KeyframeGraph) {
+        let candidates = self.candidates(index, graph);
+        let (near, far): (Vec<_>, Vec<_>) =
+            candidates.into_iter().partition(|candidate| candidate.window_m <= self.config.refine_m);
+        for candidate in near.iter().take(self.config.tries) {
+            match self.match_to(index, candidate) {
+                Some(edge) => {
+                    self.counts.near += 1;
+                    self.join(edge, graph);
+                }
+                None => self.counts.refused += 1,
+            }
+        }
+        if index.is_multiple_of(self.config.search_every)
+            && let Some(candidate) = far.first()
+        {
+            match self.match_to(index, candidate) {
+                Some(edge) => self.take_far(edge, graph),
+                None => self.counts.refused += 1,
+            }
+        }
+    }
+
+    /// A closure found by searching: held back until enough others agree.
+    fn take_far(&mut self, edge: Edge, graph: &mut KeyframeGraph) {
+        let wanted = graph.poses()[edge.from] * edge.measured;
+        let here = graph.poses()[edge.to];
+        let correction = wanted * here.inverse();
+        self.pending.push(Pending { edge, correction });
+        let agrees = |other: &Pending| {
+            let apart = (other.correction * here).inverse() * (correction * here);
+            apart.translation.vector.norm() < self.config.agreement_m
+                && wrap_angle(apart.rotation.angle()).abs() < self.config.agreement_rad
+        };
+        let agreeing = self.pending.iter().filter(|other| agrees(other));
+        // One of each keyframe: the same scan seen twice is one witness.
+        let chosen: BTreeMap<usize, Edge> = agreeing.map(|other| (other.edge.to, other.edge.clone())).collect();
+        if chosen.len() < self.config.agreeing {
+            let excess = self.pending.len().saturating_sub(20);
+            self.pending.drain(..excess);
+            return;
+        }
+        self.counts.far += chosen.len();
+        for edge in chosen.into_values() {
+            self.join(edge, graph);
+        }
+        self.pending.clear();
+        // A long loop is closed: at once.
+        self.tension = self.tension.max(self.config.optimise_tension);
+        self.is_graduated = true;
+    }
+
+    fn match_to(&self, index: usize, candidate: &Candidate) -> Option<Edge> {
+        let config = &self.config;
+        let submap = &self.submaps[candidate.submap];
+        let points = self.points[index].as_slice();
+        let guess = candidate.guess;
+        let aligned = if candidate.window_m <= config.refine_m {
+            refine(submap.cloud(), points, &guess, &config.matching).into_iter().collect()
+        } else {
+            let window = SearchWindow {
+                centre: guess,
+                half_x_m: candidate.window_m,
+                half_y_m: candidate.window_m,
+                half_yaw_rad: candidate.window_rad,
+            };
+            alignments(submap.cloud(), points, &window, &config.matching)
+        };
+        let is_inside = |found: &ScanMatch| {
+            let off = guess.inverse() * found.reference_from_moving;
+            off.translation.vector.norm() <= 1.5 * candidate.window_m + 0.1
+                && off.rotation.angle().abs() <= 1.5 * candidate.window_rad
+        };
+        let judged = aligned.into_iter().filter(is_inside).map(|found| judge(submap, points, found));
+        let (found, verdict) = judged.max_by(|(_, a), (_, b)| a.balance().cmp(&b.balance()))?;
+        if verdict.agreement() < config.min_agreement || verdict.overlap() < config.min_overlap {
+            return None;
+        }
+        let information = with_floor(&found.covariance, config.floor_m, config.floor_rad)?;
+        let measured = found.reference_from_moving;
+        Some(Edge { from: submap.first(), to: index, measured, information, is_doubtful: true })
+    }
+
+    /// Looks for a lost robot in every submap, at every heading. `None` also when two places fit alike.
+    #[must_use]
+    pub fn find(&self, lost: &Lost, graph: &KeyframeGraph) -> Option<Found> {
+        let (config, points) = (&self.config, lost.points.as_slice());
+        let mut fits: Vec<(i64, Pose2, Found)> = Vec::new();
+        for submap in &self.submaps {
+            let middle = submap.members()[submap.members().len() / 2].translation;
+            let window = SearchWindow {
+                centre: pose(middle.x, middle.y, 0.0),
+                half_x_m: config.lost_window_m,
+                half_y_m: config.lost_window_m,
+                half_yaw_rad: PI,
+            };
+            for found in alignments(submap.cloud(), points, &window, &config.matching) {
+                let (found, verdict) = judge(submap, points, found);
+                let is_good =
+                    verdict.agreement() >= config.lost_agreement && verdict.overlap() >= config.lost_overlap;
+                if is_good {
+                    let submap_from_base = found.reference_from_moving;
+                    let map_from_base = graph.poses()[submap.first()] * submap_from_base;
+                    let odom_from_base = lost.odom_from_base;
+                    let found = Found { submap: submap.clone(), submap_from_base, odom_from_base };
+                    fits.push((verdict.balance(), map_from_base, found));
+                }
+            }
+        }
+        let (balance, place, found) = fits.iter().max_by_key(|(balance, ..)| *balance)?;
+        let is_elsewhere = |other: &Pose2| {
+            let apart = place.inverse() * other;
+            apart.translation.vector.norm() > 1.0 || apart.rotation.angle().abs() > 0.3
+        };
+        let rival = fits.iter().filter(|(_, other, _)| is_elsewhere(other)).map(|(balance, ..)| *balance).max();
+        let is_clear = rival.is_none_or(|rival| (rival as f64) < config.lost_ambiguity * *balance as f64);
+        is_clear.then(|| found.clone())
+    }
+
+    /// After the last keyframe: every keyframe is matched to all finished submaps near it, and all is optimised again.
+    pub fn finish(&mut self, graph: &mut KeyframeGraph) {
+        let optimise = |graph: &mut KeyframeGraph, is_graduated| {
+            let config = GraphConfig { is_graduated, ..self.config.graph.clone() };
+            graph.optimise(&config).inspect_err(|error| tracing::warn!("the pose graph was not optimised: {error}"))
+        };
+        if optimise(graph, false).is_err() {
+            return;
+        }
+        graph.drop_doubtful();
+        for index in 0..graph.poses().len() {
+            let here = graph.poses()[index];
+            let apart = |member: usize| (graph.poses()[member].translation.vector - here.translation.vector).norm();
+            let mut near: Vec<(f64, usize)> = (0..self.submaps.len())
+                .filter(|&number| !self.submaps[number].has(index))
+                .map(|number| (self.submaps[number].keyframes().map(apart).fold(f64::INFINITY, f64::min), number))
+                .filter(|&(distance_m, _)| distance_m < self.config.reach_m)
+                .collect();
+            near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            for &(distance_m, submap) in near.iter().take(self.config.tries) {
+                let guess = graph.poses()[self.submaps[submap].first()].inverse() * here;
+                let candidate = Candidate { submap, guess, window_m: 0.2, window_rad: 0.05, distance_m };
+                if let Some(edge) = self.match_to(index, &candidate) {
+                    graph.join(Link::ordinary(edge));
+                }
+            }
+        }
+        let _ = optimise(graph, false);
+    }
+}
+
+fn judge(submap: &Submap, points: &[Point2], found: ScanMatch) -> (ScanMatch, Verdict) {
+    let verdict = submap.judge(points, &found.reference_from_moving);
+    (found, verdict)
+}
+
+/// Information of a match whose covariance is at least the floor.
+pub(super) fn with_floor(covariance: &Matrix3<f64>, floor_m: f64, floor_rad: f64) -> Option<Matrix3<f64>> {
+    let floor = Vector3::new(floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad);
+    (covariance + Matrix3::from_diagonal(&floor)).try_inverse()
+}
