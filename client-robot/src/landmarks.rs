@@ -166,7 +166,7 @@ impl Landmark {
         Self {
             id,
             map_from_node,
-            cloud: ReferenceCloud::from_points(&points),
+            cloud: ReferenceCloud::from_scan(&points),
             polar: PolarScan::from_record(&signature.scan),
             points,
             signature: signature.clone(),

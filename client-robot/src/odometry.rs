@@ -4,7 +4,7 @@
 //! grid, consistency of estimations, tracking) leans on that.
 
 use fht_robot::frame::SensorFrame;
-use fht_robot::matching::{MatchConfig, ReferenceCloud, refine};
+use fht_robot::matching::{MatchConfig, ReferenceCloud, SeenPoint, refine};
 use fht_robot::pose::{Point2, Pose2, wrap_angle};
 use std::collections::VecDeque;
 
@@ -138,12 +138,12 @@ impl ScanOdometry {
         while self.keyframes.len() > self.config.keyframes.max(1) {
             self.keyframes.pop_front();
         }
-        let all: Vec<Point2> = self
-            .keyframes
-            .iter()
-            .flat_map(|keyframe| keyframe.points.iter().map(|point| keyframe.odom_from_base * point))
-            .collect();
-        self.reference = Some(ReferenceCloud::from_points(&all));
+        let mut reference = ReferenceCloud::default();
+        reference.extend(self.keyframes.iter().flat_map(|keyframe| {
+            let seen = keyframe.points.iter().copied().map(SeenPoint::of_scan);
+            seen.map(|point| point.transformed(&keyframe.odom_from_base))
+        }));
+        self.reference = Some(reference);
         true
     }
 }

@@ -1,9 +1,8 @@
-//! The descriptor of a panorama, computed beside the robot's loop. A result is taken when the next panorama comes, so
-//! that a simulated run repeats exactly.
+//! The descriptor of a panorama, computed beside the robot's loop. A result is taken when the next panorama comes.
 
+use crate::beside::{Beside, Pace};
 use fht_robot::descriptor::{Appearance, DescriptorNet};
 use fht_robot::frame::Panorama;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 /// This many panoramas in a row that cannot be described are a defect of cameras or network, not of a picture.
 const MAX_FAILURES: usize = 20;
@@ -22,8 +21,7 @@ pub struct CameraError {
 
 /// A thread that describes panoramas, one at a time.
 pub struct CameraWorker<C> {
-    panoramas: SyncSender<Panorama>,
-    appearances: Receiver<Result<Appearance, String>>,
+    thread: Beside<Panorama, Result<Appearance, String>>,
     /// What belongs to the panorama under way.
     context: Option<C>,
     /// Failures in a row, and why the last.
@@ -36,46 +34,48 @@ impl<C> CameraWorker<C> {
     ///
     /// # Errors
     /// When the system gives no thread.
-    pub fn start(mut net: DescriptorNet) -> std::io::Result<Self> {
-        Self::start_with(move |panorama| net.appearance(panorama).map_err(|error| error.to_string()))
+    pub fn start(mut net: DescriptorNet, pace: Pace) -> std::io::Result<Self> {
+        Self::start_with(pace, move |panorama| net.appearance(panorama).map_err(|error| error.to_string()))
     }
 
     fn start_with(
+        pace: Pace,
         mut describe: impl FnMut(&Panorama) -> Result<Appearance, String> + Send + 'static,
     ) -> std::io::Result<Self> {
-        let (panoramas, incoming) = sync_channel::<Panorama>(1);
-        let (outgoing, appearances) = sync_channel(1);
-        std::thread::Builder::new().name("camera".to_owned()).spawn(move || {
-            for panorama in incoming {
-                if outgoing.send(describe(&panorama)).is_err() {
-                    return;
-                }
-            }
-        })?;
-        Ok(Self { panoramas, appearances, context: None, failures: 0, reason: String::new() })
+        let thread = Beside::start("camera", pace, move |panorama| describe(&panorama))?;
+        Ok(Self { thread, context: None, failures: 0, reason: String::new() })
     }
 
-    /// Hands a panorama over, with what belongs to it; returns the previous one's result, waiting for it if need be.
-    pub fn exchange(&mut self, panorama: Panorama, context: C) -> Option<(C, Appearance)> {
-        let finished = self.finish();
-        // A thread that has ended shows when its answer is waited for.
-        let _ = self.panoramas.send(panorama);
-        self.context = Some(context);
+    /// Hands a panorama over at frame `frame`, with what belongs to it; returns the previous one's result. While that one is
+    /// not ready in real time, the new one is left out.
+    pub fn exchange(&mut self, panorama: Panorama, context: C, frame: u64) -> Option<(C, Appearance)> {
+        let finished = self.thread.take_due(frame);
+        let finished = self.judge(finished);
+        if self.thread.is_idle() {
+            self.thread.submit(panorama, frame);
+            self.context = Some(context);
+        }
         finished
     }
 
     /// The result of the panorama under way, waiting for it.
     pub fn finish(&mut self) -> Option<(C, Appearance)> {
-        let context = self.context.take()?;
-        let failed = match self.appearances.recv() {
-            Ok(Ok(appearance)) => {
+        let finished = self.thread.finish();
+        self.judge(finished)
+    }
+
+    fn judge(&mut self, finished: Option<Result<Appearance, String>>) -> Option<(C, Appearance)> {
+        let failed = match finished {
+            Some(Ok(appearance)) => {
                 self.failures = 0;
-                return Some((context, appearance));
+                return self.context.take().map(|context| (context, appearance));
             }
-            Ok(Err(error)) => error,
-            Err(_) => "the camera thread has ended".to_owned(),
+            Some(Err(error)) => error,
+            None if self.thread.has_ended() => "the camera thread has ended".to_owned(),
+            None => return None,
         };
         tracing::warn!("a panorama was not described: {failed}");
+        self.context = None;
         self.failures += 1;
         self.reason = failed;
         None
@@ -112,10 +112,10 @@ mod tests {
                 Err("dark".to_owned())
             }
         };
-        let mut camera = CameraWorker::start_with(describe).expect("a thread");
-        let mut failed_at = None;
+        let mut camera = CameraWorker::start_with(Pace::Repeatable, describe).expect("a thread");
+        let mut failed_at: Option<(u64, CameraError)> = None;
         for exchange in 1..=60 {
-            let _ = camera.exchange(panorama(), ());
+            let _ = camera.exchange(panorama(), (), exchange);
             if let Err(error) = camera.check() {
                 failed_at.get_or_insert((exchange, error));
             }

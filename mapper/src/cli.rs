@@ -3,6 +3,7 @@
 mod replay;
 
 use self::replay::{InfoArgs, ReplayArgs};
+use crate::beside::Pace;
 use crate::explore::Ending;
 use crate::mapping::MapperConfig;
 use crate::report::ExploreReport;
@@ -98,6 +99,10 @@ struct ExploreArgs {
     /// Simulated seconds per second; by default as fast as possible.
     #[arg(long, value_parser = rate)]
     rate: Option<f64>,
+    /// Like a robot that drives: in real time (or at --rate), and never waiting for work beside the loop. The same seed then
+    /// no longer gives the same map to the last bit.
+    #[arg(long)]
+    real_time: bool,
     /// Give up after this much simulated time, seconds.
     #[arg(long, default_value_t = 14_400.0, value_parser = seconds)]
     max_sim: f64,
@@ -157,10 +162,13 @@ impl ExploreArgs {
             link: (!self.offline).then(|| LinkConfig { connect: self.connect.clone() }),
             model: self.model.clone(),
             cameras: !self.no_cameras,
-            rate: self.rate,
+            rate: self.rate.or(self.real_time.then_some(1.0)),
             max_sim_s: self.max_sim,
             linger_s: self.linger,
-            mapper: MapperConfig::default(),
+            mapper: MapperConfig {
+                pace: if self.real_time { Pace::RealTime } else { Pace::Repeatable },
+                ..MapperConfig::default()
+            },
             record: self.record.clone(),
             stop: stop_on_signal()?,
         })
@@ -277,10 +285,16 @@ fn print_report(report: &ExploreReport) {
     println!(
         "trajectory  {:.1} m driven, mean error {:.3} m and {:.2}°, greatest {:.3} m, {} collisions",
         report.driven_m,
-        report.position_error_mean_m,
-        report.heading_error_mean_deg,
-        report.position_error_max_m,
+        report.trajectory_error.mean_m,
+        report.trajectory_error.mean_deg,
+        report.trajectory_error.max_m,
         report.collisions
+    );
+    println!(
+        "nodes       {:.0} % of the main nodes within 0.05 m of the truth, greatest error {:.3} m; {} loop closures",
+        report.main_nodes_within_5cm * 100.0,
+        report.main_node_error_max_m,
+        report.closures.iter().sum::<usize>()
     );
     println!(
         "time        {:.0} s of robot time in {:.1} s; slowest frame {:.0} ms",

@@ -16,13 +16,14 @@ pub mod selection;
 pub mod support;
 
 use crate::journal::Journal;
+use crate::slam::{Anchored, Estimate};
 use edges::EdgeConfig;
 use fht_proto::{Descriptor, EdgeKey, FixedPoint, NodeId, NodeKind, Op, ScanRecord, Signature};
 use fht_robot::grid::OccupancyGrid;
-use fht_robot::pose::{Point2, Pose2, pose, to_fixed};
+use fht_robot::pose::{Point2, from_fixed, pose, to_fixed};
 use free_space::FreeSpaceConfig;
 use selection::{Place, Selection, SelectionConfig};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use support::SupportConfig;
 
 /// Parameters of the construction.
@@ -36,6 +37,32 @@ pub struct BuilderConfig {
     pub edges: EdgeConfig,
     /// Rectangles.
     pub free_space: FreeSpaceConfig,
+    /// When SLAM moves what a node hangs on, the node follows once it is off.
+    pub follow: FollowConfig,
+}
+
+/// When nodes follow corrections: every move is an increment to all robots, and millimetres help none of them.
+#[derive(Clone, Debug)]
+pub struct FollowConfig {
+    /// Least move, metres. Default 0.005.
+    pub least_m: f64,
+    /// Least turn, radians. Default 0.002.
+    pub least_rad: f64,
+}
+
+impl Default for FollowConfig {
+    fn default() -> Self {
+        Self { least_m: 0.005, least_rad: 0.002 }
+    }
+}
+
+/// What a node hangs on.
+#[derive(Clone, Copy, Debug)]
+pub struct Footing {
+    /// Its pose in the frame of a keyframe.
+    pub anchored: Anchored,
+    /// The frame of the run at which it was seen, counted from 0; support nodes have none.
+    pub frame: Option<u64>,
 }
 
 /// Position of a fixed point as the grid has it.
@@ -47,8 +74,10 @@ pub fn point(position: FixedPoint) -> Point2 {
 /// What the cameras and the LiDAR said of one place.
 #[derive(Clone, Debug)]
 pub struct Observation {
-    /// Where the robot was, in the map frame.
-    pub map_from_base: Pose2,
+    /// Where the robot was.
+    pub anchored: Anchored,
+    /// The frame of the run, counted from 0.
+    pub frame: u64,
     /// The scan taken there.
     pub scan: ScanRecord,
     /// The descriptor of the panorama taken there, if there are cameras.
@@ -75,14 +104,21 @@ pub struct Builder {
     /// The newest node, whose rectangle is grown when the next one is made.
     newest: Option<NodeId>,
     /// The last pose from which some node could be reached in a straight line.
-    last_connected: Option<Pose2>,
+    last_connected: Option<Anchored>,
+    footings: BTreeMap<NodeId, Footing>,
 }
 
 impl Builder {
     /// Before the first node.
     #[must_use]
     pub fn new(config: BuilderConfig) -> Self {
-        Self { selection: Selection::new(config.selection.clone()), config, newest: None, last_connected: None }
+        Self {
+            selection: Selection::new(config.selection.clone()),
+            config,
+            newest: None,
+            last_connected: None,
+            footings: BTreeMap::new(),
+        }
     }
 
     /// The parameters.
@@ -91,60 +127,73 @@ impl Builder {
         &self.config
     }
 
+    /// What the nodes hang on.
+    #[must_use]
+    pub fn footings(&self) -> &BTreeMap<NodeId, Footing> {
+        &self.footings
+    }
+
     /// The robot's cameras saw a place (some frames ago: the descriptor takes time). Returns the operations that make
     /// a main node of the best place seen lately, if it is time for one, and the node.
     pub fn observe_place(
         &mut self,
         observation: Observation,
         journal: &mut Journal,
-        grid: &OccupancyGrid,
+        estimate: &Estimate<'_>,
     ) -> Option<(NodeId, Vec<Op>)> {
-        let place = Place { position: to_fixed(&observation.map_from_base).position, value: observation };
+        let position_of = |anchored: &Anchored| to_fixed(&estimate.locate(anchored)).position;
+        let place = Place { position: position_of(&observation.anchored), value: observation };
         let chosen = self.selection.observe(place)?;
         let signature = Signature { descriptor: chosen.descriptor, scan: chosen.scan };
-        let made = self.make_node(NodeKind::Main, &chosen.map_from_base, Some(signature), journal, grid);
-        self.selection.chose(made.0, to_fixed(&chosen.map_from_base).position, chosen.information);
+        let footing = Footing { anchored: chosen.anchored, frame: Some(chosen.frame) };
+        let made = self.make_node(footing, Some(signature), journal, estimate);
+        self.selection.chose(made.0, position_of(&chosen.anchored), chosen.information);
         Some(made)
     }
 
     /// The robot moved. Returns the operations that make a support node, if one is needed, and the node.
     pub fn observe_motion(
         &mut self,
-        map_from_base: &Pose2,
+        anchored: &Anchored,
         journal: &mut Journal,
-        grid: &OccupancyGrid,
+        estimate: &Estimate<'_>,
     ) -> Option<(NodeId, Vec<Op>)> {
-        let here = to_fixed(map_from_base).position;
-        let need = support::need(journal.state(), grid, here, &self.config.support, &self.config.edges);
+        let here = to_fixed(&estimate.locate(anchored)).position;
+        let need = support::need(journal.state(), estimate.grid, here, &self.config.support, &self.config.edges);
+        let mut make = |builder: &mut Self, anchored| {
+            builder.make_node(Footing { anchored, frame: None }, None, journal, estimate)
+        };
         match need {
             support::Need::None => {
-                self.last_connected = Some(*map_from_base);
+                self.last_connected = Some(*anchored);
                 None
             }
             // Nothing is in the map yet: the first main node starts it.
             support::Need::Empty => None,
             support::Need::Density => {
-                self.last_connected = Some(*map_from_base);
-                Some(self.make_node(NodeKind::Support, map_from_base, None, journal, grid))
+                self.last_connected = Some(*anchored);
+                Some(make(self, *anchored))
             }
             // One step ago some node could still be reached: a node there keeps the map connected.
             support::Need::Connectivity => {
                 let place = self.last_connected.take()?;
-                Some(self.make_node(NodeKind::Support, &place, None, journal, grid))
+                Some(make(self, place))
             }
         }
     }
 
     fn make_node(
         &mut self,
-        kind: NodeKind,
-        map_from_base: &Pose2,
+        footing: Footing,
         signature: Option<Signature>,
         journal: &mut Journal,
-        grid: &OccupancyGrid,
+        estimate: &Estimate<'_>,
     ) -> (NodeId, Vec<Op>) {
         let id = journal.fresh_node();
-        let pose = to_fixed(map_from_base);
+        let kind = if signature.is_some() { NodeKind::Main } else { NodeKind::Support };
+        let grid = estimate.grid;
+        let pose = to_fixed(&estimate.locate(&footing.anchored));
+        self.footings.insert(id, footing);
         let mut ops = vec![Op::PutNode { id, kind, pose }];
         if let Some(signature) = signature {
             ops.push(Op::SetSignature { id, signature });
@@ -159,13 +208,16 @@ impl Builder {
 
     /// The operations that join two nodes by support nodes in between (a shortcut). Each new node also gets the edges
     /// that any new node gets.
-    pub fn make_chain(&mut self, chain: &Chain<'_>, journal: &mut Journal, grid: &OccupancyGrid) -> Vec<Op> {
+    pub fn make_chain(&mut self, chain: &Chain<'_>, journal: &mut Journal, estimate: &Estimate<'_>) -> Vec<Op> {
+        let grid = estimate.grid;
         let mut ops = Vec::new();
         let mut edges = BTreeSet::new();
         let mut before = chain.from;
         for place in chain.between {
             let id = journal.fresh_node();
-            let pose = to_fixed(&pose(place.x, place.y, 0.0));
+            let map_from_place = pose(place.x, place.y, 0.0);
+            self.footings.insert(id, Footing { anchored: estimate.anchor(&map_from_place), frame: None });
+            let pose = to_fixed(&map_from_place);
             ops.push(Op::PutNode { id, kind: NodeKind::Support, pose });
             let rect = free_space::grow(grid, pose.position, &self.config.free_space);
             ops.extend(rect.map(|rect| Op::SetFreeSpace { id, rect: Some(rect) }));
@@ -210,6 +262,49 @@ impl Builder {
         wrong.filter_map(|(_, id, _)| self.free_space_op(id, journal, grid)).collect()
     }
 
+    /// Keyframes have moved: the operations that move nodes with them, and the nodes.
+    pub fn follow(&mut self, journal: &Journal, estimate: &Estimate<'_>) -> (Vec<Op>, BTreeSet<NodeId>) {
+        let (mut ops, mut moved) = (Vec::new(), BTreeSet::new());
+        for (id, footing) in &self.footings {
+            let Some(node) = journal.state().node(*id) else { continue };
+            let now = estimate.locate(&footing.anchored);
+            let off = from_fixed(node.pose).inverse() * now;
+            let FollowConfig { least_m, least_rad } = self.config.follow;
+            if off.translation.vector.norm() >= least_m || off.rotation.angle().abs() >= least_rad {
+                let pose = to_fixed(&now);
+                ops.push(Op::SetPose { id: *id, pose });
+                moved.insert(*id);
+                self.selection.moved(*id, pose.position);
+            }
+        }
+        (ops, moved)
+    }
+
+    /// After nodes have `moved`, in a grid that was drawn again: their rectangles, and edges that now lead through walls.
+    /// Those are removed, their ends get the edges that new nodes would get, and are returned for shortcuts to be looked for.
+    #[must_use]
+    pub fn mend(
+        &self,
+        moved: &BTreeSet<NodeId>,
+        journal: &Journal,
+        grid: &OccupancyGrid,
+    ) -> (Vec<Op>, BTreeSet<NodeId>) {
+        let state = journal.state();
+        let there: BTreeSet<EdgeKey> = state.edges().collect();
+        let blocked: BTreeSet<EdgeKey> = edges::blocked(state, grid, &self.config.edges).into_iter().collect();
+        let cut: BTreeSet<NodeId> = blocked.iter().flat_map(|edge| [edge.low(), edge.high()]).collect();
+        let mut joined: BTreeSet<EdgeKey> = BTreeSet::new();
+        for id in &cut {
+            let Some(node) = state.node(*id) else { continue };
+            let edges = edges::edges_of(state, grid, *id, node.pose.position, &self.config.edges);
+            joined.extend(edges.into_iter().filter(|edge| !there.contains(edge)));
+        }
+        let removals = blocked.into_iter().map(|edge| Op::RemoveEdge { edge });
+        let additions = joined.into_iter().map(|edge| Op::PutEdge { edge });
+        let rectangles = moved.iter().filter_map(|id| self.free_space_op(*id, journal, grid));
+        (removals.chain(additions).chain(rectangles).collect(), cut)
+    }
+
     /// At the end: rectangles that have become larger since their node was made or that something stands in, and edges that walls now cross.
     #[must_use]
     pub fn finish(&self, journal: &Journal, grid: &OccupancyGrid) -> Vec<Op> {
@@ -227,6 +322,7 @@ mod tests {
     use fht_proto::AuthorId;
     use fht_robot::frame::LaserScan;
     use fht_robot::grid::GridConfig;
+    use fht_robot::pose::Pose2;
 
     /// A scan from the middle of a square room of side 6 m, with a post of 0.2 m at (1, 0) if `post`.
     fn room(post: bool) -> LaserScan {
@@ -257,7 +353,9 @@ mod tests {
         let mut builder = Builder::new(BuilderConfig::default());
         let mut journal = Journal::new(AuthorId(1));
         let mut make = |place: Pose2| {
-            let (id, ops) = builder.make_node(NodeKind::Support, &place, None, &mut journal, &grid);
+            let footing = Footing { anchored: Anchored { keyframe: 0, keyframe_from_base: place }, frame: None };
+            let estimate = Estimate { grid: &grid, poses: &[Pose2::identity()] };
+            let (id, ops) = builder.make_node(footing, None, &mut journal, &estimate);
             journal.write(ops, 1);
             id
         };
@@ -279,7 +377,9 @@ mod tests {
             let ops = if at_the_end {
                 builder.finish(&journal, &grid)
             } else {
-                builder.make_node(NodeKind::Support, &pose(-1.0, -1.0, 0.0), None, &mut journal, &grid).1
+                let anchored = Anchored { keyframe: 0, keyframe_from_base: pose(-1.0, -1.0, 0.0) };
+                let estimate = Estimate { grid: &grid, poses: &[Pose2::identity()] };
+                builder.make_node(Footing { anchored, frame: None }, None, &mut journal, &estimate).1
             };
             journal.write(ops, 2);
             let rect = free_around(&journal, first).expect("still on free floor");

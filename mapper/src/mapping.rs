@@ -1,22 +1,25 @@
 //! One exploration, frame by frame: SLAM, construction, refinement, and where to drive next.
 //!
-//! Pure of I/O: frames go in, a command and increments come out. Camera and refinement work in threads beside it and
-//! are joined at fixed frames, so the same frames give the same map.
+//! Pure of I/O: frames go in, a command and increments come out. Cameras, refinement and SLAM's back end work in threads
+//! beside it ([`crate::beside`]).
 
+use crate::beside::{Beside, Pace};
 use crate::camera::{CameraError, CameraWorker};
-use crate::construct::{Builder, BuilderConfig, Chain, Observation, point};
+use crate::construct::{Builder, BuilderConfig, Chain, Footing, Observation, point};
 use crate::explore::{Ending, ExploreConfig, ExploreStep, Explorer};
 use crate::journal::Journal;
-use crate::refine::{RefineConfig, RefineJob, RefineWorker, Roadmap, Shortcut, is_still_free, shortcuts};
-use crate::slam::{Slam, SlamConfig};
+use crate::refine::{self, RefineConfig, RefineJob, Roadmap, Shortcut, is_still_free, shortcuts};
+use crate::slam::closure::ClosureCounts;
+use crate::slam::{Anchored, Slam, SlamConfig, Tracking};
 use fht_map::MapState;
-use fht_proto::{AuthorId, Descriptor, DescriptorModel, Increment, NodeId, Op};
+use fht_proto::{AuthorId, Descriptor, DescriptorModel, Increment, NodeId, Op, ScanRecord};
 use fht_robot::descriptor::{Appearance, DescriptorNet};
-use fht_robot::frame::{SensorFrame, Twist};
+use fht_robot::frame::{FrameError, SensorFrame, Twist};
 use fht_robot::grid::OccupancyGrid;
 use fht_robot::planning::{PlanConfig, Traversable, UnknownCells};
 use fht_robot::pose::{Point2, Pose2};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
 
 /// Parameters of an exploration.
 #[derive(Clone, Debug, Default)]
@@ -29,12 +32,16 @@ pub struct MapperConfig {
     pub refine: RefineConfig,
     /// Where to go.
     pub explore: ExploreConfig,
+    /// Whether the loop waits for work beside it.
+    pub pace: Pace,
 }
 
 /// Frames between a refinement job and its result.
 const REFINE_DELAY_FRAMES: u64 = 10;
 /// New nodes that wait for refinement; the oldest is dropped beyond (the last pass looks at all nodes again).
 const REFINE_QUEUE: usize = 64;
+/// Operations of one increment, when there are many.
+const BATCH_OPS: usize = 64;
 
 /// What an exploration is doing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,13 +59,33 @@ pub struct Mapper {
     builder: Builder,
     journal: Journal,
     explorer: Explorer,
-    camera: Option<CameraWorker<(Pose2, fht_proto::ScanRecord)>>,
+    camera: Option<CameraWorker<Seen>>,
     model: Option<DescriptorModel>,
-    refine: RefineWorker,
+    refine: Beside<RefineJob, Vec<Shortcut>>,
     to_refine: VecDeque<NodeId>,
     frame: u64,
     increments: Vec<Increment>,
-    trajectory: Vec<(u64, Pose2)>,
+    latest: Option<Located>,
+}
+
+/// What belongs to a panorama: where and when it was taken, and the scan.
+struct Seen {
+    anchored: Anchored,
+    frame: u64,
+    scan: ScanRecord,
+}
+
+/// Where the robot was at a frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Located {
+    /// Time of the frame, microseconds.
+    pub time_us: u64,
+    /// Pose in the map frame, as known then.
+    pub map_from_base: Pose2,
+    /// The same, to be looked up again when more is known ([`Mapper::locate`]).
+    pub anchored: Anchored,
+    /// How well it is known.
+    pub tracking: Tracking,
 }
 
 impl Mapper {
@@ -69,17 +96,17 @@ impl Mapper {
     pub fn new(config: MapperConfig, author: AuthorId, net: Option<DescriptorNet>) -> std::io::Result<Self> {
         let model = net.as_ref().map(|net| net.model().clone());
         Ok(Self {
-            slam: Slam::new(config.slam.clone(), crate::beside::Pace::Repeatable)?,
+            slam: Slam::new(config.slam.clone(), config.pace)?,
             builder: Builder::new(config.builder.clone()),
             journal: Journal::new(author),
             explorer: Explorer::new(config.explore.clone()),
-            camera: net.map(CameraWorker::start).transpose()?,
+            camera: net.map(|net| CameraWorker::start(net, config.pace)).transpose()?,
             model,
-            refine: RefineWorker::start(config.refine.clone(), REFINE_DELAY_FRAMES)?,
+            refine: refine::start(config.refine.clone(), config.pace)?,
             to_refine: VecDeque::new(),
             frame: 0,
             increments: Vec::new(),
-            trajectory: Vec::new(),
+            latest: None,
             config,
         })
     }
@@ -96,10 +123,28 @@ impl Mapper {
         self.slam.grid()
     }
 
-    /// Time and estimated pose of every frame.
+    /// Where the robot was at the newest frame.
     #[must_use]
-    pub fn trajectory(&self) -> &[(u64, Pose2)] {
-        &self.trajectory
+    pub fn latest(&self) -> Option<&Located> {
+        self.latest.as_ref()
+    }
+
+    /// Where something is in the map, as known by now.
+    #[must_use]
+    pub fn locate(&self, anchored: &Anchored) -> Pose2 {
+        self.slam.locate(anchored)
+    }
+
+    /// What the nodes hang on.
+    #[must_use]
+    pub fn footings(&self) -> &BTreeMap<NodeId, Footing> {
+        self.builder.footings()
+    }
+
+    /// What loop closure has done.
+    #[must_use]
+    pub fn closures(&self) -> ClosureCounts {
+        self.slam.counts()
     }
 
     /// Whether nodes still get what the task asked for.
@@ -116,65 +161,105 @@ impl Mapper {
     }
 
     /// Takes in a frame and says what to do next.
-    pub fn step(&mut self, frame: &SensorFrame) -> Step {
-        let map_from_base = self.observe(frame);
-        match self.explorer.step(self.slam.grid(), &map_from_base, &frame.scan, frame.time_us) {
+    ///
+    /// # Errors
+    /// As [`observe`](Self::observe).
+    pub fn step(&mut self, frame: &SensorFrame) -> Result<Step, FrameError> {
+        let map_from_base = self.observe(frame)?;
+        Ok(match self.explorer.step(self.slam.grid(), &map_from_base, &frame.scan, frame.time_us) {
             ExploreStep::Drive(twist) => Step::Drive(twist),
             ExploreStep::Done(ending) => Step::Done(ending),
-        }
+        })
     }
 
     /// Takes in a frame of a robot that somebody else drives (a recorded run), and says where the robot is. The map is the
     /// same as with [`step`](Self::step).
-    pub fn observe(&mut self, frame: &SensorFrame) -> Pose2 {
+    ///
+    /// # Errors
+    /// [`FrameError`] for a frame that nothing can be made of; it changes nothing.
+    pub fn observe(&mut self, frame: &SensorFrame) -> Result<Pose2, FrameError> {
+        frame.check()?;
         let update = self.slam.update(frame);
-        let map_from_base = update.map_from_base;
-        self.trajectory.push((frame.time_us, map_from_base));
+        let (time_us, map_from_base, anchored) = (frame.time_us, update.map_from_base, update.anchored);
+        self.latest = Some(Located { time_us, map_from_base, anchored, tracking: update.tracking });
         if let Some(model) = self.model.take() {
-            self.write(vec![Op::PutModel { model }], frame.time_us);
+            self.write(vec![Op::PutModel { model }], time_us);
         }
-        self.see(frame, &map_from_base);
-        let made = self.builder.observe_motion(&map_from_base, &mut self.journal, self.slam.grid());
-        self.take_node(made, frame.time_us);
-        self.refine(frame.time_us);
+        if update.is_corrected {
+            self.follow(time_us);
+        }
+        // A robot that is lost does not know what it would be mapping.
+        if update.tracking != Tracking::Lost {
+            self.see(frame, &anchored);
+            let made = self.builder.observe_motion(&anchored, &mut self.journal, &self.slam.estimate());
+            self.take_node(made, time_us);
+        }
+        self.refine(time_us);
         self.frame += 1;
-        map_from_base
+        Ok(map_from_base)
+    }
+
+    /// Keyframes have moved: the map follows.
+    fn follow(&mut self, time_us: u64) {
+        let (ops, moved) = self.builder.follow(&self.journal, &self.slam.estimate());
+        if moved.is_empty() {
+            return;
+        }
+        self.write_all(&ops, time_us);
+        let (ops, cut) = self.builder.mend(&moved, &self.journal, self.slam.grid());
+        self.write_all(&ops, time_us);
+        for node in cut {
+            self.look_for_shortcuts(node);
+        }
     }
 
     /// Main nodes: from the panorama before this one, whose descriptor is ready by now.
-    fn see(&mut self, frame: &SensorFrame, map_from_base: &Pose2) {
+    fn see(&mut self, frame: &SensorFrame, anchored: &Anchored) {
+        let seen = Seen { anchored: *anchored, frame: self.frame, scan: frame.scan.to_record() };
         let Some(camera) = &mut self.camera else {
             // No cameras: every frame is a place without an appearance.
-            let observation = Observation {
-                map_from_base: *map_from_base,
-                scan: frame.scan.to_record(),
-                descriptor: None,
-                information: 1.0,
-            };
-            let made = self.builder.observe_place(observation, &mut self.journal, self.slam.grid());
-            return self.take_node(made, frame.time_us);
+            return self.take_place(seen, None, 1.0, frame.time_us);
         };
-        if let Some(panorama) = &frame.panorama {
-            let seen = camera.exchange(panorama.clone(), (*map_from_base, frame.scan.to_record()));
-            self.take_appearance(seen, frame.time_us);
+        if let Some(panorama) = &frame.panorama
+            && let Some((seen, appearance)) = camera.exchange(panorama.clone(), seen, self.frame)
+        {
+            self.take_appearance(seen, appearance, frame.time_us);
         }
     }
 
-    fn take_appearance(&mut self, seen: Option<((Pose2, fht_proto::ScanRecord), Appearance)>, time_us: u64) {
-        let Some(((map_from_base, scan), appearance)) = seen else { return };
-        let descriptor = self.map().models().next().map(|model| Descriptor::quantise(model.id, &appearance.components));
-        let observation = Observation { map_from_base, scan, descriptor, information: appearance.information };
-        let made = self.builder.observe_place(observation, &mut self.journal, self.slam.grid());
+    fn take_appearance(&mut self, seen: Seen, appearance: Appearance, time_us: u64) {
+        let model = self.map().models().next();
+        let descriptor = model.map(|model| Descriptor::quantise(model.id, &appearance.components));
+        if let Some(threshold) = model.map(|model| f32::from(model.match_threshold_e3) * 1e-3) {
+            self.slam.see(&seen.anchored, Arc::new(appearance.components), threshold);
+        }
+        self.take_place(seen, descriptor, appearance.information, time_us);
+    }
+
+    fn take_place(&mut self, seen: Seen, descriptor: Option<Descriptor>, information: f64, time_us: u64) {
+        let Seen { anchored, frame, scan } = seen;
+        let observation = Observation { anchored, frame, scan, descriptor, information };
+        let made = self.builder.observe_place(observation, &mut self.journal, &self.slam.estimate());
         self.take_node(made, time_us);
     }
 
     fn take_node(&mut self, made: Option<(NodeId, Vec<Op>)>, time_us: u64) {
         let Some((id, ops)) = made else { return };
         self.write(ops, time_us);
+        self.look_for_shortcuts(id);
+    }
+
+    fn look_for_shortcuts(&mut self, node: NodeId) {
         if self.to_refine.len() >= REFINE_QUEUE {
             self.to_refine.pop_front();
         }
-        self.to_refine.push_back(id);
+        self.to_refine.push_back(node);
+    }
+
+    fn write_all(&mut self, ops: &[Op], time_us: u64) {
+        for batch in ops.chunks(BATCH_OPS) {
+            self.write(batch.to_vec(), time_us);
+        }
     }
 
     fn write(&mut self, ops: Vec<Op>, time_us: u64) {
@@ -183,12 +268,12 @@ impl Mapper {
 
     fn refine(&mut self, time_us: u64) {
         let due = self.refine.take_due(self.frame);
-        self.add_shortcuts(due, time_us);
+        self.add_shortcuts(due.unwrap_or_default(), time_us);
         if self.refine.is_idle()
             && let Some(node) = self.to_refine.pop_front()
         {
             let job = RefineJob { roadmap: Roadmap::of(self.map()), space: self.free_space(), node };
-            self.refine.submit(job, self.frame);
+            self.refine.submit(job, self.frame + REFINE_DELAY_FRAMES);
         }
     }
 
@@ -206,7 +291,7 @@ impl Mapper {
             let width_m = self.builder.config().edges.half_width_m;
             if is_still_free(&shortcut, self.journal.state(), self.slam.grid(), width_m) {
                 let chain = Chain { from: shortcut.from, between: &shortcut.between, to: shortcut.to };
-                let ops = self.builder.make_chain(&chain, &mut self.journal, self.slam.grid());
+                let ops = self.builder.make_chain(&chain, &mut self.journal, &self.slam.estimate());
                 self.write(ops, time_us);
             }
         }
@@ -215,16 +300,16 @@ impl Mapper {
     /// After the last frame: what is under way is finished, rectangles are grown once more, and every node is looked
     /// at for shortcuts in the finished grid.
     pub fn finish(&mut self) {
-        let time_us = self.trajectory.last().map_or(0, |(time_us, _)| *time_us);
-        if let Some(seen) = self.camera.as_mut().and_then(CameraWorker::finish) {
-            self.take_appearance(Some(seen), time_us);
+        let time_us = self.latest.map_or(0, |latest| latest.time_us);
+        if let Some((seen, appearance)) = self.camera.as_mut().and_then(CameraWorker::finish) {
+            self.take_appearance(seen, appearance, time_us);
         }
-        let due = self.refine.take_due(u64::MAX);
-        self.add_shortcuts(due, time_us);
+        let due = self.refine.finish();
+        self.add_shortcuts(due.unwrap_or_default(), time_us);
+        self.slam.finish();
+        self.follow(time_us);
         let ops = self.builder.finish(&self.journal, self.slam.grid());
-        for batch in ops.chunks(64) {
-            self.write(batch.to_vec(), time_us);
-        }
+        self.write_all(&ops, time_us);
         let space = self.free_space();
         let nodes: Vec<NodeId> = self.map().nodes().map(|node| node.id).collect();
         for node in nodes {

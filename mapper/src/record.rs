@@ -1,6 +1,7 @@
 //! A mapping run as a bag: what the sensors said, and what the robot made of it.
 
-use crate::mapping::Mapper;
+use crate::mapping::{Located, Mapper};
+use crate::slam::Anchored;
 use fht_map::MapState;
 use fht_proto::{NodeId, NodeKind};
 use fht_robot::bag::msg::{
@@ -31,6 +32,8 @@ pub struct MapRecorder {
     recorder: Recorder,
     frames: Arc<Mutex<FrameRecording>>,
     next_map_us: u64,
+    /// The way driven, a point every [`PATH_STEP_M`].
+    path: Vec<(u64, Anchored)>,
 }
 
 impl MapRecorder {
@@ -39,12 +42,14 @@ impl MapRecorder {
     /// # Errors
     /// [`WriteError`] when something is there already or cannot be made.
     pub fn start(path: &Path) -> Result<Self, WriteError> {
-        Ok(Self { recorder: Recorder::start(path)?, frames: Arc::default(), next_map_us: 0 })
+        Ok(Self { recorder: Recorder::start(path)?, frames: Arc::default(), next_map_us: 0, path: Vec::new() })
     }
 
     /// Writes a frame that `mapper` has taken in. Waits for the disk if it is far behind.
     pub fn record(&mut self, frame: &SensorFrame, mapper: &Mapper) {
-        let map_from_base = mapper.trajectory().last().map(|(_, pose)| *pose);
+        let map_from_base = mapper.latest().map(|latest| latest.map_from_base);
+        self.path
+            .extend(mapper.latest().filter(|latest| self.is_step(latest, mapper)).map(|it| (it.time_us, it.anchored)));
         let (frames, frame) = (self.frames.clone(), frame.clone());
         let time_us = frame.time_us;
         self.recorder.submit(move |bag| {
@@ -57,9 +62,15 @@ impl MapRecorder {
         }
     }
 
+    fn is_step(&self, latest: &Located, mapper: &Mapper) -> bool {
+        let Some((_, before)) = self.path.last() else { return true };
+        let way = mapper.locate(before).translation.vector - latest.map_from_base.translation.vector;
+        way.norm() >= PATH_STEP_M
+    }
+
     fn record_map(&self, time_us: u64, mapper: &Mapper) {
         let grid = mapper.grid().clone();
-        let path = path_message(time_us, mapper.trajectory());
+        let path = path_message(time_us, self.path.iter().map(|(at_us, anchored)| (*at_us, mapper.locate(anchored))));
         let markers = markers(time_us, mapper.map());
         self.recorder.submit(move |bag| {
             bag.write("/map", Durability::TransientLocal, time_us, &grid_message(time_us, &grid))?;
@@ -73,8 +84,8 @@ impl MapRecorder {
     /// # Errors
     /// The first [`WriteError`] of the run; what was written before it can be read.
     pub fn finish(self, mapper: &Mapper) -> Result<WriteReport, WriteError> {
-        if let Some((time_us, _)) = mapper.trajectory().last() {
-            self.record_map(*time_us, mapper);
+        if let Some(latest) = mapper.latest() {
+            self.record_map(latest.time_us, mapper);
         }
         self.recorder.finish()
     }
@@ -104,17 +115,9 @@ fn grid_message(time_us: u64, grid: &OccupancyGrid) -> GridMessage {
     }
 }
 
-fn path_message(time_us: u64, trajectory: &[(u64, Pose2)]) -> PathMessage {
-    let mut poses: Vec<PoseStamped> = Vec::new();
-    let mut last: Option<Pose2> = None;
-    for (at_us, pose) in trajectory {
-        let is_far = |last: Pose2| (last.translation.vector - pose.translation.vector).norm() >= PATH_STEP_M;
-        if last.is_none_or(is_far) {
-            poses.push(PoseStamped { header: header(*at_us, "map"), pose: pose_message(pose) });
-            last = Some(*pose);
-        }
-    }
-    PathMessage { header: header(time_us, "map"), poses }
+fn path_message(time_us: u64, path: impl Iterator<Item = (u64, Pose2)>) -> PathMessage {
+    let stamped = |(at_us, pose): (u64, Pose2)| PoseStamped { header: header(at_us, "map"), pose: pose_message(&pose) };
+    PathMessage { header: header(time_us, "map"), poses: path.map(stamped).collect() }
 }
 
 fn markers(time_us: u64, map: &MapState) -> MarkerArray {

@@ -1,21 +1,19 @@
 //! Map refinement (paper, section III-B-4): where the map's way between two nodes is much longer than the way through
 //! free space, support nodes and edges along the shorter way are added.
 //!
-//! The search runs on copies in a thread of its own, so that it never blocks the robot. Its result is taken a fixed
-//! number of frames later, whatever the thread's speed, so that a simulated run repeats exactly.
+//! The search runs on copies in a thread of its own ([`crate::beside`]).
 
 mod roadmap;
 
 pub use roadmap::Roadmap;
 
+use crate::beside::{Beside, Pace};
+use crate::construct::point;
 use fht_map::MapState;
 use fht_proto::{EdgeKey, FixedPoint, NodeId};
 use fht_robot::grid::OccupancyGrid;
 use fht_robot::planning::{Traversable, path_length_m};
 use fht_robot::pose::Point2;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-
-use crate::construct::point;
 
 /// Parameters of the refinement.
 #[derive(Clone, Debug)]
@@ -130,54 +128,10 @@ pub struct RefineJob {
     pub node: NodeId,
 }
 
-/// The refinement thread. One job is under way at a time; others are refused while it is.
-pub struct RefineWorker {
-    jobs: SyncSender<RefineJob>,
-    results: Receiver<Vec<Shortcut>>,
-    /// The frame at which the result of the job under way is taken.
-    due: Option<u64>,
-    delay_frames: u64,
-}
-
-impl RefineWorker {
-    /// Starts the thread. Results are taken `delay_frames` frames after their job.
-    ///
-    /// # Errors
-    /// When the system gives no thread.
-    pub fn start(config: RefineConfig, delay_frames: u64) -> std::io::Result<Self> {
-        let (jobs, incoming) = sync_channel::<RefineJob>(1);
-        let (outgoing, results) = sync_channel(1);
-        std::thread::Builder::new().name("refine".to_owned()).spawn(move || {
-            for job in incoming {
-                if outgoing.send(shortcuts(job.roadmap, &job.space, job.node, &config)).is_err() {
-                    return;
-                }
-            }
-        })?;
-        Ok(Self { jobs, results, due: None, delay_frames })
-    }
-
-    /// Whether a job would be taken now.
-    #[must_use]
-    pub fn is_idle(&self) -> bool {
-        self.due.is_none()
-    }
-
-    /// Hands a job to the thread at frame `frame`.
-    pub fn submit(&mut self, job: RefineJob, frame: u64) {
-        if self.due.is_none() && self.jobs.try_send(job).is_ok() {
-            self.due = Some(frame + self.delay_frames);
-        }
-    }
-
-    /// The result that is due at `frame`. Waits for the thread if it is late.
-    pub fn take_due(&mut self, frame: u64) -> Vec<Shortcut> {
-        match self.due {
-            Some(due) if frame >= due => {
-                self.due = None;
-                self.results.recv().unwrap_or_default()
-            }
-            _ => Vec::new(),
-        }
-    }
+/// Starts the refinement thread, which looks for the shortcuts of one node at a time.
+///
+/// # Errors
+/// When the system gives no thread.
+pub fn start(config: RefineConfig, pace: Pace) -> std::io::Result<Beside<RefineJob, Vec<Shortcut>>> {
+    Beside::start("refine", pace, move |job: RefineJob| shortcuts(job.roadmap, &job.space, job.node, &config))
 }

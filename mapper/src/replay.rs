@@ -114,7 +114,11 @@ pub struct ReplayReport {
     pub wire_bytes: u64,
     /// Whether the server has acknowledged everything.
     pub delivered: bool,
-    /// Distance driven by the estimated poses, metres.
+    /// Frames that nothing could be made of.
+    pub frames_refused: usize,
+    /// Loop closures: close at hand, and after a long way.
+    pub closures: [usize; 2],
+    /// Distance driven by the wheels' word, metres.
     pub driven_m: f64,
     /// Time from the first frame to the last, seconds.
     pub bag_s: f64,
@@ -164,6 +168,9 @@ fn feed(
 ) -> Result<ReplayReport, ReplayError> {
     let begin = Instant::now();
     let mut frame_max = Duration::ZERO;
+    let (mut frames_taken, mut frames_refused) = (0, 0);
+    let mut driven_m = 0.0;
+    let mut last_odom: Option<nalgebra::Vector2<f64>> = None;
     let (mut first_us, mut last_us, mut next_watch_us) = (None, 0, 0);
     let mut written = 0;
     let mut publish = |mapper: &mut Mapper| {
@@ -182,7 +189,15 @@ fn feed(
             std::thread::sleep(due.saturating_sub(begin.elapsed()));
         }
         let thinking = Instant::now();
-        mapper.observe(&frame);
+        if let Err(error) = mapper.observe(&frame) {
+            tracing::warn!("a frame is left out: {error}");
+            frames_refused += 1;
+            continue;
+        }
+        frames_taken += 1;
+        let odom_from_base = frame.odom_from_base.translation.vector;
+        driven_m += last_odom.map_or(0.0, |last| (odom_from_base - last).norm());
+        last_odom = Some(odom_from_base);
         mapper.check()?;
         let written = publish(&mut mapper);
         frame_max = frame_max.max(thinking.elapsed());
@@ -198,7 +213,7 @@ fn feed(
                 read_bytes,
                 total_bytes,
                 bag_s: bag_us as f64 * 1e-6,
-                frames: mapper.trajectory().len(),
+                frames: frames_taken,
                 nodes: counts.main_nodes + counts.support_nodes,
                 written,
                 acknowledged: outbox.map_or(0, |outbox| outbox.progress().acknowledged),
@@ -218,7 +233,6 @@ fn feed(
         recorder.finish(&mapper)?;
     }
     let counts = mapper.map().counts();
-    let steps = mapper.trajectory().windows(2);
     Ok(ReplayReport {
         has_cameras: frames.has_cameras(),
         bag: frames.report(),
@@ -231,7 +245,9 @@ fn feed(
         map_bytes: 0,
         wire_bytes: 0,
         delivered: false,
-        driven_m: steps.map(|pair| (pair[0].1.translation.vector - pair[1].1.translation.vector).norm()).sum(),
+        frames_refused,
+        closures: [mapper.closures().near, mapper.closures().far],
+        driven_m,
         bag_s: last_us as f64 * 1e-6,
         frame_max_ms: frame_max.as_secs_f64() * 1e3,
         wall_s: begin.elapsed().as_secs_f64(),

@@ -1,6 +1,9 @@
 //! What an exploration came to, scored against the simulator's truth.
 
+use crate::construct::point;
 use crate::explore::Ending;
+use crate::mapping::Mapper;
+use fht_map::NodeRef;
 use fht_proto::Digest;
 use fht_robot::grid::{CellState, OccupancyGrid};
 use fht_robot::pose::{Point2, Pose2, wrap_angle};
@@ -40,18 +43,33 @@ pub struct ExploreReport {
     pub driven_m: f64,
     /// Times that the robot touched something.
     pub collisions: u64,
-    /// Mean error of the estimated positions of all frames, metres.
-    pub position_error_mean_m: f64,
-    /// Greatest error of the estimated positions, metres.
-    pub position_error_max_m: f64,
-    /// Mean error of the estimated headings, degrees.
-    pub heading_error_mean_deg: f64,
+    /// Error of the poses of all frames as they were known at the frame.
+    pub trajectory_error: TrajectoryError,
+    /// Error of the same poses as they are known at the end.
+    pub corrected_trajectory_error: TrajectoryError,
+    /// Share of the main nodes that lie within 0.05 m of where they truly were seen.
+    pub main_nodes_within_5cm: f64,
+    /// Greatest error of a main node's position, metres.
+    pub main_node_error_max_m: f64,
+    /// Loop closures: close at hand, and after a long way.
+    pub closures: [usize; 2],
     /// Longest time that a frame took, simulation excluded, milliseconds.
     pub frame_max_ms: f64,
     /// Simulated seconds.
     pub sim_s: f64,
     /// Seconds on the clock.
     pub wall_s: f64,
+}
+
+/// Error of estimated poses.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct TrajectoryError {
+    /// Mean error of the positions, metres.
+    pub mean_m: f64,
+    /// Greatest error of the positions, metres.
+    pub max_m: f64,
+    /// Mean error of the headings, degrees.
+    pub mean_deg: f64,
 }
 
 /// Free area reachable by a robot of `radius_m` from the origin of the map frame, and the share of it that `grid` (in the
@@ -73,10 +91,9 @@ pub fn explored(plan: &FloorPlan, grid: &OccupancyGrid, world_from_map: &Pose2, 
     (plan.area_m2(&reachable), known as f64 / total.max(1) as f64)
 }
 
-/// Mean and greatest position error (metres) and mean heading error (degrees) of estimated poses in the map frame
-/// against true poses in the world frame.
+/// Error of estimated poses in the map frame against true poses in the world frame.
 #[must_use]
-pub fn trajectory_error(estimated: &[Pose2], truth: &[Pose2], world_from_map: &Pose2) -> (f64, f64, f64) {
+pub fn trajectory_error(estimated: &[Pose2], truth: &[Pose2], world_from_map: &Pose2) -> TrajectoryError {
     let (mut sum_m, mut max_m, mut sum_rad) = (0.0, 0.0_f64, 0.0);
     for (estimate, truth) in estimated.iter().zip(truth) {
         let difference = (world_from_map * estimate).inverse() * truth;
@@ -86,7 +103,19 @@ pub fn trajectory_error(estimated: &[Pose2], truth: &[Pose2], world_from_map: &P
         sum_rad += wrap_angle(difference.rotation.angle()).abs();
     }
     let count = estimated.len().min(truth.len()).max(1) as f64;
-    (sum_m / count, max_m, (sum_rad / count).to_degrees())
+    TrajectoryError { mean_m: sum_m / count, max_m, mean_deg: (sum_rad / count).to_degrees() }
+}
+
+/// Distances of the main nodes from where the robot truly was (`truth`, world frame, by frame) when it saw them, metres.
+#[must_use]
+pub fn main_node_errors(mapper: &Mapper, truth: &[Pose2], world_from_map: &Pose2) -> Vec<f64> {
+    let error_of = |node: NodeRef<'_>| {
+        let seen_at = mapper.footings().get(&node.id)?.frame?;
+        let truth = truth.get(usize::try_from(seen_at).ok()?)?;
+        let place = world_from_map * point(node.pose.position);
+        Some((place.coords - truth.translation.vector).norm())
+    };
+    mapper.map().main_nodes().filter_map(error_of).collect()
 }
 
 /// Pose of the map frame in a world that is explored from its start.

@@ -3,14 +3,14 @@
 use crate::camera::CameraError;
 use crate::explore::Ending;
 use crate::linked::{LinkedError, Publication, publish_while};
-use crate::mapping::{Mapper, MapperConfig, Step};
+use crate::mapping::{Located, Mapper, MapperConfig, Step};
 use crate::publish::Outbox;
 use crate::record::MapRecorder;
-use crate::report::{ExploreReport, explored, trajectory_error};
+use crate::report::{ExploreReport, explored, main_node_errors, trajectory_error};
 use fht_proto::{AuthorId, MapName};
 use fht_robot::bag::WriteError;
 use fht_robot::descriptor::{DescriptorError, DescriptorNet};
-use fht_robot::frame::{SensorFrame, Twist};
+use fht_robot::frame::{FrameError, SensorFrame, Twist};
 use fht_robot::link::LinkConfig;
 use fht_robot::pose::Pose2;
 use fht_robot::stop::Stop;
@@ -71,6 +71,9 @@ pub enum ExploreError {
     /// The recording failed.
     #[error("the recording failed: {0}")]
     Record(#[from] WriteError),
+    /// The simulator made a frame that nothing can be made of: a defect.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
     /// The cameras failed on the way.
     #[error(transparent)]
     Cameras(#[from] CameraError),
@@ -146,6 +149,7 @@ fn drive(
     let mut sim = Simulator::new(world.clone(), sim_config, start, task.seed);
     let mut frame: SensorFrame = sim.sense_first();
     let mut truth: Vec<Pose2> = Vec::new();
+    let mut located: Vec<Located> = Vec::new();
     let mut frame_max = Duration::ZERO;
     let mut written = 0;
     let mut next_watch_us = 0;
@@ -161,8 +165,9 @@ fn drive(
     let ending = loop {
         truth.push(sim.truth());
         let thinking = Instant::now();
-        let step = mapper.step(&frame);
+        let step = mapper.step(&frame)?;
         mapper.check()?;
+        located.extend(mapper.latest().copied());
         let written = publish(&mut mapper);
         frame_max = frame_max.max(thinking.elapsed());
         if let Some(recorder) = &mut recorder {
@@ -200,8 +205,10 @@ fn drive(
         recorder.finish(&mapper)?;
     }
     let (free_area_m2, explored_fraction) = explored(world.plan(), mapper.grid(), &start, radius_m);
-    let estimated: Vec<Pose2> = mapper.trajectory().iter().map(|(_, pose)| *pose).collect();
-    let (mean_m, max_m, mean_deg) = trajectory_error(&estimated, &truth, &start);
+    let online: Vec<Pose2> = located.iter().map(|located| located.map_from_base).collect();
+    let corrected: Vec<Pose2> = located.iter().map(|located| mapper.locate(&located.anchored)).collect();
+    let nodes = main_node_errors(&mapper, &truth, &start);
+    if std::env::var("DBG").is_ok() { for i in (0..truth.len()).step_by(60) { let t = start.inverse() * truth[i]; let e = |p: &Pose2| { let d = t.inverse() * p; (d.translation.vector.norm(), d.rotation.angle().to_degrees()) }; let (a, b) = (e(&online[i]), e(&corrected[i])); eprintln!("{i} at {:.1} {:.1} kf {} online {:.3} {:.2} corrected {:.3} {:.2}", t.translation.x, t.translation.y, located[i].anchored.keyframe, a.0, a.1, b.0, b.1); } }
     let counts = mapper.map().counts();
     Ok(ExploreReport {
         world: world.name().to_owned(),
@@ -219,9 +226,12 @@ fn drive(
         delivered: false,
         driven_m: sim.driven_m(),
         collisions: sim.collisions(),
-        position_error_mean_m: mean_m,
-        position_error_max_m: max_m,
-        heading_error_mean_deg: mean_deg,
+        trajectory_error: trajectory_error(&online, &truth, &start),
+        corrected_trajectory_error: trajectory_error(&corrected, &truth, &start),
+        main_nodes_within_5cm: nodes.iter().filter(|error_m| **error_m < 0.05).count() as f64
+            / nodes.len().max(1) as f64,
+        main_node_error_max_m: nodes.into_iter().fold(0.0, f64::max),
+        closures: [mapper.closures().near, mapper.closures().far],
         frame_max_ms: frame_max.as_secs_f64() * 1e3,
         sim_s: frame.time_us as f64 * 1e-6,
         wall_s: begin.elapsed().as_secs_f64(),

@@ -54,6 +54,33 @@ pub struct View {
     pub scan: Arc<LaserScan>,
 }
 
+/// What is known by now: the grid, and where the keyframes are.
+#[derive(Clone, Copy)]
+pub struct Estimate<'a> {
+    /// The occupancy grid, in the map frame.
+    pub grid: &'a OccupancyGrid,
+    /// Poses of the keyframes in the map frame.
+    pub poses: &'a [Pose2],
+}
+
+impl Estimate<'_> {
+    /// Where something is in the map.
+    #[must_use]
+    pub fn locate(&self, anchored: &Anchored) -> Pose2 {
+        locate(self.poses, anchored)
+    }
+
+    /// A pose in the map, tied to the nearest keyframe; to the map frame itself if there is none.
+    #[must_use]
+    pub fn anchor(&self, map_from_thing: &Pose2) -> Anchored {
+        let apart = |pose: &Pose2| (pose.translation.vector - map_from_thing.translation.vector).norm_squared();
+        let nearest = self.poses.iter().enumerate().min_by(|(_, a), (_, b)| apart(a).total_cmp(&apart(b)));
+        let (keyframe, map_from_keyframe) =
+            nearest.map_or((0, Pose2::identity()), |(keyframe, pose)| (keyframe, *pose));
+        Anchored { keyframe, keyframe_from_base: map_from_keyframe.inverse() * map_from_thing }
+    }
+}
+
 /// How well the robot knows where it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tracking {
@@ -187,12 +214,10 @@ impl Slam {
         locate(&self.poses, anchored)
     }
 
-    /// A pose in the map, tied to the nearest keyframe; `None` before the first frame.
+    /// What is known by now.
     #[must_use]
-    pub fn anchor(&self, map_from_thing: &Pose2) -> Option<Anchored> {
-        let apart = |pose: &Pose2| (pose.translation.vector - map_from_thing.translation.vector).norm_squared();
-        let nearest = self.poses.iter().enumerate().min_by(|(_, a), (_, b)| apart(a).total_cmp(&apart(b)));
-        nearest.map(|(keyframe, pose)| Anchored { keyframe, keyframe_from_base: pose.inverse() * map_from_thing })
+    pub fn estimate(&self) -> Estimate<'_> {
+        Estimate { grid: &self.grid, poses: &self.poses }
     }
 
     /// Tells what a panorama looked like that was taken at `anchored`: `components` are a unit vector, and `match_threshold`
@@ -322,7 +347,9 @@ impl Slam {
             let balance = |found: &ScanMatch| submap.judge(points, &found.reference_from_moving).balance();
             let needed = near.as_ref().map_or(0, balance) + (config.rescue_gain * points.len() as f64) as i64;
             let elsewhere = alignments(submap.cloud(), points, &window, &config.matching).into_iter();
-            let better = elsewhere.filter(|found| found.score > score + config.rescue_gain).map(|found| (balance(&found), found));
+            let better = elsewhere
+                .filter(|found| found.score > score + config.rescue_gain)
+                .map(|found| (balance(&found), found));
             let best = better.filter(|(balance, _)| *balance > needed).max_by_key(|(balance, _)| *balance);
             best.map(|(_, found)| found).or(near)
         } else {
@@ -331,14 +358,7 @@ impl Slam {
         best.filter(|found| found.score >= config.min_score)
     }
 
-    fn judge_tracking(
-        &mut self,
-        is_matched: bool,
-        driven_m: f64,
-        submap: &Submap,
-        points: &[Point2],
-        latest: &Latest,
-    ) {
+    fn judge_tracking(&mut self, is_matched: bool, driven_m: f64, submap: &Submap, points: &[Point2], latest: &Latest) {
         self.next_job.lost = None;
         if is_matched {
             self.contradicted_m = 0.0;

@@ -15,7 +15,7 @@ fn explore(seed: u64) -> (Digest, usize) {
     let mut mapper = Mapper::new(MapperConfig::default(), AuthorId(1), Some(net)).expect("threads");
     let mut frame = simulator.sense_first();
     for _ in 0..300 {
-        let Step::Drive(twist) = mapper.step(&frame) else { break };
+        let Ok(Step::Drive(twist)) = mapper.step(&frame) else { break };
         frame = simulator.step(twist);
     }
     mapper.finish();

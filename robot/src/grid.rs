@@ -178,7 +178,8 @@ impl OccupancyGrid {
     pub fn integrate(&mut self, map_from_base: &Pose2, scan: &LaserScan) {
         let map_from_sensor = map_from_base * scan.base_from_sensor;
         let origin = Point2::from(map_from_sensor.translation.vector);
-        let longest = scan.ranges_m.iter().filter(|&&range| scan.is_return(range)).fold(0.0, |a: f64, &b| a.max(b.into()));
+        let longest =
+            scan.ranges_m.iter().filter(|&&range| scan.is_return(range)).fold(0.0, |a: f64, &b| a.max(b.into()));
         let no_return_m = (scan.range_max_m - self.config.resolution_m).min(self.config.max_no_return_m);
         let reach = longest.min(self.config.max_range_m).max(no_return_m) + 2.0 * self.config.resolution_m;
         let near =

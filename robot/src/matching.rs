@@ -9,7 +9,7 @@ mod cloud;
 mod correlative;
 mod line_icp;
 
-pub use cloud::ReferenceCloud;
+pub use cloud::{ReferenceCloud, SeenPoint};
 pub use correlative::{SearchWindow, alignments, search};
 pub use line_icp::{Prior, refine, refine_with_prior};
 

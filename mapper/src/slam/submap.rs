@@ -2,7 +2,7 @@
 
 use fht_robot::frame::LaserScan;
 use fht_robot::grid::{CellState, GridConfig, OccupancyGrid};
-use fht_robot::matching::ReferenceCloud;
+use fht_robot::matching::{ReferenceCloud, SeenPoint};
 use fht_robot::pose::{Point2, Pose2};
 
 /// Parameters of submaps.
@@ -121,14 +121,14 @@ impl Submap {
     pub fn insert(&mut self, submap_from_base: &Pose2, scan: &LaserScan, points: &[Point2]) {
         // Points of one scan on a near wall are denser than the spacing too: thin them among themselves.
         let spacing_m = self.config.point_spacing_m;
-        let mut fresh: Vec<Point2> = Vec::new();
+        let mut fresh: Vec<SeenPoint> = Vec::new();
         let mut previous: Option<Point2> = None;
         for point in points {
-            let point = submap_from_base * point;
-            let is_apart = previous.is_none_or(|other: Point2| (other - point).norm() >= spacing_m);
-            if is_apart && !self.cloud.has_point_within(point, spacing_m) {
+            let point = SeenPoint::of_scan(*point).transformed(submap_from_base);
+            let is_apart = previous.is_none_or(|other: Point2| (other - point.position).norm() >= spacing_m);
+            if is_apart && !self.cloud.has_point_within(&point, spacing_m) {
                 fresh.push(point);
-                previous = Some(point);
+                previous = Some(point.position);
             }
         }
         self.cloud.extend(fresh);
@@ -147,10 +147,10 @@ impl Submap {
     pub fn judge(&self, points: &[Point2], submap_from_base: &Pose2) -> Verdict {
         let mut verdict = Verdict::default();
         for point in points {
-            let point = submap_from_base * point;
-            if self.cloud.explains(point, self.config.explained_m) {
+            let point = SeenPoint::of_scan(*point).transformed(submap_from_base);
+            if self.cloud.explains(&point, self.config.explained_m) {
                 verdict.explained += 1;
-            } else if self.space.state_at(point) == CellState::Free {
+            } else if self.space.state_at(point.position) == CellState::Free {
                 verdict.contradicted += 1;
             } else {
                 verdict.unseen += 1;

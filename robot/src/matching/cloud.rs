@@ -1,4 +1,7 @@
 //! A set of reference points with normals and a hash grid for nearest neighbours.
+//!
+//! Each point remembers from which side it was seen. A wall is two surfaces: what was seen from one room says nothing of a
+//! point that is seen from the next, and a match that mixed them would be off by the wall's thickness.
 
 use crate::pose::{Point2, Pose2};
 use nalgebra::{Matrix2, Vector2};
@@ -11,11 +14,54 @@ const NORMAL_RADII_M: [f64; 3] = [0.12, 0.25, 0.4];
 /// A neighbourhood whose lesser spread is above this share of the greater is no line.
 const MAX_FLATNESS: f64 = 0.15;
 
-/// A reference point; `normal` is absent where the neighbourhood is no line.
+/// Surfaces face a viewer when the cosine between the normal and the direction to the viewer is above this: a little below
+/// 0, for walls seen at grazing angles and for the normals' noise.
+const MIN_FACING: f64 = -0.1;
+
+/// A point and the direction (of length 1) to where it was seen from.
+#[derive(Clone, Copy, Debug)]
+pub struct SeenPoint {
+    /// Where it is.
+    pub position: Point2,
+    /// Towards the viewer.
+    pub to_viewer: Vector2<f64>,
+}
+
+impl SeenPoint {
+    /// A point seen from `viewer`.
+    #[must_use]
+    pub fn new(position: Point2, viewer: Point2) -> Self {
+        let apart = viewer - position;
+        let distance = apart.norm();
+        Self { position, to_viewer: if distance > 0.0 { apart / distance } else { Vector2::x() } }
+    }
+
+    /// A point of a scan, seen from the frame's origin.
+    #[must_use]
+    pub fn of_scan(position: Point2) -> Self {
+        Self::new(position, Point2::origin())
+    }
+
+    /// The same in another frame.
+    #[must_use]
+    pub fn transformed(&self, transform: &Pose2) -> Self {
+        Self { position: transform * self.position, to_viewer: transform.rotation * self.to_viewer }
+    }
+}
+
+/// A reference point; `normal` points to the viewer's side and is absent where the neighbourhood is no line.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ReferencePoint {
     pub position: Point2,
+    pub to_viewer: Vector2<f64>,
     pub normal: Option<Vector2<f64>>,
+}
+
+impl ReferencePoint {
+    /// Whether the surface here is the one that `point` was seen on.
+    fn faces(&self, point: &SeenPoint) -> bool {
+        self.normal.unwrap_or(self.to_viewer).dot(&point.to_viewer) > MIN_FACING
+    }
 }
 
 /// Points to match against, in any frame.
@@ -30,29 +76,30 @@ fn bucket_of(point: Point2) -> (i32, i32) {
 }
 
 impl ReferenceCloud {
-    /// A cloud of `points`, whose normals come from their neighbours. Non-finite points are left out.
+    /// A cloud of the points of one scan, seen from the frame's origin; normals come from their neighbours. Non-finite points
+    /// are left out.
     #[must_use]
-    pub fn from_points(points: &[Point2]) -> Self {
+    pub fn from_scan(points: &[Point2]) -> Self {
         let mut cloud = Self::default();
-        cloud.extend(points.iter().copied());
+        cloud.extend(points.iter().copied().map(SeenPoint::of_scan));
         cloud
     }
 
     /// Adds points; normals near them are estimated anew.
-    pub fn extend(&mut self, points: impl IntoIterator<Item = Point2>) {
+    pub fn extend(&mut self, points: impl IntoIterator<Item = SeenPoint>) {
         let first = self.points.len();
-        for position in points {
+        for SeenPoint { position, to_viewer } in points {
             if !position.x.is_finite() || !position.y.is_finite() {
                 continue;
             }
             let index = self.points.len() as u32;
-            self.points.push(ReferencePoint { position, normal: None });
+            self.points.push(ReferencePoint { position, to_viewer, normal: None });
             self.buckets.entry(bucket_of(position)).or_default().push(index);
         }
         let mut touched: Vec<u32> = (first as u32..self.points.len() as u32).collect();
         if first > 0 {
-            let near = |index: &u32, cloud: &Self| cloud.neighbours(cloud.points[*index as usize].position, 0.25);
-            touched = touched.iter().flat_map(|index| near(index, self)).map(|(index, _)| index).collect();
+            let near = |index: &u32, cloud: &Self| cloud.neighbours(&cloud.points[*index as usize], 0.25);
+            touched = touched.iter().flat_map(|index| near(index, self)).collect();
             touched.sort_unstable();
             touched.dedup();
         }
@@ -75,29 +122,40 @@ impl ReferenceCloud {
     }
 
     /// The points, in the order in which they were added.
+    pub fn points(&self) -> impl Iterator<Item = SeenPoint> + '_ {
+        self.points.iter().map(|point| SeenPoint { position: point.position, to_viewer: point.to_viewer })
+    }
+
+    /// Where they are.
     pub fn positions(&self) -> impl Iterator<Item = Point2> + '_ {
         self.points.iter().map(|point| point.position)
     }
 
-    /// Whether some point lies within `radius_m` (at most 0.4) of `point`.
+    /// Whether some point seen from the same side lies within `radius_m` (at most 0.4) of `point`.
     #[must_use]
-    pub fn has_point_within(&self, point: Point2, radius_m: f64) -> bool {
+    pub fn has_point_within(&self, point: &SeenPoint, radius_m: f64) -> bool {
         self.nearest(point, radius_m).is_some()
     }
 
-    pub(super) fn nearest(&self, point: Point2, radius_m: f64) -> Option<&ReferencePoint> {
+    /// The nearest point that was seen from the same side.
+    pub(super) fn nearest(&self, point: &SeenPoint, radius_m: f64) -> Option<&ReferencePoint> {
         let mut best: Option<(f64, u32)> = None;
-        self.for_each_near(point, radius_m, |index, distance_squared| {
-            if best.is_none_or(|(least, _)| distance_squared < least) {
+        self.for_each_near(point.position, radius_m, |index, distance_squared| {
+            if best.is_none_or(|(least, _)| distance_squared < least) && self.points[index as usize].faces(point) {
                 best = Some((distance_squared, index));
             }
         });
         best.map(|(_, index)| &self.points[index as usize])
     }
 
-    fn neighbours(&self, point: Point2, radius_m: f64) -> Vec<(u32, f64)> {
+    /// The points around one that were seen from the same side.
+    fn neighbours(&self, point: &ReferencePoint, radius_m: f64) -> Vec<u32> {
         let mut found = Vec::new();
-        self.for_each_near(point, radius_m, |index, distance_squared| found.push((index, distance_squared)));
+        self.for_each_near(point.position, radius_m, |index, _| {
+            if self.points[index as usize].to_viewer.dot(&point.to_viewer) > 0.0 {
+                found.push(index);
+            }
+        });
         found
     }
 
@@ -119,14 +177,15 @@ impl ReferenceCloud {
 
     /// The direction of least spread of the neighbourhood, if the neighbourhood is a line.
     fn normal_at(&self, index: u32) -> Option<Vector2<f64>> {
-        let centre = self.points[index as usize].position;
+        let point = &self.points[index as usize];
+        let centre = point.position;
         for radius in NORMAL_RADII_M {
-            let neighbours = self.neighbours(centre, radius);
+            let neighbours = self.neighbours(point, radius);
             if neighbours.len() < 3 {
                 continue;
             }
             let count = neighbours.len() as f64;
-            let offset = |&(index, _): &(u32, f64)| self.points[index as usize].position - centre;
+            let offset = |&index: &u32| self.points[index as usize].position - centre;
             let mean = neighbours.iter().map(offset).sum::<Vector2<f64>>() / count;
             let spread = neighbours.iter().map(offset).map(|d| (d - mean) * (d - mean).transpose());
             let covariance: Matrix2<f64> = spread.sum::<Matrix2<f64>>() / count;
@@ -138,24 +197,34 @@ impl ReferenceCloud {
                 return None;
             }
             let line_angle = 0.5 * (2.0 * b).atan2(a - c);
-            return Some(Vector2::new(-line_angle.sin(), line_angle.cos()));
+            let normal = Vector2::new(-line_angle.sin(), line_angle.cos());
+            return Some(if normal.dot(&point.to_viewer) < 0.0 { -normal } else { normal });
         }
         None
     }
 
     /// Whether `point` lies within `explained_m` of the line of its nearest point, or of the point itself where it has no line.
     #[must_use]
-    pub fn explains(&self, point: Point2, explained_m: f64) -> bool {
+    pub fn explains(&self, point: &SeenPoint, explained_m: f64) -> bool {
         self.nearest(point, 2.5 * explained_m).is_some_and(|reference| match reference.normal {
-            Some(normal) => (point - reference.position).dot(&normal).abs() <= explained_m,
-            None => (point - reference.position).norm() <= explained_m,
+            Some(normal) => (point.position - reference.position).dot(&normal).abs() <= explained_m,
+            None => (point.position - reference.position).norm() <= explained_m,
         })
     }
 
     /// Share of all `points` (after `transform`) that [`Self::explains`]. Points without a reference point near count as not
     /// explained, also where the reference never looked. `None` without points.
-    pub(super) fn explained_share(&self, points: &[Point2], transform: &Pose2, explained_m: f64) -> Option<f64> {
-        let explained = points.iter().filter(|&point| self.explains(transform * point, explained_m)).count();
-        (!points.is_empty()).then(|| explained as f64 / points.len() as f64)
+    pub(super) fn explained_share(
+        &self,
+        points: impl Iterator<Item = SeenPoint>,
+        transform: &Pose2,
+        explained_m: f64,
+    ) -> Option<f64> {
+        let (mut count, mut explained) = (0, 0);
+        for point in points {
+            count += 1;
+            explained += usize::from(self.explains(&point.transformed(transform), explained_m));
+        }
+        (count > 0).then(|| explained as f64 / count as f64)
     }
 }

@@ -125,12 +125,11 @@ pub fn search(
     window: &SearchWindow,
     config: &MatchConfig,
 ) -> Result<ScanMatch, NoMatch> {
-    let own = ReferenceCloud::from_points(moving);
-    let reference_points: Vec<Point2> = reference.positions().collect();
+    let own = ReferenceCloud::from_scan(moving);
     let mut best: Option<ScanMatch> = None;
     for mut found in alignments(reference, moving, window, config) {
         let back = found.reference_from_moving.inverse();
-        if let Some(backward) = own.explained_share(&reference_points, &back, config.explained_m) {
+        if let Some(backward) = own.explained_share(reference.points(), &back, config.explained_m) {
             found.score = found.score.min(backward);
         }
         if best.as_ref().is_none_or(|best| found.score > best.score) {

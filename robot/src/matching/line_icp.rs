@@ -1,6 +1,6 @@
 //! Robust point-to-line refinement with the covariance of its solution.
 
-use super::{MatchConfig, ReferenceCloud, ScanMatch};
+use super::{MatchConfig, ReferenceCloud, ScanMatch, SeenPoint};
 use crate::pose::{Point2, Pose2, pose, wrap_angle};
 use nalgebra::{Matrix3, Vector3};
 
@@ -13,7 +13,7 @@ pub struct Prior {
     pub information: Matrix3<f64>,
 }
 
-/// Aligns `moving` with `reference`, starting at `guess`. `None` if too few points find a partner or the geometry does
+/// Aligns `moving`, a scan seen from its frame's origin, with `reference`, starting at `guess`. `None` if too few points find a partner or the geometry does
 /// not fix the pose at all.
 #[must_use]
 pub fn refine(reference: &ReferenceCloud, moving: &[Point2], guess: &Pose2, config: &MatchConfig) -> Option<ScanMatch> {
@@ -55,7 +55,8 @@ pub fn refine_with_prior(
             break;
         }
     }
-    let score = reference.explained_share(moving, &estimate, config.explained_m)?;
+    let seen = moving.iter().copied().map(SeenPoint::of_scan);
+    let score = reference.explained_share(seen, &estimate, config.explained_m)?;
     Some(ScanMatch { reference_from_moving: estimate, covariance: information.try_inverse()?, score })
 }
 
@@ -84,8 +85,9 @@ fn linearise(
     let softness = (reach / 3.0).max(2.0 * config.point_sigma_m);
     for &point in moving {
         let rotated = estimate.rotation * point.coords;
-        let moved = Point2::from(rotated + estimate.translation.vector);
-        let Some(partner) = reference.nearest(moved, reach) else { continue };
+        let seen = SeenPoint::of_scan(point).transformed(estimate);
+        let moved = seen.position;
+        let Some(partner) = reference.nearest(&seen, reach) else { continue };
         system.partners += 1;
         let Some(normal) = partner.normal else { continue };
         let residual = (moved - partner.position).dot(&normal);

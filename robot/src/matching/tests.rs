@@ -65,7 +65,7 @@ fn everywhere() -> SearchWindow {
 
 #[test]
 fn a_scan_is_found_without_a_guess_at_any_heading() {
-    let reference = ReferenceCloud::from_points(&scan(&ROOM, &pose(0.0, 0.0, 0.0)));
+    let reference = ReferenceCloud::from_scan(&scan(&ROOM, &pose(0.0, 0.0, 0.0)));
     for (x, y, yaw) in [(0.3, -0.4, 0.0), (1.1, -0.9, 2.0), (-1.8, 0.6, -2.9), (-0.6, 0.9, 1.2), (1.6, -1.2, PI)] {
         let truth = pose(x, y, yaw);
         let found = search(&reference, &scan(&ROOM, &truth), &everywhere(), &MatchConfig::default())
@@ -78,7 +78,7 @@ fn a_scan_is_found_without_a_guess_at_any_heading() {
 
 #[test]
 fn another_room_does_not_match() {
-    let reference = ReferenceCloud::from_points(&scan(&ROOM, &pose(0.0, 0.0, 0.0)));
+    let reference = ReferenceCloud::from_scan(&scan(&ROOM, &pose(0.0, 0.0, 0.0)));
     let round: Vec<Wall> = (0..24)
         .map(|side| {
             let corner = |k: i32| (2.6 * (f64::from(k) * PI / 12.0).cos(), 2.6 * (f64::from(k) * PI / 12.0).sin());
@@ -91,7 +91,7 @@ fn another_room_does_not_match() {
 
 #[test]
 fn a_corridor_is_uncertain_along_and_certain_across() {
-    let reference = ReferenceCloud::from_points(&scan(&CORRIDOR, &pose(0.0, 0.0, 0.0)));
+    let reference = ReferenceCloud::from_scan(&scan(&CORRIDOR, &pose(0.0, 0.0, 0.0)));
     let truth = pose(0.0, 0.1, 0.05);
     let found = refine(&reference, &scan(&CORRIDOR, &truth), &pose(0.0, 0.0, 0.0), &MatchConfig::default()).unwrap();
     assert!((found.reference_from_moving.translation.y - 0.1).abs() < 0.01);
@@ -100,7 +100,7 @@ fn a_corridor_is_uncertain_along_and_certain_across() {
 
 #[test]
 fn odometry_holds_what_a_corridor_does_not_say() {
-    let reference = ReferenceCloud::from_points(&scan(&CORRIDOR, &pose(0.0, 0.0, 0.0)));
+    let reference = ReferenceCloud::from_scan(&scan(&CORRIDOR, &pose(0.0, 0.0, 0.0)));
     let truth = pose(0.1, 0.02, 0.01);
     let information = Matrix3::from_diagonal(&nalgebra::Vector3::new(1e6, 1e4, 1e4));
     let prior = Prior { reference_from_moving: pose(0.1, 0.0, 0.0), information };
@@ -115,8 +115,8 @@ fn nothing_from_nothing() {
     let empty = ReferenceCloud::default();
     let points = scan(&ROOM, &pose(0.0, 0.0, 0.0));
     assert!(search(&empty, &points, &everywhere(), &config).is_err());
-    assert!(search(&ReferenceCloud::from_points(&points), &[], &everywhere(), &config).is_err());
+    assert!(search(&ReferenceCloud::from_scan(&points), &[], &everywhere(), &config).is_err());
     let broken = vec![Point2::new(f64::NAN, 1.0); 100];
-    assert!(ReferenceCloud::from_points(&broken).is_empty());
-    assert!(refine(&ReferenceCloud::from_points(&points), &broken, &Pose2::identity(), &config).is_none());
+    assert!(ReferenceCloud::from_scan(&broken).is_empty());
+    assert!(refine(&ReferenceCloud::from_scan(&points), &broken, &Pose2::identity(), &config).is_none());
 }

@@ -168,7 +168,10 @@ fn print(report: &Report) {
         println!("rotation     {mean_deg:.3} ± {std_deg:.3}°, at most {:.2}°", report.rotation_max_deg.unwrap_or(0.0));
         println!("relations    {} judged, {} without their scans", report.relations, report.relations_missing);
     }
-    println!("scans        {}, {} by the wheels alone, {} lost", report.scans, report.scans_unmatched, report.scans_lost);
+    println!(
+        "scans        {}, {} by the wheels alone, {} lost",
+        report.scans, report.scans_unmatched, report.scans_lost
+    );
     println!(
         "graph        {} keyframes, {} closures near and {} far, optimised {} times",
         report.keyframes, report.closures_near, report.closures_far, report.optimisations
