@@ -446,7 +446,9 @@ impl LoopCloser {
         if optimise(graph, false).is_err() {
             return;
         }
-        if std::env::var("NOFIN").is_ok() { return; }
+        if std::env::var("NOFIN").is_ok() {
+            return;
+        }
         graph.drop_doubtful();
         for index in 0..graph.poses().len() {
             let here = graph.poses()[index];

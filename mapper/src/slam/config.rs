@@ -30,7 +30,7 @@ pub struct SlamConfig {
     /// A scan that explains less than this share of its points does not move the estimate: the wheels do. Default 0.3.
     pub min_score: f64,
     /// Share of the information of a wheels' edge that counts beside an edge of the scan: wheels err alike from one
-    /// keyframe to the next. Default 0.01.
+    /// keyframe to the next. Default 0.3.
     pub odometry_trust: f64,
     /// A scan that explains less than this share is also searched for elsewhere: the wheels slipped. Default 0.6.
     pub good_score: f64,
@@ -62,7 +62,7 @@ impl Default for SlamConfig {
             view_distance_m: 0.1,
             view_turn_rad: 0.2,
             min_score: 0.3,
-            odometry_trust: 0.01,
+            odometry_trust: 0.3,
             good_score: 0.6,
             rescue_m: 0.5,
             rescue_rad: 0.8,

@@ -119,19 +119,8 @@ impl Submap {
 
     /// Adds the next keyframe: its pose in this frame, its scan and the scan's points in the robot's frame.
     pub fn insert(&mut self, submap_from_base: &Pose2, scan: &LaserScan, points: &[Point2]) {
-        // Points of one scan on a near wall are denser than the spacing too: thin them among themselves.
-        let spacing_m = self.config.point_spacing_m;
-        let mut fresh: Vec<SeenPoint> = Vec::new();
-        let mut previous: Option<Point2> = None;
-        for point in points {
-            let point = SeenPoint::of_scan(*point).transformed(submap_from_base);
-            let is_apart = previous.is_none_or(|other: Point2| (other - point.position).norm() >= spacing_m);
-            if is_apart && !self.cloud.has_point_within(&point, spacing_m) {
-                fresh.push(point);
-                previous = Some(point.position);
-            }
-        }
-        self.cloud.extend(fresh);
+        let seen = points.iter().copied().map(SeenPoint::of_scan);
+        self.cloud.absorb(seen.map(|point| point.transformed(submap_from_base)), self.config.point_spacing_m);
         self.space.integrate(submap_from_base, scan);
         self.members.push(*submap_from_base);
     }

@@ -18,6 +18,9 @@ const MAX_FLATNESS: f64 = 0.15;
 /// 0, for walls seen at grazing angles and for the normals' noise.
 const MIN_FACING: f64 = -0.1;
 
+/// Measurements that a point's mean remembers at most, so that it follows what changes.
+const MAX_WEIGHT: f64 = 30.0;
+
 /// A point and the direction (of length 1) to where it was seen from.
 #[derive(Clone, Copy, Debug)]
 pub struct SeenPoint {
@@ -55,6 +58,8 @@ pub(super) struct ReferencePoint {
     pub position: Point2,
     pub to_viewer: Vector2<f64>,
     pub normal: Option<Vector2<f64>>,
+    /// How many measurements it is the mean of.
+    weight: f64,
 }
 
 impl ReferencePoint {
@@ -93,11 +98,55 @@ impl ReferenceCloud {
                 continue;
             }
             let index = self.points.len() as u32;
-            self.points.push(ReferencePoint { position, to_viewer, normal: None });
+            self.points.push(ReferencePoint { position, to_viewer, normal: None, weight: 1.0 });
             self.buckets.entry(bucket_of(position)).or_default().push(index);
         }
-        let mut touched: Vec<u32> = (first as u32..self.points.len() as u32).collect();
-        if first > 0 {
+        self.estimate_normals((first as u32..self.points.len() as u32).collect(), first > 0);
+    }
+
+    /// Adds the points of a scan; those within `spacing_m` of a point that is there are averaged into it, across the wall. The
+    /// mean of many measurements is truer than any of them.
+    pub fn absorb(&mut self, points: impl IntoIterator<Item = SeenPoint>, spacing_m: f64) {
+        let first = self.points.len();
+        let mut moved: Vec<u32> = Vec::new();
+        for point in points {
+            if let Some(index) = self.nearest_index(&point, spacing_m) {
+                self.average(index, &point);
+                moved.push(index);
+            } else if point.position.x.is_finite() && point.position.y.is_finite() {
+                let index = self.points.len() as u32;
+                let SeenPoint { position, to_viewer } = point;
+                self.points.push(ReferencePoint { position, to_viewer, normal: None, weight: 1.0 });
+                self.buckets.entry(bucket_of(position)).or_default().push(index);
+            }
+        }
+        self.estimate_normals((first as u32..self.points.len() as u32).collect(), first > 0);
+        moved.sort_unstable();
+        moved.dedup();
+        moved.retain(|index| (*index as usize) < first);
+        self.estimate_normals(moved, false);
+    }
+
+    fn average(&mut self, index: u32, point: &SeenPoint) {
+        let reference = &mut self.points[index as usize];
+        let before = bucket_of(reference.position);
+        let off = point.position - reference.position;
+        // Along the wall points stay where they are: evenly spaced.
+        let across = reference.normal.map_or(off, |normal| normal * off.dot(&normal));
+        reference.position += across / (reference.weight + 1.0);
+        reference.weight = (reference.weight + 1.0).min(MAX_WEIGHT);
+        let after = bucket_of(reference.position);
+        if after != before {
+            if let Some(bucket) = self.buckets.get_mut(&before) {
+                bucket.retain(|&other| other != index);
+            }
+            self.buckets.entry(after).or_default().push(index);
+        }
+    }
+
+    /// Estimates the normals of points, and of those around them if `with_neighbours`.
+    fn estimate_normals(&mut self, mut touched: Vec<u32>, with_neighbours: bool) {
+        if with_neighbours {
             let near = |index: &u32, cloud: &Self| cloud.neighbours(&cloud.points[*index as usize], 0.25);
             touched = touched.iter().flat_map(|index| near(index, self)).collect();
             touched.sort_unstable();
@@ -139,13 +188,17 @@ impl ReferenceCloud {
 
     /// The nearest point that was seen from the same side.
     pub(super) fn nearest(&self, point: &SeenPoint, radius_m: f64) -> Option<&ReferencePoint> {
+        self.nearest_index(point, radius_m).map(|index| &self.points[index as usize])
+    }
+
+    fn nearest_index(&self, point: &SeenPoint, radius_m: f64) -> Option<u32> {
         let mut best: Option<(f64, u32)> = None;
         self.for_each_near(point.position, radius_m, |index, distance_squared| {
             if best.is_none_or(|(least, _)| distance_squared < least) && self.points[index as usize].faces(point) {
                 best = Some((distance_squared, index));
             }
         });
-        best.map(|(_, index)| &self.points[index as usize])
+        best.map(|(_, index)| index)
     }
 
     /// The points around one that were seen from the same side.
