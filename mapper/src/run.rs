@@ -208,7 +208,6 @@ fn drive(
     let online: Vec<Pose2> = located.iter().map(|located| located.map_from_base).collect();
     let corrected: Vec<Pose2> = located.iter().map(|located| mapper.locate(&located.anchored)).collect();
     let nodes = main_node_errors(&mapper, &truth, &start);
-    if std::env::var("DBG").is_ok() {
         for i in (0..truth.len()).step_by(60) {
             let t = start.inverse() * truth[i];
             let e = |p: &Pose2| {

@@ -24,7 +24,7 @@ use crate::calibration::OdometryCalibration;
 use back_end::{BackEnd, Job, Lost, Outcome, locate};
 use closure::{ClosureCounts, Found, NewKeyframe, Sighting, with_floor};
 use fht_robot::frame::{LaserScan, SensorFrame};
-use fht_robot::grid::OccupancyGrid;
+use fht_robot::grid::{Cell, CellState, OccupancyGrid};
 use fht_robot::matching::{Prior, ScanMatch, SearchWindow, alignments, refine_with_prior};
 use fht_robot::pose::{Point2, Pose2};
 use fht_robot::pose_graph::Edge;
@@ -148,6 +148,8 @@ pub struct Slam {
     /// The newest view, and where it was.
     last_view: Option<Anchored>,
     tracking: Tracking,
+    /// Whether the newest scan contradicts the map: until one fits, nothing is mapped.
+    is_contradicted: bool,
     /// Driven while scans contradicted the map, metres.
     contradicted_m: f64,
     /// Whether the robot was lost, and no scan has been matched since.
@@ -178,6 +180,7 @@ impl Slam {
             grid: OccupancyGrid::new(config.grid.clone()),
             last_view: None,
             tracking: Tracking::Matched,
+            is_contradicted: false,
             contradicted_m: 0.0,
             was_lost: false,
             is_found_again: false,
@@ -292,6 +295,9 @@ impl Slam {
         let prior_information = self.calibration.information(&motion, predicted.rotation.angle());
         let prior = Prior { reference_from_moving: predicted, information: prior_information };
         let matched = self.match_to(&active.older, &points, &prior);
+        // Whoever doubts where it is must be convinced.
+        let is_in_doubt = self.is_contradicted || self.was_lost;
+        let matched = matched.filter(|found| !is_in_doubt || self.is_convincing(&active.older, &points, found));
         latest.submap_from_base = matched.as_ref().map_or(predicted, |found| found.reference_from_moving);
         latest.odom_from_base = frame.odom_from_base;
         let driven_m = motion.translation.vector.norm();
@@ -299,7 +305,8 @@ impl Slam {
 
         let motion_since = latest.submap_from_keyframe.inverse() * latest.submap_from_base;
         let is_due = is_beyond(&motion_since, self.config.keyframe_distance_m, self.config.keyframe_turn_rad);
-        let is_known = matched.is_some() || !(self.is_found_again || self.tracking == Tracking::Lost);
+        let is_doubtful = self.is_found_again || self.tracking == Tracking::Lost || self.is_contradicted;
+        let is_known = matched.is_some() || self.has_given_up() || !is_doubtful;
         if is_due && is_known {
             let (edge, learnt) = self.scan_edge(&active, &latest, matched.as_ref(), &prior_information);
             let is_driven = !self.is_found_again;
@@ -355,25 +362,35 @@ impl Slam {
         } else {
             near
         };
-        best.filter(|found| found.score >= config.min_score)
+        let is_contradiction = |found: &ScanMatch| {
+            let verdict = submap.judge(points, &found.reference_from_moving);
+            verdict.contradicted as f64 > config.lost_contradiction * points.len() as f64
+        };
+        best.filter(|found| {
+            found.score >= config.good_score || (found.score >= config.min_score && !is_contradiction(found))
+        })
     }
 
     fn judge_tracking(&mut self, is_matched: bool, driven_m: f64, submap: &Submap, points: &[Point2], latest: &Latest) {
         self.next_job.lost = None;
+        self.is_contradicted = false;
         if is_matched {
             self.contradicted_m = 0.0;
             self.was_lost = false;
             self.tracking = Tracking::Matched;
             return;
         }
-        // New rooms and endless halls are no contradiction: the submap did not look there.
-        let contradicted = submap.judge(points, &latest.submap_from_base).contradicted as f64;
-        let is_contradiction = contradicted > self.config.lost_contradiction * points.len() as f64
+        // New rooms and endless halls are no contradiction: nobody looked there.
+        let here = Anchored { keyframe: submap.first(), keyframe_from_base: latest.submap_from_base };
+        let map_from_base = self.locate(&here);
+        let in_submap = submap.judge(points, &latest.submap_from_base).contradicted;
+        let contradicted = in_submap.max(self.contradicted_by_grid(points, &map_from_base)) as f64;
+        self.is_contradicted = contradicted > self.config.lost_contradiction * points.len() as f64
             && points.len() >= self.config.matching.min_points;
-        if is_contradiction {
+        if self.is_contradicted {
             self.contradicted_m += driven_m;
         }
-        let is_lost = is_contradiction || self.was_lost;
+        let is_lost = self.is_contradicted || self.was_lost;
         let range = self.config.lost_after_m..self.config.give_up_m;
         if is_lost && range.contains(&self.contradicted_m) {
             self.tracking = Tracking::Lost;
@@ -382,6 +399,28 @@ impl Slam {
         } else {
             self.tracking = Tracking::Wheels;
         }
+    }
+
+    /// Whether a match may end a robot's doubts about where it is.
+    fn is_convincing(&self, submap: &Submap, points: &[Point2], found: &ScanMatch) -> bool {
+        let closure = &self.config.closure;
+        let verdict = submap.judge(points, &found.reference_from_moving);
+        let here = Anchored { keyframe: submap.first(), keyframe_from_base: found.reference_from_moving };
+        let contradicted = self.contradicted_by_grid(points, &self.locate(&here)) as f64;
+        verdict.agreement() >= closure.lost_agreement
+            && verdict.overlap() >= closure.min_overlap
+            && contradicted <= (1.0 - closure.lost_agreement) * points.len() as f64
+    }
+
+    /// How many points lie where the grid is free and no wall is near.
+    fn contradicted_by_grid(&self, points: &[Point2], map_from_base: &Pose2) -> usize {
+        let is_clear = |point: &&Point2| {
+            let here = self.grid.cell_of(map_from_base * *point);
+            let around = (-2..=2).flat_map(|j| (-2..=2).map(move |i| Cell { i: here.i + i, j: here.j + j }));
+            self.grid.state(here) == CellState::Free
+                && around.into_iter().all(|cell| self.grid.state(cell) != CellState::Occupied)
+        };
+        points.iter().filter(is_clear).count()
     }
 
     /// Whether a robot that is lost maps on as if in a new building, since no place was found for so long.
@@ -505,7 +544,7 @@ impl Slam {
         let map_from_base = self.locate(anchored);
         let moved = self.last_view.map(|last| self.locate(&last).inverse() * map_from_base);
         let is_due = |moved| is_beyond(&moved, self.config.view_distance_m, self.config.view_turn_rad);
-        if self.tracking != Tracking::Lost && moved.is_none_or(is_due) {
+        if self.tracking != Tracking::Lost && !self.is_contradicted && moved.is_none_or(is_due) {
             self.grid.integrate(&map_from_base, scan);
             self.next_job.views.push(View { anchored: *anchored, scan: Arc::new(scan.clone()) });
             self.last_view = Some(*anchored);

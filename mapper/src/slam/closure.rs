@@ -446,7 +446,6 @@ impl LoopCloser {
         if optimise(graph, false).is_err() {
             return;
         }
-        if std::env::var("NOFIN").is_ok() {
             return;
         }
         graph.drop_doubtful();

@@ -69,7 +69,7 @@ impl Default for SlamConfig {
             rescue_gain: 0.1,
             lost_contradiction: 0.3,
             lost_after_m: 1.0,
-            give_up_m: 8.0,
+            give_up_m: 30.0,
         }
     }
 }
