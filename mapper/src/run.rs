@@ -208,19 +208,6 @@ fn drive(
     let online: Vec<Pose2> = located.iter().map(|located| located.map_from_base).collect();
     let corrected: Vec<Pose2> = located.iter().map(|located| mapper.locate(&located.anchored)).collect();
     let nodes = main_node_errors(&mapper, &truth, &start);
-        for i in (0..truth.len()).step_by(60) {
-            let t = start.inverse() * truth[i];
-            let e = |p: &Pose2| {
-                let d = t.inverse() * p;
-                (d.translation.vector.norm(), d.rotation.angle().to_degrees())
-            };
-            let (a, b) = (e(&online[i]), e(&corrected[i]));
-            eprintln!(
-                "{i} at {:.1} {:.1} kf {} online {:.3} {:.2} corrected {:.3} {:.2}",
-                t.translation.x, t.translation.y, located[i].anchored.keyframe, a.0, a.1, b.0, b.1
-            );
-        }
-    }
     let counts = mapper.map().counts();
     Ok(ExploreReport {
         world: world.name().to_owned(),

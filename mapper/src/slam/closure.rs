@@ -446,8 +446,6 @@ impl LoopCloser {
         if optimise(graph, false).is_err() {
             return;
         }
-            return;
-        }
         graph.drop_doubtful();
         for index in 0..graph.poses().len() {
             let here = graph.poses()[index];
