@@ -175,6 +175,8 @@ pub struct LoopCloser {
     points: Vec<Arc<Vec<Point2>>>,
     submaps: Vec<Arc<Submap>>,
     sightings: Vec<Sighting>,
+    /// The keyframe of the newest sighting for which a look-alike was tried.
+    tried_alike: Option<usize>,
     pending: Vec<Pending>,
     tension: f64,
     /// Whether closures after long ways were joined since the last optimisation.
@@ -201,6 +203,7 @@ impl LoopCloser {
             points: Vec::new(),
             submaps: Vec::new(),
             sightings: Vec::new(),
+            tried_alike: None,
             pending: Vec::new(),
             tension: 0.0,
             is_graduated: false,
@@ -224,39 +227,57 @@ impl LoopCloser {
 
     /// Takes a panorama's look in, and searches where an earlier one looked alike.
     pub fn see(&mut self, sighting: Sighting, graph: &mut KeyframeGraph) {
+        // Panoramas of one place are one witness.
+        let is_due = self.tried_alike.is_none_or(|last| sighting.keyframe >= last + self.config.search_every);
+        if is_due && self.try_look_alike(&sighting, graph) {
+            self.tried_alike = Some(sighting.keyframe);
+        }
+        self.sightings.push(sighting);
+    }
+
+    fn try_look_alike(&mut self, sighting: &Sighting, graph: &mut KeyframeGraph) -> bool {
         let least = self.config.min_similarity.unwrap_or(sighting.match_threshold);
-        let ways = graph.ways_from(sighting.keyframe, self.config.look_alike_way_m);
+        let ways = graph.ways_from(sighting.keyframe, f64::INFINITY);
         let cosine = |other: &Sighting| -> f32 {
             other.components.iter().zip(sighting.components.iter()).map(|(a, b)| a * b).sum()
         };
         let alike = self
             .sightings
             .iter()
-            .filter(|other| ways[other.keyframe].is_infinite())
+            .filter(|other| ways[other.keyframe] > self.config.look_alike_way_m)
             .map(|other| (cosine(other), other.keyframe))
             .filter(|(cosine, _)| *cosine >= least)
             .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
-        if let Some((_, there)) = alike
-            && let Some(submap) = self.submaps.iter().position(|submap| submap.has(there))
-        {
-            // The cameras look all around, so headings may be anything; the place is within sight of the other.
-            let member = self.submaps[submap].members()[there - self.submaps[submap].first()];
-            let candidate = Candidate {
-                submap,
-                guess: member,
-                window_m: self.config.look_alike_m,
-                window_rad: PI,
-                distance_m: 0.0,
-            };
-            match self.match_to(sighting.keyframe, &candidate) {
-                Some(edge) => {
-                    self.counts.look_alike += 1;
-                    self.take_far(edge, graph);
-                }
-                None => self.counts.refused += 1,
+        let Some((_, there)) = alike else { return false };
+        let Some(submap) = self.submaps.iter().position(|submap| submap.has(there)) else { return false };
+        // The cameras look all around, so headings may be anything; the place is within sight of the other.
+        let member = self.submaps[submap].members()[there - self.submaps[submap].first()];
+        let candidate =
+            Candidate { submap, guess: member, window_m: self.config.look_alike_m, window_rad: PI, distance_m: 0.0 };
+        // Many places look alike; it is another one when it is farther off than the way can have led astray.
+        let found = self.match_to(sighting.keyframe, &candidate);
+        match found.filter(|edge| self.is_plausible(edge, ways[there], graph)) {
+            Some(edge) => {
+                self.counts.look_alike += 1;
+                self.take_far(edge, graph);
             }
+            None => self.counts.refused += 1,
         }
-        self.sightings.push(sighting);
+        true
+    }
+
+    /// Half widths of the uncertainty after a way: metres and radians.
+    fn uncertainty(&self, way_m: f64) -> (f64, f64) {
+        let config = &self.config;
+        let window_m = (config.window_m + config.window_per_m * way_m).min(config.max_window_m);
+        (window_m, (config.window_rad + config.window_rad_per_m * way_m).min(PI))
+    }
+
+    fn is_plausible(&self, edge: &Edge, way_m: f64, graph: &KeyframeGraph) -> bool {
+        let poses = graph.poses();
+        let off = poses[edge.to].inverse() * (poses[edge.from] * edge.measured);
+        let (window_m, window_rad) = self.uncertainty(way_m);
+        off.translation.vector.norm() <= 1.5 * window_m && off.rotation.angle().abs() <= 1.5 * window_rad
     }
 
     /// Optimises if closures pull at the graph; true when poses have moved.
@@ -305,13 +326,9 @@ impl LoopCloser {
             .into_iter()
             .map(|(submap, distance_m)| {
                 let way_m = self.submaps[submap].keyframes().map(|member| ways[member]).fold(f64::INFINITY, f64::min);
-                Candidate {
-                    submap,
-                    guess: graph.poses()[self.submaps[submap].first()].inverse() * here,
-                    window_m: (config.window_m + config.window_per_m * way_m).min(config.max_window_m),
-                    window_rad: (config.window_rad + config.window_rad_per_m * way_m).min(PI),
-                    distance_m,
-                }
+                let guess = graph.poses()[self.submaps[submap].first()].inverse() * here;
+                let (window_m, window_rad) = self.uncertainty(way_m);
+                Candidate { submap, guess, window_m, window_rad, distance_m }
             })
             .filter(|candidate| candidate.distance_m < config.reach_m + candidate.window_m)
             .collect();
