@@ -1,8 +1,8 @@
 //! The back end's thread: keyframes go in, corrected poses and a grid redrawn with them come out.
 
 use super::closure::{ClosureConfig, ClosureCounts, Found, LoopCloser, NewKeyframe, Sighting};
+use super::estimate::{View, locate};
 use super::graph::KeyframeGraph;
-use super::{Anchored, View};
 use fht_robot::grid::{GridConfig, OccupancyGrid};
 use fht_robot::pose::{Point2, Pose2};
 
@@ -111,9 +111,4 @@ impl BackEnd {
         }
         Some(grid)
     }
-}
-
-/// Where something is in the map.
-pub(super) fn locate(poses: &[Pose2], anchored: &Anchored) -> Pose2 {
-    poses.get(anchored.keyframe).copied().unwrap_or_else(Pose2::identity) * anchored.keyframe_from_base
 }

@@ -1,0 +1,83 @@
+//! A recorded run, replayed through a real server, is the same map; a recorder that is killed leaves what it had written.
+
+#![allow(clippy::unwrap_used)] // a test: what goes wrong ends it
+
+use client_robot::replica::ask_head;
+use fht_proto::Digest;
+use fht_robot::link::{self, LinkConfig};
+use fht_tests::process::{Process, Role, free_endpoint};
+use mapper::replay::ReplayReport;
+use mapper::report::ExploreReport;
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Output};
+use std::time::Duration;
+use zenoh::Wait;
+
+const PATIENCE: Duration = Duration::from_secs(30);
+
+fn executable() -> &'static Path {
+    Path::new(env!("CARGO_BIN_EXE_handoff"))
+}
+
+fn mapper(args: &[&str]) -> Output {
+    Command::new(executable()).args(["role", "mapper", "--"]).args(args).output().unwrap()
+}
+
+fn head_digest(session: &zenoh::Session, map: &str) -> Digest {
+    ask_head(session, &map.parse().unwrap(), PATIENCE).unwrap().digest
+}
+
+#[test]
+fn a_recorded_run_replayed_through_the_server_is_the_same_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let endpoint = free_endpoint().unwrap();
+    let data = folder.path().join("data");
+    let server = ["--data".as_ref(), data.as_os_str(), "--listen".as_ref(), endpoint.as_ref()];
+    let mut server = Process::start(executable(), Role::MapServer, server).unwrap();
+    server.wait_until_listening(&endpoint, PATIENCE).unwrap();
+
+    let bag = folder.path().join("run.mcap").to_string_lossy().into_owned();
+    let explore = ["explore", "--no-cameras", "--map", "driven", "--record", &bag, "--connect", &endpoint, "--json", "-q"];
+    let explored = mapper(&explore);
+    let explored: ExploreReport = serde_json::from_slice(&explored.stdout).unwrap();
+    assert!(explored.delivered && explored.closures[0] > 0, "{explored:?}");
+    let replayed = mapper(&["replay", &bag, "--map", "replayed", "--connect", &endpoint, "--json", "-q"]);
+    assert!(replayed.status.success(), "{}", String::from_utf8_lossy(&replayed.stderr));
+    let replayed: ReplayReport = serde_json::from_slice(&replayed.stdout).unwrap();
+    assert!(replayed.delivered);
+    assert_eq!((replayed.digest, replayed.version), (explored.digest, explored.version));
+
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    let session = runtime.block_on(link::open(&LinkConfig { connect: vec![endpoint] })).unwrap();
+    assert_eq!(head_digest(&session, "driven"), explored.digest);
+    assert_eq!(head_digest(&session, "replayed"), explored.digest);
+    session.close().wait().unwrap();
+}
+
+#[test]
+fn what_a_killed_recorder_leaves_is_mapped_up_to_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let bag = folder.path().join("run.mcap").to_string_lossy().into_owned();
+    let args = ["explore", "--no-cameras", "--offline", "--record", &bag, "--progress-json", "--rate", "20", "-q"];
+    let mut explorer = Command::new(executable())
+        .args(["role", "mapper", "--"])
+        .args(args)
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let lines = std::io::BufRead::lines(std::io::BufReader::new(explorer.stdout.take().unwrap()));
+    for line in lines {
+        let line: Value = serde_json::from_str(&line.unwrap()).unwrap();
+        if line["sim_s"].as_f64().unwrap() > 60.0 {
+            break;
+        }
+    }
+    explorer.kill().unwrap();
+    explorer.wait().unwrap();
+
+    let replayed = mapper(&["replay", &bag, "--map", "cut", "--offline", "--json", "-q"]);
+    let report: ReplayReport = serde_json::from_slice(&replayed.stdout).unwrap();
+    assert!(!report.bag.broken.is_empty(), "the cut is not told: {report:?}");
+    assert!(report.bag_s > 30.0 && report.main_nodes >= 2 && report.free_area_m2 > 20.0, "{report:?}");
+}
