@@ -390,6 +390,36 @@ mod tests {
     }
 
     #[test]
+    fn nodes_follow_their_keyframes_and_an_edge_that_then_leads_through_a_post_is_replaced() {
+        let (mut builder, mut journal, mut grid, first) = mapped();
+        let second = NodeId { author: AuthorId(1), number: 1 };
+        let estimate = |shift: Pose2| [shift];
+        let still = estimate(pose(0.002, 0.0, 0.001));
+        let (ops, moved) = builder.follow(&journal, &Estimate { grid: &grid, poses: &still });
+        assert!(ops.is_empty() && moved.is_empty(), "millimetres are not worth an increment");
+
+        // The keyframe turns by 90°: the second node goes from (-1, 1) to (-1, -1), and so does the post's shadow.
+        let turned = estimate(pose(0.0, 0.0, std::f64::consts::FRAC_PI_2));
+        let (ops, moved) = builder.follow(&journal, &Estimate { grid: &grid, poses: &turned });
+        assert_eq!(moved.len(), 2, "the first turns on the spot");
+        journal.write(ops, 2);
+        let place = |journal: &Journal, id| journal.state().node(id).map(|node| point(node.pose.position));
+        assert_eq!(place(&journal, second), Some(Point2::new(-1.0, -1.0)));
+        assert_eq!(place(&journal, first), Some(Point2::new(0.0, 0.0)));
+
+        // Something stands between the two by now.
+        let edge = EdgeKey::new(first, second);
+        assert!(journal.state().edges().any(|there| there == edge));
+        let mut post = room(false);
+        post.ranges_m.fill(0.11);
+        (0..20).for_each(|_| grid.integrate(&pose(-0.5, -0.5, 0.0), &post));
+        let (ops, cut) = builder.mend(&moved, &journal, &grid);
+        assert!(ops.contains(&Op::RemoveEdge { edge }) && cut == BTreeSet::from([first, second]), "{ops:?}");
+        journal.write(ops, 3);
+        assert!(builder.mend(&moved, &journal, &grid).0.is_empty(), "nothing is left to mend");
+    }
+
+    #[test]
     fn a_node_that_something_stands_on_has_no_free_space() {
         let (builder, mut journal, mut grid, first) = mapped();
         let mut blocked = room(false);

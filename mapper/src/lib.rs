@@ -2,7 +2,8 @@
 //!
 //! | module | idea |
 //! | --- | --- |
-//! | [`slam`] | scans matched to the map made so far; [`calibration`] of the wheels |
+//! | [`slam`] | where the robot is, and a map that stays true: submaps, loop closure; [`calibration`] of the wheels |
+//! | [`beside`] | work in threads whose results are taken at fixed frames |
 //! | [`frontier`], [`explore`] | where to drive next (paper, equation 1) |
 //! | [`construct`] | main nodes, support nodes, edges, rectangles (paper, section III-B) |
 //! | [`refine`] | shortcuts that the robot never drove |

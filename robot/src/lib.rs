@@ -7,6 +7,7 @@
 //! | [`bag`] | frames from rosbag2 logs |
 //! | [`grid`] | occupancy grid with ray-traced free space |
 //! | [`matching`] | scan matching: correlative search, point-to-line refinement, covariance |
+//! | [`pose_graph`] | sparse pose-graph optimisation, robust to false closures |
 //! | [`planning`] | shortest ways over the grid |
 //! | [`motion`] | following a path with a differential drive |
 //! | [`descriptor`] | a CNN over the panorama, a unit vector |

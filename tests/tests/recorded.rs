@@ -38,7 +38,8 @@ fn a_recorded_run_replayed_through_the_server_is_the_same_map() {
     server.wait_until_listening(&endpoint, PATIENCE).unwrap();
 
     let bag = folder.path().join("run.mcap").to_string_lossy().into_owned();
-    let explore = ["explore", "--no-cameras", "--map", "driven", "--record", &bag, "--connect", &endpoint, "--json", "-q"];
+    let explore =
+        ["explore", "--no-cameras", "--map", "driven", "--record", &bag, "--connect", &endpoint, "--json", "-q"];
     let explored = mapper(&explore);
     let explored: ExploreReport = serde_json::from_slice(&explored.stdout).unwrap();
     assert!(explored.delivered && explored.closures[0] > 0, "{explored:?}");

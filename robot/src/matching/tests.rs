@@ -110,6 +110,45 @@ fn odometry_holds_what_a_corridor_does_not_say() {
 }
 
 #[test]
+fn the_far_side_of_a_thin_wall_is_another_wall() {
+    // A wall 0.1 m thick, seen from below; then its other side, from above.
+    let points: Vec<Point2> = (-100..=100).map(|step| Point2::new(f64::from(step) * 0.02, 1.0)).collect();
+    let below = ReferenceCloud::from_scan(&points);
+    let seen_from = |y: f64| SeenPoint::new(Point2::new(0.3, 1.05), Point2::new(0.3, y));
+    assert!(below.explains(&seen_from(0.0), 0.06));
+    assert!(!below.explains(&seen_from(2.0), 0.06));
+    let mut both = below.clone();
+    let above = points.iter().map(|point| SeenPoint::new(Point2::new(point.x, 1.1), Point2::new(0.0, 2.0)));
+    both.absorb(above, 0.03);
+    assert!(both.explains(&seen_from(2.0), 0.06), "the other side is there now");
+}
+
+#[test]
+fn points_that_are_seen_again_become_their_mean() {
+    let mut noise = 7_u32;
+    let mut next = || {
+        noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (f64::from(noise >> 16) / 65_536.0 - 0.5) * 0.05
+    };
+    let mut cloud = ReferenceCloud::default();
+    let spread = |cloud: &ReferenceCloud| {
+        let count = cloud.len() as f64;
+        (cloud.positions().map(|point| (point.y - 2.0).powi(2)).sum::<f64>() / count).sqrt()
+    };
+    let mut first = 0.0;
+    for scan in 0..30 {
+        let wall = (-40..=40).map(|step| Point2::new(f64::from(step) * 0.05, 2.0 + next()));
+        let wall: Vec<Point2> = wall.collect();
+        cloud.absorb(wall.into_iter().map(SeenPoint::of_scan), 0.06);
+        if scan == 0 {
+            first = spread(&cloud);
+        }
+    }
+    assert!(spread(&cloud) < 0.4 * first, "{} {first}", spread(&cloud));
+    assert!(cloud.len() < 2 * 81, "{}", cloud.len());
+}
+
+#[test]
 fn nothing_from_nothing() {
     let config = MatchConfig::default();
     let empty = ReferenceCloud::default();
