@@ -39,7 +39,7 @@ pub struct ClosureConfig {
     pub window_rad_per_m: f64,
     /// Up to this half width refinement needs no search, metres. Default 0.45.
     pub refine_m: f64,
-    /// Submaps tried with each keyframe by refinement. Default 3.
+    /// Submaps tried with each keyframe by refinement. Default 8.
     pub tries: usize,
     /// Keyframes between searches. Default 4.
     pub search_every: usize,
@@ -90,7 +90,7 @@ impl Default for ClosureConfig {
             window_rad: 0.05,
             window_rad_per_m: 0.01,
             refine_m: 0.45,
-            tries: 3,
+            tries: 8,
             search_every: 4,
             min_agreement: 0.8,
             min_overlap: 0.4,

@@ -19,7 +19,7 @@ pub struct SlamConfig {
     pub closure: ClosureConfig,
     /// What the wheels are believed to be.
     pub odometry: OdometryNoise,
-    /// A keyframe is taken after this much driving, metres. Default 0.3.
+    /// A keyframe is taken after this much driving, metres. Default 0.25.
     pub keyframe_distance_m: f64,
     /// A keyframe is taken after this much turning, radians. Default 0.5.
     pub keyframe_turn_rad: f64,
@@ -57,7 +57,7 @@ impl Default for SlamConfig {
             submap: SubmapConfig::default(),
             closure: ClosureConfig::default(),
             odometry: OdometryNoise::default(),
-            keyframe_distance_m: 0.3,
+            keyframe_distance_m: 0.25,
             keyframe_turn_rad: 0.5,
             view_distance_m: 0.1,
             view_turn_rad: 0.2,
