@@ -1,9 +1,10 @@
 //! A run whose map goes to a server while it is made.
 
+use crate::mapping::Mapper;
 use crate::publish::{Outbox, Progress, PublishError, find_head, outbox};
 use fht_proto::{AuthorId, MapName, keys};
 use fht_robot::link::{self, LinkConfig, LinkError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How long the server may take to tell whether the map exists.
 const SERVER_PATIENCE: Duration = Duration::from_secs(30);
@@ -79,4 +80,49 @@ pub async fn publish_while<R: Send + 'static>(
     token.undeclare().await.map_err(PublishError::from)?;
     session.close().await.map_err(PublishError::from)?;
     Ok((outcome, published))
+}
+
+/// Hands what a mapper writes to the outbox, if there is one.
+pub struct Handover<'a> {
+    outbox: Option<&'a Outbox>,
+    written: u64,
+}
+
+impl<'a> Handover<'a> {
+    /// Before the first increment. Without an outbox increments are only counted.
+    #[must_use]
+    pub fn new(outbox: Option<&'a Outbox>) -> Self {
+        Self { outbox, written: 0 }
+    }
+
+    /// Takes what `mapper` has written since the last call; returns the number of the newest increment.
+    pub fn take_from(&mut self, mapper: &mut Mapper) -> u64 {
+        for increment in mapper.take_increments() {
+            self.written = increment.number;
+            if let Some(outbox) = self.outbox {
+                outbox.send(increment);
+            }
+        }
+        self.written
+    }
+
+    /// How many increments the server has durably.
+    #[must_use]
+    pub fn acknowledged(&self) -> u64 {
+        self.outbox.map_or(0, |outbox| outbox.progress().acknowledged)
+    }
+
+    /// Whether nobody takes the map any more; the publisher says why.
+    #[must_use]
+    pub fn has_ended(&self) -> bool {
+        self.outbox.is_some_and(Outbox::has_ended)
+    }
+}
+
+/// Waits until it is time for what happens `elapsed_us` after `begin`, at `rate` seconds a second; not at all without a rate.
+pub fn wait_for(begin: Instant, elapsed_us: u64, rate: Option<f64>) {
+    if let Some(rate) = rate.filter(|rate| *rate > 0.0) {
+        let due = Duration::try_from_secs_f64(elapsed_us as f64 * 1e-6 / rate).unwrap_or(Duration::MAX);
+        std::thread::sleep(due.saturating_sub(begin.elapsed()));
+    }
 }

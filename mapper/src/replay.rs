@@ -1,7 +1,7 @@
 //! Mapping from a bag: the frames come from a recorded run, and somebody else has driven.
 
 use crate::camera::CameraError;
-use crate::linked::{LinkedError, Publication, publish_while};
+use crate::linked::{Handover, LinkedError, Publication, publish_while, wait_for};
 use crate::mapping::{Mapper, MapperConfig};
 use crate::publish::Outbox;
 use crate::record::MapRecorder;
@@ -172,22 +172,10 @@ fn feed(
     let mut driven_m = 0.0;
     let mut last_odom: Option<nalgebra::Vector2<f64>> = None;
     let (mut first_us, mut last_us, mut next_watch_us) = (None, 0, 0);
-    let mut written = 0;
-    let mut publish = |mapper: &mut Mapper| {
-        for increment in mapper.take_increments() {
-            written = increment.number;
-            if let Some(outbox) = outbox {
-                outbox.send(increment);
-            }
-        }
-        written
-    };
+    let mut handover = Handover::new(outbox);
     while let Some(frame) = frames.next().transpose()? {
         let bag_us = frame.time_us - *first_us.get_or_insert(frame.time_us);
-        if let Some(rate) = task.rate.filter(|rate| *rate > 0.0) {
-            let due = Duration::try_from_secs_f64(bag_us as f64 * 1e-6 / rate).unwrap_or(Duration::MAX);
-            std::thread::sleep(due.saturating_sub(begin.elapsed()));
-        }
+        wait_for(begin, bag_us, task.rate);
         let thinking = Instant::now();
         if let Err(error) = mapper.observe(&frame) {
             tracing::warn!("a frame is left out: {error}");
@@ -199,7 +187,7 @@ fn feed(
         driven_m += last_odom.map_or(0.0, |last| (odom_from_base - last).norm());
         last_odom = Some(odom_from_base);
         mapper.check()?;
-        let written = publish(&mut mapper);
+        let written = handover.take_from(&mut mapper);
         frame_max = frame_max.max(thinking.elapsed());
         if let Some(recorder) = &mut recorder {
             recorder.record(&frame, &mapper);
@@ -216,11 +204,10 @@ fn feed(
                 frames: frames_taken,
                 nodes: counts.main_nodes + counts.support_nodes,
                 written,
-                acknowledged: outbox.map_or(0, |outbox| outbox.progress().acknowledged),
+                acknowledged: handover.acknowledged(),
             });
         }
-        // An outbox that has ended: nobody takes the map any more; the publisher says why.
-        if task.stop.is_set() || outbox.is_some_and(Outbox::has_ended) {
+        if task.stop.is_set() || handover.has_ended() {
             break;
         }
     }
@@ -228,7 +215,7 @@ fn feed(
         return Err(ReplayError::NoFrames(Box::new(frames.report())));
     }
     mapper.finish();
-    let version = publish(&mut mapper);
+    let version = handover.take_from(&mut mapper);
     if let Some(recorder) = recorder {
         recorder.finish(&mapper)?;
     }

@@ -2,7 +2,7 @@
 
 use crate::camera::CameraError;
 use crate::explore::Ending;
-use crate::linked::{LinkedError, Publication, publish_while};
+use crate::linked::{Handover, LinkedError, Publication, publish_while, wait_for};
 use crate::mapping::{Located, Mapper, MapperConfig, Step};
 use crate::publish::Outbox;
 use crate::record::MapRecorder;
@@ -130,7 +130,7 @@ pub async fn explore(
     Ok(report)
 }
 
-/// The robot's loop: sense, think, drive. Closes the outbox at the end and returns how far publishing has come.
+/// The robot's loop: sense, think, drive.
 fn drive(
     task: ExploreTask,
     world: Arc<World>,
@@ -151,24 +151,15 @@ fn drive(
     let mut truth: Vec<Pose2> = Vec::new();
     let mut located: Vec<Located> = Vec::new();
     let mut frame_max = Duration::ZERO;
-    let mut written = 0;
     let mut next_watch_us = 0;
-    let mut publish = |mapper: &mut Mapper| {
-        for increment in mapper.take_increments() {
-            written = increment.number;
-            if let Some(outbox) = outbox {
-                outbox.send(increment);
-            }
-        }
-        written
-    };
+    let mut handover = Handover::new(outbox);
     let ending = loop {
         truth.push(sim.truth());
         let thinking = Instant::now();
         let step = mapper.step(&frame)?;
         mapper.check()?;
         located.extend(mapper.latest().copied());
-        let written = publish(&mut mapper);
+        let written = handover.take_from(&mut mapper);
         frame_max = frame_max.max(thinking.elapsed());
         if let Some(recorder) = &mut recorder {
             recorder.record(&frame, &mapper);
@@ -181,11 +172,11 @@ fn drive(
                 free_area_m2: mapper.free_area_m2(),
                 nodes: counts.main_nodes + counts.support_nodes,
                 written,
-                acknowledged: outbox.map_or(0, |outbox| outbox.progress().acknowledged),
+                acknowledged: handover.acknowledged(),
             });
         }
-        if outbox.is_some_and(Outbox::has_ended) {
-            break Ending::Interrupted; // nobody takes the map any more; the publisher says why
+        if handover.has_ended() {
+            break Ending::Interrupted;
         }
         let twist: Twist = match step {
             Step::Drive(_) if task.stop.is_set() => break Ending::Interrupted,
@@ -194,13 +185,10 @@ fn drive(
             Step::Done(ending) => break ending,
         };
         frame = sim.step(twist);
-        if let Some(rate) = task.rate.filter(|rate| *rate > 0.0) {
-            let due = Duration::try_from_secs_f64(frame.time_us as f64 * 1e-6 / rate).unwrap_or(Duration::MAX);
-            std::thread::sleep(due.saturating_sub(begin.elapsed()));
-        }
+        wait_for(begin, frame.time_us, task.rate);
     };
     mapper.finish();
-    let version = publish(&mut mapper);
+    let version = handover.take_from(&mut mapper);
     if let Some(recorder) = recorder {
         recorder.finish(&mapper)?;
     }

@@ -237,7 +237,7 @@ impl LoopCloser {
 
     fn try_look_alike(&mut self, sighting: &Sighting, graph: &mut KeyframeGraph) -> bool {
         let least = self.config.min_similarity.unwrap_or(sighting.match_threshold);
-        let ways = graph.ways_from(sighting.keyframe, f64::INFINITY);
+        let ways = graph.ways_from(sighting.keyframe);
         let cosine = |other: &Sighting| -> f32 {
             other.components.iter().zip(sighting.components.iter()).map(|(a, b)| a * b).sum()
         };
@@ -306,22 +306,18 @@ impl LoopCloser {
     fn candidates(&self, index: usize, graph: &KeyframeGraph) -> Vec<Candidate> {
         let here = graph.poses()[index];
         let config = &self.config;
-        let distance_to = |submap: &Submap| {
-            let apart = |member: usize| (graph.poses()[member].translation.vector - here.translation.vector).norm();
-            submap.keyframes().map(apart).fold(f64::INFINITY, f64::min)
-        };
         // What the front end has joined it to needs no closure.
         let recent: Vec<usize> =
             graph.edges().iter().rev().take(8).filter(|edge| edge.to == index).map(|edge| edge.from).collect();
         let near: Vec<(usize, f64)> = (0..self.submaps.len())
             .filter(|&number| !recent.contains(&self.submaps[number].first()) && !self.submaps[number].has(index))
-            .map(|number| (number, distance_to(&self.submaps[number])))
+            .map(|number| (number, distance_m(&self.submaps[number], index, graph)))
             .filter(|&(_, distance_m)| distance_m < config.reach_m + config.max_window_m)
             .collect();
         if near.is_empty() {
             return Vec::new();
         }
-        let ways = graph.ways_from(index, f64::INFINITY);
+        let ways = graph.ways_from(index);
         let mut found: Vec<Candidate> = near
             .into_iter()
             .map(|(submap, distance_m)| {
@@ -456,20 +452,19 @@ impl LoopCloser {
 
     /// After the last keyframe: every keyframe is matched to all finished submaps near it, and all is optimised again.
     pub fn finish(&mut self, graph: &mut KeyframeGraph) {
-        let optimise = |graph: &mut KeyframeGraph, is_graduated| {
-            let config = GraphConfig { is_graduated, ..self.config.graph.clone() };
+        let config = GraphConfig { is_graduated: false, ..self.config.graph.clone() };
+        let optimise = |graph: &mut KeyframeGraph| {
             graph.optimise(&config).inspect_err(|error| tracing::warn!("the pose graph was not optimised: {error}"))
         };
-        if optimise(graph, false).is_err() {
+        if optimise(graph).is_err() {
             return;
         }
         graph.drop_doubtful();
         for index in 0..graph.poses().len() {
             let here = graph.poses()[index];
-            let apart = |member: usize| (graph.poses()[member].translation.vector - here.translation.vector).norm();
             let mut near: Vec<(f64, usize)> = (0..self.submaps.len())
                 .filter(|&number| !self.submaps[number].has(index))
-                .map(|number| (self.submaps[number].keyframes().map(apart).fold(f64::INFINITY, f64::min), number))
+                .map(|number| (distance_m(&self.submaps[number], index, graph), number))
                 .filter(|&(distance_m, _)| distance_m < self.config.reach_m)
                 .collect();
             near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -481,8 +476,15 @@ impl LoopCloser {
                 }
             }
         }
-        let _ = optimise(graph, false);
+        let _ = optimise(graph);
     }
+}
+
+/// From a keyframe to the nearest keyframe of a submap, metres.
+fn distance_m(submap: &Submap, index: usize, graph: &KeyframeGraph) -> f64 {
+    let here = graph.poses()[index].translation.vector;
+    let apart = |member: usize| (graph.poses()[member].translation.vector - here).norm();
+    submap.keyframes().map(apart).fold(f64::INFINITY, f64::min)
 }
 
 fn judge(submap: &Submap, points: &[Point2], found: ScanMatch) -> (ScanMatch, Verdict) {

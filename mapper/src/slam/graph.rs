@@ -76,12 +76,10 @@ impl KeyframeGraph {
         optimise(&mut self.poses, &self.edges, config)
     }
 
-    /// Shortest ways from a keyframe to all others, metres: error grows with them, and a closure makes them short. Ways
-    /// longer than `limit_m` are infinite.
+    /// Shortest ways from a keyframe to all others, metres: error grows with them, and a closure makes them short.
     #[must_use]
-    pub fn ways_from(&self, index: usize, limit_m: f64) -> Vec<f64> {
+    pub fn ways_from(&self, index: usize) -> Vec<f64> {
         // Millimetres as integers: an order without NaN.
-        let limit = (limit_m * 1000.0) as u64;
         let mut shortest = vec![u64::MAX; self.poses.len()];
         let mut queue = BinaryHeap::from([(Reverse(0_u64), index)]);
         shortest[index] = 0;
@@ -91,7 +89,7 @@ impl KeyframeGraph {
             }
             for &(next, metres) in &self.ways[here] {
                 let longer = way.saturating_add((metres * 1000.0) as u64);
-                if longer < shortest[next] && longer <= limit {
+                if longer < shortest[next] {
                     shortest[next] = longer;
                     queue.push((Reverse(longer), next));
                 }
