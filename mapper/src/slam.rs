@@ -3,6 +3,7 @@
 //! | module | idea |
 //! | --- | --- |
 //! | here | the front end: each scan is matched to a submap of the last few metres, starting from what the wheels say. Drift inside it is millimetres, and nothing that the back end does disturbs it |
+//! | `tracking` | whether the robot is where it thinks it is: what is believed, and how one that is lost is found again |
 //! | [`submap`] | walls and free space that some keyframes saw |
 //! | [`graph`] | the keyframes and what was measured between them |
 //! | [`closure`] | loop closures |
@@ -17,18 +18,19 @@ mod config;
 mod estimate;
 pub mod graph;
 pub mod submap;
+mod tracking;
 
 pub use config::SlamConfig;
 pub use estimate::{Anchored, Estimate, SlamUpdate, Tracking, View};
 
 use crate::beside::{Beside, Pace};
 use crate::calibration::OdometryCalibration;
-use back_end::{BackEnd, Job, Lost, Outcome};
-use closure::{ClosureCounts, Found, NewKeyframe, Sighting, with_floor};
+use back_end::{BackEnd, Job, Outcome};
+use closure::{ClosureCounts, NewKeyframe, Sighting, with_floor};
 use estimate::locate;
 use fht_robot::frame::{LaserScan, SensorFrame};
-use fht_robot::grid::{Cell, CellState, OccupancyGrid};
-use fht_robot::matching::{Prior, ScanMatch, SearchWindow, alignments, refine_with_prior};
+use fht_robot::grid::OccupancyGrid;
+use fht_robot::matching::{Prior, ScanMatch};
 use fht_robot::pose::{Point2, Pose2};
 use fht_robot::pose_graph::Edge;
 use graph::Link;
@@ -87,6 +89,8 @@ pub struct Slam {
     is_found_again: bool,
     /// The submap that was being made when the robot got lost.
     left: Option<Arc<Submap>>,
+    /// The newest keyframe whose panorama was looked at.
+    last_sighting: Option<usize>,
     frame: u64,
     /// What the back end has not been given yet.
     next_job: Job,
@@ -114,6 +118,7 @@ impl Slam {
             was_lost: false,
             is_found_again: false,
             left: None,
+            last_sighting: None,
             frame: 0,
             next_job: Job::default(),
             back_end: Beside::start("slam", pace, move |job| back_end.work(job))?,
@@ -155,7 +160,11 @@ impl Slam {
     /// Tells what a panorama looked like that was taken at `anchored`: `components` are a unit vector, and `match_threshold`
     /// is the cosine that means "near".
     pub fn see(&mut self, anchored: &Anchored, components: Arc<Vec<f32>>, match_threshold: f32) {
-        self.next_job.sightings.push(Sighting { keyframe: anchored.keyframe, components, match_threshold });
+        // One of each keyframe: a robot that stands still sees nothing new.
+        if self.last_sighting.is_none_or(|last| anchored.keyframe > last) {
+            self.last_sighting = Some(anchored.keyframe);
+            self.next_job.sightings.push(Sighting { keyframe: anchored.keyframe, components, match_threshold });
+        }
     }
 
     /// Takes in one frame.
@@ -265,96 +274,6 @@ impl Slam {
             tracking: self.tracking,
             is_corrected: false,
         }
-    }
-
-    /// Matches a scan to the active submap: from where the wheels say, and if that fits badly, anywhere near.
-    fn match_to(&self, submap: &Submap, points: &[Point2], prior: &Prior) -> Option<ScanMatch> {
-        let config = &self.config;
-        let near = refine_with_prior(submap.cloud(), points, prior, &config.matching);
-        let score = near.as_ref().map_or(0.0, |found| found.score);
-        let best = if score < config.good_score {
-            let window = SearchWindow {
-                centre: prior.reference_from_moving,
-                half_x_m: config.rescue_m,
-                half_y_m: config.rescue_m,
-                half_yaw_rad: config.rescue_rad,
-            };
-            // Another place must be better by what it explains and by what it does not contradict.
-            let balance = |found: &ScanMatch| submap.judge(points, &found.reference_from_moving).balance();
-            let needed = near.as_ref().map_or(0, balance) + (config.rescue_gain * points.len() as f64) as i64;
-            let elsewhere = alignments(submap.cloud(), points, &window, &config.matching).into_iter();
-            let better = elsewhere
-                .filter(|found| found.score > score + config.rescue_gain)
-                .map(|found| (balance(&found), found));
-            let best = better.filter(|(balance, _)| *balance > needed).max_by_key(|(balance, _)| *balance);
-            best.map(|(_, found)| found).or(near)
-        } else {
-            near
-        };
-        let is_contradiction = |found: &ScanMatch| {
-            let verdict = submap.judge(points, &found.reference_from_moving);
-            verdict.contradicted as f64 > config.lost_contradiction * points.len() as f64
-        };
-        best.filter(|found| {
-            found.score >= config.good_score || (found.score >= config.min_score && !is_contradiction(found))
-        })
-    }
-
-    fn judge_tracking(&mut self, is_matched: bool, driven_m: f64, submap: &Submap, points: &[Point2], latest: &Latest) {
-        self.next_job.lost = None;
-        self.is_contradicted = false;
-        if is_matched {
-            self.contradicted_m = 0.0;
-            self.was_lost = false;
-            self.tracking = Tracking::Matched;
-            return;
-        }
-        // New rooms and endless halls are no contradiction: nobody looked there.
-        let here = Anchored { keyframe: submap.first(), keyframe_from_base: latest.submap_from_base };
-        let map_from_base = self.locate(&here);
-        let in_submap = submap.judge(points, &latest.submap_from_base).contradicted;
-        let contradicted = in_submap.max(self.contradicted_by_grid(points, &map_from_base)) as f64;
-        self.is_contradicted = contradicted > self.config.lost_contradiction * points.len() as f64
-            && points.len() >= self.config.matching.min_points;
-        if self.is_contradicted {
-            self.contradicted_m += driven_m;
-        }
-        let is_lost = self.is_contradicted || self.was_lost;
-        let range = self.config.lost_after_m..self.config.give_up_m;
-        if is_lost && range.contains(&self.contradicted_m) {
-            self.tracking = Tracking::Lost;
-            self.was_lost = true;
-            self.next_job.lost = Some(Lost { points: points.to_vec(), odom_from_base: latest.odom_from_base });
-        } else {
-            self.tracking = Tracking::Wheels;
-        }
-    }
-
-    /// Whether a match may end a robot's doubts about where it is.
-    fn is_convincing(&self, submap: &Submap, points: &[Point2], found: &ScanMatch) -> bool {
-        let closure = &self.config.closure;
-        let verdict = submap.judge(points, &found.reference_from_moving);
-        let here = Anchored { keyframe: submap.first(), keyframe_from_base: found.reference_from_moving };
-        let contradicted = self.contradicted_by_grid(points, &self.locate(&here)) as f64;
-        verdict.agreement() >= closure.lost_agreement
-            && verdict.overlap() >= closure.min_overlap
-            && contradicted <= (1.0 - closure.lost_agreement) * points.len() as f64
-    }
-
-    /// How many points lie where the grid is free and no wall is near.
-    fn contradicted_by_grid(&self, points: &[Point2], map_from_base: &Pose2) -> usize {
-        let is_clear = |point: &&Point2| {
-            let here = self.grid.cell_of(map_from_base * *point);
-            let around = (-2..=2).flat_map(|j| (-2..=2).map(move |i| Cell { i: here.i + i, j: here.j + j }));
-            self.grid.state(here) == CellState::Free
-                && around.into_iter().all(|cell| self.grid.state(cell) != CellState::Occupied)
-        };
-        points.iter().filter(is_clear).count()
-    }
-
-    /// Whether a robot that is lost maps on as if in a new building, since no place was found for so long.
-    fn has_given_up(&self) -> bool {
-        self.was_lost && self.contradicted_m >= self.config.give_up_m
     }
 
     /// The link of a new keyframe to the submap that it was matched to, and what the scan alone knows of it.
@@ -478,26 +397,6 @@ impl Slam {
             self.next_job.views.push(View { anchored: *anchored, scan: Arc::new(scan.clone()) });
             self.last_view = Some(*anchored);
         }
-    }
-
-    /// Goes on where a lost robot was found: in a finished submap, which grows no more, so the next keyframe begins a new one.
-    fn resume(&mut self, found: &Found, odom_from_base: &Pose2) {
-        let Some((active, _)) = self.active.take() else { return };
-        tracing::info!("found again in the submap of keyframe {}", found.submap.first());
-        let since = self.calibration.correct(&(found.odom_from_base.inverse() * odom_from_base));
-        if !self.is_found_again {
-            self.left = Some(Arc::new(active.older));
-        }
-        let submap_from_map = self.poses[found.submap.first()].inverse();
-        let newest = self.poses[self.poses.len() - 1];
-        let latest = Latest {
-            submap_from_base: found.submap_from_base * since,
-            odom_from_base: *odom_from_base,
-            submap_from_keyframe: submap_from_map * newest,
-        };
-        self.active = Some((Active { older: Submap::clone(&found.submap), newer: None }, latest));
-        (self.is_found_again, self.was_lost, self.contradicted_m) = (true, false, 0.0);
-        self.tracking = Tracking::Wheels;
     }
 }
 

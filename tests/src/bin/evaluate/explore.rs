@@ -10,6 +10,7 @@ use mapper::mapping::MapperConfig;
 use mapper::report::ExploreReport;
 use mapper::run::{ExploreTask, explore};
 use serde::Serialize;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
@@ -46,10 +47,10 @@ struct Row {
 pub fn run(args: &ExploreArgs) -> Result<(), String> {
     let count = args.worlds.len() * args.drifts.len() * args.seeds as usize;
     let bar = if args.quiet { ProgressBar::hidden() } else { progress_bar(count as u64) };
-    println!(
-        "| world | drift | seed | as known then: mean, greatest | as known at the end | main nodes within 0.05 m | greatest | closures | ended |"
-    );
-    println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- |");
+    say(
+        "| world | drift | seed | as known then: mean, greatest | as known at the end | main nodes within 0.05 m | greatest | closures | ended |",
+    )?;
+    say("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")?;
     let mut rows = Vec::new();
     for world in &args.worlds {
         for &drift in &args.drifts {
@@ -57,7 +58,7 @@ pub fn run(args: &ExploreArgs) -> Result<(), String> {
                 bar.set_message(format!("{world}, drift {drift}, seed {seed}"));
                 let report = explore_once(world, seed, drift, !args.no_cameras)?;
                 let row = Row { world: world.clone(), seed, drift, report };
-                bar.suspend(|| println!("{}", line(&row)));
+                bar.suspend(|| say(&line(&row)))?;
                 bar.inc(1);
                 rows.push(row);
                 if let Some(path) = &args.json {
@@ -68,8 +69,11 @@ pub fn run(args: &ExploreArgs) -> Result<(), String> {
         }
     }
     bar.finish_and_clear();
-    println!("{}", summary(&rows));
-    Ok(())
+    say(&summary(&rows))
+}
+
+fn say(line: &str) -> Result<(), String> {
+    writeln!(io::stdout(), "{line}").map_err(|error| format!("the figures cannot be printed: {error}"))
 }
 
 fn explore_once(world: &str, seed: u64, drift: f64, cameras: bool) -> Result<ExploreReport, String> {

@@ -9,6 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use mapper::beside::Pace;
 use mapper::slam::{Anchored, Slam, SlamConfig, Tracking};
 use serde::Serialize;
+use std::io::{self, Write};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -128,7 +129,8 @@ pub fn run(args: &SlamArgs) -> Result<(), String> {
         log_s: (last.0 - first.0) as f64 * 1e-6,
         wall_s,
     };
-    print(&report);
+    let printed = |error: io::Error| format!("the figures cannot be printed: {error}");
+    print(&mut io::stdout(), &report).map_err(printed)?;
     if let Some(path) = &args.json {
         let json = serde_json::to_string_pretty(&report).map_err(|error| error.to_string())?;
         std::fs::write(path, json).map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
@@ -139,7 +141,7 @@ pub fn run(args: &SlamArgs) -> Result<(), String> {
     let path = args.picture.clone().unwrap_or_else(|| default_picture(args));
     if let Some(picture) = draw(&posed, &trajectory) {
         picture.save(&path).map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
-        println!("picture      {}", path.display());
+        writeln!(io::stdout(), "picture      {}", path.display()).map_err(printed)?;
     }
     Ok(())
 }
@@ -160,27 +162,38 @@ fn progress_bar(bytes: u64) -> ProgressBar {
     ProgressBar::new(bytes).with_style(style)
 }
 
-fn print(report: &Report) {
+fn print(out: &mut impl Write, report: &Report) -> io::Result<()> {
     if let (Some(mean_m), Some(std_m), Some(mean_deg), Some(std_deg)) =
         (report.translation_mean_m, report.translation_std_m, report.rotation_mean_deg, report.rotation_std_deg)
     {
-        println!("translation  {mean_m:.4} ± {std_m:.4} m, at most {:.3} m", report.translation_max_m.unwrap_or(0.0));
-        println!("rotation     {mean_deg:.3} ± {std_deg:.3}°, at most {:.2}°", report.rotation_max_deg.unwrap_or(0.0));
-        println!("relations    {} judged, {} without their scans", report.relations, report.relations_missing);
+        writeln!(
+            out,
+            "translation  {mean_m:.4} ± {std_m:.4} m, at most {:.3} m",
+            report.translation_max_m.unwrap_or(0.0)
+        )?;
+        writeln!(
+            out,
+            "rotation     {mean_deg:.3} ± {std_deg:.3}°, at most {:.2}°",
+            report.rotation_max_deg.unwrap_or(0.0)
+        )?;
+        writeln!(out, "relations    {} judged, {} without their scans", report.relations, report.relations_missing)?;
     }
-    println!(
+    writeln!(
+        out,
         "scans        {}, {} by the wheels alone, {} lost",
         report.scans, report.scans_unmatched, report.scans_lost
-    );
-    println!(
+    )?;
+    writeln!(
+        out,
         "graph        {} keyframes, {} closures near and {} far, optimised {} times",
         report.keyframes, report.closures_near, report.closures_far, report.optimisations
-    );
-    println!(
+    )?;
+    writeln!(
+        out,
         "time         {:.0} s and {:.0} m of the robot in {:.1} s: {:.0} times faster than it drove",
         report.log_s,
         report.driven_m,
         report.wall_s,
         report.log_s / report.wall_s.max(1e-9)
-    );
+    )
 }
