@@ -1,20 +1,25 @@
 //! Frontier exploration (paper section III-A): where to drive next, and how, from the robot's own grid.
 //!
 //! The explorer is told the grid, the pose and the scan once per frame and answers with a command. It keeps its goal until
-//! the frontier there is gone, reached or cut off, so that it does not waver between two of about the same utility.
+//! the frontier there is gone, reached or cut off, so that it does not waver between two of about the same utility. Searching
+//! a large grid takes longer than a frame may: the explorer puts a question ([`Explorer::question`]), which is answered beside
+//! the loop ([`Search::run`], [`Explorer::answer`]), and drives on meanwhile.
 
+mod search;
 mod setbacks;
 mod utility;
 
+pub use search::{Answer, Search};
 pub use setbacks::SetbackConfig;
 pub use utility::{UtilityConfig, utility};
 
-use crate::frontier::{self, FrontierConfig, find_frontiers};
+use crate::frontier::{self, FrontierConfig};
 use fht_robot::frame::{LaserScan, Twist};
-use fht_robot::grid::{Cell, OccupancyGrid};
-use fht_robot::motion::{FollowConfig, PathFollower, SafetyConfig, safe_command};
-use fht_robot::planning::{PlanConfig, Traversable, region_around};
-use fht_robot::pose::{Point2, Pose2, wrap_angle};
+use fht_robot::grid::OccupancyGrid;
+use fht_robot::motion::{FollowConfig, SafetyConfig, safe_command};
+use fht_robot::planning::PlanConfig;
+use fht_robot::pose::{Point2, Pose2};
+use search::{Goal, Underway};
 use serde::{Deserialize, Serialize};
 use setbacks::Setbacks;
 use std::fmt;
@@ -101,15 +106,6 @@ pub enum ExploreStep {
     Done(Ending),
 }
 
-/// A frontier the robot is on its way to.
-#[derive(Clone, Debug)]
-struct Goal {
-    target: Point2,
-    stand: Point2,
-    follower: PathFollower,
-    reached_us: Option<u64>,
-}
-
 /// Less than this is not moving, metres.
 const MOVED_M: f64 = 0.15;
 /// Backing out of where the robot got stuck: speed, metres per second, and time, seconds.
@@ -118,16 +114,6 @@ const BACK_OUT: (f64, f64) = (-0.15, 2.0);
 const TURN_AWAY: (f64, f64) = (0.8, 2.0);
 /// Turning at a goal shifts the beams into the gaps between them.
 const LOOK_AROUND: Twist = Twist { linear_mps: 0.0, angular_radps: 0.8 };
-/// The way's direction is taken at this distance from the robot, metres.
-const SET_OFF_M: f64 = 0.6;
-/// The first search for a frontier goes so far, metres.
-const NEAR_M: f64 = 6.0;
-/// Every further search goes farther by this factor.
-const WIDEN: f64 = 2.5;
-/// The region of a search reaches beyond its limit by this much, so that frontiers at the limit are seen whole, metres.
-const REGION_MARGIN_M: f64 = 1.0;
-/// A way that has become longer by more than this is no longer the way that was chosen, metres.
-const DETOUR_M: f64 = 2.0;
 /// A robot that does not move at all tries this often in a row to get free before it gives up.
 const MAX_RECOVERIES: u32 = 12;
 
@@ -136,6 +122,11 @@ const MAX_RECOVERIES: u32 = 12;
 pub struct Explorer {
     config: ExploreConfig,
     goal: Option<Goal>,
+    wanted: Option<Search>,
+    /// Whether a question was put and not answered yet.
+    is_asking: bool,
+    /// Whether the last answer was that nothing is left.
+    is_all_seen: bool,
     setbacks: Setbacks,
     chosen_us: u64,
     checked_us: u64,
@@ -153,6 +144,9 @@ impl Explorer {
         Self {
             config,
             goal: None,
+            wanted: None,
+            is_asking: false,
+            is_all_seen: false,
             setbacks: Setbacks::default(),
             chosen_us: 0,
             checked_us: 0,
@@ -233,6 +227,37 @@ impl Explorer {
         }
     }
 
+    /// What is to be searched for now, if anything: once, until it is answered.
+    pub fn question(&mut self) -> Option<Search> {
+        let search = self.wanted.take();
+        self.is_asking |= search.is_some();
+        search
+    }
+
+    /// The answer to the last question.
+    pub fn answer(&mut self, answer: Answer) {
+        self.is_asking = false;
+        // What was asked before the robot got stuck, or for a goal that is no more, is out of date.
+        let is_kept =
+            |target| self.goal.as_ref().is_some_and(|goal| goal.target == target && goal.reached_us.is_none());
+        if self.recovering_since_us.is_none() && answer.underway.is_none_or(is_kept) {
+            self.is_all_seen = answer.goal.is_none();
+            self.goal = answer.goal;
+        }
+    }
+
+    fn ask(&mut self, map_from_base: &Pose2, time_us: u64, underway: Option<Underway>) {
+        if self.is_asking {
+            return;
+        }
+        self.checked_us = time_us;
+        if underway.is_none() {
+            self.chosen_us = time_us;
+        }
+        let (config, setbacks) = (self.config.clone(), self.setbacks.clone());
+        self.wanted = Some(Search { config, setbacks, map_from_base: *map_from_base, time_us, underway });
+    }
+
     /// Keeps, refreshes or replaces the goal.
     fn update_goal(&mut self, grid: &OccupancyGrid, map_from_base: &Pose2, time_us: u64) {
         let config = &self.config;
@@ -248,41 +273,26 @@ impl Explorer {
         }
         if is_spent {
             if is_idle || seconds(self.chosen_us, time_us) >= config.choose_period_s {
-                self.choose_goal(grid, map_from_base, time_us);
+                self.ask(map_from_base, time_us, None);
             }
         } else if !is_idle && seconds(self.checked_us, time_us) >= config.check_period_s {
-            self.refresh_path(grid, map_from_base, time_us);
+            let underway = |goal: &Goal| Underway {
+                target: goal.target,
+                stand: goal.stand,
+                remaining_m: goal.follower.remaining_m(),
+            };
+            let underway = self.goal.as_ref().map(underway);
+            self.ask(map_from_base, time_us, underway);
         }
     }
 
-    /// The path to the same goal over the grid as it is now, or another goal if that has become much farther.
-    fn refresh_path(&mut self, grid: &OccupancyGrid, map_from_base: &Pose2, time_us: u64) {
-        self.checked_us = time_us;
-        let Some(goal) = &mut self.goal else { return };
-        let position = Point2::from(map_from_base.translation.vector);
-        let reach_m = goal.follower.remaining_m() + DETOUR_M;
-        let space = Traversable::in_region(grid, &self.config.plan, region_around(grid, position, reach_m));
-        if let Some(path) = space.shortest_path(position, goal.stand).filter(|path| path.length_m <= reach_m) {
-            goal.follower = PathFollower::new(self.config.follow.clone(), space.shorten(&path.points));
-        } else {
-            self.choose_goal(grid, map_from_base, time_us);
-        }
-    }
-
-    /// The frontier of greatest utility that has not failed; if all have, the best that may be tried again.
-    fn choose_goal(&mut self, grid: &OccupancyGrid, map_from_base: &Pose2, time_us: u64) {
-        (self.chosen_us, self.checked_us) = (time_us, time_us);
-        let setbacks = (&self.setbacks, &self.config.setbacks);
-        let allowed = |target: Point2| setbacks.0.allows(target, time_us, setbacks.1);
-        let allowed_later = |target: Point2| setbacks.0.allows_later(target, setbacks.1);
-        let goal = best_goal(grid, map_from_base, &self.config, allowed)
-            .or_else(|| best_goal(grid, map_from_base, &self.config, allowed_later));
-        self.goal = goal;
-    }
-
-    /// The next command on the way to the goal. `None` without a goal.
+    /// The next command on the way to the goal. `None` when there is none left.
     fn goal_command(&mut self, map_from_base: &Pose2, time_us: u64) -> Option<Twist> {
-        let goal = self.goal.as_mut()?;
+        let Some(goal) = &mut self.goal else {
+            // Waiting for an answer is not being stuck.
+            self.moved = None;
+            return (!self.is_all_seen).then(Twist::default);
+        };
         let twist = goal.follower.command(map_from_base);
         if !goal.follower.is_done() {
             return Some(twist);
@@ -292,71 +302,6 @@ impl Explorer {
         self.moved = None;
         Some(LOOK_AROUND)
     }
-}
-
-/// The way to the frontier of greatest utility among those that `accept` allows, wherever it is.
-///
-/// It looks near the robot first, and farther only while something farther could still be better.
-fn best_goal(
-    grid: &OccupancyGrid,
-    map_from_base: &Pose2,
-    config: &ExploreConfig,
-    accept: impl Fn(Point2) -> bool,
-) -> Option<Goal> {
-    let position = Point2::from(map_from_base.translation.vector);
-    let is_open = |cell: Cell| accept(grid.centre(cell));
-    let mut limit_m = NEAR_M;
-    loop {
-        let region = region_around(grid, position, limit_m + config.frontier.vantage_reach_m + REGION_MARGIN_M);
-        let is_all = region == grid.bounds();
-        if is_all {
-            limit_m = f64::INFINITY;
-        }
-        let in_reach = |cell: &Cell| is_open(*cell) && (grid.centre(*cell) - position).norm() <= limit_m;
-        let mut frontiers = find_frontiers(grid, region, &config.frontier);
-        frontiers.retain(|frontier| frontier.cells.iter().any(in_reach));
-        // Without the cost of a search for ways to nowhere.
-        if frontiers.is_empty() {
-            if is_all {
-                return None;
-            }
-            limit_m *= WIDEN;
-            continue;
-        }
-        let space = Traversable::in_region(grid, &config.plan, region);
-        let distances = space.distances_within(position, limit_m);
-        let candidates = frontiers.iter().filter_map(|frontier| {
-            let approach = frontier::approach(frontier, grid, &space, &distances, &config.frontier, is_open)?;
-            let path = distances.path_to(approach.stand);
-            let turn_rad = turn_to_set_off(map_from_base, &path);
-            Some((utility(frontier.size, approach.distance_m, turn_rad, &config.utility), approach, path))
-        });
-        // The first of equals, in the order of the frontiers' cells.
-        let best = candidates.reduce(|best, other| if other.0 > best.0 { other } else { best });
-        let best_beyond = utility(usize::MAX, limit_m, 0.0, &config.utility);
-        match best {
-            Some((utility, approach, path)) if is_all || utility >= best_beyond => {
-                return Some(Goal {
-                    target: space.centre(approach.target),
-                    stand: space.centre(approach.stand),
-                    follower: PathFollower::new(config.follow.clone(), space.shorten(&path)),
-                    reached_us: None,
-                });
-            }
-            _ if is_all => return None,
-            _ => limit_m *= WIDEN,
-        }
-    }
-}
-
-/// How far the robot must turn to follow the path's beginning, radians.
-fn turn_to_set_off(map_from_base: &Pose2, path: &[Point2]) -> f64 {
-    let position = Point2::from(map_from_base.translation.vector);
-    let ahead = path.iter().find(|&&point| (point - position).norm() >= SET_OFF_M).or(path.last());
-    ahead.map_or(0.0, |ahead| {
-        let along = ahead - position;
-        wrap_angle(along.y.atan2(along.x) - map_from_base.rotation.angle())
-    })
 }
 
 fn seconds(from_us: u64, to_us: u64) -> f64 {

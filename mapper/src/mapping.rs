@@ -6,7 +6,7 @@
 use crate::beside::{Beside, Pace};
 use crate::camera::{CameraError, CameraWorker};
 use crate::construct::{Builder, BuilderConfig, Chain, Footing, Observation, point};
-use crate::explore::{Ending, ExploreConfig, ExploreStep, Explorer};
+use crate::explore::{Answer, Ending, ExploreConfig, ExploreStep, Explorer, Search};
 use crate::journal::Journal;
 use crate::refine::{self, RefineConfig, RefineJob, Roadmap, Shortcut, is_still_free, shortcuts};
 use crate::slam::closure::ClosureCounts;
@@ -36,6 +36,8 @@ pub struct MapperConfig {
     pub pace: Pace,
 }
 
+/// Frames between a question where to go and its answer.
+const GOAL_DELAY_FRAMES: u64 = 1;
 /// Frames between a refinement job and its result.
 const REFINE_DELAY_FRAMES: u64 = 10;
 /// New nodes that wait for refinement; the oldest is dropped beyond (the last pass looks at all nodes again).
@@ -59,6 +61,7 @@ pub struct Mapper {
     builder: Builder,
     journal: Journal,
     explorer: Explorer,
+    goals: Beside<(Search, OccupancyGrid), Answer>,
     camera: Option<CameraWorker<Seen>>,
     model: Option<DescriptorModel>,
     refine: Beside<RefineJob, Vec<Shortcut>>,
@@ -100,6 +103,7 @@ impl Mapper {
             builder: Builder::new(config.builder.clone()),
             journal: Journal::new(author),
             explorer: Explorer::new(config.explore.clone()),
+            goals: Beside::start("goals", config.pace, |(search, grid): (Search, OccupancyGrid)| search.run(&grid))?,
             camera: net.map(|net| CameraWorker::start(net, config.pace)).transpose()?,
             model,
             refine: refine::start(config.refine.clone(), config.pace)?,
@@ -166,7 +170,17 @@ impl Mapper {
     /// As [`observe`](Self::observe).
     pub fn step(&mut self, frame: &SensorFrame) -> Result<Step, FrameError> {
         let map_from_base = self.observe(frame)?;
-        Ok(match self.explorer.step(self.slam.grid(), &map_from_base, &frame.scan, frame.time_us) {
+        if let Some(answer) = self.goals.take_due(self.frame) {
+            self.explorer.answer(answer);
+        }
+        let step = self.explorer.step(self.slam.grid(), &map_from_base, &frame.scan, frame.time_us);
+        if self.goals.is_idle()
+            && let Some(search) = self.explorer.question()
+        {
+            self.goals.submit((search, self.slam.grid().clone()), self.frame + GOAL_DELAY_FRAMES);
+        }
+        Ok(match step {
+            _ if self.goals.has_ended() => Step::Done(Ending::Stuck),
             ExploreStep::Drive(twist) => Step::Drive(twist),
             ExploreStep::Done(ending) => Step::Done(ending),
         })
@@ -272,18 +286,18 @@ impl Mapper {
         if self.refine.is_idle()
             && let Some(node) = self.to_refine.pop_front()
         {
-            let job = RefineJob { roadmap: Roadmap::of(self.map()), space: self.free_space(), node };
+            let (roadmap, grid) = (Roadmap::of(self.map()), self.grid().clone());
+            let job = RefineJob { roadmap, grid, plan: self.plan_config(), node };
             self.refine.submit(job, self.frame + REFINE_DELAY_FRAMES);
         }
     }
 
     /// Free space as edges need it: with the robot's width, unknown cells as walls.
-    fn free_space(&self) -> Traversable {
+    fn plan_config(&self) -> PlanConfig {
         let width = self.builder.config().edges.half_width_m;
         // Half a cell more than the edges ask for: a path over cell centres is a little inexact.
         let robot_radius_m = width + 0.5 * self.grid().resolution_m();
-        let config = PlanConfig { robot_radius_m, unknown: UnknownCells::Obstacle, ..PlanConfig::shortest() };
-        Traversable::new(self.slam.grid(), &config)
+        PlanConfig { robot_radius_m, unknown: UnknownCells::Obstacle, ..PlanConfig::shortest() }
     }
 
     fn add_shortcuts(&mut self, found: Vec<Shortcut>, time_us: u64) {
@@ -310,7 +324,7 @@ impl Mapper {
         self.follow(time_us);
         let ops = self.builder.finish(&self.journal, self.slam.grid());
         self.write_all(&ops, time_us);
-        let space = self.free_space();
+        let space = Traversable::new(self.slam.grid(), &self.plan_config());
         let nodes: Vec<NodeId> = self.map().nodes().map(|node| node.id).collect();
         for node in nodes {
             let found = shortcuts(Roadmap::of(self.map()), &space, node, &self.config.refine);

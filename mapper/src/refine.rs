@@ -12,7 +12,7 @@ use crate::construct::point;
 use fht_map::MapState;
 use fht_proto::{EdgeKey, FixedPoint, NodeId};
 use fht_robot::grid::OccupancyGrid;
-use fht_robot::planning::{Traversable, path_length_m};
+use fht_robot::planning::{PlanConfig, Traversable, path_length_m};
 use fht_robot::pose::Point2;
 
 /// Parameters of the refinement.
@@ -122,8 +122,10 @@ pub fn is_still_free(shortcut: &Shortcut, map: &MapState, grid: &OccupancyGrid, 
 pub struct RefineJob {
     /// The map's nodes and edges.
     pub roadmap: Roadmap,
-    /// Free space.
-    pub space: Traversable,
+    /// The grid as it is now: what is free in it is worked out beside the loop.
+    pub grid: OccupancyGrid,
+    /// What is free.
+    pub plan: PlanConfig,
     /// The new node.
     pub node: NodeId,
 }
@@ -133,5 +135,8 @@ pub struct RefineJob {
 /// # Errors
 /// When the system gives no thread.
 pub fn start(config: RefineConfig, pace: Pace) -> std::io::Result<Beside<RefineJob, Vec<Shortcut>>> {
-    Beside::start("refine", pace, move |job: RefineJob| shortcuts(job.roadmap, &job.space, job.node, &config))
+    Beside::start("refine", pace, move |job: RefineJob| {
+        let space = Traversable::new(&job.grid, &job.plan);
+        shortcuts(job.roadmap, &space, job.node, &config)
+    })
 }

@@ -34,6 +34,9 @@ fn explore(spec: &str, seed: u64) -> Outcome {
         let step = explorer.step(&grid, &map_from_base, &frame.scan, frame.time_us);
         total += before.elapsed();
         longest = longest.max(before.elapsed());
+        if let Some(search) = explorer.question() {
+            explorer.answer(search.run(&grid));
+        }
         frames += 1;
         match step {
             ExploreStep::Drive(twist) => frame = sim.step(twist),

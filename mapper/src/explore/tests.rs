@@ -38,10 +38,21 @@ fn half_seen_room() -> (OccupancyGrid, LaserScan) {
     (grid, scan)
 }
 
+/// A step, after which the question it led to is answered.
+fn step(explorer: &mut Explorer, grid: &OccupancyGrid, here: &Pose2, scan: &LaserScan, time_us: u64) -> ExploreStep {
+    let step = explorer.step(grid, here, scan, time_us);
+    if let Some(search) = explorer.question() {
+        explorer.answer(search.run(grid));
+    }
+    step
+}
+
 #[test]
 fn a_closed_room_is_done_and_stays_done() {
     let (grid, scan) = closed_room();
     let mut explorer = Explorer::new(ExploreConfig::default());
+    let waiting = step(&mut explorer, &grid, &pose(0.0, 0.0, 0.0), &scan, 0);
+    assert_eq!(waiting, ExploreStep::Drive(Twist::default()));
     assert_eq!(explorer.step(&grid, &pose(0.0, 0.0, 0.0), &scan, 0), ExploreStep::Done(Ending::Complete));
     assert_eq!(explorer.step(&half_seen_room().0, &pose(0.0, 0.0, 0.0), &scan, 1), ExploreStep::Done(Ending::Complete));
 }
@@ -51,11 +62,12 @@ fn a_goal_is_kept_while_its_frontier_lasts() {
     let (grid, scan) = half_seen_room();
     let mut explorer = Explorer::new(ExploreConfig::default());
     let here = pose(-1.0, 0.0, 0.0);
-    let first = explorer.step(&grid, &here, &scan, 0);
+    step(&mut explorer, &grid, &here, &scan, 0);
+    let first = step(&mut explorer, &grid, &here, &scan, 200_000);
     let goal = explorer.goal().unwrap();
     assert!(matches!(first, ExploreStep::Drive(_)) && !explorer.path().is_empty());
     for second in 1..4 {
-        let _ = explorer.step(&grid, &here, &scan, second * 1_000_000);
+        step(&mut explorer, &grid, &here, &scan, second * 1_000_000);
         assert_eq!(explorer.goal(), Some(goal));
     }
 }
@@ -66,7 +78,7 @@ fn a_robot_that_cannot_move_backs_out_and_gives_up_in_the_end() {
     let mut explorer = Explorer::new(ExploreConfig::default());
     let mut has_backed_out = false;
     for frame in 0..5 * 60 * 10 {
-        match explorer.step(&grid, &pose(-1.0, 0.0, 0.0), &scan, frame * 200_000) {
+        match step(&mut explorer, &grid, &pose(-1.0, 0.0, 0.0), &scan, frame * 200_000) {
             ExploreStep::Drive(twist) => has_backed_out |= twist.linear_mps < 0.0,
             ExploreStep::Done(ending) => {
                 assert!(has_backed_out);

@@ -1,0 +1,156 @@
+//! The search for a goal: the expensive part of exploration, a pure function of a grid and a question. It is asked beside the
+//! robot's loop, which drives on meanwhile.
+
+use super::setbacks::Setbacks;
+use super::{ExploreConfig, utility};
+use crate::frontier::{self, find_frontiers};
+use fht_robot::grid::{Cell, OccupancyGrid};
+use fht_robot::motion::PathFollower;
+use fht_robot::planning::{Traversable, region_around};
+use fht_robot::pose::{Point2, Pose2, wrap_angle};
+
+/// The way's direction is taken at this distance from the robot, metres.
+const SET_OFF_M: f64 = 0.6;
+/// The first search for a frontier goes so far, metres.
+const NEAR_M: f64 = 6.0;
+/// Every further search goes farther by this factor.
+const WIDEN: f64 = 2.5;
+/// The region of a search reaches beyond its limit by this much, so that frontiers at the limit are seen whole, metres.
+const REGION_MARGIN_M: f64 = 1.0;
+/// A way that has become longer by more than this is no longer the way that was chosen, metres.
+const DETOUR_M: f64 = 2.0;
+
+/// A frontier the robot is on its way to.
+#[derive(Clone, Debug)]
+pub(super) struct Goal {
+    pub(super) target: Point2,
+    pub(super) stand: Point2,
+    pub(super) follower: PathFollower,
+    pub(super) reached_us: Option<u64>,
+}
+
+/// A goal that the robot is driving to already.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Underway {
+    pub(super) target: Point2,
+    pub(super) stand: Point2,
+    /// What was left of the way, metres.
+    pub(super) remaining_m: f64,
+}
+
+/// A question: where to drive, or how to get on to where the robot is driving already.
+#[derive(Clone, Debug)]
+pub struct Search {
+    pub(super) config: ExploreConfig,
+    pub(super) setbacks: Setbacks,
+    pub(super) map_from_base: Pose2,
+    pub(super) time_us: u64,
+    /// The goal to be kept, unless the way there has become much longer.
+    pub(super) underway: Option<Underway>,
+}
+
+/// The answer to a [`Search`].
+#[derive(Clone, Debug)]
+pub struct Answer {
+    /// The goal that was to be kept.
+    pub(super) underway: Option<Point2>,
+    /// What to drive to; `None` when nothing is left.
+    pub(super) goal: Option<Goal>,
+}
+
+impl Search {
+    /// Searches `grid`, which is in the map frame.
+    #[must_use]
+    pub fn run(&self, grid: &OccupancyGrid) -> Answer {
+        let kept = self.underway.and_then(|underway| self.way_on(grid, &underway));
+        Answer { underway: self.underway.map(|underway| underway.target), goal: kept.or_else(|| self.choose(grid)) }
+    }
+
+    /// The path to the same goal over the grid as it is now, if that is not much longer.
+    fn way_on(&self, grid: &OccupancyGrid, underway: &Underway) -> Option<Goal> {
+        let position = Point2::from(self.map_from_base.translation.vector);
+        let reach_m = underway.remaining_m + DETOUR_M;
+        let space = Traversable::in_region(grid, &self.config.plan, region_around(grid, position, reach_m));
+        let path = space.shortest_path(position, underway.stand).filter(|path| path.length_m <= reach_m)?;
+        Some(Goal {
+            target: underway.target,
+            stand: underway.stand,
+            follower: PathFollower::new(self.config.follow.clone(), space.shorten(&path.points)),
+            reached_us: None,
+        })
+    }
+
+    /// The frontier of greatest utility that has not failed; if all have, the best that may be tried again.
+    fn choose(&self, grid: &OccupancyGrid) -> Option<Goal> {
+        let config = &self.config;
+        let allowed = |target: Point2| self.setbacks.allows(target, self.time_us, &config.setbacks);
+        let allowed_later = |target: Point2| self.setbacks.allows_later(target, &config.setbacks);
+        best_goal(grid, &self.map_from_base, config, allowed)
+            .or_else(|| best_goal(grid, &self.map_from_base, config, allowed_later))
+    }
+}
+
+/// The way to the frontier of greatest utility among those that `accept` allows, wherever it is.
+///
+/// It looks near the robot first, and farther only while something farther could still be better.
+fn best_goal(
+    grid: &OccupancyGrid,
+    map_from_base: &Pose2,
+    config: &ExploreConfig,
+    accept: impl Fn(Point2) -> bool,
+) -> Option<Goal> {
+    let position = Point2::from(map_from_base.translation.vector);
+    let is_open = |cell: Cell| accept(grid.centre(cell));
+    let mut limit_m = NEAR_M;
+    loop {
+        let region = region_around(grid, position, limit_m + config.frontier.vantage_reach_m + REGION_MARGIN_M);
+        let is_all = region == grid.bounds();
+        if is_all {
+            limit_m = f64::INFINITY;
+        }
+        let in_reach = |cell: &Cell| is_open(*cell) && (grid.centre(*cell) - position).norm() <= limit_m;
+        let mut frontiers = find_frontiers(grid, region, &config.frontier);
+        frontiers.retain(|frontier| frontier.cells.iter().any(in_reach));
+        // Without the cost of a search for ways to nowhere.
+        if frontiers.is_empty() {
+            if is_all {
+                return None;
+            }
+            limit_m *= WIDEN;
+            continue;
+        }
+        let space = Traversable::in_region(grid, &config.plan, region);
+        let distances = space.distances_within(position, limit_m);
+        let candidates = frontiers.iter().filter_map(|frontier| {
+            let approach = frontier::approach(frontier, grid, &space, &distances, &config.frontier, is_open)?;
+            let path = distances.path_to(approach.stand);
+            let turn_rad = turn_to_set_off(map_from_base, &path);
+            Some((utility(frontier.size, approach.distance_m, turn_rad, &config.utility), approach, path))
+        });
+        // The first of equals, in the order of the frontiers' cells.
+        let best = candidates.reduce(|best, other| if other.0 > best.0 { other } else { best });
+        let best_beyond = utility(usize::MAX, limit_m, 0.0, &config.utility);
+        match best {
+            Some((utility, approach, path)) if is_all || utility >= best_beyond => {
+                return Some(Goal {
+                    target: space.centre(approach.target),
+                    stand: space.centre(approach.stand),
+                    follower: PathFollower::new(config.follow.clone(), space.shorten(&path)),
+                    reached_us: None,
+                });
+            }
+            _ if is_all => return None,
+            _ => limit_m *= WIDEN,
+        }
+    }
+}
+
+/// How far the robot must turn to follow the path's beginning, radians.
+fn turn_to_set_off(map_from_base: &Pose2, path: &[Point2]) -> f64 {
+    let position = Point2::from(map_from_base.translation.vector);
+    let ahead = path.iter().find(|&&point| (point - position).norm() >= SET_OFF_M).or(path.last());
+    ahead.map_or(0.0, |ahead| {
+        let along = ahead - position;
+        wrap_angle(along.y.atan2(along.x) - map_from_base.rotation.angle())
+    })
+}
