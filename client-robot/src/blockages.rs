@@ -1,15 +1,14 @@
-//! Edges that the robot found blocked. They are left out of paths for a while only: people and doors move, and the robot
-//! may have blamed the wrong edge. If nothing is left but to wait, it waits, a few times.
+//! Places that the robot found blocked. Paths lead around them for a while only: people and doors move. If nothing is left but to wait, it waits, a few times.
 
-use fht_proto::EdgeKey;
+use fht_proto::FixedPoint;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// How long the robot believes that a way is blocked.
 #[derive(Clone, Debug)]
 pub struct BlockageConfig {
-    /// An edge found blocked is left out of paths for this long, seconds. Default 30.
+    /// A place found blocked is gone round for this long, seconds. Default 30.
     pub blocked_for_s: f64,
-    /// Without any way left, all edges count as open again and the robot waits this long, seconds. Default 5.
+    /// Without any way left, all places count as open again and the robot waits this long, seconds. Default 5.
     pub wait_s: f64,
     /// … at most this often before the task fails. Default 3.
     pub waits: u32,
@@ -26,7 +25,7 @@ impl Default for BlockageConfig {
 /// What is blocked, and since when the robot waits. Times are the sensors', microseconds.
 #[derive(Clone, Debug, Default)]
 pub struct Blockages {
-    until_us: BTreeMap<EdgeKey, u64>,
+    until_us: BTreeMap<FixedPoint, u64>,
     waits: u32,
     wait_until_us: u64,
 }
@@ -36,24 +35,24 @@ fn micros(seconds: f64) -> u64 {
 }
 
 impl Blockages {
-    /// An edge was found blocked.
-    pub fn block(&mut self, edge: EdgeKey, now_us: u64, config: &BlockageConfig) {
-        self.until_us.insert(edge, now_us.saturating_add(micros(config.blocked_for_s)));
+    /// A place, map frame, was found blocked.
+    pub fn block(&mut self, place: FixedPoint, now_us: u64, config: &BlockageConfig) {
+        self.until_us.insert(place, now_us.saturating_add(micros(config.blocked_for_s)));
     }
 
-    /// The edges that count as blocked now.
-    pub fn edges(&mut self, now_us: u64) -> BTreeSet<EdgeKey> {
+    /// The places that count as blocked now, map frame.
+    pub fn places(&mut self, now_us: u64) -> BTreeSet<FixedPoint> {
         self.until_us.retain(|_, until_us| *until_us > now_us);
         self.until_us.keys().copied().collect()
     }
 
-    /// Whether any edge was blocked when edges were last looked at.
+    /// Whether any place was blocked when they were last looked at.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.until_us.is_empty()
     }
 
-    /// No way is left: opens all edges and begins to wait. False if the robot has waited often enough.
+    /// No way is left: opens all places and begins to wait. False if the robot has waited often enough.
     pub fn wait(&mut self, now_us: u64, config: &BlockageConfig) -> bool {
         if now_us > self.wait_until_us.saturating_add(micros(config.forget_s)) {
             self.waits = 0;
@@ -77,24 +76,21 @@ impl Blockages {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fht_proto::{AuthorId, NodeId};
-
     const SECOND: u64 = 1_000_000;
 
-    fn edge(low: u32, high: u32) -> EdgeKey {
-        let node = |number| NodeId { author: AuthorId(1), number };
-        EdgeKey::new(node(low), node(high))
+    fn place(x: f64) -> FixedPoint {
+        FixedPoint::from_metres(x, 0.0)
     }
 
     #[test]
-    fn an_edge_opens_again_after_a_while() {
+    fn a_place_opens_again_after_a_while() {
         let config = BlockageConfig::default();
         let mut blockages = Blockages::default();
-        blockages.block(edge(1, 2), 0, &config);
-        blockages.block(edge(2, 3), 20 * SECOND, &config);
-        assert_eq!(blockages.edges(29 * SECOND).len(), 2);
-        assert_eq!(blockages.edges(31 * SECOND), BTreeSet::from([edge(2, 3)]));
-        assert!(blockages.edges(51 * SECOND).is_empty() && blockages.is_empty());
+        blockages.block(place(1.0), 0, &config);
+        blockages.block(place(2.0), 20 * SECOND, &config);
+        assert_eq!(blockages.places(29 * SECOND).len(), 2);
+        assert_eq!(blockages.places(31 * SECOND), BTreeSet::from([place(2.0)]));
+        assert!(blockages.places(51 * SECOND).is_empty() && blockages.is_empty());
     }
 
     #[test]
@@ -102,7 +98,7 @@ mod tests {
         let config = BlockageConfig::default();
         let mut blockages = Blockages::default();
         for round in 0..3 {
-            blockages.block(edge(1, 2), round * 10 * SECOND, &config);
+            blockages.block(place(1.0), round * 10 * SECOND, &config);
             assert!(blockages.wait(round * 10 * SECOND, &config));
             assert!(blockages.is_empty());
             assert!(blockages.is_waiting((round * 10 + 4) * SECOND));

@@ -5,10 +5,10 @@ use crate::inquiry::{Inquiry, Taking};
 use crate::pilot::PathSource;
 use crate::replica::{AskError, LiveReplica, ask};
 use crate::route::{PlannedPath, Planner, RoutePoint};
-use fht_map::{MapState, RouteConfig, RouteError, lookup, route};
+use fht_map::{FreeSpace, MapState, RouteConfig, RouteError, SpaceConfig, lookup, taut};
 use fht_proto::keys::{Key, Topic};
 use fht_proto::query::{ErrorCode, ErrorReply, PathReply};
-use fht_proto::{EdgeKey, FixedPoint, MapName};
+use fht_proto::{FixedPoint, MapName};
 use fht_robot::pose::Point2;
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -21,31 +21,45 @@ fn fixed(point: Point2) -> FixedPoint {
     FixedPoint::from_metres(point.x, point.y)
 }
 
-/// Plans on a map at hand.
-///
-/// # Errors
-/// Why there is no path, in the server's words.
-pub fn plan_on(
-    map: &MapState,
-    from: Point2,
-    to: Point2,
-    blocked: &BTreeSet<EdgeKey>,
-) -> Result<PlannedPath, ErrorReply> {
-    let entry = nearest_node(map, from);
-    with_entry(from, entry, |start| plan_inside(map, start, to, blocked))
+/// The free space of the newest map that was planned on: it is made when the map or what is blocked has changed.
+#[derive(Default)]
+pub struct FreeSpaceCache {
+    made: Option<(u64, BTreeSet<FixedPoint>, FreeSpace)>,
 }
 
-fn plan_inside(
-    map: &MapState,
-    from: Point2,
-    to: Point2,
-    blocked: &BTreeSet<EdgeKey>,
-) -> Result<PlannedPath, ErrorReply> {
-    let config = RouteConfig { blocked: blocked.clone(), ..RouteConfig::default() };
-    let found = route::plan(map, fixed(from), fixed(to), &config).map_err(|error| {
+impl FreeSpaceCache {
+    /// Plans on a map at hand; `changes` is a number that changes whenever the map does.
+    ///
+    /// # Errors
+    /// Why there is no path, in the server's words.
+    pub fn plan(
+        &mut self,
+        map: &MapState,
+        changes: u64,
+        from: Point2,
+        to: Point2,
+        blocked: &BTreeSet<FixedPoint>,
+    ) -> Result<PlannedPath, ErrorReply> {
+        let entry = nearest_node(map, from);
+        let space = self.of(map, changes, blocked);
+        with_entry(from, entry, |start| plan_inside(map, space, start, to))
+    }
+
+    fn of(&mut self, map: &MapState, changes: u64, blocked: &BTreeSet<FixedPoint>) -> &FreeSpace {
+        let made = self.made.take().filter(|made| made.0 == changes && made.1 == *blocked);
+        let made = made.unwrap_or_else(|| {
+            let config = SpaceConfig { blocked: blocked.clone(), ..SpaceConfig::default() };
+            (changes, blocked.clone(), FreeSpace::of(map, &config))
+        });
+        &self.made.insert(made).2
+    }
+}
+
+fn plan_inside(map: &MapState, space: &FreeSpace, from: Point2, to: Point2) -> Result<PlannedPath, ErrorReply> {
+    let found = taut::plan(map, space, fixed(from), fixed(to), &RouteConfig::default()).map_err(|error| {
         let code = match error {
             RouteError::NoPath { .. } => ErrorCode::NoPath,
-            _ => ErrorCode::OutOfMap,
+            RouteError::OutOfMap { .. } => ErrorCode::OutOfMap,
         };
         ErrorReply { code, message: error.to_string() }
     })?;
@@ -123,11 +137,12 @@ struct Question {
 /// What the server answered: a path, a refusal, or nothing of use (a sentence).
 type Answer = Result<Result<PlannedPath, ErrorReply>, String>;
 
-/// Paths from the replica, replaced by the server's when its answer comes and is a path. With blocked edges from the
+/// Paths from the replica, replaced by the server's when its answer comes and is a path. Around blocked places from the
 /// replica alone: only this robot knows of those.
 pub struct ServerPaths<'a> {
     replica: &'a LiveReplica,
     inquiry: Inquiry<Question, Answer>,
+    free_space: FreeSpaceCache,
     fallbacks: usize,
 }
 
@@ -146,7 +161,7 @@ impl<'a> ServerPaths<'a> {
         let ask = move |question: Question| answer(&session, &map, question, timeout);
         // With an entry the server is asked twice.
         let inquiry = Inquiry::start(config.taking, 3 * timeout, ask)?;
-        Ok(Self { replica, inquiry, fallbacks: 0 })
+        Ok(Self { replica, inquiry, free_space: FreeSpaceCache::default(), fallbacks: 0 })
     }
 
     /// How often the server was silent, or answered with what is no path, and the robot kept its own.
@@ -251,14 +266,15 @@ pub fn planned_between(reply: PathReply, from: Point2, to: Point2) -> Result<Pla
 }
 
 impl PathSource for ServerPaths<'_> {
-    fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<EdgeKey>) -> Result<PlannedPath, ErrorReply> {
+    fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<FixedPoint>) -> Result<PlannedPath, ErrorReply> {
+        let changes = self.replica.changes();
         let replica = self.replica.read();
         if blocked.is_empty() {
             self.inquiry.put(Question { from, to, entry: nearest_node(replica.state(), from) });
         } else {
             self.inquiry.cancel();
         }
-        plan_on(replica.state(), from, to, blocked)
+        self.free_space.plan(replica.state(), changes, from, to, blocked)
     }
 
     fn is_pending(&self) -> bool {

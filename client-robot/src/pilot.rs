@@ -5,11 +5,11 @@ use crate::blockages::{BlockageConfig, Blockages};
 use crate::landmarks::Landmarks;
 use crate::local_map::{LocalMap, LocalMapConfig};
 use crate::localize::{Localization, LocalizeConfig, Localizer};
-use crate::route::{PlannedPath, Route, RouteConfig};
+use crate::route::{PlannedPath, Route, RouteConfig, Target};
 use crate::steering::{Steering, SteeringConfig, Steersman};
 use crate::wander::{WanderConfig, Wanderer};
 use fht_proto::query::{ErrorCode, ErrorReply};
-use fht_proto::{Descriptor, EdgeKey};
+use fht_proto::{Descriptor, FixedPoint};
 use fht_robot::frame::{SensorFrame, Twist};
 use fht_robot::pose::{Point2, Pose2};
 use rand::SeedableRng;
@@ -29,9 +29,9 @@ pub struct PilotConfig {
     pub route: RouteConfig,
     /// Driving.
     pub steering: SteeringConfig,
-    /// Frames in a row without a way to the next point before the edge there counts as blocked. Default 10 (2 s).
+    /// Frames in a row without a way to the next point before what is in the way counts as blocked. Default 10 (2 s).
     pub blocked_after: usize,
-    /// What is done about blocked edges.
+    /// What is done about blocked places.
     pub blockages: BlockageConfig,
     /// A goal that cannot be entered counts as reached this near to it, metres. Default 0.3.
     pub goal_slack_m: f64,
@@ -109,11 +109,11 @@ pub enum Outcome {
 
 /// Where paths come from.
 pub trait PathSource {
-    /// A path between two points of the map frame that uses no edge of `blocked`.
+    /// A path between two points of the map frame that leads around the places in `blocked`.
     ///
     /// # Errors
     /// Why there is none, with the server's code.
-    fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<EdgeKey>) -> Result<PlannedPath, ErrorReply>;
+    fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<FixedPoint>) -> Result<PlannedPath, ErrorReply>;
 
     /// Whether a better answer to the last question may still come.
     fn is_pending(&self) -> bool {
@@ -137,6 +137,8 @@ pub struct Step {
     pub outcome: Option<Outcome>,
 }
 
+/// Distance of the places on the way that are looked at for what stands there, metres.
+const OBSTACLE_STEP_M: f64 = 0.1;
 /// Turning shows more of the surroundings, and often that the way is free after all.
 const LOOK_AROUND: Twist = Twist { linear_mps: 0.0, angular_radps: 0.6 };
 
@@ -334,17 +336,18 @@ impl Pilot {
                 route.skip();
                 (Twist::default(), None)
             }
-            Steering::NoWay => self.no_way(map_from_odom, here, goal, (target.distance_m, now_us), paths),
+            Steering::NoWay => self.no_way(map_from_odom, here, goal, &target, now_us, paths),
         }
     }
 
-    /// The next point cannot be reached: look around a little, then leave its edge out and ask for another path.
+    /// The next point cannot be reached: look around a little, then ask for a path around what is in the way.
     fn no_way(
         &mut self,
         map_from_odom: &Pose2,
         here: Point2,
         goal: Point2,
-        (left_m, now_us): (f64, u64),
+        target: &Target,
+        now_us: u64,
         paths: &mut dyn PathSource,
     ) -> (Twist, Option<Outcome>) {
         self.no_way += 1;
@@ -352,22 +355,30 @@ impl Pilot {
             return (LOOK_AROUND, None);
         }
         self.no_way = 0;
-        let Some(route) = &mut self.route else { return (LOOK_AROUND, None) };
-        if let Some(edge) = route.current_edge(map_from_odom * here) {
-            tracing::info!(low = %edge.low(), high = %edge.high(), "edge blocked, planning another way");
-            self.blockages.block(edge, now_us, &self.config.blockages);
-        } else if route.skip() {
-            return (LOOK_AROUND, None);
-        } else {
-            return self.wait_or(Failure::GoalBlocked { left_m }, now_us);
+        let place = map_from_odom * self.obstacle_on_the_way(here, target.in_odom);
+        let goal_m = (place - goal).norm();
+        if target.is_goal && goal_m <= self.config.goal_slack_m {
+            return self.wait_or(Failure::GoalBlocked { left_m: target.distance_m }, now_us);
         }
+        tracing::info!(x = place.x, y = place.y, "way blocked, planning another");
+        self.blockages.block(FixedPoint::from_metres(place.x, place.y), now_us, &self.config.blockages);
         match self.plan(map_from_odom, here, goal, now_us, paths) {
             Ok(()) => (LOOK_AROUND, None),
             Err(refusal) => self.refused(refusal, now_us, paths),
         }
     }
 
-    /// The planner has no path: the robot stands until it is clear that no other answer comes. Without the edges that it
+    /// The first place on the straight way that something stands at; the way's end if nothing is known of it. Odometry frame.
+    fn obstacle_on_the_way(&self, here: Point2, end: Point2) -> Point2 {
+        let way = end - here;
+        let steps = (way.norm() / OBSTACLE_STEP_M).ceil().max(1.0) as usize;
+        let places = (1..=steps).map(|step| here + way * (step as f64 / steps as f64));
+        let grid = self.local_map.grid();
+        let is_taken = |place: &Point2| !grid.is_corridor_unoccupied(*place, *place, OBSTACLE_STEP_M);
+        places.into_iter().find(is_taken).unwrap_or(end)
+    }
+
+    /// The planner has no path: the robot stands until it is clear that no other answer comes. Without the places that it
     /// found blocked there may be one.
     fn refused(&mut self, refusal: ErrorReply, now_us: u64, paths: &dyn PathSource) -> (Twist, Option<Outcome>) {
         self.route = None;
@@ -400,7 +411,7 @@ impl Pilot {
     ) -> Result<(), ErrorReply> {
         self.plans += 1;
         self.steersman.reset();
-        let path = paths.plan(map_from_odom * here, goal, &self.blockages.edges(now_us))?;
+        let path = paths.plan(map_from_odom * here, goal, &self.blockages.places(now_us))?;
         tracing::info!(length_m = path.length_m, points = path.points.len(), planner = ?path.planner, "path planned");
         self.route = Some(Route::new(self.config.route.clone(), path, *map_from_odom));
         Ok(())

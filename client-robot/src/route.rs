@@ -1,8 +1,7 @@
 //! Following a path of the map: which of its points to head for next (paper, section III-C-2).
 
-use fht_proto::{EdgeKey, NodeId};
+use fht_proto::NodeId;
 use fht_robot::grid::OccupancyGrid;
-use fht_robot::motion::distance_to_segment;
 use fht_robot::pose::{Point2, Pose2, wrap_angle};
 
 /// A point of a planned path.
@@ -109,19 +108,6 @@ impl Route {
         shift > self.config.replan_m || turn > self.config.replan_rad
     }
 
-    /// The edge that the robot at `here` (map frame) is on: of the path's edges as far as the point headed for, the one
-    /// nearest to it. That point may lie several edges ahead, so the last of them need not be the one. Of two edges that
-    /// meet where the robot is, the later.
-    #[must_use]
-    pub fn current_edge(&self, here: Point2) -> Option<EdgeKey> {
-        let edges = self.path.points.windows(2).take(self.next).filter_map(|pair| {
-            let (from, to) = (pair[0].node?, pair[1].node?);
-            let distance_m = distance_to_segment(here, pair[0].position, pair[1].position);
-            (from != to).then(|| (distance_m, EdgeKey::new(from, to)))
-        });
-        edges.reduce(|nearest, other| if other.0 <= nearest.0 { other } else { nearest }).map(|(_, edge)| edge)
-    }
-
     /// The point to head for: the farthest on the path that the robot can really see (the way there is known to be free,
     /// for the robot's width), otherwise the next one. `None` once the goal is reached or if the path is empty.
     pub fn target(&mut self, map_from_odom: &Pose2, odom_from_base: &Pose2, grid: &OccupancyGrid) -> Option<Target> {
@@ -203,11 +189,6 @@ mod tests {
         let target = route.target(&map_from_odom, &Pose2::identity(), &room()).expect("not there yet");
         assert!((target.in_odom - Point2::new(1.0, 1.4)).norm() < 1e-9);
         assert!(!target.is_goal);
-        // It heads for the third point and stands on the way to the second.
-        let edge = |x, y| route.current_edge(Point2::new(x, y)).map(|edge| (edge.low().number, edge.high().number));
-        assert_eq!(edge(10.0, 5.0), Some((0, 1)));
-        assert_eq!(edge(10.5, 6.0), Some((1, 2)), "where two meet, the later");
-        assert_eq!(edge(13.9, 5.0), Some((1, 2)), "no farther than it heads for");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use client_robot::report::Report;
 use client_robot::route::{PlannedPath, Planner, RoutePoint};
 use fht_map::MapState;
 use fht_proto::query::{ErrorCode, ErrorReply};
-use fht_proto::{AuthorId, EdgeKey, NodeId};
+use fht_proto::{AuthorId, FixedPoint, NodeId};
 use fht_robot::frame::Panorama;
 use fht_robot::pose::Point2;
 use fht_sim::{SimConfig, Simulator, World};
@@ -17,23 +17,23 @@ use nalgebra::Vector2;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Gives paths that lead out of the building, and true ones once it was asked `open_after` times. With an edge blocked it
+/// Gives paths that lead out of the building, and true ones once it was asked `open_after` times. With a place blocked it
 /// has none.
 struct Scripted<'a> {
     map: &'a MapState,
     open_after: usize,
-    /// How many edges were blocked at each question.
+    /// How many places were blocked at each question.
     asked: Vec<usize>,
 }
 
 impl PathSource for Scripted<'_> {
-    fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<EdgeKey>) -> Result<PlannedPath, ErrorReply> {
+    fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<FixedPoint>) -> Result<PlannedPath, ErrorReply> {
         self.asked.push(blocked.len());
         if self.asked.len() > self.open_after {
             return OwnPaths(self.map).plan(from, to, blocked);
         }
         if !blocked.is_empty() {
-            return Err(ErrorReply { code: ErrorCode::NoPath, message: "the only edge is blocked".to_owned() });
+            return Err(ErrorReply { code: ErrorCode::NoPath, message: "the only way is blocked".to_owned() });
         }
         let node = |number| Some(NodeId { author: AuthorId(1), number });
         let outside = RoutePoint { position: from + Vector2::new(200.0, 0.0), node: node(2) };
@@ -62,8 +62,8 @@ fn a_blocked_way_is_tried_again_and_given_up_only_after_some_waiting() {
 
     let (report, asked) = mission(&museum, &map, usize::MAX);
     assert!(report.localized && !report.arrived);
-    assert!(report.failure.is_some_and(|reason| reason.contains("the only edge is blocked")));
-    assert_eq!(asked, [0, 1, 0, 1, 0, 1, 0, 1], "with the edge left out there is no path: all edges are opened again");
+    assert!(report.failure.is_some_and(|reason| reason.contains("the only way is blocked")));
+    assert_eq!(asked, [0, 1, 0, 1, 0, 1, 0, 1], "around it there is no path: all places are opened again");
 
     let (report, asked) = mission(&museum, &map, 4);
     assert!(report.arrived, "{:?}", report.failure);

@@ -4,8 +4,8 @@ use crate::catalog::{Catalog, MapView};
 use crate::config::AnswerConfig;
 use crate::request::{Format, Moment, Question, Request};
 use crate::store::Store;
-use fht_map::route::{self, Route, RouteError};
-use fht_map::{MapState, NodeRef, lookup};
+use fht_map::route::{Route, RouteError};
+use fht_map::{MapState, NodeRef, lookup, taut};
 use fht_proto::compact::{CompactNode, CompactNodes, CompactPath, CompactWaypoint};
 use fht_proto::envelope::Message;
 use fht_proto::query::{ErrorCode, ErrorReply, MapsReply, NodeView, NodesReply, PathReply, Place, Snapshot, Waypoint};
@@ -58,7 +58,8 @@ pub fn answer(request: Request, catalog: &Catalog, store: &Store, config: &Answe
         Question::Increments { moment, have, max_bytes } => increments(&map, &view, store, &moment, &have, max_bytes),
         Question::Path { from, to, format } => {
             let (from, to) = (locate(&view.state, from)?, locate(&view.state, to)?);
-            let route = route::plan(&view.state, from, to, &config.route).map_err(|cause| no_route(&cause))?;
+            let planned = taut::plan(&view.state, view.free_space(), from, to, &config.route);
+            let route = planned.map_err(|cause| no_route(&cause))?;
             path(map, &view, &route, format)
         }
         Question::Nodes { near, radius_m, limit, format } => {

@@ -2,11 +2,11 @@
 //! writer changes a copy, which shares descriptors and scans, and puts it in the map's place.
 
 use crate::store::{Store, StoreError};
-use fht_map::MapState;
+use fht_map::{FreeSpace, MapState, SpaceConfig};
 use fht_proto::query::Head;
 use fht_proto::{CodecError, Increment, MapName, VersionVector, decode};
 use std::collections::BTreeMap;
-use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 /// One map at one version.
 #[derive(Clone, Debug)]
@@ -15,6 +15,20 @@ pub struct MapView {
     pub state: Arc<MapState>,
     /// Its version, vector, digest and counts.
     pub head: Arc<Head>,
+    /// Its free space, once somebody has asked for a path.
+    free_space: Arc<OnceLock<FreeSpace>>,
+}
+
+impl MapView {
+    fn new(state: MapState, head: Head) -> Self {
+        Self { state: Arc::new(state), head: Arc::new(head), free_space: Arc::default() }
+    }
+
+    /// Its free space; the first question of a version makes it.
+    #[must_use]
+    pub fn free_space(&self) -> &FreeSpace {
+        self.free_space.get_or_init(|| FreeSpace::of(&self.state, &SpaceConfig::default()))
+    }
 }
 
 /// All maps of the server.
@@ -53,7 +67,7 @@ impl Catalog {
                 return Err(StoreError::Damaged { map: map.to_string(), reason });
             }
             let head = head_of(&map, &state, vector, bytes, 0);
-            views.insert(map, MapView { state: Arc::new(state), head: Arc::new(head) });
+            views.insert(map, MapView::new(state, head));
         }
         Ok(Self { maps: RwLock::new(views) })
     }
@@ -95,7 +109,7 @@ impl Catalog {
         let (old_bytes, refused) = old.as_ref().map_or((0, 0), |view| (view.head.bytes, view.head.refused));
         let head = head_of(map, &state, vector, old_bytes + bytes, refused);
         let elements = state.elements();
-        let view = MapView { state: Arc::new(state), head: Arc::new(head) };
+        let view = MapView::new(state, head);
         let replaced = self.write().insert(map.clone(), view);
         drop(replaced); // a large map takes its time, and the lock is free by now
         elements

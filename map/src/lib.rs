@@ -8,8 +8,13 @@
 //! | [`replica`] | both together: a copy of a map that is fed from the network |
 //! | [`graph`] | shortest paths over nodes and edges |
 //! | [`route`] | a path between two places (paper, equation 5) |
+//! | [`free_space`] | where a robot's centre may be: rectangles and corridors as a mesh |
+//! | `any_angle` | the shortest way through a mesh |
+//! | [`taut`] | the shortest path between two places through free space |
 //! | [`lookup`] | nodes by place and by appearance |
 
+mod any_angle;
+pub mod free_space;
 pub mod graph;
 pub mod lookup;
 mod register;
@@ -17,7 +22,9 @@ pub mod replica;
 pub mod route;
 pub mod sequence;
 pub mod state;
+pub mod taut;
 
+pub use free_space::{FreeSpace, SpaceConfig};
 pub use replica::{Accepted, Replica};
 pub use route::{Route, RouteConfig, RouteError};
 pub use state::{Counts, MapState, NodeRef};

@@ -10,6 +10,7 @@
 //! [`Builder`] puts them in the order of the paper's Algorithm 1. All of it is plain computation on the explorer's own
 //! map and grid; what it decides comes out as operations.
 
+pub mod coverage;
 pub mod edges;
 pub mod free_space;
 pub mod selection;
@@ -17,8 +18,9 @@ pub mod support;
 
 use crate::journal::Journal;
 use crate::slam::{Anchored, Estimate};
+use coverage::{CoverageConfig, Gaps, Patch};
 use edges::EdgeConfig;
-use fht_proto::{Descriptor, EdgeKey, FixedPoint, NodeId, NodeKind, Op, ScanRecord, Signature};
+use fht_proto::{Descriptor, EdgeKey, FixedPoint, Increment, NodeId, NodeKind, Op, ScanRecord, Signature};
 use fht_robot::grid::OccupancyGrid;
 use fht_robot::pose::{Point2, from_fixed, pose, to_fixed};
 use free_space::FreeSpaceConfig;
@@ -37,6 +39,8 @@ pub struct BuilderConfig {
     pub edges: EdgeConfig,
     /// Rectangles.
     pub free_space: FreeSpaceConfig,
+    /// Free space that no rectangle covers.
+    pub coverage: CoverageConfig,
     /// When SLAM moves what a node hangs on, the node follows once it is off.
     pub follow: FollowConfig,
 }
@@ -303,6 +307,33 @@ impl Builder {
         let additions = joined.into_iter().map(|edge| Op::PutEdge { edge });
         let rectangles = moved.iter().filter_map(|id| self.free_space_op(*id, journal, grid));
         (removals.chain(additions).chain(rectangles).collect(), cut)
+    }
+
+    /// Support nodes for free space that no rectangle covers, with their edges.
+    pub fn cover(&mut self, journal: &mut Journal, estimate: &Estimate<'_>) -> Vec<Op> {
+        let config = &self.config;
+        // The map as it will be: a new node may have an edge to one that was new before it.
+        let mut map = journal.state().clone();
+        let mut gaps = Gaps::of(&map, estimate.grid, &config.free_space, &config.coverage);
+        let mut all = Vec::new();
+        while let Some(Patch { place, rect }) = gaps.take_best() {
+            let id = journal.fresh_node();
+            let mut edges = edges::edges_of(&map, estimate.grid, id, place, &self.config.edges);
+            if edges.is_empty() {
+                continue; // nobody could get there
+            }
+            edges.truncate(self.config.coverage.most_edges);
+            gaps.cover(&Patch { place, rect });
+            let map_from_place = pose(place.x(), place.y(), 0.0);
+            self.footings.insert(id, Footing { anchored: estimate.anchor(&map_from_place), frame: None });
+            let put = Op::PutNode { id, kind: NodeKind::Support, pose: to_fixed(&map_from_place) };
+            let ops = [put, Op::SetFreeSpace { id, rect: Some(rect) }].into_iter();
+            let ops: Vec<Op> = ops.chain(edges.into_iter().map(|edge| Op::PutEdge { edge })).collect();
+            let (author, hlc_us) = (journal.author(), map.max_hlc_us() + 1);
+            map.apply(&Increment { author, number: u64::MAX, hlc_us, ops: ops.clone() });
+            all.extend(ops);
+        }
+        all
     }
 
     /// At the end: rectangles that have become larger since their node was made or that something stands in, and edges that walls now cross.

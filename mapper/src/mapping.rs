@@ -324,6 +324,8 @@ impl Mapper {
         self.follow(time_us);
         let ops = self.builder.finish(&self.journal, self.slam.grid());
         self.write_all(&ops, time_us);
+        let ops = self.builder.cover(&mut self.journal, &self.slam.estimate());
+        self.write_all(&ops, time_us);
         let space = Traversable::new(self.slam.grid(), &self.plan_config());
         let nodes: Vec<NodeId> = self.map().nodes().map(|node| node.id).collect();
         for node in nodes {

@@ -6,8 +6,10 @@
 //! | [`handoff`] | the demo: map, keep, relocalize, drive |
 //! | [`python`] | other people's programs, from PyPI |
 //! | [`picture`] | a map as a picture, like the paper's figure 1 |
+//! | [`survey`] | explored worlds, kept for evaluations |
 
 pub mod handoff;
 pub mod picture;
 pub mod process;
 pub mod python;
+pub mod survey;

@@ -5,7 +5,7 @@ use fht_robot::pose::pose;
 struct NoPaths;
 
 impl PathSource for NoPaths {
-    fn plan(&mut self, _: Point2, _: Point2, _: &BTreeSet<EdgeKey>) -> Result<PlannedPath, ErrorReply> {
+    fn plan(&mut self, _: Point2, _: Point2, _: &BTreeSet<FixedPoint>) -> Result<PlannedPath, ErrorReply> {
         Err(ErrorReply { code: ErrorCode::NoPath, message: "none".to_owned() })
     }
 }

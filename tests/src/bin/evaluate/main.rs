@@ -2,7 +2,9 @@
 
 mod chart;
 mod explore;
+mod paths;
 mod relations;
+mod relocalize;
 mod slam;
 
 use clap::{Parser, Subcommand};
@@ -33,6 +35,16 @@ pose of the scan taken at t2 in the frame of the scan taken at t1, metres and ra
   evaluate explore                                         museum and office, drift 1 and 2, ten seeds: about an hour
   evaluate explore --worlds museum --seeds 3 --no-cameras")]
     Explore(explore::ExploreArgs),
+    /// Paths that the map gives, against the shortest ways on the true plan.
+    #[command(after_help = "Examples:
+  evaluate paths --worlds ../shared/data/maps/museum.yaml,../shared/data/maps/large_indoor.yaml
+  evaluate paths --worlds museum --pairs 200")]
+    Paths(paths::PathsArgs),
+    /// Robots dropped anywhere in an explored building: how soon and how well they know where they are.
+    #[command(after_help = "Examples:
+  evaluate relocalize --worlds ../shared/data/maps/museum.yaml --starts 100
+  evaluate relocalize --worlds museum --starts 20")]
+    Relocalize(relocalize::RelocalizeArgs),
 }
 
 fn main() -> ExitCode {
@@ -40,6 +52,8 @@ fn main() -> ExitCode {
     let outcome = match cli.part {
         Part::Slam(args) => slam::run(&args),
         Part::Explore(args) => explore::run(&args),
+        Part::Paths(args) => paths::run(&args),
+        Part::Relocalize(args) => relocalize::run(&args),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,0 +1,58 @@
+//! The shortest path between two places through all the free space that the map knows: the node path of equation 5, drawn taut
+//! through rectangles and corridors, and of all such paths the shortest.
+
+use crate::any_angle::shortest_way;
+use crate::free_space::{Corner, FreeSpace, Spot};
+use crate::route::{self, Route, RouteConfig, RouteError, RoutePoint};
+use crate::state::MapState;
+use fht_proto::FixedPoint;
+
+/// Ways into the mesh that are tried for places outside of it: through this many of its parts.
+const PARTS: usize = 4;
+
+/// Plans from `from` to `to` (map frame) through `space`, which must be that of `map`. A place outside of it joins it at the
+/// nearest point, and the way there counts [`RouteConfig::unmapped_factor`] times.
+///
+/// # Errors
+/// [`RouteError::OutOfMap`] for a place too far from the mapped space, [`RouteError::NoPath`] if nothing joins the two.
+pub fn plan(
+    map: &MapState,
+    space: &FreeSpace,
+    from: FixedPoint,
+    to: FixedPoint,
+    config: &RouteConfig,
+) -> Result<Route, RouteError> {
+    let reach_mm = config.max_detour_m * 1000.0;
+    let (starts, goals) = (space.spots(from, reach_mm), space.spots(to, reach_mm));
+    let outside_mm = |(start, goal): &(&Spot, &Spot)| start.outside_mm + goal.outside_mm;
+    let pairs = starts.iter().flat_map(|start| goals.iter().map(move |goal| (start, goal)));
+    let mut pairs: Vec<(&Spot, &Spot)> = pairs.filter(|(start, goal)| start.part == goal.part).collect();
+    pairs.sort_by(|a, b| outside_mm(a).total_cmp(&outside_mm(b)));
+    let ways = pairs.into_iter().take(PARTS).filter_map(|(start, goal)| {
+        let way = shortest_way(space, start, goal)?;
+        let cost = length_mm(&way) + config.unmapped_factor.max(1.0) * outside_mm(&(start, goal));
+        Some((cost, way))
+    });
+    match ways.min_by(|a, b| a.0.total_cmp(&b.0)) {
+        Some((_, way)) => Ok(route_over(from, &way, to)),
+        // The mesh has holes where nodes have no rectangles and edges no room.
+        None => {
+            let blocked = config.blocked.union(&space.closed).copied().collect();
+            route::plan(map, from, to, &RouteConfig { blocked, ..config.clone() })
+        }
+    }
+}
+
+fn length_mm(way: &[Corner]) -> f64 {
+    way.windows(2).map(|pair| crate::free_space::distance(pair[0], pair[1])).sum()
+}
+
+fn route_over(from: FixedPoint, way: &[Corner], to: FixedPoint) -> Route {
+    let fixed = |corner: &Corner| FixedPoint { x_mm: corner[0].round() as i32, y_mm: corner[1].round() as i32 };
+    let mut points: Vec<FixedPoint> = vec![from];
+    points.extend(way.iter().map(fixed));
+    points.push(to);
+    points.dedup();
+    let length_m = points.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+    Route { length_m, waypoints: points.into_iter().map(|point| RoutePoint { point, node: None }).collect() }
+}

@@ -1,0 +1,145 @@
+//! Support nodes for free space that no rectangle covers: paths lead through rectangles, and where there is none they make a
+//! detour or none leads at all. Greedy: of all rectangles that could be added, always the one that covers most.
+
+use super::free_space::{FreeSpaceConfig, grow};
+use fht_map::MapState;
+use fht_proto::{FixedPoint, Rect};
+use fht_robot::grid::{Cell, CellBounds, OccupancyGrid};
+use fht_robot::planning::{PlanConfig, Traversable, UnknownCells};
+
+/// Parameters of the coverage.
+#[derive(Clone, Debug)]
+pub struct CoverageConfig {
+    /// A rectangle covers what is farther than this from its border: where a robot of this radius may be, metres. Default 0.13.
+    pub half_width_m: f64,
+    /// The least that a new rectangle must cover, square metres. Default 0.3: about 30 bytes of map each.
+    pub least_gain_m2: f64,
+    /// Edges of such a node at most: its rectangle joins it to others already. Default 3.
+    pub most_edges: usize,
+    /// Distance of the places that are tried, metres. Default 0.2.
+    pub spacing_m: f64,
+}
+
+impl Default for CoverageConfig {
+    fn default() -> Self {
+        Self { half_width_m: 0.13, least_gain_m2: 0.3, most_edges: 3, spacing_m: 0.2 }
+    }
+}
+
+/// A place for a support node, with its rectangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Patch {
+    /// Where the node would be.
+    pub place: FixedPoint,
+    /// What it would cover.
+    pub rect: Rect,
+}
+
+/// Where a robot may be, and which of it no rectangle covers yet.
+pub struct Gaps {
+    config: CoverageConfig,
+    bounds: CellBounds,
+    resolution_m: f64,
+    open: Vec<bool>,
+    patches: Vec<Patch>,
+}
+
+impl Gaps {
+    /// The gaps of a map in a grid, among the places that can be reached from its nodes.
+    #[must_use]
+    pub fn of(map: &MapState, grid: &OccupancyGrid, free_space: &FreeSpaceConfig, config: &CoverageConfig) -> Self {
+        let plan = PlanConfig {
+            robot_radius_m: config.half_width_m + 0.5 * grid.resolution_m(),
+            unknown: UnknownCells::Obstacle,
+            ..PlanConfig::shortest()
+        };
+        let space = Traversable::new(grid, &plan);
+        let bounds = grid.bounds();
+        let mut open = vec![false; bounds.width() * bounds.height()];
+        let mut waiting: Vec<Cell> = map.nodes().map(|node| grid.cell_of(super::point(node.pose.position))).collect();
+        while let Some(cell) = waiting.pop() {
+            if let Some(index) = bounds.index(cell)
+                && !open[index]
+                && space.is_passable(cell)
+            {
+                open[index] = true;
+                waiting.extend([(1, 0), (0, 1), (-1, 0), (0, -1)].map(|(i, j)| Cell { i: cell.i + i, j: cell.j + j }));
+            }
+        }
+        let mut gaps =
+            Self { config: config.clone(), bounds, resolution_m: grid.resolution_m(), open, patches: Vec::new() };
+        for node in map.nodes() {
+            if let Some(rect) = node.free_space {
+                gaps.cover(&Patch { place: node.pose.position, rect });
+            }
+        }
+        gaps.patches = gaps.candidates(grid, free_space);
+        gaps
+    }
+
+    fn candidates(&self, grid: &OccupancyGrid, free_space: &FreeSpaceConfig) -> Vec<Patch> {
+        let every = (self.config.spacing_m / self.resolution_m).round().max(1.0) as i32;
+        let on_lattice = |cell: &Cell| cell.i.rem_euclid(every) == 0 && cell.j.rem_euclid(every) == 0;
+        let cells = (0..self.open.len()).filter(|&index| self.open[index]).map(|index| self.bounds.cell(index));
+        let patch = |cell: Cell| {
+            let centre = grid.centre(cell);
+            let place = FixedPoint::from_metres(centre.x, centre.y);
+            Some(Patch { place, rect: grow(grid, place, free_space)? })
+        };
+        cells.filter(on_lattice).filter_map(patch).collect()
+    }
+
+    /// The patch that covers most of what is open, if that is enough; it is taken out.
+    pub fn take_best(&mut self) -> Option<Patch> {
+        let sums = self.sums();
+        let gain = |patch: &Patch| self.covered(patch).map_or(0, |(low, high)| count(&sums, &self.bounds, low, high));
+        let (index, most) =
+            self.patches.iter().map(gain).enumerate().max_by(|a, b| a.1.cmp(&b.1).then(b.0.cmp(&a.0)))?;
+        let is_enough = most as f64 * self.resolution_m * self.resolution_m >= self.config.least_gain_m2;
+        is_enough.then(|| self.patches.swap_remove(index))
+    }
+
+    /// What a patch covers is no gap any more.
+    pub fn cover(&mut self, patch: &Patch) {
+        let Some((low, high)) = self.covered(patch) else { return };
+        for j in low.j..=high.j {
+            for i in low.i..=high.i {
+                if let Some(index) = self.bounds.index(Cell { i, j }) {
+                    self.open[index] = false;
+                }
+            }
+        }
+    }
+
+    /// The cells whose centres a patch covers: least and greatest, both included; `None` if there is none.
+    fn covered(&self, patch: &Patch) -> Option<(Cell, Cell)> {
+        let (min, max) = (patch.rect.min(patch.place), patch.rect.max(patch.place));
+        let margin = self.config.half_width_m;
+        let first = |metres: f64| ((metres + margin) / self.resolution_m - 0.5).ceil() as i32;
+        let last = |metres: f64| ((metres - margin) / self.resolution_m - 0.5).floor() as i32;
+        let low = Cell { i: first(min.0).max(self.bounds.min.i), j: first(min.1).max(self.bounds.min.j) };
+        let high = Cell { i: last(max.0).min(self.bounds.max.i - 1), j: last(max.1).min(self.bounds.max.j - 1) };
+        (low.i <= high.i && low.j <= high.j).then_some((low, high))
+    }
+
+    /// How many open cells lie below and left of each corner of the cells.
+    fn sums(&self) -> Vec<u32> {
+        let (width, height) = (self.bounds.width(), self.bounds.height());
+        let mut sums = vec![0_u32; (width + 1) * (height + 1)];
+        for row in 0..height {
+            let mut sum = 0;
+            for column in 0..width {
+                sum += u32::from(self.open[row * width + column]);
+                sums[(row + 1) * (width + 1) + column + 1] = sums[row * (width + 1) + column + 1] + sum;
+            }
+        }
+        sums
+    }
+}
+
+/// Open cells from `low` to `high`, both included.
+fn count(sums: &[u32], bounds: &CellBounds, low: Cell, high: Cell) -> u32 {
+    let stride = bounds.width() + 1;
+    let at = |i: i32, j: i32| sums[(j - bounds.min.j) as usize * stride + (i - bounds.min.i) as usize];
+    at(high.i + 1, high.j + 1) + at(low.i, low.j) - at(low.i, high.j + 1) - at(high.i + 1, low.j)
+}

@@ -1,0 +1,156 @@
+//! Maps for evaluations: a world explored with drifting wheels and our SLAM, never from the truth. An exploration is kept in
+//! a folder, so that an evaluation that is run again begins where the last one ended.
+
+use fht_map::MapState;
+use fht_proto::{AuthorId, CodecError, Increment, decode, encode};
+use fht_robot::descriptor::{DescriptorError, DescriptorNet};
+use fht_robot::frame::FrameError;
+use fht_robot::pose::{Pose2, pose};
+use fht_sim::{SimConfig, Simulator, World, WorldError};
+use mapper::camera::CameraError;
+use mapper::explore::Ending;
+use mapper::mapping::{Mapper, MapperConfig, Step};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// What is explored, and how.
+#[derive(Clone, Debug)]
+pub struct SurveyTask {
+    /// `museum`, `office`, or a file that [`fht_sim::load`] reads.
+    pub world: String,
+    /// Pictures for the walls of a floor plan.
+    pub textures: Option<PathBuf>,
+    /// Seed of noise and wheels.
+    pub seed: u64,
+    /// Factor of the wheels' drift.
+    pub drift: f64,
+    /// What the map is called among those kept: one name for each set of parameters.
+    pub variant: String,
+    /// The mapper's parameters.
+    pub mapper: MapperConfig,
+}
+
+/// An explored world.
+pub struct Survey {
+    /// The world.
+    pub world: Arc<World>,
+    /// Where the map's frame lies in it: where the explorer started.
+    pub world_from_map: Pose2,
+    /// The map.
+    pub map: MapState,
+    /// What it is made of, as it travels: encoded increments.
+    pub increments: Vec<Vec<u8>>,
+}
+
+/// Why there is no map.
+#[derive(Debug, thiserror::Error)]
+pub enum SurveyError {
+    /// The world cannot be loaded.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// The descriptor network cannot be loaded.
+    #[error(transparent)]
+    Descriptor(#[from] DescriptorError),
+    /// The system gave no thread.
+    #[error("a thread cannot be started: {0}")]
+    Thread(#[from] std::io::Error),
+    /// The simulator made a frame that nothing can be made of: a defect.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// Panoramas could not be described.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// The exploration did not end as it should.
+    #[error("the exploration of {world} ended early: {ending}")]
+    Incomplete {
+        /// The world.
+        world: String,
+        /// How it ended.
+        ending: Ending,
+    },
+    /// An increment cannot be written or read.
+    #[error(transparent)]
+    Codec(#[from] CodecError),
+    /// A kept map cannot be read or written.
+    #[error("{path}: {reason}")]
+    Kept {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// A survey as it is kept.
+#[derive(Serialize, Deserialize)]
+struct Kept {
+    world_from_map: [f64; 3],
+    increments: Vec<Vec<u8>>,
+}
+
+/// Simulated time after which an exploration is given up, microseconds.
+const PATIENCE_US: u64 = 4 * 3600 * 1_000_000;
+
+impl Survey {
+    /// Takes the map of `task` from `folder`, or explores the world and keeps the map there.
+    ///
+    /// # Errors
+    /// [`SurveyError`].
+    pub fn of(task: &SurveyTask, folder: &Path) -> Result<Self, SurveyError> {
+        let world = Arc::new(fht_sim::load(&task.world, task.textures.as_deref(), 1)?);
+        // By the whole of what was asked for: two files may have one stem, and a built-in world its name.
+        let spec = task.world.replace(|c: char| !c.is_ascii_alphanumeric(), "_");
+        let name = format!("{spec}-{}-drift{}-seed{}.fht", task.variant, task.drift, task.seed);
+        let path = folder.join(name);
+        let kept_error = |reason: String| SurveyError::Kept { path: path.clone(), reason };
+        if let Ok(bytes) = std::fs::read(&path) {
+            let kept: Kept = postcard::from_bytes(&bytes).map_err(|error| kept_error(error.to_string()))?;
+            return Self::from_kept(world, kept);
+        }
+        let kept = explore(task, &world)?;
+        let bytes = postcard::to_stdvec(&kept).map_err(|error| kept_error(error.to_string()))?;
+        // Under another name first: a program that is ended leaves no half map.
+        let half = path.with_extension("part");
+        let write = || {
+            std::fs::create_dir_all(folder)?;
+            std::fs::write(&half, bytes)?;
+            std::fs::rename(&half, &path)
+        };
+        write().map_err(|error| kept_error(error.to_string()))?;
+        Self::from_kept(world, kept)
+    }
+
+    fn from_kept(world: Arc<World>, kept: Kept) -> Result<Self, SurveyError> {
+        let mut map = MapState::new();
+        for bytes in &kept.increments {
+            map.apply(&decode::<Increment>(bytes)?);
+        }
+        let [x, y, yaw] = kept.world_from_map;
+        Ok(Self { world, world_from_map: pose(x, y, yaw), map, increments: kept.increments })
+    }
+}
+
+fn explore(task: &SurveyTask, world: &Arc<World>) -> Result<Kept, SurveyError> {
+    let start = world.start();
+    let sim = SimConfig { drift_factor: task.drift, ..SimConfig::default() };
+    let mut simulator = Simulator::new(world.clone(), sim, start, task.seed);
+    let mut mapper =
+        Mapper::new(task.mapper.clone(), AuthorId::of_robot("explorer"), Some(DescriptorNet::load(None)?))?;
+    let mut frame = simulator.sense_first();
+    let ending = loop {
+        let step = mapper.step(&frame)?;
+        mapper.check()?;
+        match step {
+            Step::Drive(_) if frame.time_us > PATIENCE_US => break Ending::OutOfTime,
+            Step::Drive(twist) => frame = simulator.step(twist),
+            Step::Done(ending) => break ending,
+        }
+    };
+    if ending != Ending::Complete {
+        return Err(SurveyError::Incomplete { world: task.world.clone(), ending });
+    }
+    mapper.finish();
+    let increments = mapper.take_increments().iter().map(encode).collect::<Result<_, _>>()?;
+    Ok(Kept { world_from_map: [start.translation.x, start.translation.y, start.rotation.angle()], increments })
+}
