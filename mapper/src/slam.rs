@@ -275,7 +275,7 @@ impl Slam {
             // Standing at the start: the same place again. The map's frame is as true as what is known of this pose.
             latest.submap_from_base = Pose2::identity();
             active.older.average(&latest.submap_from_base, &points);
-        } else if is_known && !self.is_found_again && matched.is_some() && self.is_worth_averaging(frame, &motion) {
+        } else if matched.as_ref().is_some_and(|found| self.is_worth_averaging(frame, &motion, found.score)) {
             self.averaged_odom_from_base = frame.odom_from_base;
             active.average(&latest.submap_from_base, &points);
         }
@@ -297,10 +297,14 @@ impl Slam {
         }
     }
 
-    /// Whether a scan between keyframes shows something new, and was not taken in a turn.
-    fn is_worth_averaging(&self, frame: &SensorFrame, motion: &Pose2) -> bool {
+    /// Whether a scan between keyframes shows something new, was not taken in a turn and fits well: what fits badly may
+    /// be in the wrong place, and would fit there ever after.
+    fn is_worth_averaging(&self, frame: &SensorFrame, motion: &Pose2, score: f64) -> bool {
         let since = frame.odom_from_base.translation.vector - self.averaged_odom_from_base.translation.vector;
-        since.norm() >= self.config.average_distance_m && motion.rotation.angle().abs() <= self.config.average_turn_rad
+        !self.is_found_again
+            && score >= self.config.good_score
+            && since.norm() >= self.config.average_distance_m
+            && motion.rotation.angle().abs() <= self.config.average_turn_rad
     }
 
     /// The link of a new keyframe to the submap that it was matched to, and what the scan alone knows of it.
