@@ -39,6 +39,9 @@ pub struct ExploreConfig {
     pub utility: UtilityConfig,
     /// When a place is given up.
     pub setbacks: SetbackConfig,
+    /// At the start the robot stands and looks for so long, seconds: the map's frame is where it stands, and many scans tell
+    /// better where that is than one. Default 2.
+    pub first_look_s: f64,
     /// The path is checked against the grid this often, seconds. Default 1.
     pub check_period_s: f64,
     /// A new goal is chosen at most this often, seconds; until then the robot goes on along its path. Default 0.6.
@@ -62,6 +65,7 @@ impl Default for ExploreConfig {
             frontier: FrontierConfig::default(),
             utility: UtilityConfig::default(),
             setbacks: SetbackConfig::default(),
+            first_look_s: 2.0,
             check_period_s: 1.0,
             choose_period_s: 0.6,
             goal_cells: 4,
@@ -128,6 +132,7 @@ pub struct Explorer {
     /// Whether the last answer was that nothing is left.
     is_all_seen: bool,
     setbacks: Setbacks,
+    began_us: Option<u64>,
     chosen_us: u64,
     checked_us: u64,
     /// Where and when the robot last was seen to have moved.
@@ -148,6 +153,7 @@ impl Explorer {
             is_asking: false,
             is_all_seen: false,
             setbacks: Setbacks::default(),
+            began_us: None,
             chosen_us: 0,
             checked_us: 0,
             moved: None,
@@ -174,6 +180,10 @@ impl Explorer {
     pub fn step(&mut self, grid: &OccupancyGrid, map_from_base: &Pose2, scan: &LaserScan, time_us: u64) -> ExploreStep {
         if let Some(ending) = self.ended {
             return ExploreStep::Done(ending);
+        }
+        let began_us = *self.began_us.get_or_insert(time_us);
+        if seconds(began_us, time_us) < self.config.first_look_s {
+            return ExploreStep::Drive(Twist::default());
         }
         let position = Point2::from(map_from_base.translation.vector);
         self.watch_for_being_stuck(position, time_us);

@@ -57,6 +57,16 @@ struct Active {
     newer: Option<(Submap, Pose2)>,
 }
 
+impl Active {
+    /// Averages a scan, taken at a pose in the older submap, into both.
+    fn average(&mut self, submap_from_base: &Pose2, points: &[Point2]) {
+        self.older.average(submap_from_base, points);
+        if let Some((newer, older_from_newer)) = &mut self.newer {
+            newer.average(&(older_from_newer.inverse() * submap_from_base), points);
+        }
+    }
+}
+
 /// The newest estimate.
 #[derive(Clone, Debug)]
 struct Latest {
@@ -91,6 +101,8 @@ pub struct Slam {
     left: Option<Arc<Submap>>,
     /// The newest keyframe whose panorama was looked at.
     last_sighting: Option<usize>,
+    /// Where the wheels were when a scan was last put into the submaps.
+    averaged_odom_from_base: Pose2,
     frame: u64,
     /// What the back end has not been given yet.
     next_job: Job,
@@ -119,6 +131,7 @@ impl Slam {
             is_found_again: false,
             left: None,
             last_sighting: None,
+            averaged_odom_from_base: Pose2::identity(),
             frame: 0,
             next_job: Job::default(),
             back_end: Beside::start("slam", pace, move |job| back_end.work(job))?,
@@ -257,6 +270,14 @@ impl Slam {
             let wheels = is_driven.then(|| self.wheels_link(&frame.odom_from_base, learnt.is_some()));
             let links = edge.into_iter().chain(wheels).collect();
             self.add_keyframe(frame, points, &mut active, &mut latest, links);
+            self.averaged_odom_from_base = frame.odom_from_base;
+        } else if self.keyframes.len() == 1 && raw_motion == Pose2::identity() {
+            // Standing at the start: the same place again. The map's frame is as true as what is known of this pose.
+            latest.submap_from_base = Pose2::identity();
+            active.older.average(&latest.submap_from_base, &points);
+        } else if matched.as_ref().is_some_and(|found| self.is_worth_averaging(frame, &motion, found.score)) {
+            self.averaged_odom_from_base = frame.odom_from_base;
+            active.average(&latest.submap_from_base, &points);
         }
         let newest = self.keyframes.len() - 1;
         let keyframe_from_base = latest.submap_from_keyframe.inverse() * latest.submap_from_base;
@@ -274,6 +295,16 @@ impl Slam {
             tracking: self.tracking,
             is_corrected: false,
         }
+    }
+
+    /// Whether a scan between keyframes shows something new, was not taken in a turn and fits well: what fits badly may
+    /// be in the wrong place, and would fit there ever after.
+    fn is_worth_averaging(&self, frame: &SensorFrame, motion: &Pose2, score: f64) -> bool {
+        let since = frame.odom_from_base.translation.vector - self.averaged_odom_from_base.translation.vector;
+        !self.is_found_again
+            && score >= self.config.good_score
+            && since.norm() >= self.config.average_distance_m
+            && motion.rotation.angle().abs() <= self.config.average_turn_rad
     }
 
     /// The link of a new keyframe to the submap that it was matched to, and what the scan alone knows of it.
@@ -324,6 +355,7 @@ impl Slam {
         let origin = Pose2::identity();
         let older = Submap::begin(0, &self.config.submap, &frame.scan, &points);
         let anchored = Anchored { keyframe: 0, keyframe_from_base: origin };
+        self.averaged_odom_from_base = frame.odom_from_base;
         self.keyframes.push(Keyframe { odom_from_base: frame.odom_from_base, anchored });
         self.poses.push(origin);
         self.next_job.keyframes.push(NewKeyframe { points: Arc::new(points), links: Vec::new(), finished: Vec::new() });

@@ -50,7 +50,7 @@ fn step(explorer: &mut Explorer, grid: &OccupancyGrid, here: &Pose2, scan: &Lase
 #[test]
 fn a_closed_room_is_done_and_stays_done() {
     let (grid, scan) = closed_room();
-    let mut explorer = Explorer::new(ExploreConfig::default());
+    let mut explorer = Explorer::new(ExploreConfig { first_look_s: 0.0, ..ExploreConfig::default() });
     let waiting = step(&mut explorer, &grid, &pose(0.0, 0.0, 0.0), &scan, 0);
     assert_eq!(waiting, ExploreStep::Drive(Twist::default()));
     assert_eq!(explorer.step(&grid, &pose(0.0, 0.0, 0.0), &scan, 0), ExploreStep::Done(Ending::Complete));
@@ -60,7 +60,7 @@ fn a_closed_room_is_done_and_stays_done() {
 #[test]
 fn a_goal_is_kept_while_its_frontier_lasts() {
     let (grid, scan) = half_seen_room();
-    let mut explorer = Explorer::new(ExploreConfig::default());
+    let mut explorer = Explorer::new(ExploreConfig { first_look_s: 0.0, ..ExploreConfig::default() });
     let here = pose(-1.0, 0.0, 0.0);
     step(&mut explorer, &grid, &here, &scan, 0);
     let first = step(&mut explorer, &grid, &here, &scan, 200_000);
@@ -75,7 +75,7 @@ fn a_goal_is_kept_while_its_frontier_lasts() {
 #[test]
 fn a_robot_that_cannot_move_backs_out_and_gives_up_in_the_end() {
     let (grid, scan) = half_seen_room();
-    let mut explorer = Explorer::new(ExploreConfig::default());
+    let mut explorer = Explorer::new(ExploreConfig { first_look_s: 0.0, ..ExploreConfig::default() });
     let mut has_backed_out = false;
     for frame in 0..5 * 60 * 10 {
         match step(&mut explorer, &grid, &pose(-1.0, 0.0, 0.0), &scan, frame * 200_000) {

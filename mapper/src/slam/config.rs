@@ -23,6 +23,11 @@ pub struct SlamConfig {
     pub keyframe_distance_m: f64,
     /// A keyframe is taken after this much turning, radians. Default 0.5.
     pub keyframe_turn_rad: f64,
+    /// Between keyframes, scans are averaged into the submaps after this much driving, metres. Default 0.08.
+    pub average_distance_m: f64,
+    /// Scans taken while the robot turned by more than this since the last one are not averaged in: they are drawn out by the
+    /// turn. Radians. Default 0.05.
+    pub average_turn_rad: f64,
     /// The grid shows a scan after this much driving, metres. Default 0.1.
     pub view_distance_m: f64,
     /// The grid shows a scan after this much turning, radians. Default 0.2.
@@ -59,6 +64,8 @@ impl Default for SlamConfig {
             odometry: OdometryNoise::default(),
             keyframe_distance_m: 0.25,
             keyframe_turn_rad: 0.5,
+            average_distance_m: 0.08,
+            average_turn_rad: 0.05,
             view_distance_m: 0.1,
             view_turn_rad: 0.2,
             min_score: 0.3,

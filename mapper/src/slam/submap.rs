@@ -119,10 +119,15 @@ impl Submap {
 
     /// Adds the next keyframe: its pose in this frame, its scan and the scan's points in the robot's frame.
     pub fn insert(&mut self, submap_from_base: &Pose2, scan: &LaserScan, points: &[Point2]) {
-        let seen = points.iter().copied().map(SeenPoint::of_scan);
-        self.cloud.absorb(seen.map(|point| point.transformed(submap_from_base)), self.config.point_spacing_m);
+        self.average(submap_from_base, points);
         self.space.integrate(submap_from_base, scan);
         self.members.push(*submap_from_base);
+    }
+
+    /// Averages in a scan that makes no keyframe, in the robot's frame: the noise of the walls becomes less.
+    pub fn average(&mut self, submap_from_base: &Pose2, points: &[Point2]) {
+        let seen = points.iter().copied().map(SeenPoint::of_scan);
+        self.cloud.absorb(seen.map(|point| point.transformed(submap_from_base)), self.config.point_spacing_m);
     }
 
     /// Whether it holds all the keyframes that it is to hold.

@@ -10,6 +10,11 @@ use fht_robot::matching::{Prior, ScanMatch, SearchWindow, alignments, refine_wit
 use fht_robot::pose::{Point2, Pose2};
 use std::sync::Arc;
 
+/// A beam that ends this far behind a wall of the grid has gone through it, metres.
+const HIDDEN_BY_M: f64 = 0.3;
+/// Of a beam only this much is held against walls: where it ends it may graze one for long.
+const HIDDEN_SHARE: f64 = 0.7;
+
 impl Slam {
     /// Matches a scan to the active submap: from where the wheels say, and if that fits badly, anywhere near.
     pub(super) fn match_to(&self, submap: &Submap, points: &[Point2], prior: &Prior) -> Option<ScanMatch> {
@@ -35,9 +40,12 @@ impl Slam {
         } else {
             near
         };
+        // What the submap did not see, the rest of the map may have.
         let is_contradiction = |found: &ScanMatch| {
-            let verdict = submap.judge(points, &found.reference_from_moving);
-            verdict.contradicted as f64 > config.lost_contradiction * points.len() as f64
+            let in_submap = submap.judge(points, &found.reference_from_moving).contradicted;
+            let here = Anchored { keyframe: submap.first(), keyframe_from_base: found.reference_from_moving };
+            let contradicted = in_submap.max(self.contradicted_by_grid(points, &self.locate(&here)));
+            contradicted as f64 > config.lost_contradiction * points.len() as f64
         };
         best.filter(|found| {
             found.score >= config.good_score || (found.score >= config.min_score && !is_contradiction(found))
@@ -92,15 +100,25 @@ impl Slam {
             && contradicted <= (1.0 - closure.lost_agreement) * points.len() as f64
     }
 
-    /// How many points lie where the grid is free and no wall is near.
+    /// How many points cannot have been seen from here: they lie where the grid is free and no wall is near, or behind a wall.
     fn contradicted_by_grid(&self, points: &[Point2], map_from_base: &Pose2) -> usize {
-        let is_clear = |point: &&Point2| {
-            let here = self.grid.cell_of(map_from_base * *point);
-            let around = (-2..=2).flat_map(|j| (-2..=2).map(move |i| Cell { i: here.i + i, j: here.j + j }));
-            self.grid.state(here) == CellState::Free
+        let here = Point2::from(map_from_base.translation.vector);
+        let is_clear = |place: Point2| {
+            let cell = self.grid.cell_of(place);
+            let around = (-2..=2).flat_map(|j| (-2..=2).map(move |i| Cell { i: cell.i + i, j: cell.j + j }));
+            self.grid.state(cell) == CellState::Free
                 && around.into_iter().all(|cell| self.grid.state(cell) != CellState::Occupied)
         };
-        points.iter().filter(is_clear).count()
+        let is_hidden = |place: Point2| {
+            let way = place - here;
+            let seen = (way.norm() - HIDDEN_BY_M).min(HIDDEN_SHARE * way.norm());
+            seen > 0.0 && !self.grid.is_corridor_unoccupied(here, here + way.normalize() * seen, 0.0)
+        };
+        let is_contradicted = |point: &&Point2| {
+            let place = map_from_base * *point;
+            is_clear(place) || is_hidden(place)
+        };
+        points.iter().filter(is_contradicted).count()
     }
 
     /// Whether a robot that is lost maps on as if in a new building, since no place was found for so long.
