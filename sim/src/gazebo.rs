@@ -32,8 +32,8 @@ use crate::scene::{Face, OpenCountry, Scene, SceneBuilder};
 use fht_robot::pose::Point2;
 use floor::Floor;
 use material::GREY;
-use mesh::{Corner, Mesh, Paint};
-use nalgebra::{Isometry3, Point3, Rotation3, Vector3};
+use mesh::{Corner, Mesh, Paint, Part};
+use nalgebra::{Isometry3, Point3, Rotation3, Translation3, Vector3};
 use paints::Paints;
 use report::{Flaw, Report};
 use resolve::Paths;
@@ -128,29 +128,25 @@ impl Assembly<'_> {
                 };
                 let Some(mesh) = self.mesh(&path, uri) else { return };
                 let folder = path.parent().unwrap_or(base);
-                let mut drawn = false;
-                for own in &mesh.parts {
-                    let chosen = part.as_ref().is_none_or(|(name, _)| own.names.contains(name));
-                    if !chosen {
-                        continue;
-                    }
-                    drawn = true;
-                    let offset = match part {
-                        Some((_, true)) => centre(&own.triangles),
-                        _ => Vector3::zeros(),
-                    };
+                let is_chosen = |own: &&Part| part.as_ref().is_none_or(|(name, _)| own.names.contains(name));
+                let chosen: Vec<&Part> = mesh.parts.iter().filter(is_chosen).collect();
+                if chosen.is_empty() && !mesh.parts.is_empty() {
+                    self.report.note(Flaw::Mesh, format!("{uri} (no such part)"));
+                }
+                let offset = match part {
+                    Some((_, true)) => centre(&chosen),
+                    _ => Vector3::zeros(),
+                };
+                let to_world = |position: Vector3<f64>| {
+                    world_from * Point3::from((position - offset).component_mul(&Vector3::from(*scale)))
+                };
+                for own in chosen {
                     let (paint, folder) = match (paint, &own.paint) {
                         (Some(paint), _) => (paint, &**base),
                         (None, Some(paint)) => (paint, folder),
                         (None, None) => (&grey, folder),
                     };
-                    let to_world = |position: Vector3<f64>| {
-                        world_from * Point3::from((position - offset).component_mul(&Vector3::from(*scale)))
-                    };
                     self.draw(&own.triangles, paint, folder, to_world, uri);
-                }
-                if !drawn && !mesh.parts.is_empty() {
-                    self.report.note(Flaw::Mesh, format!("{uri} (no such part)"));
                 }
                 return;
             }
@@ -161,7 +157,7 @@ impl Assembly<'_> {
             Shape::Plane { normal, size } => {
                 let up = Rotation3::rotation_between(&Vector3::z(), normal)
                     .unwrap_or_else(|| Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
-                let turned: Isometry3<f64> = world_from * Isometry3::from_parts(Default::default(), up.into());
+                let turned: Isometry3<f64> = world_from * Isometry3::from_parts(Translation3::identity(), up.into());
                 let to_world = |position: Vector3<f64>| turned * Point3::from(position);
                 self.draw(&shapes::plane(*size), paint.unwrap_or(&grey), base, to_world, "plane");
                 return;
@@ -225,10 +221,11 @@ impl Assembly<'_> {
     }
 }
 
-/// Middle of the extent of some triangles.
-fn centre(triangles: &[[Corner; 3]]) -> Vector3<f64> {
-    let corners = || triangles.iter().flatten().map(|corner| Vector3::from(corner.position));
+/// Middle of the extent of some parts.
+fn centre(parts: &[&Part]) -> Vector3<f64> {
+    let corners = || parts.iter().flat_map(|part| part.triangles.as_flattened()).map(|corner| corner.position.into());
     let Some(first) = corners().next() else { return Vector3::zeros() };
-    let (low, high) = corners().fold((first, first), |(low, high), corner| (low.inf(&corner), high.sup(&corner)));
+    let (low, high) =
+        corners().fold((first, first), |(low, high): (Vector3<f64>, _), corner| (low.inf(&corner), high.sup(&corner)));
     (low + high) / 2.0
 }

@@ -233,6 +233,14 @@ fn parts_of_a_mesh_can_be_named() {
 }
 
 #[test]
+fn a_centred_part_is_moved_to_the_origin() {
+    let (folder, world) = panel("panel.dae", "<submesh><name>board</name><center>true</center></submesh>");
+    write(&folder, "models/panel/meshes/panel.dae", panel_dae("Z_UP", ""));
+    // The panel is a metre lower: its upper half is where the lower one was.
+    assert_eq!(seen(load_in(&folder, &world).unwrap())[2..], *"rg");
+}
+
+#[test]
 fn stl_meshes_are_scaled() {
     let (folder, world) = panel("panel.stl", "<scale>0.001 0.001 0.001</scale>");
     let stl = "solid panel\nfacet normal 0 0 0\nouter loop\nvertex 500 5000 0\nvertex 500 -5000 0\nvertex 500 0 2000\n\
@@ -304,6 +312,22 @@ fn what_is_no_world_is_an_error() {
     assert!(message("<sdf version='1.6'><world name='w'/></sdf>").contains("has no"));
     let missing = load("nowhere/none.world", None, 1).err().map(|error| error.to_string()).unwrap_or_default();
     assert!(missing.contains("none.world"), "{missing}");
+}
+
+#[test]
+fn deep_and_wide_files_end_in_words() {
+    let deep = format!("<sdf><world name='w'>{}", "<model name='m'>".repeat(200_000));
+    assert!(load_text(&deep).is_err());
+    let closed = format!("<model name='m'>{}{}</model>", "<model name='m'>".repeat(500), "</model>".repeat(500));
+    assert!(load_text(&room_with(&closed)).unwrap().warnings()[0].contains("too deep"));
+    // Each model includes the next ten times.
+    let folder = tempfile::tempdir().unwrap();
+    for level in 0..9 {
+        let include = format!("<include><uri>model://m{}</uri></include>", level + 1).repeat(10);
+        write(&folder, &format!("models/m{level}/model.sdf"), format!("<sdf><model name='m'>{include}</model></sdf>"));
+    }
+    let world = load_in(&folder, &room_with("<include><uri>model://m0</uri></include>")).unwrap();
+    assert!(world.warnings().iter().any(|told| told.contains("models and visuals after")), "{:?}", world.warnings());
 }
 
 /// Changes some bytes of a file.

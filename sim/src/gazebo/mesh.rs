@@ -6,7 +6,7 @@ use std::path::Path;
 /// Largest mesh file that is read, bytes.
 const MOST_BYTES: u64 = 256 << 20;
 /// Most triangles of one mesh.
-pub(crate) const MOST_TRIANGLES: usize = 8_000_000;
+pub(crate) const MOST_TRIANGLES: usize = 4_000_000;
 
 /// A mesh cannot be had.
 #[derive(Debug, thiserror::Error)]
@@ -69,7 +69,7 @@ pub(crate) struct Mesh {
     pub(crate) malformed: usize,
 }
 
-/// Reads a mesh by the extension of its file. `picture://` references stay as the file has them.
+/// Reads a mesh by the extension of its file.
 pub(crate) fn load(path: &Path) -> Result<Mesh, MeshError> {
     let bytes = std::fs::metadata(path)?.len();
     if bytes > MOST_BYTES {

@@ -35,6 +35,9 @@ impl Paths {
     /// anything else, relative to `base`. Of an address in the net the last part is searched for as a model.
     pub(crate) fn find(&self, uri: &str, base: &Path) -> Option<PathBuf> {
         let uri = uri.trim();
+        if uri.is_empty() {
+            return None;
+        }
         if let Some(name) = uri.strip_prefix("model://").or_else(|| uri.strip_prefix("package://")) {
             return self.in_models(name);
         }
