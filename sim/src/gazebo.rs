@@ -10,7 +10,8 @@
 //! | `report` | what the files lack |
 //!
 //! The scanner, the cameras and the bumper all meet the *visual* shapes, as Gazebo's own scanners do that render; its
-//! collision shapes are left aside. Flaws of the files are told as warnings, and the rest is loaded.
+//! collision shapes are left aside. Scanner and bumper meet all that lies in one slab, so that a robot sees whatever it can
+//! run into. Flaws of the files are told as warnings, and the rest is loaded.
 
 mod collada;
 mod floor;
@@ -94,7 +95,13 @@ pub(crate) fn load(path: &Path) -> Result<Gazebo, SdfError> {
     let (ground_m, colour) = description.ground.unwrap_or((DEFAULT_GROUND_M, GREY));
     let ground = paints.colour(colour, &mut builder);
     let sky = description.sky.map(|value| 255.0 * value);
-    let scene = builder.build_open(&OpenCountry { ground, ground_m: ground_m - SUNK_M, sky, outlines: &outlines });
+    let scene = builder.build_open(&OpenCountry {
+        ground,
+        ground_m: ground_m - SUNK_M,
+        sky,
+        outlines: &outlines,
+        slab_m: slab::SLAB_M,
+    });
     let warnings = report.sentences();
     for warning in &warnings {
         tracing::warn!(world = %path.display(), "{warning}");
@@ -109,7 +116,7 @@ struct Assembly<'a> {
     builder: SceneBuilder,
     paints: Paints,
     meshes: HashMap<PathBuf, Option<Arc<Mesh>>>,
-    /// What a robot can run into, seen from above.
+    /// What a robot can run into and its scanner sees, from above.
     outlines: Vec<Vec<Point2>>,
     triangles: usize,
 }

@@ -9,10 +9,14 @@ use fht_robot::pose::Point2;
 use nalgebra::Point3;
 use parry3d::math::Vector;
 use parry3d::query::{PointQuery, Ray};
-use parry3d::shape::{CompositeShapeRef, Polyline, TriMesh};
+use parry3d::shape::{CompositeShapeRef, TriMesh};
 
 /// Twice the area of triangles too small to be seen or met, square metres.
 const LEAST_DOUBLED_AREA_M2: f64 = 1e-12;
+/// Length of sides of obstacles too short to be met, metres.
+const LEAST_SIDE_M: f64 = 1e-5;
+/// How far sides of obstacles reach over their ends, metres.
+const OVERLAP_M: f64 = 1e-4;
 /// Farthest place in a texture that still means something, in its units.
 const FARTHEST_UV: f32 = 1e4;
 
@@ -88,22 +92,49 @@ pub(crate) struct OpenCountry<'a> {
     pub(crate) sky: [f32; 3],
     /// What a robot's body can run into, seen from above: lines and convex polygons, metres.
     pub(crate) outlines: &'a [Vec<Point2>],
+    /// Heights between which they stand, metres.
+    pub(crate) slab_m: [f64; 2],
 }
 
 impl OpenCountry<'_> {
-    /// The sides of all outlines, at height 0.
-    fn bumped(&self) -> Option<Polyline> {
+    /// The sides of all outlines, upright through the slab.
+    fn obstacles(&self) -> Option<Obstacles> {
+        let [bottom_m, top_m] = self.slab_m;
         let mut corners = Vec::new();
-        let mut sides = Vec::new();
+        let mut triangles = Vec::new();
         for outline in self.outlines {
-            let (first, count) = (corners.len() as u32, outline.len() as u32);
-            corners.extend(outline.iter().map(|&corner| spatial(corner, 0.0)));
             // A line has one side, not one there and one back.
-            let all = if count == 2 { 1 } else { count };
-            sides.extend((0..all).map(|side| [first + side, first + (side + 1) % count]));
+            let sides = if outline.len() == 2 { 1 } else { outline.len() };
+            for side in 0..sides {
+                let (from, to) = (outline[side], outline[(side + 1) % outline.len()]);
+                let length = (to - from).norm();
+                if length < LEAST_SIDE_M {
+                    continue;
+                }
+                // No ray slips through between two sides.
+                let overlap = (to - from) * (OVERLAP_M / length);
+                let (from, to) = (from - overlap, to + overlap);
+                let first = corners.len() as u32;
+                corners.extend([
+                    spatial(from, bottom_m),
+                    spatial(to, bottom_m),
+                    spatial(to, top_m),
+                    spatial(from, top_m),
+                ]);
+                triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+            }
         }
-        (!sides.is_empty()).then(|| Polyline::new(corners, Some(sides)))
+        let sides = TriMesh::new(corners, triangles).ok()?;
+        Some(Obstacles { sides, bottom_m: bottom_m as f32, top_m: top_m as f32 })
     }
+}
+
+/// What a robot can run into and its scanner sees, where that is not just the triangles.
+#[derive(Clone)]
+struct Obstacles {
+    sides: TriMesh,
+    bottom_m: f32,
+    top_m: f32,
 }
 
 /// A vertical rectangle over the segment `from` → `to`, seen from the segment's left side.
@@ -231,7 +262,7 @@ impl SceneBuilder {
         let mesh = TriMesh::new(self.vertices, self.indices).ok()?;
         Some(Scene {
             mesh,
-            bumped: None,
+            obstacles: None,
             surface_of: self.surface_of,
             surfaces: self.surfaces,
             textures: self.textures,
@@ -254,7 +285,7 @@ impl SceneBuilder {
             outside: country.ground,
         };
         let scene = self.build(ground, country.ground, f64::INFINITY)?;
-        Some(Scene { bumped: country.bumped(), ground_m: country.ground_m as f32, sky: country.sky, ..scene })
+        Some(Scene { obstacles: country.obstacles(), ground_m: country.ground_m as f32, sky: country.sky, ..scene })
     }
 }
 
@@ -262,8 +293,7 @@ impl SceneBuilder {
 #[derive(Clone)]
 pub(crate) struct Scene {
     mesh: TriMesh,
-    /// What the bumper meets, at height 0, where that is not just the triangles.
-    bumped: Option<Polyline>,
+    obstacles: Option<Obstacles>,
     surface_of: Vec<u32>,
     surfaces: Vec<Surface>,
     textures: Vec<Texture>,
@@ -281,10 +311,15 @@ impl Scene {
         self.surface_of.len()
     }
 
-    /// Distance to the first triangle along a ray of unit `direction`, metres, if nearer than `max_m`.
+    /// Distance to what a level ray of unit `direction` meets first, metres, if nearer than `max_m`: a triangle, or in open
+    /// country, between the heights where it has obstacles, any of these.
     pub(crate) fn range(&self, origin: Vector, direction: Vector, max_m: f32) -> Option<f32> {
         let ray = Ray::new(origin, direction);
-        CompositeShapeRef(&self.mesh).cast_local_ray(&ray, max_m, true).map(|(_, range)| range)
+        let met = match &self.obstacles {
+            Some(obstacles) if (obstacles.bottom_m..=obstacles.top_m).contains(&origin.z) => &obstacles.sides,
+            _ => &self.mesh,
+        };
+        CompositeShapeRef(met).cast_local_ray(&ray, max_m, true).map(|(_, range)| range)
     }
 
     /// Colour (0 to 255 before the camera's own response) that comes along a ray of unit `direction`; a pixel spans
@@ -331,12 +366,14 @@ impl Scene {
     }
 
     /// Nearest point to a point `height_m` above the floor of whatever a body can run into, in the plane, and its distance,
-    /// metres. In open country that is anything between two heights, else any triangle.
+    /// metres. In open country that is an obstacle, else any triangle.
     pub(crate) fn nearest(&self, point: Point2, height_m: f64) -> (Point2, f64) {
-        let (at, found) = match &self.bumped {
-            Some(bumped) => (spatial(point, 0.0), bumped.project_local_point(spatial(point, 0.0), false).point),
-            None => (spatial(point, height_m), self.mesh.project_local_point(spatial(point, height_m), false).point),
+        let (met, height_m) = match &self.obstacles {
+            Some(obstacles) => (&obstacles.sides, f64::from((obstacles.bottom_m + obstacles.top_m) / 2.0)),
+            None => (&self.mesh, height_m),
         };
+        let at = spatial(point, height_m);
+        let found = met.project_local_point(at, false).point;
         let nearest = Point2::new(f64::from(found.x), f64::from(found.y));
         (nearest, f64::from(found.distance(at)))
     }

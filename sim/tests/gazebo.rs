@@ -108,6 +108,20 @@ fn the_bumper_and_the_plan_agree() {
 }
 
 #[test]
+fn what_can_be_run_into_is_seen_and_tables_are_not() {
+    // A step that ends just below the scanner's mount, a table's top, and a mat.
+    let things = r#"<model name="things"><link name="l">
+        <visual name="step"><pose>2.5 0 0.085 0 0 0</pose><geometry><box><size>1 1 0.17</size></box></geometry></visual>
+        <visual name="table"><pose>-2 0 0.7 0 0 0</pose><geometry><box><size>1 1 0.05</size></box></geometry></visual>
+        <visual name="mat"><pose>0 2 0.01 0 0 0</pose><geometry><box><size>1 1 0.02</size></box></geometry></visual>
+        </link></model>"#;
+    let world = load_text(&room_with(things)).unwrap();
+    let plan = world.plan();
+    assert!(plan.is_occupied(2.05, 0.0) && !plan.is_occupied(-2.0, 0.0) && !plan.is_occupied(0.0, 2.0));
+    assert_near(ranges(world, Pose2::identity()), [2.0, 3.0, 4.0, 3.0]);
+}
+
+#[test]
 fn poses_of_models_links_and_visuals_add_up() {
     // A thin box, turned by 90° in all, so that its long side runs along y; state and nested models move it.
     let thing = r#"<model name="outer"><pose>9 9 0 0 0 0</pose>

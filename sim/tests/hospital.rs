@@ -111,7 +111,7 @@ fn a_robot_senses_the_hospital() {
     let frame = Simulator::new(Arc::clone(&world), config.clone(), start, 1).sense_first();
     let returns = frame.scan.ranges_m.iter().filter(|&&range| frame.scan.is_return(range)).count();
     assert!(returns > 180, "{returns} of 360 beams return");
-    // Rays end at occupied cells of the plan, or where the slab has something and the scanner's plane has not.
+    // Rays end at occupied cells of the plan.
     let plan = world.plan();
     for pose in (1..20).map(|seed| world.random_free_pose(seed, 0.3)) {
         let scan = Simulator::new(Arc::clone(&world), config.clone(), pose, 1).sense_first().scan;

@@ -1,12 +1,13 @@
-//! What a robot's body can run into: the part of a surface between two heights, seen from above.
+//! What a robot can run into: the part of a surface between two heights, seen from above.
 //!
-//! The bumper and the true plan are both made of it, so that they agree.
+//! Bumper, scanner and true plan are all made of it, so that they agree. A scanner of one thin plane would look over the
+//! feet of chairs and under the car of a lift, and the robot would run into what it cannot see.
 
 use nalgebra::{Point2, Point3};
 
-/// Heights between which a robot's body is solid, metres: within 6 cm of the plane of its scanner, so that it sees almost
-/// all that it can run into. It rolls over what is lower, such as the feet of office chairs, and drives under what is
-/// higher, such as tables. The camera's mast is thin and left out.
+/// Heights between which a robot's body is solid and its scanner sees, metres: within 6 cm of the scanner's mount, as
+/// scans are made of point clouds that are cut to a range of heights. The robot rolls over what is lower, and drives under
+/// what is higher, such as tables. The camera's mast is thin and left out.
 pub(crate) const SLAB_M: [f64; 2] = [0.122, 0.242];
 /// Twice the area below which an outline counts as a line, square metres.
 const LINE_M2: f64 = 1e-7;
