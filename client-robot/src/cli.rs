@@ -87,7 +87,7 @@ struct LinkArgs {
 
 #[derive(Debug, Args)]
 struct RobotArgs {
-    /// The world that the simulated robot is in: museum, office, or the path of a Nav2 map.yaml.
+    /// The world that the simulated robot is in: museum, office, or the path of a Nav2 map.yaml or a Gazebo .world.
     #[arg(long, default_value = "museum")]
     world: String,
     /// Pictures for the walls of a map.yaml.

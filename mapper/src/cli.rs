@@ -60,7 +60,7 @@ logs.")]
 
 #[derive(Debug, Args)]
 struct ExploreArgs {
-    /// The building: museum, office, or the path of a Nav2 map.yaml.
+    /// The building: museum, office, or the path of a Nav2 map.yaml or a Gazebo .world.
     #[arg(long, default_value = "museum")]
     world: String,
     /// Folder of pictures to paint the walls of a Nav2 map with.

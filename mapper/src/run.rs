@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 /// What to explore and where to publish.
 #[derive(Clone, Debug)]
 pub struct ExploreTask {
-    /// `museum`, `office` or the path of a Nav2 `map.yaml`.
+    /// `museum`, `office` or the path of a Nav2 `map.yaml` or a Gazebo `.world`.
     pub world: String,
     /// Pictures for the walls of a Nav2 map.
     pub textures: Option<PathBuf>,

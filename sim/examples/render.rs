@@ -102,6 +102,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         plan.area_m2(&plan.reachable_free(start, 0.2)),
         began.elapsed().as_secs_f64()
     );
+    for warning in world.warnings() {
+        println!("warning: {warning}");
+    }
     let mut poses = vec![world.start()];
     poses.extend((1..options.places).map(|place| world.random_free_pose(place, 0.4)));
     from_above(&world, &poses).save(options.out.join("plan.png"))?;

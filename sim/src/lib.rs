@@ -5,6 +5,7 @@
 //! | [`world`] | a building: triangles with textures, and its true plan |
 //! | [`plan`] | the true floor plan, for scoring only |
 //! | [`nav2`] | maps in the format of the ROS 2 map server |
+//! | [`gazebo`] | worlds of the Gazebo simulators |
 //! | [`photographs`] | the user's pictures for the walls |
 //! | [`simulator`] | a robot that drives and senses in a world |
 //!
@@ -15,6 +16,7 @@ mod camera;
 mod draw;
 mod dress;
 mod extrude;
+pub mod gazebo;
 mod layout;
 mod lidar;
 mod light;

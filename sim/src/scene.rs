@@ -1,27 +1,42 @@
 //! What rays meet: triangles with textures, a floor and a ceiling. One scene serves the LiDAR, the cameras and the bumper.
 //!
 //! The horizontal floor and ceiling are planes met analytically: no ray can pass them, so they also bound the search in
-//! the triangle tree.
+//! the triangle tree. In open country there is no ceiling but a sky.
 
 use crate::light::Light;
 use crate::texture::Texture;
 use fht_robot::pose::Point2;
+use nalgebra::Point3;
 use parry3d::math::Vector;
 use parry3d::query::{PointQuery, Ray};
 use parry3d::shape::{CompositeShapeRef, TriMesh};
+
+/// Twice the area of triangles too small to be seen or met, square metres.
+const LEAST_DOUBLED_AREA_M2: f64 = 1e-12;
+/// Length of sides of obstacles too short to be met, metres.
+const LEAST_SIDE_M: f64 = 1e-5;
+/// How far sides of obstacles reach over their ends, metres.
+const OVERLAP_M: f64 = 1e-4;
+/// Farthest place in a texture that still means something, in its units.
+const FARTHEST_UV: f32 = 1e4;
 
 /// Index of a texture of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct TextureId(u32);
 
-/// How a flat face maps to its texture: metres to the right and down of the texture's top left corner.
+/// How a flat face maps to its texture: units of the texture (metres, or its own widths and heights) to the right and down
+/// of its top left corner. Any mapping of a triangle's corners is such an affine one.
 #[derive(Clone, Copy, Debug)]
 struct Surface {
     texture: TextureId,
+    /// Where the offsets hold. Near the face, so that steep mappings stay exact.
+    anchor: Vector,
     right: Vector,
-    right_offset_m: f32,
+    right_offset: f32,
     down: Vector,
-    down_offset_m: f32,
+    down_offset: f32,
+    /// Units of the texture in a metre.
+    density: f32,
     normal: Vector,
 }
 
@@ -67,6 +82,61 @@ pub(crate) struct SceneBuilder {
     textures: Vec<Texture>,
 }
 
+/// What surrounds triangles that have no storey of their own.
+pub(crate) struct OpenCountry<'a> {
+    /// Texture of the ground.
+    pub(crate) ground: TextureId,
+    /// Height of the ground, metres.
+    pub(crate) ground_m: f64,
+    /// Colour of the sky, 0 to 255.
+    pub(crate) sky: [f32; 3],
+    /// What a robot's body can run into, seen from above: lines and convex polygons, metres.
+    pub(crate) outlines: &'a [Vec<Point2>],
+    /// Heights between which they stand, metres.
+    pub(crate) slab_m: [f64; 2],
+}
+
+impl OpenCountry<'_> {
+    /// The sides of all outlines, upright through the slab.
+    fn obstacles(&self) -> Option<Obstacles> {
+        let [bottom_m, top_m] = self.slab_m;
+        let mut corners = Vec::new();
+        let mut triangles = Vec::new();
+        for outline in self.outlines {
+            // A line has one side, not one there and one back.
+            let sides = if outline.len() == 2 { 1 } else { outline.len() };
+            for side in 0..sides {
+                let (from, to) = (outline[side], outline[(side + 1) % outline.len()]);
+                let length = (to - from).norm();
+                if length < LEAST_SIDE_M {
+                    continue;
+                }
+                // No ray slips through between two sides.
+                let overlap = (to - from) * (OVERLAP_M / length);
+                let (from, to) = (from - overlap, to + overlap);
+                let first = corners.len() as u32;
+                corners.extend([
+                    spatial(from, bottom_m),
+                    spatial(to, bottom_m),
+                    spatial(to, top_m),
+                    spatial(from, top_m),
+                ]);
+                triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+            }
+        }
+        let sides = TriMesh::new(corners, triangles).ok()?;
+        Some(Obstacles { sides, bottom_m: bottom_m as f32, top_m: top_m as f32 })
+    }
+}
+
+/// What a robot can run into and its scanner sees, where that is not just the triangles.
+#[derive(Clone)]
+struct Obstacles {
+    sides: TriMesh,
+    bottom_m: f32,
+    top_m: f32,
+}
+
 /// A vertical rectangle over the segment `from` → `to`, seen from the segment's left side.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Face {
@@ -103,10 +173,12 @@ impl SceneBuilder {
         let left_end = spatial(face.to, 0.0);
         let surface = Surface {
             texture,
+            anchor: Vector::ZERO,
             right,
-            right_offset_m: left_m as f32 - right.dot(left_end),
+            right_offset: left_m as f32 - right.dot(left_end),
             down: Vector::new(0.0, 0.0, -1.0),
-            down_offset_m: texture_top_m as f32,
+            down_offset: texture_top_m as f32,
+            density: 1.0,
             normal: Vector::new(right.y, -right.x, 0.0),
         };
         let corners = [
@@ -129,14 +201,50 @@ impl SceneBuilder {
         let origin = spatial(*first, height_m);
         let surface = Surface {
             texture,
+            anchor: Vector::ZERO,
             right,
-            right_offset_m: -right.dot(origin),
+            right_offset: -right.dot(origin),
             down,
-            down_offset_m: -down.dot(origin),
+            down_offset: -down.dot(origin),
+            density: 1.0,
             normal: Vector::new(0.0, 0.0, if faces_up { 1.0 } else { -1.0 }),
         };
         let corners: Vec<Vector> = corners.iter().map(|&corner| spatial(corner, height_m)).collect();
         self.polygon(&corners, surface);
+    }
+
+    /// Adds a triangle, seen from both sides. `uv` are its corners' places in the texture: right and down from its top left
+    /// corner in the texture's units. One without area is left out.
+    pub(crate) fn triangle(&mut self, corners: [Point3<f64>; 3], uv: [[f32; 2]; 3], texture: TextureId) {
+        let [a, b, c] = corners;
+        let (along, across) = (b - a, c - a);
+        let normal = along.cross(&across);
+        let doubled_area = normal.norm();
+        if doubled_area < LEAST_DOUBLED_AREA_M2 {
+            return;
+        }
+        // A texture repeats: whole units away mean the same, and small numbers are exact.
+        let whole = uv[0].map(f32::floor);
+        let is_sound = uv.iter().flatten().all(|value| value.abs() <= FARTHEST_UV);
+        let place = |corner: usize, axis: usize| if is_sound { f64::from(uv[corner][axis] - whole[axis]) } else { 0.0 };
+        let gradient = |axis: usize| {
+            let (by_along, by_across) = (place(1, axis) - place(0, axis), place(2, axis) - place(0, axis));
+            let squared = doubled_area * doubled_area;
+            (across.cross(&normal) * by_along + normal.cross(&along) * by_across) / squared
+        };
+        let (right, down) = (gradient(0), gradient(1));
+        let single = |vector: nalgebra::Vector3<f64>| Vector::new(vector.x as f32, vector.y as f32, vector.z as f32);
+        let surface = Surface {
+            texture,
+            anchor: single(a.coords),
+            right: single(right),
+            right_offset: place(0, 0) as f32,
+            down: single(down),
+            down_offset: place(0, 1) as f32,
+            density: ((right.norm() + down.norm()) / 2.0) as f32,
+            normal: single(normal / doubled_area),
+        };
+        self.polygon(&corners.map(|corner| single(corner.coords)), surface);
     }
 
     fn polygon(&mut self, corners: &[Vector], surface: Surface) {
@@ -149,31 +257,52 @@ impl SceneBuilder {
         }
     }
 
-    /// The scene; `None` without any triangle.
+    /// The scene of a storey; `None` without any triangle.
     pub(crate) fn build(self, ground: Ground, ceiling: TextureId, ceiling_m: f64) -> Option<Scene> {
         let mesh = TriMesh::new(self.vertices, self.indices).ok()?;
         Some(Scene {
             mesh,
+            obstacles: None,
             surface_of: self.surface_of,
             surfaces: self.surfaces,
             textures: self.textures,
             ground,
+            ground_m: 0.0,
             ceiling,
             ceiling_m: ceiling_m as f32,
+            sky: [0.0; 3],
         })
+    }
+
+    /// The scene of open country; `None` without any triangle.
+    pub(crate) fn build_open(self, country: &OpenCountry<'_>) -> Option<Scene> {
+        let ground = Ground {
+            origin: Point2::origin(),
+            resolution_m: 1.0,
+            width: 0,
+            textures: Vec::new(),
+            openness: Vec::new(),
+            outside: country.ground,
+        };
+        let scene = self.build(ground, country.ground, f64::INFINITY)?;
+        Some(Scene { obstacles: country.obstacles(), ground_m: country.ground_m as f32, sky: country.sky, ..scene })
     }
 }
 
-/// Triangles with textures between a floor at height 0 and a ceiling.
+/// Triangles with textures between a floor and a ceiling or the sky.
 #[derive(Clone)]
 pub(crate) struct Scene {
     mesh: TriMesh,
+    obstacles: Option<Obstacles>,
     surface_of: Vec<u32>,
     surfaces: Vec<Surface>,
     textures: Vec<Texture>,
     ground: Ground,
+    ground_m: f32,
     ceiling: TextureId,
+    /// Infinite under the sky.
     ceiling_m: f32,
+    sky: [f32; 3],
 }
 
 impl Scene {
@@ -182,17 +311,22 @@ impl Scene {
         self.surface_of.len()
     }
 
-    /// Distance to the first triangle along a ray of unit `direction`, metres, if nearer than `max_m`.
+    /// Distance to what a level ray of unit `direction` meets first, metres, if nearer than `max_m`: a triangle, or in open
+    /// country, between the heights where it has obstacles, any of these.
     pub(crate) fn range(&self, origin: Vector, direction: Vector, max_m: f32) -> Option<f32> {
         let ray = Ray::new(origin, direction);
-        CompositeShapeRef(&self.mesh).cast_local_ray(&ray, max_m, true).map(|(_, range)| range)
+        let met = match &self.obstacles {
+            Some(obstacles) if (obstacles.bottom_m..=obstacles.top_m).contains(&origin.z) => &obstacles.sides,
+            _ => &self.mesh,
+        };
+        CompositeShapeRef(met).cast_local_ray(&ray, max_m, true).map(|(_, range)| range)
     }
 
     /// Colour (0 to 255 before the camera's own response) that comes along a ray of unit `direction`; a pixel spans
     /// `pixel_angle` radians.
     pub(crate) fn look(&self, origin: Vector, direction: Vector, pixel_angle: f32, light: &Light) -> [f32; 3] {
         let plane_m = if direction.z < 0.0 {
-            -origin.z / direction.z
+            (self.ground_m - origin.z) / direction.z
         } else if direction.z > 0.0 {
             (self.ceiling_m - origin.z) / direction.z
         } else {
@@ -202,15 +336,21 @@ impl Scene {
         if let Some((triangle, range)) = CompositeShapeRef(&self.mesh).cast_local_ray(&ray, plane_m.min(500.0), true) {
             let surface = &self.surfaces[self.surface_of[triangle as usize] as usize];
             let point = origin + direction * range;
-            let u = surface.right.dot(point) + surface.right_offset_m;
-            let v = surface.down.dot(point) + surface.down_offset_m;
-            let slant = surface.normal.dot(direction).abs();
-            let colour = self.textures[surface.texture.0 as usize].sample(u, v, footprint(range, pixel_angle, slant));
-            let shade = light.on_surface(surface.normal, point) * light.near_edges(point.z, self.ceiling_m);
+            let from_anchor = point - surface.anchor;
+            let u = surface.right.dot(from_anchor) + surface.right_offset;
+            let v = surface.down.dot(from_anchor) + surface.down_offset;
+            let facing = surface.normal.dot(direction);
+            let footprint = footprint(range, pixel_angle, facing.abs()) * surface.density;
+            let colour = self.textures[surface.texture.0 as usize].sample(u, v, footprint);
+            // The side that is seen is the one that is lit.
+            let normal = if facing > 0.0 { -surface.normal } else { surface.normal };
+            // Under the sky edges are as light as the rest.
+            let edges = if self.ceiling_m.is_finite() { light.near_edges(point.z, self.ceiling_m) } else { 1.0 };
+            let shade = light.on_surface(normal, point) * edges;
             return colour.map(|value| value * shade);
         }
         if plane_m > 500.0 {
-            return [0.0; 3];
+            return self.sky;
         }
         let point = origin + direction * plane_m;
         let (texture, normal, openness) = if direction.z < 0.0 {
@@ -225,10 +365,15 @@ impl Scene {
         colour.map(|value| value * shade)
     }
 
-    /// Nearest point of any triangle to a point `height_m` above the floor, in the plane, and its distance, metres.
+    /// Nearest point to a point `height_m` above the floor of whatever a body can run into, in the plane, and its distance,
+    /// metres. In open country that is an obstacle, else any triangle.
     pub(crate) fn nearest(&self, point: Point2, height_m: f64) -> (Point2, f64) {
+        let (met, height_m) = match &self.obstacles {
+            Some(obstacles) => (&obstacles.sides, f64::from((obstacles.bottom_m + obstacles.top_m) / 2.0)),
+            None => (&self.mesh, height_m),
+        };
         let at = spatial(point, height_m);
-        let found = self.mesh.project_local_point(at, false).point;
+        let found = met.project_local_point(at, false).point;
         let nearest = Point2::new(f64::from(found.x), f64::from(found.y));
         (nearest, f64::from(found.distance(at)))
     }

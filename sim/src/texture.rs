@@ -86,8 +86,13 @@ impl Texture {
 
     /// A grey texture, for drawings too large to make.
     pub(crate) fn grey() -> Self {
+        Self::plain([128; 3])
+    }
+
+    /// One colour everywhere.
+    pub(crate) fn plain([red, green, blue]: [u8; 3]) -> Self {
         Self {
-            levels: vec![Level { width: 1, height: 1, texels: vec![[128, 128, 128, 255]] }],
+            levels: vec![Level { width: 1, height: 1, texels: vec![[red, green, blue, 255]] }],
             texels_per_m: [1.0, 1.0],
             repeat: Repeat::Everywhere,
         }

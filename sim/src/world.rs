@@ -1,5 +1,6 @@
 //! A world: what rays meet, and the true plan.
 
+use crate::gazebo::{self, SdfError};
 use crate::layout::Layout;
 use crate::nav2::{self, MapError};
 use crate::photographs::{self, PhotographError};
@@ -10,7 +11,7 @@ use crate::{dress, extrude, museum, office};
 use fht_robot::pose::{Point2, Pose2, pose};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Clearance wished for at the start in a map, metres.
 const START_CLEARANCE_M: f64 = 0.35;
@@ -20,8 +21,8 @@ const START_TRIES: usize = 8;
 /// A world cannot be had.
 #[derive(Debug, thiserror::Error)]
 pub enum WorldError {
-    /// No built-in world has this name, and it is no path to a map.
-    #[error("unknown world '{0}': expected museum, office, or the path of a Nav2 map.yaml")]
+    /// No built-in world has this name, and it is no path to a map or a Gazebo world.
+    #[error("unknown world '{0}': expected museum, office, or the path of a Nav2 map.yaml or a Gazebo .world")]
     Unknown(String),
     /// The world has no wall or no place to stand.
     #[error("world '{0}' has no {1}")]
@@ -29,6 +30,14 @@ pub enum WorldError {
     /// A map cannot be had.
     #[error(transparent)]
     Map(#[from] MapError),
+    /// A Gazebo world cannot be had.
+    #[error("cannot load {path}: {source}")]
+    Gazebo {
+        /// The world's file.
+        path: PathBuf,
+        /// Why.
+        source: SdfError,
+    },
     /// The pictures cannot be had.
     #[error(transparent)]
     Photographs(#[from] PhotographError),
@@ -40,6 +49,7 @@ pub struct World {
     scene: Scene,
     plan: FloorPlan,
     start: Pose2,
+    warnings: Vec<String>,
 }
 
 impl std::fmt::Debug for World {
@@ -57,7 +67,7 @@ impl std::fmt::Debug for World {
 const REACH_RADIUS_M: f64 = 0.2;
 
 impl World {
-    /// Name: `museum`, `office`, or a map's file stem.
+    /// Name: `museum`, `office`, or the file stem of a map or a Gazebo world.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
@@ -103,6 +113,12 @@ impl World {
         self.scene.triangle_count()
     }
 
+    /// What a Gazebo world's files lack or get wrong, a sentence for each sort of flaw.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
     pub(crate) fn scene(&self) -> &Scene {
         &self.scene
     }
@@ -111,23 +127,39 @@ impl World {
         let plan = layout.plan();
         let scene =
             dress::dress(layout, &plan, &[], seed).ok_or_else(|| WorldError::Empty(name.to_owned(), "walls"))?;
-        Ok(Self { name: name.to_owned(), scene, plan, start: Pose2::identity() })
+        Ok(Self { name: name.to_owned(), scene, plan, start: Pose2::identity(), warnings: Vec::new() })
     }
 
     fn from_nav2(path: &Path, textures: Option<&Path>, seed: u64) -> Result<Self, WorldError> {
-        let name = path.file_stem().map_or_else(|| "map".to_owned(), |stem| stem.to_string_lossy().into_owned());
+        let name = stem(path);
         let photographs = textures.map_or_else(|| Ok(Vec::new()), photographs::load)?;
         let plan = nav2::load(path)?;
         let layout = extrude::layout(&plan, seed);
         let scene =
             dress::dress(&layout, &plan, &photographs, seed).ok_or_else(|| WorldError::Empty(name.clone(), "walls"))?;
         let start = start_near_origin(&plan).ok_or_else(|| WorldError::Empty(name.clone(), "place to stand"))?;
-        Ok(Self { name, scene, plan, start })
+        Ok(Self { name, scene, plan, start, warnings: Vec::new() })
+    }
+
+    fn from_gazebo(path: &Path) -> Result<Self, WorldError> {
+        let name = stem(path);
+        let gazebo = gazebo::load(path).map_err(|source| WorldError::Gazebo { path: path.to_owned(), source })?;
+        let scene = gazebo.scene.ok_or_else(|| WorldError::Empty(name.clone(), "surfaces"))?;
+        let empty = || WorldError::Empty(name.clone(), "place to stand");
+        let plan = gazebo.plan.ok_or_else(empty)?;
+        let start = start_near_origin(&plan).ok_or_else(empty)?;
+        Ok(Self { name, scene, plan, start, warnings: gazebo.warnings })
     }
 }
 
-/// Loads a world: `museum` or `office`, built in and drawn from `seed`, or the path of a Nav2 map.yaml, its walls painted
-/// by `seed` with pictures of the folder `textures`, or with own drawings without one.
+/// The name of a world from a file.
+fn stem(path: &Path) -> String {
+    path.file_stem().map_or_else(|| "map".to_owned(), |stem| stem.to_string_lossy().into_owned())
+}
+
+/// Loads a world: `museum` or `office`, built in and drawn from `seed`; the path of a Nav2 map.yaml, its walls painted by
+/// `seed` with pictures of the folder `textures`, or with own drawings without one; or the path of a Gazebo `.world` or
+/// `.sdf`, which has looks of its own.
 ///
 /// # Errors
 /// When the name is unknown, or a file is missing, malformed or shows no free place.
@@ -137,8 +169,11 @@ pub fn load(spec: &str, textures: Option<&Path>, seed: u64) -> Result<World, Wor
         "office" => World::from_layout(spec, &office::layout(seed), seed),
         other => {
             let path = Path::new(other);
-            let is_yaml = path.extension().is_some_and(|extension| extension == "yaml" || extension == "yml");
-            if is_yaml { World::from_nav2(path, textures, seed) } else { Err(WorldError::Unknown(other.to_owned())) }
+            match path.extension().and_then(std::ffi::OsStr::to_str) {
+                Some("yaml" | "yml") => World::from_nav2(path, textures, seed),
+                Some("world" | "sdf") => World::from_gazebo(path),
+                _ => Err(WorldError::Unknown(other.to_owned())),
+            }
         }
     }
 }

@@ -19,7 +19,7 @@ use zenoh::Wait;
 pub struct HandoffConfig {
     /// The executable with the roles.
     pub executable: PathBuf,
-    /// `museum`, `office` or the path of a Nav2 `map.yaml`.
+    /// `museum`, `office` or the path of a Nav2 `map.yaml` or a Gazebo `.world`.
     pub world: String,
     /// Pictures for the walls of a Nav2 map.
     pub textures: Option<PathBuf>,

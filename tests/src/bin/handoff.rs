@@ -25,7 +25,7 @@ use std::process::ExitCode;
 struct Cli {
     #[command(subcommand)]
     role: Option<RoleCommand>,
-    /// museum, office, or the path of a Nav2 map.yaml.
+    /// museum, office, or the path of a Nav2 map.yaml or a Gazebo .world.
     #[arg(long, default_value = "museum")]
     world: String,
     /// Folder of pictures to paint the walls of a Nav2 map with.

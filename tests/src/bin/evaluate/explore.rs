@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub struct ExploreArgs {
-    /// Buildings: museum, office, or paths of Nav2 map.yaml files.
+    /// Buildings: museum, office, or paths of Nav2 map.yaml or Gazebo .world files.
     #[arg(long, value_delimiter = ',', default_value = "museum,office")]
     worlds: Vec<String>,
     /// Seeds of noise and light, from 1 up to this.

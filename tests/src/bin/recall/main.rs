@@ -65,7 +65,7 @@ enum Command {
 
 #[derive(Debug, Args)]
 struct WorldArgs {
-    /// museum, office, or the path of a Nav2 map.yaml.
+    /// museum, office, or the path of a Nav2 map.yaml or a Gazebo .world.
     #[arg(default_value = "museum")]
     world: String,
     /// Folder of pictures to paint the walls of a Nav2 map with.
