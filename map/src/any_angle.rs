@@ -2,7 +2,7 @@
 //! mesh", IJCAI 2017): a search over intervals of the triangles' sides, each seen from the last corner that the way turned
 //! around. The result is exact on the mesh.
 
-use crate::free_space::{Corner, FreeSpace, Spot, cross, distance};
+use crate::free_space::{Corner, FreeSpace, Spot, between, cross, distance, foot_share};
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 
@@ -249,10 +249,7 @@ fn least_way(reach: &Reach, goal: Corner) -> f64 {
 }
 
 fn mirrored(a: Corner, b: Corner, point: Corner) -> Corner {
-    let along = [b[0] - a[0], b[1] - a[1]];
-    let squared = along[0] * along[0] + along[1] * along[1];
-    let share = ((point[0] - a[0]) * along[0] + (point[1] - a[1]) * along[1]) / squared.max(f64::MIN_POSITIVE);
-    let foot = [a[0] + share * along[0], a[1] + share * along[1]];
+    let foot = between([a, b], foot_share([a, b], point));
     [2.0 * foot[0] - point[0], 2.0 * foot[1] - point[1]]
 }
 
@@ -274,6 +271,6 @@ fn on_chain(chain: &[Corner; 3], at: f64) -> Corner {
     } else if share >= 1.0 {
         to
     } else {
-        [from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1])]
+        between([from, to], share)
     }
 }

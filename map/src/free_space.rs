@@ -155,29 +155,10 @@ impl FreeSpace {
         Self { corners, triangles, reach_x, closed: BTreeSet::new() }
     }
 
-    /// The triangles, corners in metres, map frame.
-    pub fn triangles(&self) -> impl Iterator<Item = [[f64; 2]; 3]> + '_ {
-        self.triangles.iter().map(|t| t.corners.map(|c| self.corner(c).map(|mm| mm * 1e-3)))
-    }
-
-    /// Whether there is none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.triangles.is_empty()
-    }
-
     /// Number of triangles.
     #[must_use]
     pub fn triangle_count(&self) -> usize {
         self.triangles.len()
-    }
-
-    /// Free area, square metres.
-    #[must_use]
-    pub fn area_m2(&self) -> f64 {
-        let area =
-            |t: &Triangle| 0.5 * cross(self.corner(t.corners[0]), self.corner(t.corners[1]), self.corner(t.corners[2]));
-        self.triangles.iter().map(area).sum::<f64>() * 1e-6
     }
 
     pub(crate) fn corner(&self, index: u32) -> Corner {
@@ -224,12 +205,6 @@ impl FreeSpace {
         spots.sort_by(|a, b| a.outside_mm.total_cmp(&b.outside_mm).then(a.part.cmp(&b.part)));
         spots
     }
-
-    /// How far a place is from the mesh, metres; `None` if there is no mesh.
-    #[must_use]
-    pub fn distance_m(&self, point: FixedPoint) -> Option<f64> {
-        self.spots(point, f64::INFINITY).first().map(|spot| spot.outside_mm * 1e-3)
-    }
 }
 
 /// Twice the signed area of a triangle: positive if it is counter-clockwise.
@@ -241,12 +216,20 @@ pub(crate) fn distance(a: Corner, b: Corner) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-fn nearest_on([a, b]: [Corner; 2], place: Corner) -> Corner {
+/// The foot of the perpendicular from a place to the line through `a` and `b`, as a share of the way from `a` to `b`.
+pub(crate) fn foot_share([a, b]: [Corner; 2], place: Corner) -> f64 {
     let along = [b[0] - a[0], b[1] - a[1]];
     let squared = along[0] * along[0] + along[1] * along[1];
-    let share = ((place[0] - a[0]) * along[0] + (place[1] - a[1]) * along[1]) / squared.max(f64::MIN_POSITIVE);
-    let share = share.clamp(0.0, 1.0);
-    [a[0] + share * along[0], a[1] + share * along[1]]
+    ((place[0] - a[0]) * along[0] + (place[1] - a[1]) * along[1]) / squared.max(f64::MIN_POSITIVE)
+}
+
+/// A place between two others.
+pub(crate) fn between([a, b]: [Corner; 2], share: f64) -> Corner {
+    [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])]
+}
+
+fn nearest_on(ends: [Corner; 2], place: Corner) -> Corner {
+    between(ends, foot_share(ends, place).clamp(0.0, 1.0))
 }
 
 fn rectangle(node: &NodeRef<'_>) -> Option<IntContour<i32>> {

@@ -22,6 +22,7 @@ use coverage::{CoverageConfig, Gaps, Patch};
 use edges::EdgeConfig;
 use fht_proto::{Descriptor, EdgeKey, FixedPoint, Increment, NodeId, NodeKind, Op, ScanRecord, Signature};
 use fht_robot::grid::OccupancyGrid;
+use fht_robot::planning::{PlanConfig, UnknownCells};
 use fht_robot::pose::{Point2, from_fixed, pose, to_fixed};
 use free_space::FreeSpaceConfig;
 use selection::{Place, Selection, SelectionConfig};
@@ -73,6 +74,14 @@ pub struct Footing {
 #[must_use]
 pub fn point(position: FixedPoint) -> Point2 {
     Point2::new(position.x(), position.y())
+}
+
+/// What is free for a robot that keeps `half_width_m` on either side, unknown cells as walls. Half a cell more than that: a
+/// path over cell centres is a little inexact.
+#[must_use]
+pub fn plan_config(half_width_m: f64, grid: &OccupancyGrid) -> PlanConfig {
+    let robot_radius_m = half_width_m + 0.5 * grid.resolution_m();
+    PlanConfig { robot_radius_m, unknown: UnknownCells::Obstacle, ..PlanConfig::shortest() }
 }
 
 /// What the cameras and the LiDAR said of one place.
@@ -210,6 +219,13 @@ impl Builder {
         (id, ops)
     }
 
+    /// A support node at a place where the robot need not have been: it hangs on the nearest keyframe.
+    fn put_support(&mut self, id: NodeId, place: Point2, estimate: &Estimate<'_>) -> Op {
+        let map_from_place = pose(place.x, place.y, 0.0);
+        self.footings.insert(id, Footing { anchored: estimate.anchor(&map_from_place), frame: None });
+        Op::PutNode { id, kind: NodeKind::Support, pose: to_fixed(&map_from_place) }
+    }
+
     /// The operations that join two nodes by support nodes in between (a shortcut). Each new node also gets the edges
     /// that any new node gets.
     pub fn make_chain(&mut self, chain: &Chain<'_>, journal: &mut Journal, estimate: &Estimate<'_>) -> Vec<Op> {
@@ -219,14 +235,12 @@ impl Builder {
         let mut before = chain.from;
         for place in chain.between {
             let id = journal.fresh_node();
-            let map_from_place = pose(place.x, place.y, 0.0);
-            self.footings.insert(id, Footing { anchored: estimate.anchor(&map_from_place), frame: None });
-            let pose = to_fixed(&map_from_place);
-            ops.push(Op::PutNode { id, kind: NodeKind::Support, pose });
-            let rect = free_space::grow(grid, pose.position, &self.config.free_space);
+            let position = FixedPoint::from_metres(place.x, place.y);
+            ops.push(self.put_support(id, *place, estimate));
+            let rect = free_space::grow(grid, position, &self.config.free_space);
             ops.extend(rect.map(|rect| Op::SetFreeSpace { id, rect: Some(rect) }));
             edges.insert(EdgeKey::new(before, id));
-            edges.extend(edges::edges_of(journal.state(), grid, id, pose.position, &self.config.edges));
+            edges.extend(edges::edges_of(journal.state(), grid, id, position, &self.config.edges));
             before = id;
         }
         edges.insert(EdgeKey::new(before, chain.to));
@@ -324,9 +338,7 @@ impl Builder {
             }
             edges.truncate(self.config.coverage.most_edges);
             gaps.cover(&Patch { place, rect });
-            let map_from_place = pose(place.x(), place.y(), 0.0);
-            self.footings.insert(id, Footing { anchored: estimate.anchor(&map_from_place), frame: None });
-            let put = Op::PutNode { id, kind: NodeKind::Support, pose: to_fixed(&map_from_place) };
+            let put = self.put_support(id, point(place), estimate);
             let ops = [put, Op::SetFreeSpace { id, rect: Some(rect) }].into_iter();
             let ops: Vec<Op> = ops.chain(edges.into_iter().map(|edge| Op::PutEdge { edge })).collect();
             let (author, hlc_us) = (journal.author(), map.max_hlc_us() + 1);

@@ -5,7 +5,7 @@
 
 use crate::beside::{Beside, Pace};
 use crate::camera::{CameraError, CameraWorker};
-use crate::construct::{Builder, BuilderConfig, Chain, Footing, Observation, point};
+use crate::construct::{Builder, BuilderConfig, Chain, Footing, Observation, plan_config, point};
 use crate::explore::{Answer, Ending, ExploreConfig, ExploreStep, Explorer, Search};
 use crate::journal::Journal;
 use crate::refine::{self, RefineConfig, RefineJob, Roadmap, Shortcut, is_still_free, shortcuts};
@@ -16,7 +16,7 @@ use fht_proto::{AuthorId, Descriptor, DescriptorModel, Increment, NodeId, Op, Sc
 use fht_robot::descriptor::{Appearance, DescriptorNet};
 use fht_robot::frame::{FrameError, SensorFrame, Twist};
 use fht_robot::grid::OccupancyGrid;
-use fht_robot::planning::{PlanConfig, Traversable, UnknownCells};
+use fht_robot::planning::{PlanConfig, Traversable};
 use fht_robot::pose::{Point2, Pose2};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -292,12 +292,9 @@ impl Mapper {
         }
     }
 
-    /// Free space as edges need it: with the robot's width, unknown cells as walls.
+    /// Free space as edges need it.
     fn plan_config(&self) -> PlanConfig {
-        let width = self.builder.config().edges.half_width_m;
-        // Half a cell more than the edges ask for: a path over cell centres is a little inexact.
-        let robot_radius_m = width + 0.5 * self.grid().resolution_m();
-        PlanConfig { robot_radius_m, unknown: UnknownCells::Obstacle, ..PlanConfig::shortest() }
+        plan_config(self.builder.config().edges.half_width_m, self.grid())
     }
 
     fn add_shortcuts(&mut self, found: Vec<Shortcut>, time_us: u64) {

@@ -2,10 +2,11 @@
 //! detour or none leads at all. Greedy: of all rectangles that could be added, always the one that covers most.
 
 use super::free_space::{FreeSpaceConfig, grow};
+use super::plan_config;
 use fht_map::MapState;
 use fht_proto::{FixedPoint, Rect};
 use fht_robot::grid::{Cell, CellBounds, OccupancyGrid};
-use fht_robot::planning::{PlanConfig, Traversable, UnknownCells};
+use fht_robot::planning::Traversable;
 
 /// Parameters of the coverage.
 #[derive(Clone, Debug)]
@@ -48,12 +49,7 @@ impl Gaps {
     /// The gaps of a map in a grid, among the places that can be reached from its nodes.
     #[must_use]
     pub fn of(map: &MapState, grid: &OccupancyGrid, free_space: &FreeSpaceConfig, config: &CoverageConfig) -> Self {
-        let plan = PlanConfig {
-            robot_radius_m: config.half_width_m + 0.5 * grid.resolution_m(),
-            unknown: UnknownCells::Obstacle,
-            ..PlanConfig::shortest()
-        };
-        let space = Traversable::new(grid, &plan);
+        let space = Traversable::new(grid, &plan_config(config.half_width_m, grid));
         let bounds = grid.bounds();
         let mut open = vec![false; bounds.width() * bounds.height()];
         let mut waiting: Vec<Cell> = map.nodes().map(|node| grid.cell_of(super::point(node.pose.position))).collect();

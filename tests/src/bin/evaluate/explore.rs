@@ -1,17 +1,15 @@
 //! `evaluate explore`: how true a map stays over whole explorations of simulated buildings.
 
+use crate::output::{OutputArgs, say};
 use clap::Args;
 use fht_proto::MapName;
 use fht_robot::stop::Stop;
 use fht_sim::SimConfig;
-use indicatif::{ProgressBar, ProgressStyle};
 use mapper::explore::Ending;
 use mapper::mapping::MapperConfig;
 use mapper::report::ExploreReport;
 use mapper::run::{ExploreTask, explore};
 use serde::Serialize;
-use std::io::{self, Write};
-use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub struct ExploreArgs {
@@ -27,12 +25,8 @@ pub struct ExploreArgs {
     /// Without cameras: several times faster, and loops are closed by geometry alone.
     #[arg(long)]
     no_cameras: bool,
-    /// Write the figures to this file.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// No progress bar.
-    #[arg(long, short)]
-    quiet: bool,
+    #[command(flatten)]
+    output: OutputArgs,
 }
 
 /// One exploration.
@@ -46,7 +40,7 @@ struct Row {
 
 pub fn run(args: &ExploreArgs) -> Result<(), String> {
     let count = args.worlds.len() * args.drifts.len() * args.seeds as usize;
-    let bar = if args.quiet { ProgressBar::hidden() } else { progress_bar(count as u64) };
+    let bar = args.output.progress_bar(count as u64, "{bar:40} {pos}/{len} {msg}, {elapsed} gone, {eta} to go");
     say(
         "| world | drift | seed | as known then: mean, greatest | as known at the end | main nodes within 0.05 m | greatest | closures | ended |",
     )?;
@@ -61,19 +55,13 @@ pub fn run(args: &ExploreArgs) -> Result<(), String> {
                 bar.suspend(|| say(&line(&row)))?;
                 bar.inc(1);
                 rows.push(row);
-                if let Some(path) = &args.json {
-                    // After every run: a long evaluation that is ended early has not been for nothing.
-                    write(path, &rows)?;
-                }
+                // After every run: a long evaluation that is ended early has not been for nothing.
+                args.output.write(&rows)?;
             }
         }
     }
     bar.finish_and_clear();
     say(&summary(&rows))
-}
-
-fn say(line: &str) -> Result<(), String> {
-    writeln!(io::stdout(), "{line}").map_err(|error| format!("the figures cannot be printed: {error}"))
 }
 
 fn explore_once(world: &str, seed: u64, drift: f64, cameras: bool) -> Result<ExploreReport, String> {
@@ -134,15 +122,4 @@ fn summary(rows: &[Row]) -> String {
         worst(|report| report.corrected_trajectory_error.mean_deg),
         100.0 * least
     )
-}
-
-fn write(path: &Path, rows: &[Row]) -> Result<(), String> {
-    let json = serde_json::to_string_pretty(rows).map_err(|error| error.to_string())?;
-    std::fs::write(path, json).map_err(|error| format!("{} cannot be written: {error}", path.display()))
-}
-
-fn progress_bar(runs: u64) -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}, {elapsed} gone, {eta} to go")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
-    ProgressBar::new(runs).with_style(style)
 }

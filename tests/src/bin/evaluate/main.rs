@@ -2,6 +2,8 @@
 
 mod chart;
 mod explore;
+mod maps;
+mod output;
 mod paths;
 mod relations;
 mod relocalize;

@@ -1,5 +1,7 @@
 //! `evaluate paths`: paths planned on the map alone, against the shortest ways on the true plan.
 
+use crate::maps::MapArgs;
+use crate::output::{OutputArgs, say};
 use clap::Args;
 use fht_map::route::RouteConfig;
 use fht_map::{FreeSpace, SpaceConfig, taut};
@@ -7,36 +9,21 @@ use fht_proto::FixedPoint;
 use fht_robot::planning::path_length_m;
 use fht_robot::pose::Point2;
 use fht_sim::{FloorPlan, SimConfig};
-use fht_tests::survey::{Survey, SurveyTask};
-use indicatif::{ProgressBar, ProgressStyle};
-use mapper::mapping::MapperConfig;
+use fht_tests::survey::Survey;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
-use std::io::{self, Write};
-use std::path::PathBuf;
 use std::time::Instant;
 
 #[derive(Debug, Args)]
 pub struct PathsArgs {
-    /// Buildings: museum, office, or paths of map.yaml and .world files.
-    #[arg(long, value_delimiter = ',', default_value = "museum,office")]
-    worlds: Vec<String>,
+    #[command(flatten)]
+    maps: MapArgs,
     /// Pairs of places, drawn uniformly from where the robot fits.
     #[arg(long, default_value_t = 1000)]
     pairs: usize,
-    /// Seed of the pairs and of the exploration.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// Where explored maps are kept.
-    #[arg(long, value_name = "FOLDER", default_value = "target/evaluation")]
-    kept: PathBuf,
-    /// Write the figures to this file.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// No progress bar.
-    #[arg(long, short)]
-    quiet: bool,
+    #[command(flatten)]
+    output: OutputArgs,
 }
 
 /// Figures of one world.
@@ -59,31 +46,18 @@ pub struct PathFigures {
 
 pub fn run(args: &PathsArgs) -> Result<(), String> {
     let mut all = Vec::new();
-    for world in &args.worlds {
-        let task = SurveyTask {
-            world: world.clone(),
-            textures: None,
-            seed: args.seed,
-            drift: 1.0,
-            variant: "ours".to_owned(),
-            mapper: MapperConfig::default(),
-        };
-        let survey = Survey::of(&task, &args.kept).map_err(|error| error.to_string())?;
+    for survey in args.maps.surveys() {
+        let survey = survey?;
         let figures = measure(&survey, args);
-        say(&figures)?;
+        say(&line(&figures))?;
         all.push(figures);
     }
-    if let Some(path) = &args.json {
-        let json = serde_json::to_string_pretty(&all).map_err(|error| error.to_string())?;
-        std::fs::write(path, json).map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
-    }
-    Ok(())
+    args.output.write(&all)
 }
 
-fn say(figures: &PathFigures) -> Result<(), String> {
+fn line(figures: &PathFigures) -> String {
     let PathFigures { world, pairs, refused, paths_blocked, .. } = figures;
-    writeln!(
-        io::stdout(),
+    format!(
         "{world}: {pairs} pairs, {refused} refused, {paths_blocked} touch something; length over the shortest: mean {:.4}, \
          95 % {:.3}, greatest {:.3}; {:.2} ms a path, the mesh of {} triangles made in {:.0} ms; {} B of map",
         figures.c_path_mean,
@@ -94,23 +68,22 @@ fn say(figures: &PathFigures) -> Result<(), String> {
         figures.mesh_ms,
         figures.storage_bytes
     )
-    .map_err(|error| format!("the figures cannot be printed: {error}"))
 }
 
 fn measure(survey: &Survey, args: &PathsArgs) -> PathFigures {
     let radius_m = SimConfig::default().radius_m;
     let plan = survey.world.plan();
-    let bar = if args.quiet { ProgressBar::hidden() } else { progress_bar(args.pairs as u64) };
+    let bar = args.output.progress_bar(args.pairs as u64, "{bar:40} {pos}/{len} pairs, {elapsed} gone, {eta} to go");
     let begin = Instant::now();
     let space = FreeSpace::of(&survey.map, &SpaceConfig::default());
     let mesh_ms = begin.elapsed().as_secs_f64() * 1e3;
+    let map_from_world = survey.world_from_map.inverse();
     let mut ratios = Vec::new();
     let (mut refused, mut blocked, mut plan_s) = (0, 0, 0.0);
     for (from, to) in pairs(survey, radius_m, args) {
         bar.inc(1);
         let Some(shortest) = plan.shortest_path(from, to, radius_m) else { continue };
         let begin = Instant::now();
-        let map_from_world = survey.world_from_map.inverse();
         let fixed = |point: Point2| {
             let place = map_from_world * point;
             FixedPoint::from_metres(place.x, place.y)
@@ -156,7 +129,7 @@ fn pairs(survey: &Survey, radius_m: f64, args: &PathsArgs) -> Vec<(Point2, Point
     let start = Point2::from(survey.world_from_map.translation.vector);
     let reachable = plan.reachable(start, radius_m);
     let cells: Vec<usize> = (0..reachable.cells().len()).filter(|&index| reachable.cells()[index]).collect();
-    let mut rng = ChaCha8Rng::seed_from_u64(args.seed);
+    let mut rng = ChaCha8Rng::seed_from_u64(args.maps.seed);
     let mut draw = || {
         let index = cells[rng.random_range(0..cells.len())];
         plan.centre_of(index % plan.width(), index / plan.width())
@@ -174,10 +147,4 @@ fn pairs(survey: &Survey, radius_m: f64, args: &PathsArgs) -> Vec<(Point2, Point
 /// The first place on a path where a disc of `radius_m` touches something.
 fn touch(plan: &FloorPlan, points: &[Point2], radius_m: f64) -> Option<Point2> {
     points.windows(2).find(|pair| !plan.is_clear(pair[0], pair[1], radius_m)).map(|pair| pair[0])
-}
-
-fn progress_bar(pairs: u64) -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} pairs, {elapsed} gone, {eta} to go")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
-    ProgressBar::new(pairs).with_style(style)
 }

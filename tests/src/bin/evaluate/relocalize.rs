@@ -1,5 +1,7 @@
 //! `evaluate relocalize`: robots dropped anywhere, that do not know where they are.
 
+use crate::maps::MapArgs;
+use crate::output::{OutputArgs, say};
 use clap::Args;
 use client_robot::mission::{Goal, Services, run as run_mission};
 use client_robot::paths::FreeSpaceCache;
@@ -13,35 +15,20 @@ use fht_robot::descriptor::DescriptorNet;
 use fht_robot::frame::Panorama;
 use fht_robot::pose::Point2;
 use fht_sim::{SimConfig, Simulator};
-use fht_tests::survey::{Survey, SurveyTask};
-use indicatif::{ProgressBar, ProgressStyle};
-use mapper::mapping::MapperConfig;
+use fht_tests::survey::Survey;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
-use std::io::{self, Write};
-use std::path::PathBuf;
 use std::sync::Arc;
 
 #[derive(Debug, Args)]
 pub struct RelocalizeArgs {
-    /// Buildings: museum, office, or paths of map.yaml and .world files.
-    #[arg(long, value_delimiter = ',', default_value = "museum,office")]
-    worlds: Vec<String>,
+    #[command(flatten)]
+    maps: MapArgs,
     /// Starts, drawn uniformly from where the robot has room, with any heading.
     #[arg(long, default_value_t = 100)]
     starts: u64,
-    /// Seed of the exploration.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// Where explored maps are kept.
-    #[arg(long, value_name = "FOLDER", default_value = "target/evaluation")]
-    kept: PathBuf,
-    /// Write the figures to this file.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// No progress bar.
-    #[arg(long, short)]
-    quiet: bool,
+    #[command(flatten)]
+    output: OutputArgs,
 }
 
 /// Figures of one world.
@@ -69,26 +56,13 @@ const CLEARANCE_M: f64 = 0.25;
 pub fn run(args: &RelocalizeArgs) -> Result<(), String> {
     let mut net = DescriptorNet::load(None).map_err(|error| error.to_string())?;
     let mut all = Vec::new();
-    for world in &args.worlds {
-        let task = SurveyTask {
-            world: world.clone(),
-            textures: None,
-            seed: args.seed,
-            drift: 1.0,
-            variant: "ours".to_owned(),
-            mapper: MapperConfig::default(),
-        };
-        let survey = Survey::of(&task, &args.kept).map_err(|error| error.to_string())?;
+    for survey in args.maps.surveys() {
+        let survey = survey?;
         let figures = measure(&survey, &mut net, args);
-        let line = serde_json::to_string(&figures).map_err(|error| error.to_string())?;
-        writeln!(io::stdout(), "{line}").map_err(|error| format!("the figures cannot be printed: {error}"))?;
+        say(&serde_json::to_string(&figures).map_err(|error| error.to_string())?)?;
         all.push(figures);
     }
-    if let Some(path) = &args.json {
-        let json = serde_json::to_string_pretty(&all).map_err(|error| error.to_string())?;
-        std::fs::write(path, json).map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
-    }
-    Ok(())
+    args.output.write(&all)
 }
 
 /// Paths on the map at hand.
@@ -101,7 +75,7 @@ impl PathSource for OwnPaths<'_> {
 }
 
 fn measure(survey: &Survey, net: &mut DescriptorNet, args: &RelocalizeArgs) -> RelocalizeFigures {
-    let bar = if args.quiet { ProgressBar::hidden() } else { progress_bar(args.starts) };
+    let bar = args.output.progress_bar(args.starts, "{bar:40} {pos}/{len} starts, {elapsed} gone, {eta} to go");
     let mut reports = Vec::new();
     for start in 1..=args.starts {
         let report = relocalize_once(survey, net, start);
@@ -157,10 +131,4 @@ fn wilson(successes: usize, trials: usize) -> [f64; 2] {
     let centre = (share + z * z / (2.0 * n)) / (1.0 + z * z / n);
     let half = z / (1.0 + z * z / n) * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).sqrt();
     [(centre - half).max(0.0), (centre + half).min(1.0)]
-}
-
-fn progress_bar(starts: u64) -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} starts, {elapsed} gone, {eta} to go")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
-    ProgressBar::new(starts).with_style(style)
 }

@@ -1,15 +1,14 @@
 //! `evaluate slam`: the SLAM alone, on a log.
 
 use crate::chart::{Posed, draw};
+use crate::output::{OutputArgs, say};
 use crate::relations::{self, Errors};
 use clap::Args;
 use fht_robot::bag::{FrameConfig, Frames, TopicConfig};
 use fht_robot::pose::{Point2, Pose2};
-use indicatif::{ProgressBar, ProgressStyle};
 use mapper::beside::Pace;
 use mapper::slam::{Anchored, Slam, SlamConfig, Tracking};
 use serde::Serialize;
-use std::io::{self, Write};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -19,9 +18,6 @@ pub struct SlamArgs {
     log: PathBuf,
     /// The relations; without them there is a picture only.
     relations: Option<PathBuf>,
-    /// Write the figures to this file.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
     /// Where the picture goes: the scans and the trajectory [default: slam-LOG.png].
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
@@ -31,9 +27,8 @@ pub struct SlamArgs {
     /// Odometry; by default /odom, the only such topic, or /tf.
     #[arg(long)]
     odom_topic: Option<String>,
-    /// No progress bar.
-    #[arg(long, short)]
-    quiet: bool,
+    #[command(flatten)]
+    output: OutputArgs,
 }
 
 /// What came of a log.
@@ -78,7 +73,9 @@ pub fn run(args: &SlamArgs) -> Result<(), String> {
     };
     let frames = FrameConfig { topics, ..FrameConfig::default() };
     let mut frames = Frames::open(&args.log, frames).map_err(|error| error.to_string())?;
-    let bar = if args.quiet { ProgressBar::hidden() } else { progress_bar(frames.progress().1) };
+    let bar = args
+        .output
+        .progress_bar(frames.progress().1, "{bar:40} {percent:>3} % of the log, {elapsed} gone, {eta} to go");
 
     let begin = Instant::now();
     let mut slam = Slam::new(SlamConfig::default(), Pace::Repeatable).map_err(|error| error.to_string())?;
@@ -129,19 +126,15 @@ pub fn run(args: &SlamArgs) -> Result<(), String> {
         log_s: (last.0 - first.0) as f64 * 1e-6,
         wall_s,
     };
-    let printed = |error: io::Error| format!("the figures cannot be printed: {error}");
-    print(&mut io::stdout(), &report).map_err(printed)?;
-    if let Some(path) = &args.json {
-        let json = serde_json::to_string_pretty(&report).map_err(|error| error.to_string())?;
-        std::fs::write(path, json).map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
-    }
+    say(&text(&report))?;
+    args.output.write(&report)?;
     let posed = scans.iter().zip(&trajectory);
     let posed: Vec<Posed<'_>> =
         posed.map(|((.., points), (_, map_from_base))| Posed { map_from_base: *map_from_base, points }).collect();
     let path = args.picture.clone().unwrap_or_else(|| default_picture(args));
     if let Some(picture) = draw(&posed, &trajectory) {
         picture.save(&path).map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
-        writeln!(io::stdout(), "picture      {}", path.display()).map_err(printed)?;
+        say(&format!("picture      {}", path.display()))?;
     }
     Ok(())
 }
@@ -156,44 +149,39 @@ fn length_m(trajectory: &[(u64, Pose2)]) -> f64 {
     steps.map(|pair| (pair[1].1.translation.vector - pair[0].1.translation.vector).norm()).sum()
 }
 
-fn progress_bar(bytes: u64) -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:40} {percent:>3} % of the log, {elapsed} gone, {eta} to go")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
-    ProgressBar::new(bytes).with_style(style)
-}
-
-fn print(out: &mut impl Write, report: &Report) -> io::Result<()> {
+/// The figures for people.
+fn text(report: &Report) -> String {
+    let mut lines = Vec::new();
     if let (Some(mean_m), Some(std_m), Some(mean_deg), Some(std_deg)) =
         (report.translation_mean_m, report.translation_std_m, report.rotation_mean_deg, report.rotation_std_deg)
     {
-        writeln!(
-            out,
+        lines.push(format!(
             "translation  {mean_m:.4} ± {std_m:.4} m, at most {:.3} m",
             report.translation_max_m.unwrap_or(0.0)
-        )?;
-        writeln!(
-            out,
+        ));
+        lines.push(format!(
             "rotation     {mean_deg:.3} ± {std_deg:.3}°, at most {:.2}°",
             report.rotation_max_deg.unwrap_or(0.0)
-        )?;
-        writeln!(out, "relations    {} judged, {} without their scans", report.relations, report.relations_missing)?;
+        ));
+        lines.push(format!(
+            "relations    {} judged, {} without their scans",
+            report.relations, report.relations_missing
+        ));
     }
-    writeln!(
-        out,
+    lines.push(format!(
         "scans        {}, {} by the wheels alone, {} lost",
         report.scans, report.scans_unmatched, report.scans_lost
-    )?;
-    writeln!(
-        out,
+    ));
+    lines.push(format!(
         "graph        {} keyframes, {} closures near and {} far, optimised {} times",
         report.keyframes, report.closures_near, report.closures_far, report.optimisations
-    )?;
-    writeln!(
-        out,
+    ));
+    lines.push(format!(
         "time         {:.0} s and {:.0} m of the robot in {:.1} s: {:.0} times faster than it drove",
         report.log_s,
         report.driven_m,
         report.wall_s,
         report.log_s / report.wall_s.max(1e-9)
-    )
+    ));
+    lines.join("\n")
 }

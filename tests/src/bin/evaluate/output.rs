@@ -1,0 +1,41 @@
+//! What every evaluation prints, shows and writes.
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+/// Where figures go.
+#[derive(Debug, Args)]
+pub struct OutputArgs {
+    /// Write the figures to this file.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// No progress bar.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+impl OutputArgs {
+    /// Writes the figures to the file, if one was asked for.
+    pub fn write<T: Serialize + ?Sized>(&self, figures: &T) -> Result<(), String> {
+        let Some(path) = &self.json else { return Ok(()) };
+        let json = serde_json::to_string_pretty(figures).map_err(|error| error.to_string())?;
+        std::fs::write(path, json).map_err(|error| format!("{} cannot be written: {error}", path.display()))
+    }
+
+    /// A progress bar over `count` steps, drawn as `template` says.
+    pub fn progress_bar(&self, count: u64, template: &str) -> ProgressBar {
+        if self.quiet {
+            return ProgressBar::hidden();
+        }
+        let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+        ProgressBar::new(count).with_style(style)
+    }
+}
+
+/// Prints a line.
+pub fn say(line: &str) -> Result<(), String> {
+    writeln!(io::stdout(), "{line}").map_err(|error| format!("the figures cannot be printed: {error}"))
+}
