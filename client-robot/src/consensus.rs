@@ -113,20 +113,17 @@ impl CliqueSearch<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fht_proto::{AuthorId, NodeId};
     use fht_robot::pose::pose;
     use nalgebra::{Matrix3, Vector3};
     use proptest::prelude::*;
 
     fn estimate(map_from_odom: &Pose2, odom_from_base: Pose2, odometer_m: f64) -> Estimate {
         Estimate {
-            node: NodeId { author: AuthorId(1), number: 0 },
             map_from_base: map_from_odom * odom_from_base,
             covariance: Matrix3::from_diagonal(&Vector3::new(4e-4, 4e-4, 1e-4)),
             odom_from_base,
             odometer_m,
             turned_rad: 0.0,
-            similarity: 0.9,
             score: 0.9,
         }
     }

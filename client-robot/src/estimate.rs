@@ -1,14 +1,11 @@
-//! One estimation of where the robot is: a main node looked alike and its scan fitted (paper, section III-C-1).
+//! One estimation of where the robot is: a scan of it fitted there (paper, section III-C-1).
 
-use fht_proto::NodeId;
 use fht_robot::pose::{Pose2, wrap_angle};
 use nalgebra::{Matrix3, Vector2};
 
 /// A single estimation: where the robot's base was in the map frame when the odometry said `odom_from_base`.
 #[derive(Clone, Debug)]
 pub struct Estimate {
-    /// The main node that the scan was matched to.
-    pub node: NodeId,
     /// Pose of the base in the map frame at that moment.
     pub map_from_base: Pose2,
     /// Covariance of `map_from_base`: x and y (m) in the map frame, yaw (rad).
@@ -19,24 +16,8 @@ pub struct Estimate {
     pub odometer_m: f64,
     /// Turned (either way) until that moment, radians.
     pub turned_rad: f64,
-    /// Cosine between the descriptors.
-    pub similarity: f32,
     /// Score of the scan match, 0 to 1.
     pub score: f64,
-}
-
-impl Estimate {
-    /// The paper's `T_est`: map frame from odometry frame.
-    #[must_use]
-    pub fn map_from_odom(&self) -> Pose2 {
-        self.map_from_base * self.odom_from_base.inverse()
-    }
-
-    /// Distance between the places where two estimations were made, by odometry, metres.
-    #[must_use]
-    pub fn baseline_m(&self, other: &Self) -> f64 {
-        (self.odom_from_base.translation.vector - other.odom_from_base.translation.vector).norm()
-    }
 }
 
 /// How wrong odometry becomes with motion. All values are one sigma.

@@ -1,15 +1,15 @@
-//! The replica's main nodes, prepared for matching.
+//! The replica's main nodes: what they look like, and what they saw.
 //!
-//! Clouds with normals cost some milliseconds each, so they are made once for a node and kept until its scan changes;
-//! poses follow the map whenever a correction moves a node.
+//! What they saw together is put together when it is first asked for after the map has changed.
 
-use crate::visibility::PolarScan;
+use crate::walls::Walls;
 use fht_map::MapState;
 use fht_proto::{Descriptor, DescriptorModel, FixedPoint, ModelId, NodeId, Rect, Signature};
 use fht_robot::frame::LaserScan;
-use fht_robot::matching::ReferenceCloud;
+use fht_robot::matching::EverywhereConfig;
 use fht_robot::pose::{Point2, Pose2, from_fixed};
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::OnceLock;
 
 /// A robot cannot find its place on this map.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -64,12 +64,10 @@ pub struct Landmark {
     pub id: NodeId,
     /// Where it is: map frame from the frame of the base that took its scan.
     pub map_from_node: Pose2,
+    /// Its scanner, in the node's frame.
+    pub scanner: Point2,
     /// End points of its scan, in the node's frame.
     pub points: Vec<Point2>,
-    /// The same with normals.
-    pub cloud: ReferenceCloud,
-    /// The same by direction.
-    pub polar: PolarScan,
     signature: Signature,
 }
 
@@ -79,11 +77,13 @@ pub struct Landmarks {
     by_id: BTreeMap<NodeId, Landmark>,
     free_space: Vec<(FixedPoint, Rect)>,
     thresholds: BTreeMap<ModelId, f32>,
+    walls: OnceLock<Walls>,
 }
 
 impl Landmarks {
     /// Follows the map: new, changed, moved and removed nodes.
     pub fn refresh(&mut self, map: &MapState) {
+        self.walls = OnceLock::new();
         self.by_id.retain(|id, _| map.node(*id).is_some_and(|node| node.signature.is_some()));
         self.free_space.clear();
         for node in map.nodes() {
@@ -100,6 +100,12 @@ impl Landmarks {
             }
         }
         self.thresholds = map.models().map(|model| (model.id, f32::from(model.match_threshold_e3) / 1000.0)).collect();
+    }
+
+    /// What all of them saw.
+    #[must_use]
+    pub fn walls(&self) -> &Walls {
+        self.walls.get_or_init(|| Walls::new(self.by_id.values(), &self.free_space, &EverywhereConfig::default()))
     }
 
     /// How many.
@@ -120,43 +126,18 @@ impl Landmarks {
         self.thresholds.get(&model).copied()
     }
 
-    /// The main nodes that look most like `descriptor`, best first, with their cosines.
+    /// How much each main node looks like `descriptor`: cosines, in the order of their ids. Nodes without a descriptor of the
+    /// same model are left out.
     #[must_use]
-    pub fn most_similar(&self, descriptor: &Descriptor, count: usize) -> Vec<(&Landmark, f32)> {
+    pub fn similarities(&self, descriptor: &Descriptor) -> Vec<(NodeId, f32)> {
         let similarity = |landmark: &Landmark| landmark.signature.descriptor.as_ref()?.similarity(descriptor);
-        let mut all: Vec<(&Landmark, f32)> =
-            self.by_id.values().filter_map(|landmark| Some((landmark, similarity(landmark)?))).collect();
-        all.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.id.cmp(&b.0.id)));
-        all.truncate(count);
-        all
+        self.by_id.values().filter_map(|landmark| Some((landmark.id, similarity(landmark)?))).collect()
     }
 
-    /// The main nodes within `radius_m` of a pose, nearest first.
+    /// One of them.
     #[must_use]
-    pub fn within(&self, map_from_base: &Pose2, radius_m: f64) -> Vec<&Landmark> {
-        let distance = |landmark: &Landmark| {
-            landmark.map_from_node.translation.vector.metric_distance(&map_from_base.translation.vector)
-        };
-        let mut near: Vec<(f64, &Landmark)> = self
-            .by_id
-            .values()
-            .map(|landmark| (distance(landmark), landmark))
-            .filter(|&(metres, _)| metres <= radius_m)
-            .collect();
-        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.id.cmp(&b.1.id)));
-        near.into_iter().map(|(_, landmark)| landmark).collect()
-    }
-
-    /// Whether some node's free space contains `point` (map frame) at least `margin_m` inside its border.
-    #[must_use]
-    pub fn is_free(&self, point: &Point2, margin_m: f64) -> bool {
-        self.free_space.iter().any(|(node, rect)| {
-            let (min, max) = (rect.min(*node), rect.max(*node));
-            point.x > min.0 + margin_m
-                && point.x < max.0 - margin_m
-                && point.y > min.1 + margin_m
-                && point.y < max.1 - margin_m
-        })
+    pub fn get(&self, id: NodeId) -> Option<&Landmark> {
+        self.by_id.get(&id)
     }
 }
 
@@ -166,8 +147,7 @@ impl Landmark {
         Self {
             id,
             map_from_node,
-            cloud: ReferenceCloud::from_scan(&points),
-            polar: PolarScan::from_record(&signature.scan),
+            scanner: Point2::from(from_fixed(signature.scan.base_from_sensor).translation.vector),
             points,
             signature: signature.clone(),
         }

@@ -6,12 +6,14 @@
 //! | [`follow`] | when the copy has to ask, and when it cannot be trusted any more |
 //! | [`ask`] | questions to the server |
 //! | [`inquiry`] | questions put beside the robot's loop |
-//! | [`landmarks`] | the replica's main nodes, prepared for matching |
+//! | [`landmarks`] | the replica's main nodes: what they look like, and what they saw |
+//! | [`walls`] | what all of them saw, as one |
+//! | [`known_space`] | what the map knows to be free, and what a scan says for or against a pose in it |
 //! | [`odometry`] | wheel odometry corrected by scans |
 //! | [`estimate`] | one estimation of the place, and how odometry errors grow |
 //! | [`consensus`] | which estimations agree |
-//! | [`pose_graph`] | the optimum over those that do |
-//! | [`visibility`] | what scans saw as free: the test against lookalikes |
+//! | [`hypotheses`] | where the robot may be, weighed by all that it saw |
+//! | [`settle`] | the pose of a fix: the optimum over the estimations that agree |
 //! | [`relocalize`] | finding the place without a guess (paper, section III-C-1) |
 //! | [`tracking`] | keeping it while driving |
 //! | [`localize`] | odometry, relocalization and tracking put together |
@@ -33,7 +35,9 @@ pub mod cli;
 pub mod consensus;
 pub mod estimate;
 pub mod follow;
+pub mod hypotheses;
 pub mod inquiry;
+pub mod known_space;
 pub mod landmarks;
 pub mod local_map;
 pub mod localize;
@@ -41,13 +45,13 @@ pub mod mission;
 pub mod odometry;
 pub mod paths;
 pub mod pilot;
-pub mod pose_graph;
 pub mod recording;
 pub mod relocalize;
 pub mod replica;
 pub mod report;
 pub mod route;
+pub mod settle;
 pub mod steering;
 pub mod tracking;
-pub mod visibility;
+pub mod walls;
 pub mod wander;

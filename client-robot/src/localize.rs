@@ -2,11 +2,11 @@
 
 use crate::landmarks::Landmarks;
 use crate::odometry::{Odometry, OdometryConfig, ScanOdometry};
-use crate::relocalize::{Belief, Fix, Observation, RelocalizeConfig, Relocalizer};
+use crate::relocalize::{Belief, Observation, RelocalizeConfig, Relocalizer};
+use crate::settle::Fix;
 use crate::tracking::{TrackConfig, Tracker};
-use crate::visibility::PolarScan;
 use fht_proto::Descriptor;
-use fht_robot::frame::SensorFrame;
+use fht_robot::frame::{LaserScan, SensorFrame};
 use fht_robot::pose::{Point2, Pose2, wrap_angle};
 
 /// How a robot localizes itself.
@@ -18,12 +18,12 @@ pub struct LocalizeConfig {
     pub relocalize: RelocalizeConfig,
     /// Keeping it.
     pub track: TrackConfig,
-    /// Panoramas nearer together than this are not compared with the map again, metres. Default 0.4.
+    /// The robot looks where it may be once in this distance, metres. Default 0.4.
     pub observe_every_m: f64,
-    /// The same while the place is known, when comparing only guards against a wrong fix, metres. Default 2.
+    /// If it has cameras, it waits this much farther for a picture, metres. Default 0.3.
+    pub wait_for_picture_m: f64,
+    /// The same while the place is known, when looking only guards against a wrong fix, metres. Default 2.
     pub recheck_every_m: f64,
-    /// Main nodes tried per panorama while the place is known. Default 2.
-    pub recheck_candidates: usize,
     /// Scans between two updates of the tracker, frames. Default 2.
     pub track_every: usize,
     /// A fix this far from the tracked pose replaces it, metres. Default 0.5.
@@ -39,8 +39,8 @@ impl Default for LocalizeConfig {
             relocalize: RelocalizeConfig::default(),
             track: TrackConfig::default(),
             observe_every_m: 0.4,
+            wait_for_picture_m: 0.3,
             recheck_every_m: 2.0,
-            recheck_candidates: 2,
             track_every: 2,
             replace_m: 0.5,
             replace_rad: 5.0_f64.to_radians(),
@@ -72,7 +72,9 @@ pub struct Localization {
     pub map_from_odom: Option<Pose2>,
     /// Whether this frame declared a fix, the first or one that replaces another.
     pub is_new_fix: bool,
-    /// What the present fix rested on when it was declared: estimations, and different nodes among them.
+    /// Probability that the pose, or the likeliest place, is right, as the robot sees it; 0 when nothing fits.
+    pub confidence: f64,
+    /// What the present fix rested on when it was declared: estimations that agreed, of how many.
     pub evidence: Option<[usize; 2]>,
 }
 
@@ -92,6 +94,8 @@ pub struct Localizer {
     tracker: Option<Tracker>,
     status: Status,
     observed_at_m: Option<f64>,
+    has_cameras: bool,
+    confidence: f64,
     frames: usize,
     refixes: usize,
     evidence: Option<[usize; 2]>,
@@ -107,6 +111,8 @@ impl Localizer {
             tracker: None,
             status: Status::NotLocalized,
             observed_at_m: None,
+            has_cameras: false,
+            confidence: 0.0,
             frames: 0,
             refixes: 0,
             evidence: None,
@@ -120,7 +126,7 @@ impl Localizer {
         self.refixes
     }
 
-    /// The estimations kept, for people to look at.
+    /// The hypotheses kept, for people to look at.
     #[must_use]
     pub fn relocalizer(&self) -> &Relocalizer {
         &self.relocalizer
@@ -134,21 +140,18 @@ impl Localizer {
         describe: impl FnOnce() -> Option<Descriptor>,
     ) -> Localization {
         let points = frame.scan.points_in_base();
-        let polar = PolarScan::from_scan(&frame.scan);
         let odometry = self.odometry.update(frame, &points);
         self.frames += 1;
-        self.track(landmarks, &odometry, &points, &polar);
+        self.has_cameras |= frame.panorama.is_some();
+        self.track(landmarks, &odometry, &points, &frame.scan);
 
-        let known = self.tracker.is_some();
-        let every = if known { self.config.recheck_every_m } else { self.config.observe_every_m };
-        let is_due = self.observed_at_m.is_none_or(|at| odometry.odometer_m - at >= every);
         let mut is_new_fix = false;
-        if frame.panorama.is_some() && is_due {
-            let descriptor = describe();
+        if self.is_due(&odometry, frame.panorama.is_some()) {
             self.observed_at_m = Some(odometry.odometer_m);
-            let candidates = if known { self.config.recheck_candidates } else { self.config.relocalize.candidates };
-            let observation = Observation { odometry, points: &points, polar: &polar, descriptor: descriptor.as_ref() };
-            let belief = self.relocalizer.observe(landmarks, &observation, candidates);
+            let descriptor = if frame.panorama.is_some() { describe() } else { None };
+            let observation =
+                Observation { odometry, scan: &frame.scan, points: &points, descriptor: descriptor.as_ref() };
+            let belief = self.relocalizer.observe(landmarks, &observation);
             is_new_fix = self.take(belief, odometry);
         }
         Localization { odometry, is_new_fix, ..self.current() }
@@ -162,20 +165,30 @@ impl Localizer {
             odometry: self.odometry.current(),
             map_from_odom: self.tracker.as_ref().map(Tracker::map_from_odom),
             is_new_fix: false,
+            confidence: self.confidence,
             evidence: self.evidence.filter(|_| self.tracker.is_some()),
         }
     }
 
-    fn track(&mut self, landmarks: &Landmarks, odometry: &Odometry, points: &[Point2], polar: &PolarScan) {
+    /// Whether it is time to look where the robot may be.
+    fn is_due(&self, odometry: &Odometry, has_picture: bool) -> bool {
+        let config = &self.config;
+        let every_m = if self.tracker.is_some() { config.recheck_every_m } else { config.observe_every_m };
+        let wait_m = if self.has_cameras && !has_picture { config.wait_for_picture_m } else { 0.0 };
+        self.observed_at_m.is_none_or(|at| odometry.odometer_m - at >= every_m + wait_m)
+    }
+
+    fn track(&mut self, landmarks: &Landmarks, odometry: &Odometry, points: &[Point2], scan: &LaserScan) {
         let Some(tracker) = &mut self.tracker else { return };
         tracker.predict(odometry);
         if self.frames.is_multiple_of(self.config.track_every.max(1)) {
-            tracker.update(landmarks, points, polar);
+            tracker.update(landmarks, points, scan);
         }
         if tracker.is_lost() {
             tracing::warn!(sigma_m = tracker.sigma_m(), "what the robot senses no longer fits the map: lost");
             self.tracker = None;
             self.status = Status::Lost;
+            self.confidence = 0.0;
             self.relocalizer.clear();
             self.observed_at_m = None;
         }
@@ -193,6 +206,7 @@ impl Localizer {
                 let gap = (fix.map_from_base.translation.vector - at.translation.vector).norm();
                 let turn = wrap_angle(fix.map_from_base.rotation.angle() - at.rotation.angle()).abs();
                 if gap <= self.config.replace_m && turn <= self.config.replace_rad {
+                    self.confidence = fix.confidence;
                     return false;
                 }
                 tracing::warn!(gap_m = gap, turn_rad = turn, "stronger evidence for another place: fix replaced");
@@ -200,11 +214,13 @@ impl Localizer {
                 self.start(fix, odometry);
                 true
             }
-            (Belief::Candidates { .. }, None) => {
+            (Belief::Candidates { confidence, .. }, None) => {
+                self.confidence = confidence;
                 self.status = Status::Candidates;
                 false
             }
             (Belief::NotLocalized, None) => {
+                self.confidence = 0.0;
                 if self.status != Status::Lost {
                     self.status = Status::NotLocalized;
                 }
@@ -215,8 +231,9 @@ impl Localizer {
     }
 
     fn start(&mut self, fix: Fix, odometry: Odometry) {
-        tracing::info!(estimates = fix.estimates, nodes = fix.nodes, weight = fix.weight, "localized");
-        self.evidence = Some([fix.estimates, fix.nodes]);
+        tracing::info!(estimates = fix.estimates, of = fix.views, confidence = fix.confidence, "localized");
+        self.evidence = Some([fix.estimates, fix.views]);
+        self.confidence = fix.confidence;
         self.tracker = Some(Tracker::new(self.config.track.clone(), fix.map_from_base, fix.covariance, odometry));
         self.status = Status::Localized;
     }

@@ -1,67 +1,64 @@
 //! Finding out where the robot is without a guess (paper, section III-C-1).
 //!
-//! The main nodes that look most alike are matched by scan; every match is one estimation. Estimations that agree with
-//! each other and with the odometry between them form hypotheses. The heaviest hypothesis is optimised as a pose graph,
-//! checked against everything that robot and map saw as free, and declared only when enough evidence from different
-//! places carries it and no rival comes near. Otherwise the robot says that it does not know.
+//! What the robot sees is looked for in the whole map at once, where the scans of all main nodes are one; nodes that look alike
+//! favour the places around them. What is found becomes hypotheses, which are carried along the odometry and weighed by
+//! everything seen on the way. One is declared when it is nearly certain, rests on more than one place, and the single estimations
+//! from these places agree. Otherwise the robot says that it does not know.
 
-use crate::consensus::{ConsensusConfig, MAX_ESTIMATES, agreement_graph, heaviest_clique, members, weight_of};
-use crate::estimate::{Estimate, OdometryNoise, difference, rotate_covariance};
-use crate::landmarks::{Landmark, Landmarks};
+use crate::consensus::ConsensusConfig;
+use crate::estimate::OdometryNoise;
+use crate::hypotheses::{Hypothesis, View, WeighConfig, held};
+use crate::known_space::Beams;
+use crate::landmarks::Landmarks;
 use crate::odometry::Odometry;
-use crate::pose_graph::{PoseGraphConfig, Prior, Step, optimise};
-use crate::visibility::{PolarScan, Tally, VisibilityConfig, mutual_tally};
-use fht_proto::{Descriptor, NodeId};
-use fht_robot::matching::{MatchConfig, SearchWindow, search};
-use fht_robot::pose::{Point2, Pose2, pose};
-use nalgebra::{Matrix3, Vector3};
-use std::collections::{BTreeSet, VecDeque};
-use std::f64::consts::PI;
+use crate::settle::{Fix, SettleConfig, settle};
+use fht_proto::Descriptor;
+use fht_robot::frame::LaserScan;
+use fht_robot::matching::{Favour, MatchConfig};
+use fht_robot::pose::{Point2, Pose2};
 
 /// How the robot finds out where it is.
 #[derive(Clone, Debug)]
 pub struct RelocalizeConfig {
-    /// Main nodes tried per panorama, best first. The paper tries one; several cost little and keep a lookalike from
-    /// hiding the truth. Default 4.
-    pub candidates: usize,
-    /// Least cosine between descriptors (the paper's th_match); `None`: what the map says of its model. Default `None`.
+    /// Least cosine between descriptors of one place (the paper's th_match); `None`: what the map says of its model.
+    /// Default `None`.
     pub min_similarity: Option<f32>,
-    /// How far from a node the robot may be for its scan to be tried, metres each way. Default 4.
-    pub window_m: f64,
-    /// Greatest share of contradictions between two scans that match. Default 0.12.
-    pub max_contradiction: f64,
-    /// Two estimations of one node count as one until the robot has moved this far, metres. Default 0.7.
-    pub min_baseline_m: f64,
-    /// A hypothesis must rest on places at least this far apart, metres. Default 1.0.
+    /// Nodes that look most alike favour the places around them. Default 6.
+    pub favoured: usize,
+    /// As far as this, metres. Default 4.
+    pub favour_radius_m: f64,
+    /// They are worth this share of a scan's points at most. Default 0.15.
+    pub favour: f64,
+    /// Views are this far apart, metres. Default 0.8.
+    pub view_spacing_m: f64,
+    /// Views kept. Default 12.
+    pub views: usize,
+    /// Views taken on this much of the way are looked for together, metres. Default 4.
+    pub search_memory_m: f64,
+    /// Hypotheses kept. Default 16.
+    pub hypotheses: usize,
+    /// Hypotheses held to the walls at each view, heaviest first; the others follow the odometry. Default 6.
+    pub held: usize,
+    /// A hypothesis that weighs less than the heaviest by this much is dropped, natural logarithm. Default 15.
+    pub drop_below: f64,
+    /// Nearer than this is the same place, metres. Default 0.5.
+    pub same_m: f64,
+    /// The same for headings, radians. Default 0.25.
+    pub same_rad: f64,
+    /// A fix is at least this probable. Default 0.995.
+    pub min_confidence: f64,
+    /// Its views are at least this far apart, metres. Default 0.7.
     pub min_spread_m: f64,
-    /// Estimations that a hypothesis must rest on if they are of two nodes or more. Default 2.
-    pub min_estimates: usize,
-    /// Estimations that it must rest on if they are all of one node. Default 3.
-    pub min_estimates_one_node: usize,
-    /// A hypothesis must weigh this many times its strongest rival. Default 1.6.
-    pub dominance: f64,
-    /// A rival is at least this far away, metres. Default 1.
-    pub rival_m: f64,
-    /// Greatest share of contradictions of a hypothesis, over all recent scans and all nodes near. Default 0.08.
-    pub max_hypothesis_contradiction: f64,
+    /// Least share of the beams that the map explains. Default 0.6.
+    pub min_explained: f64,
+    /// Greatest share of beams that cannot be. Default 0.12.
+    pub max_contradicted: f64,
     /// Greatest standard deviation of the declared position along any direction, metres. Default 0.15.
     pub max_sigma_m: f64,
-    /// Estimations are forgotten after this distance, since odometry drifts, metres. Default 40.
-    pub memory_m: f64,
-    /// Nodes are compared with scans taken within this distance of them, metres. Default 5.
-    pub verify_radius_m: f64,
-    /// Added to the covariance of every match: the map is not exact, metres. Default 0.03.
-    pub map_sigma_m: f64,
-    /// The same for headings, radians. Default 0.3°.
-    pub map_sigma_rad: f64,
-    /// Drift of the odometry.
-    pub noise: OdometryNoise,
-    /// When estimations agree.
-    pub consensus: ConsensusConfig,
-    /// The optimisation.
-    pub pose_graph: PoseGraphConfig,
-    /// The free-space test.
-    pub visibility: VisibilityConfig,
+    /// Weights of hypotheses.
+    pub weigh: WeighConfig,
+    /// The pose of a fix.
+    pub settle: SettleConfig,
     /// The scan matching; its least score is that of an estimation.
     pub matching: MatchConfig,
 }
@@ -69,27 +66,30 @@ pub struct RelocalizeConfig {
 impl Default for RelocalizeConfig {
     fn default() -> Self {
         Self {
-            candidates: 4,
             min_similarity: None,
-            window_m: 4.0,
-            max_contradiction: 0.12,
-            min_baseline_m: 0.7,
-            min_spread_m: 1.0,
-            min_estimates: 2,
-            min_estimates_one_node: 3,
-            dominance: 1.6,
-            rival_m: 1.0,
-            max_hypothesis_contradiction: 0.08,
+            favoured: 6,
+            favour_radius_m: 4.0,
+            favour: 0.15,
+            view_spacing_m: 0.8,
+            views: 12,
+            search_memory_m: 4.0,
+            hypotheses: 16,
+            held: 6,
+            drop_below: 15.0,
+            same_m: 0.5,
+            same_rad: 0.25,
+            min_confidence: 0.995,
+            min_spread_m: 0.7,
+            min_explained: 0.6,
+            max_contradicted: 0.12,
             max_sigma_m: 0.15,
-            memory_m: 40.0,
-            verify_radius_m: 5.0,
-            map_sigma_m: 0.03,
-            map_sigma_rad: 0.3_f64.to_radians(),
-            noise: OdometryNoise::default(),
-            consensus: ConsensusConfig::default(),
-            pose_graph: PoseGraphConfig::default(),
-            visibility: VisibilityConfig::default(),
-            matching: MatchConfig::default(),
+            weigh: WeighConfig::default(),
+            settle: SettleConfig {
+                noise: OdometryNoise::default(),
+                consensus: ConsensusConfig::default(),
+                ..SettleConfig::default()
+            },
+            matching: MatchConfig { min_score: 0.45, ..MatchConfig::default() },
         }
     }
 }
@@ -99,73 +99,43 @@ impl Default for RelocalizeConfig {
 pub struct Observation<'a> {
     /// Where odometry says it is.
     pub odometry: Odometry,
-    /// End points of its scan, base frame.
+    /// Its scan.
+    pub scan: &'a LaserScan,
+    /// End points of the scan, base frame.
     pub points: &'a [Point2],
-    /// The same scan by direction.
-    pub polar: &'a PolarScan,
-    /// The descriptor of what it sees; without one only the free-space memory grows.
+    /// The descriptor of what it sees, if there are cameras and light.
     pub descriptor: Option<&'a Descriptor>,
-}
-
-/// A pose that the robot stands by.
-#[derive(Clone, Debug)]
-pub struct Fix {
-    /// Map frame from odometry frame (REP-105's map → odom).
-    pub map_from_odom: Pose2,
-    /// The robot in the map frame when the fix was made.
-    pub map_from_base: Pose2,
-    /// Covariance of `map_from_base`: x and y (m) in the map frame, yaw (rad).
-    pub covariance: Matrix3<f64>,
-    /// Estimations that it rests on.
-    pub estimates: usize,
-    /// Different nodes among them.
-    pub nodes: usize,
-    /// Their weight.
-    pub weight: f64,
 }
 
 /// What the robot knows of where it is.
 #[derive(Clone, Debug)]
 pub enum Belief {
-    /// Nothing fits yet.
+    /// Nothing fits.
     NotLocalized,
-    /// Something fits, but too little or too ambiguously: the estimations and the number of the heaviest that agree.
+    /// Something fits, but too little or too ambiguously.
     Candidates {
-        /// Estimations kept.
-        estimates: usize,
-        /// Most of them that agree.
-        agreeing: usize,
+        /// Places where the robot may be.
+        hypotheses: usize,
+        /// Probability of the likeliest.
+        confidence: f64,
     },
     /// It knows.
     Localized(Fix),
 }
 
-struct View {
-    odom_from_base: Pose2,
-    odometer_m: f64,
-    points: Vec<Point2>,
-    polar: PolarScan,
-}
-
-/// Distance between the scans kept for the free-space test, metres.
-const VIEW_SPACING_M: f64 = 0.8;
-/// Scans kept for the free-space test.
-const VIEWS: usize = 12;
-/// Hypotheses that are looked at before giving up for this observation.
-const HYPOTHESES: usize = 4;
-
-/// Accumulates estimations and weighs hypotheses.
+/// Keeps hypotheses, and weighs them by views.
 pub struct Relocalizer {
     config: RelocalizeConfig,
-    estimates: Vec<Estimate>,
-    views: VecDeque<View>,
+    views: Vec<View>,
+    /// Heaviest first.
+    hypotheses: Vec<Hypothesis>,
 }
 
 impl Relocalizer {
     /// Knows nothing.
     #[must_use]
     pub fn new(config: RelocalizeConfig) -> Self {
-        Self { config, estimates: Vec::new(), views: VecDeque::new() }
+        Self { config, views: Vec::new(), hypotheses: Vec::new() }
     }
 
     /// The configuration.
@@ -174,250 +144,210 @@ impl Relocalizer {
         &self.config
     }
 
-    /// The estimations kept, oldest first.
+    /// Where the robot may be, likeliest first.
     #[must_use]
-    pub fn estimates(&self) -> &[Estimate] {
-        &self.estimates
+    pub fn hypotheses(&self) -> &[Hypothesis] {
+        &self.hypotheses
     }
 
     /// Forgets everything, as after being carried off.
     pub fn clear(&mut self) {
-        self.estimates.clear();
         self.views.clear();
+        self.hypotheses.clear();
     }
 
-    /// Takes in what the robot senses now and says what it knows then. `candidates` bounds the nodes tried.
-    pub fn observe(&mut self, landmarks: &Landmarks, observation: &Observation<'_>, candidates: usize) -> Belief {
-        self.remember_view(observation);
-        let oldest = observation.odometry.odometer_m - self.config.memory_m;
-        self.estimates.retain(|estimate| estimate.odometer_m >= oldest);
-        for estimate in self.single_estimations(landmarks, observation, candidates) {
-            self.add(estimate);
-        }
-        self.judge(landmarks, &observation.odometry)
-    }
-
-    fn remember_view(&mut self, observation: &Observation<'_>) {
-        let here = observation.odometry.odom_from_base;
-        let moved = |view: &View| (view.odom_from_base.translation.vector - here.translation.vector).norm();
-        if self.views.back().is_none_or(|last| moved(last) >= VIEW_SPACING_M) {
-            self.views.push_back(View {
-                odom_from_base: here,
-                odometer_m: observation.odometry.odometer_m,
-                points: observation.points.to_vec(),
-                polar: observation.polar.clone(),
-            });
-        }
-        while self.views.len() > VIEWS {
-            self.views.pop_front();
-        }
-    }
-
-    /// The paper's single estimation, for the best few nodes.
-    fn single_estimations(
-        &self,
-        landmarks: &Landmarks,
-        observation: &Observation<'_>,
-        candidates: usize,
-    ) -> Vec<Estimate> {
-        let Some(descriptor) = observation.descriptor else { return Vec::new() };
-        let threshold = self.config.min_similarity.or_else(|| landmarks.match_threshold(descriptor.model));
-        let mut alike = landmarks.most_similar(descriptor, candidates);
-        alike.retain(|&(_, similarity)| threshold.is_none_or(|least| similarity >= least));
-        let estimates = alike
-            .into_iter()
-            .filter_map(|(landmark, similarity)| self.single_estimation(landmark, similarity, observation));
-        estimates.collect()
-    }
-
-    fn single_estimation(
-        &self,
-        landmark: &Landmark,
-        similarity: f32,
-        observation: &Observation<'_>,
-    ) -> Option<Estimate> {
-        let config = &self.config;
-        let window = SearchWindow {
-            centre: pose(0.0, 0.0, 0.0),
-            half_x_m: config.window_m,
-            half_y_m: config.window_m,
-            half_yaw_rad: PI,
-        };
-        let found = search(&landmark.cloud, observation.points, &window, &config.matching).ok()?;
-        let tally = mutual_tally(
-            (&landmark.polar, &landmark.points),
-            (observation.polar, observation.points),
-            &found.reference_from_moving,
-            &config.visibility,
-        );
-        if tally.contradiction() > config.max_contradiction {
-            return None;
-        }
-        let map_yaw = landmark.map_from_node.rotation.angle();
-        Some(Estimate {
-            node: landmark.id,
-            map_from_base: landmark.map_from_node * found.reference_from_moving,
-            covariance: rotate_covariance(&found.covariance, map_yaw) + self.map_covariance(),
-            odom_from_base: observation.odometry.odom_from_base,
-            odometer_m: observation.odometry.odometer_m,
-            turned_rad: observation.odometry.turned_rad,
-            similarity,
-            score: found.score,
-        })
-    }
-
-    fn map_covariance(&self) -> Matrix3<f64> {
-        let (m, rad) = (self.config.map_sigma_m.powi(2), self.config.map_sigma_rad.powi(2));
-        Matrix3::from_diagonal(&Vector3::new(m, m, rad))
-    }
-
-    /// Keeps an estimation, unless it only repeats one: the same node from the same place with the same answer is no new
-    /// evidence. The better of the two stays.
-    fn add(&mut self, estimate: Estimate) {
-        let config = &self.config;
-        let repeats = self.estimates.iter().position(|kept| {
-            let gap = difference(&kept.map_from_odom(), &estimate.map_from_odom());
-            kept.node == estimate.node
-                && kept.baseline_m(&estimate) < config.min_baseline_m
-                && (kept.odometer_m - estimate.odometer_m).abs() < 4.0 * config.min_baseline_m
-                && (kept.map_from_base * (kept.odom_from_base.inverse() * estimate.odom_from_base))
-                    .translation
-                    .vector
-                    .metric_distance(&estimate.map_from_base.translation.vector)
-                    < 0.5
-                && gap.z.abs() < 0.2
-        });
-        match repeats {
-            Some(index) if self.estimates[index].score >= estimate.score => {}
-            Some(index) => {
-                self.estimates.remove(index);
-                self.estimates.push(estimate);
-            }
-            None => self.estimates.push(estimate),
-        }
-        if self.estimates.len() > MAX_ESTIMATES {
-            self.estimates.remove(0);
-        }
-    }
-
-    /// Weighs the hypotheses against each other and against free space.
-    fn judge(&mut self, landmarks: &Landmarks, now: &Odometry) -> Belief {
-        if self.estimates.is_empty() {
+    /// Takes in what the robot senses now and says what it knows then.
+    pub fn observe(&mut self, landmarks: &Landmarks, observation: &Observation<'_>) -> Belief {
+        if landmarks.is_empty() {
+            self.clear();
             return Belief::NotLocalized;
         }
-        let graph = agreement_graph(&self.estimates, &self.config.noise, &self.config.consensus);
-        let weights: Vec<f64> = self.estimates.iter().map(|estimate| estimate.score).collect();
-        let mut allowed = u64::MAX;
-        let mut agreeing = 0;
-        let mut refuted = 0_u64;
-        let mut fix = None;
-        for _ in 0..HYPOTHESES {
-            let set = heaviest_clique(&graph, &weights, allowed);
-            if set == 0 {
-                break;
+        let view = self.view(landmarks, observation);
+        self.carry(landmarks, view);
+        self.find_more(landmarks);
+        self.sort();
+        self.judge(landmarks)
+    }
+
+    fn view(&self, landmarks: &Landmarks, observation: &Observation<'_>) -> View {
+        let alike = observation.descriptor.map_or_else(Vec::new, |descriptor| {
+            let least =
+                self.config.min_similarity.or_else(|| landmarks.match_threshold(descriptor.model)).unwrap_or(0.0);
+            let similarities = landmarks.similarities(descriptor);
+            similarities.into_iter().map(|(id, similarity)| (id, similarity - least)).collect()
+        });
+        View {
+            odometry: observation.odometry,
+            points: observation.points.to_vec(),
+            beams: Beams::of(observation.scan, &self.config.weigh.evidence),
+            alike,
+        }
+    }
+
+    /// Takes the hypotheses to a new view, and makes room for it: views are apart, but for the newest.
+    fn carry(&mut self, landmarks: &Landmarks, view: View) {
+        let config = &self.config;
+        let (spacing_m, most) = (config.view_spacing_m, config.views.max(2));
+        if let Some(before) = self.views.last().map(|last| last.odometry) {
+            for (rank, hypothesis) in self.hypotheses.iter_mut().enumerate() {
+                let matching = MatchConfig {
+                    // No fit is good enough for those that only follow the odometry.
+                    min_score: if rank < config.held { config.matching.min_score } else { f64::INFINITY },
+                    ..config.matching.clone()
+                };
+                hypothesis.carry(&before, &view, landmarks, &matching, &config.weigh);
             }
-            let Some(mut hypothesis) = self.optimise(set, now) else { break };
-            hypothesis.weight = weight_of(set, &weights);
-            if self.tally(landmarks, &hypothesis.map_from_odom).contradiction()
-                > self.config.max_hypothesis_contradiction
-            {
-                // What robot and map saw forbids it: its estimations are worth nothing, and the next set is looked at.
-                refuted |= set;
-                allowed &= !set;
+        }
+        self.views.push(view);
+        let place = |view: &View| view.odometry.odom_from_base.translation.vector;
+        let crowded = match self.views.as_slice() {
+            [.., before, middle, _] => (place(before) - place(middle)).norm() < spacing_m,
+            _ => false,
+        };
+        if crowded {
+            self.forget(self.views.len() - 2);
+        }
+        while self.views.len() > most {
+            self.forget(0);
+        }
+    }
+
+    fn forget(&mut self, index: usize) {
+        self.views.remove(index);
+        self.hypotheses.iter_mut().for_each(|hypothesis| hypothesis.forget(index));
+    }
+
+    /// Looks for what was seen lately in the whole map.
+    fn find_more(&mut self, landmarks: &Landmarks) {
+        let config = &self.config;
+        let Some((last, Some(pyramid))) = self.views.last().map(|last| (last, &landmarks.walls().pyramid)) else {
+            return;
+        };
+        // A cell or half a step off, the true place looks worse than it is, but not as bad as this.
+        let hopeless = 2.0 * config.weigh.beams_per_view * config.weigh.nowhere_cost;
+        let alignments = pyramid.find(&self.recent_points(), &self.favours(landmarks, last));
+        for alignment in alignments {
+            let known = |at: &Pose2| {
+                self.hypotheses.iter().any(|hypothesis| hypothesis.is_near(at, config.same_m, config.same_rad))
+            };
+            let rough = &alignment.map_from_scan;
+            if known(rough) || !Hypothesis::is_worth_a_look(rough, last, landmarks, hopeless, &config.weigh) {
                 continue;
             }
-            agreeing = set.count_ones() as usize;
-            let rivals = allowed & self.far_from(&hypothesis, now);
-            let rival = weight_of(heaviest_clique(&graph, &weights, rivals), &weights);
-            tracing::debug!(agreeing, weight = hypothesis.weight, rival, "heaviest hypothesis");
-            if self.is_enough(set, &hypothesis) && hypothesis.weight >= self.config.dominance * rival {
-                fix = Some(hypothesis);
+            let Some(at) = held(&alignment.map_from_scan, last, landmarks, &config.matching) else { continue };
+            if known(&at) {
+                continue;
             }
-            break;
-        }
-        let mut index = 0;
-        self.estimates.retain(|_| {
-            index += 1;
-            refuted >> (index - 1) & 1 == 0
-        });
-        match fix {
-            Some(fix) => Belief::Localized(fix),
-            None if self.estimates.is_empty() => Belief::NotLocalized,
-            None => Belief::Candidates { estimates: self.estimates.len(), agreeing },
+            self.hypotheses.push(Hypothesis::new(&at, &self.views, landmarks, &config.weigh));
         }
     }
 
-    /// Estimations that speak for another place than the hypothesis.
-    fn far_from(&self, hypothesis: &Fix, now: &Odometry) -> u64 {
-        let far = |estimate: &Estimate| {
-            let here = estimate.map_from_base * (estimate.odom_from_base.inverse() * now.odom_from_base);
-            let gap = difference(&here, &hypothesis.map_from_base);
-            gap.xy().norm() > self.config.rival_m || gap.z.abs() > 0.35
-        };
-        self.estimates.iter().enumerate().filter(|(_, e)| far(e)).fold(0, |set, (index, _)| set | 1 << index)
+    /// End points of the scans of the last few metres, evenly spread, in the frame of the last view.
+    fn recent_points(&self) -> Vec<Point2> {
+        /// Side of the squares of which one point each is kept, metres.
+        const SQUARE_M: f64 = 0.25;
+        let Some(last) = self.views.last() else { return Vec::new() };
+        let now_from_odom = last.odometry.odom_from_base.inverse();
+        let mut squares = std::collections::BTreeSet::new();
+        let mut points = Vec::new();
+        for view in self.views.iter().rev() {
+            if last.odometry.odometer_m - view.odometry.odometer_m > self.config.search_memory_m {
+                break;
+            }
+            let now_from_view = now_from_odom * view.odometry.odom_from_base;
+            for point in view.points.iter().map(|point| now_from_view * point) {
+                let square = ((point.x / SQUARE_M).floor() as i64, (point.y / SQUARE_M).floor() as i64);
+                if squares.insert(square) {
+                    points.push(point);
+                }
+            }
+        }
+        points
     }
 
-    fn is_enough(&self, set: u64, hypothesis: &Fix) -> bool {
+    /// The places around nodes that look like what the robot sees.
+    fn favours(&self, landmarks: &Landmarks, view: &View) -> Vec<Favour> {
         let config = &self.config;
-        let chosen: Vec<&Estimate> = members(set).filter_map(|index| self.estimates.get(index)).collect();
-        let spread = chosen
+        let span = config.weigh.look_span as f32;
+        let mut alike: Vec<(Point2, f64)> = view
+            .alike
             .iter()
-            .enumerate()
-            .flat_map(|(i, a)| chosen[..i].iter().map(move |b| a.baseline_m(b)))
-            .fold(0.0, f64::max);
-        let least = if hypothesis.nodes >= 2 { config.min_estimates } else { config.min_estimates_one_node };
-        let sigma = hypothesis.covariance.fixed_view::<2, 2>(0, 0).symmetric_eigenvalues().max().max(0.0).sqrt();
-        chosen.len() >= least && spread >= config.min_spread_m && sigma <= config.max_sigma_m
-    }
-
-    /// Pose graph over the estimations of a set and the robot's pose now.
-    fn optimise(&self, set: u64, now: &Odometry) -> Option<Fix> {
-        let mut chosen: Vec<&Estimate> = members(set).filter_map(|index| self.estimates.get(index)).collect();
-        chosen.sort_by(|a, b| a.odometer_m.total_cmp(&b.odometer_m));
-        let noise = &self.config.noise;
-        let mut steps = Vec::with_capacity(chosen.len());
-        for (index, from) in chosen.iter().enumerate() {
-            let (to, driven, turned) = match chosen.get(index + 1) {
-                Some(next) => (next.odom_from_base, next.odometer_m, next.turned_rad),
-                None => (now.odom_from_base, now.odometer_m, now.turned_rad),
-            };
-            let (sigma_m, sigma_rad) = noise.sigmas((driven - from.odometer_m).abs(), (turned - from.turned_rad).abs());
-            steps.push(Step { relative: from.odom_from_base.inverse() * to, sigma_m, sigma_rad });
-        }
-        let priors: Vec<Prior> = chosen
-            .iter()
-            .enumerate()
-            .map(|(index, e)| Prior { index, map_from_base: e.map_from_base, covariance: e.covariance })
+            .filter(|(_, above)| *above > -span)
+            .filter_map(|(id, above)| {
+                let node = landmarks.get(*id)?;
+                let share = f64::from((above + span) / (2.0 * span)).min(1.0);
+                Some((Point2::from(node.map_from_node.translation.vector), share))
+            })
             .collect();
-        let solution = optimise(&priors, &steps, &self.config.pose_graph)?;
-        let map_from_base = *solution.poses.last()?;
-        let nodes: BTreeSet<NodeId> = chosen.iter().map(|estimate| estimate.node).collect();
-        Some(Fix {
-            map_from_odom: map_from_base * now.odom_from_base.inverse(),
-            map_from_base,
-            covariance: solution.last_covariance * solution.mean_squared_error.max(1.0),
-            estimates: chosen.len(),
-            nodes: nodes.len(),
-            weight: 0.0,
-        })
+        alike.sort_by(|a, b| b.1.total_cmp(&a.1));
+        alike.truncate(config.favoured);
+        let favour =
+            |(centre, share)| Favour { centre, radius_m: config.favour_radius_m, bonus: config.favour * share };
+        alike.into_iter().map(favour).collect()
     }
 
-    /// Everything that recent scans and the nodes near them say about a hypothesis.
-    fn tally(&self, landmarks: &Landmarks, map_from_odom: &Pose2) -> Tally {
+    fn sort(&mut self) {
         let config = &self.config;
-        let newest = self.views.back().map_or(0.0, |view| view.odometer_m);
-        let mut tally = Tally::default();
-        for view in self.views.iter().filter(|view| newest - view.odometer_m <= config.memory_m / 2.0) {
-            let map_from_view = map_from_odom * view.odom_from_base;
-            for landmark in landmarks.within(&map_from_view, config.verify_radius_m) {
-                let node_from_view = landmark.map_from_node.inverse() * map_from_view;
-                let node = (&landmark.polar, landmark.points.as_slice());
-                let robot = (&view.polar, view.points.as_slice());
-                tally.add(mutual_tally(node, robot, &node_from_view, &config.visibility));
+        self.hypotheses.sort_by(|a, b| b.weight().total_cmp(&a.weight()));
+        let mut kept: Vec<Hypothesis> = Vec::new();
+        for hypothesis in self.hypotheses.drain(..) {
+            let at = hypothesis.map_from_base();
+            let is_light = kept.first().is_some_and(|best| hypothesis.weight() < best.weight() - config.drop_below);
+            let is_double = kept.iter().any(|other| other.is_near(&at, 0.5 * config.same_m, 0.5 * config.same_rad));
+            if !is_light && !is_double && kept.len() < config.hypotheses {
+                kept.push(hypothesis);
             }
-            let inside = |point: &&Point2| landmarks.is_free(&(map_from_view * **point), config.visibility.margin_m);
-            tally.contradicting += view.points.iter().filter(inside).count();
         }
-        tally
+        self.hypotheses = kept;
+    }
+
+    /// Probability of the heaviest hypothesis: against the others, and against being nowhere on the map.
+    fn confidence(&self) -> f64 {
+        let config = &self.config;
+        let Some(best) = self.hypotheses.first() else { return 0.0 };
+        let at = best.map_from_base();
+        let nowhere = -config.weigh.beams_per_view * config.weigh.nowhere_cost * self.views.len() as f64;
+        let rivals = self.hypotheses.iter().filter(|other| !other.is_near(&at, config.same_m, config.same_rad));
+        let others: f64 =
+            rivals.map(Hypothesis::weight).chain([nowhere]).map(|weight| (weight - best.weight()).exp()).sum();
+        1.0 / (1.0 + others)
+    }
+
+    fn judge(&self, landmarks: &Landmarks) -> Belief {
+        let config = &self.config;
+        let Some(best) = self.hypotheses.first() else { return Belief::NotLocalized };
+        let confidence = self.confidence();
+        let candidates = Belief::Candidates { hypotheses: self.hypotheses.len(), confidence };
+        let evidence = best.evidence();
+        tracing::debug!(
+            hypotheses = self.hypotheses.len(),
+            views = self.views.len(),
+            weight = best.weight(),
+            confidence,
+            explained = evidence.explained_share(),
+            contradicted = evidence.contradicted_share(),
+            "likeliest place"
+        );
+        for other in self.hypotheses.iter().take(4) {
+            let (at, evidence) = (other.map_from_base(), other.evidence());
+            tracing::trace!(x = at.translation.x, y = at.translation.y, yaw = at.rotation.angle(), weight = other.weight(), ?evidence, "place");
+        }
+        let is_good = confidence >= config.min_confidence
+            && self.spread_m() >= config.min_spread_m
+            && evidence.explained_share() >= config.min_explained
+            && evidence.contradicted_share() <= config.max_contradicted;
+        if !is_good {
+            return candidates;
+        }
+        match settle(best, &self.views, landmarks, confidence, &config.matching, &config.settle) {
+            Some(fix) if fix.sigma_m() <= config.max_sigma_m => Belief::Localized(fix),
+            _ => candidates,
+        }
+    }
+
+    /// How far apart the views are.
+    fn spread_m(&self) -> f64 {
+        let places = || self.views.iter().map(|view| view.odometry.odom_from_base.translation.vector);
+        places().flat_map(|a| places().map(move |b| (a - b).norm())).fold(0.0, f64::max)
     }
 }

@@ -26,7 +26,7 @@ pub struct Report {
     pub relocalization_error_m: Option<f64>,
     /// Error of its heading, degrees.
     pub relocalization_error_deg: Option<f64>,
-    /// Estimations that the first fix rested on, and different nodes among them.
+    /// Estimations that the first fix rested on, and how many were made.
     pub relocalization_evidence: Option<[usize; 2]>,
     /// Greatest error while it claimed to know, metres.
     pub worst_error_m: Option<f64>,

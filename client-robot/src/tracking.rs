@@ -1,9 +1,10 @@
-//! Keeping the pose right while driving: each scan against the nodes near, fused with odometry (a Kalman filter).
+//! Keeping the pose right while driving: each scan against what all main nodes saw, fused with odometry (a Kalman filter).
 
-use crate::estimate::{OdometryNoise, difference, propagate, rotate_covariance};
-use crate::landmarks::{Landmark, Landmarks};
+use crate::estimate::{OdometryNoise, difference, propagate};
+use crate::known_space::{Beams, EvidenceConfig};
+use crate::landmarks::Landmarks;
 use crate::odometry::Odometry;
-use crate::visibility::{PolarScan, VisibilityConfig, mutual_tally};
+use fht_robot::frame::LaserScan;
 use fht_robot::matching::{MatchConfig, refine};
 use fht_robot::pose::{Point2, Pose2, pose, wrap_angle};
 use nalgebra::{Matrix3, Vector3};
@@ -11,28 +12,24 @@ use nalgebra::{Matrix3, Vector3};
 /// How a pose is tracked.
 #[derive(Clone, Debug)]
 pub struct TrackConfig {
-    /// Nodes are matched within this distance, metres. Default 6.
-    pub radius_m: f64,
-    /// Most nodes matched per scan, nearest first. Default 3.
-    pub nodes: usize,
-    /// Least share of the scan explained by a node. Default 0.3.
+    /// Least share of the scan explained by the walls. Default 0.3.
     pub min_score: f64,
-    /// Greatest share of contradictions between scan and node. Default 0.12.
-    pub max_contradiction: f64,
+    /// Greatest share of a scan's beams that cannot be. Default 0.25: people and moved furniture stand about.
+    pub max_contradicted: f64,
     /// Greatest squared Mahalanobis distance of a measurement. Default 16.27 (χ², 99.9 %, 3 degrees of freedom).
     pub gate: f64,
-    /// Added to every measurement's sigma, since nodes are not exactly where the map says, metres. Default 0.03.
+    /// Added to every measurement's sigma, since walls are not exactly where the map says, metres. Default 0.02.
     pub map_sigma_m: f64,
-    /// The same for headings, radians. Default 0.3°.
+    /// The same for headings, radians. Default 0.2°.
     pub map_sigma_rad: f64,
     /// Lost when the position's sigma grows beyond this, metres. Default 0.6.
     pub lost_sigma_m: f64,
-    /// Lost after this many scans in a row that visible nodes contradict. Default 12.
+    /// Lost after this many scans in a row that cannot be. Default 10.
     pub lost_after: usize,
     /// Drift of the odometry.
     pub noise: OdometryNoise,
-    /// The free-space test.
-    pub visibility: VisibilityConfig,
+    /// How beams are counted.
+    pub evidence: EvidenceConfig,
     /// The refinement.
     pub matching: MatchConfig,
 }
@@ -40,17 +37,15 @@ pub struct TrackConfig {
 impl Default for TrackConfig {
     fn default() -> Self {
         Self {
-            radius_m: 6.0,
-            nodes: 3,
             min_score: 0.3,
-            max_contradiction: 0.12,
+            max_contradicted: 0.25,
             gate: 16.27,
-            map_sigma_m: 0.03,
-            map_sigma_rad: 0.3_f64.to_radians(),
+            map_sigma_m: 0.02,
+            map_sigma_rad: 0.2_f64.to_radians(),
             lost_sigma_m: 0.6,
-            lost_after: 12,
+            lost_after: 10,
             noise: OdometryNoise::default(),
-            visibility: VisibilityConfig::default(),
+            evidence: EvidenceConfig::default(),
             matching: MatchConfig::default(),
         }
     }
@@ -117,47 +112,25 @@ impl Tracker {
         self.at = *now;
     }
 
-    /// Matches a scan taken at the pose of the last [`Tracker::predict`] to the nodes near. Returns how many nodes agreed.
-    pub fn update(&mut self, landmarks: &Landmarks, points: &[Point2], polar: &PolarScan) -> usize {
-        let here = Point2::from(self.map_from_base.translation.vector);
-        let near = landmarks.within(&self.map_from_base, self.config.radius_m);
-        let visible: Vec<&Landmark> = near
-            .into_iter()
-            .filter(|landmark| landmark.polar.sees(landmark.map_from_node.inverse() * here, 0.0))
-            .take(self.config.nodes)
-            .collect();
-        let mut agreed = 0;
-        for landmark in &visible {
-            if let Some((measured, covariance)) = self.measure(landmark, points, polar)
-                && self.fuse(&measured, &covariance)
-            {
-                agreed += 1;
-            }
-        }
-        if agreed > 0 {
-            self.contradicted_in_a_row = 0;
-        } else if !visible.is_empty() {
-            self.contradicted_in_a_row += 1;
-        }
-        agreed
-    }
-
-    fn measure(&self, landmark: &Landmark, points: &[Point2], polar: &PolarScan) -> Option<(Pose2, Matrix3<f64>)> {
+    /// Matches a scan taken at the pose of the last [`Tracker::predict`] to the map. True if it held the pose.
+    pub fn update(&mut self, landmarks: &Landmarks, points: &[Point2], scan: &LaserScan) -> bool {
         let config = &self.config;
-        let guess = landmark.map_from_node.inverse() * self.map_from_base;
-        let found = refine(&landmark.cloud, points, &guess, &config.matching)?;
-        if found.score < config.min_score {
-            return None;
-        }
-        let node = (&landmark.polar, landmark.points.as_slice());
-        let tally = mutual_tally(node, (polar, points), &found.reference_from_moving, &config.visibility);
-        if tally.contradiction() > config.max_contradiction {
-            return None;
+        let walls = landmarks.walls();
+        let measured = refine(&walls.cloud, points, &self.map_from_base, &config.matching);
+        let measured = measured.filter(|found| found.score >= config.min_score);
+        let at = measured.as_ref().map_or(self.map_from_base, |found| found.reference_from_moving);
+        let evidence = walls.known.weigh(&Beams::of(scan, &config.evidence), &at, &config.evidence);
+        if evidence.contradicted_share() > config.max_contradicted {
+            self.contradicted_in_a_row += 1;
+            return false;
         }
         let (m, rad) = (config.map_sigma_m.powi(2), config.map_sigma_rad.powi(2));
-        let covariance = rotate_covariance(&found.covariance, landmark.map_from_node.rotation.angle())
-            + Matrix3::from_diagonal(&Vector3::new(m, m, rad));
-        Some((landmark.map_from_node * found.reference_from_moving, covariance))
+        let of_map = Matrix3::from_diagonal(&Vector3::new(m, m, rad));
+        let holds = measured.is_some_and(|found| self.fuse(&found.reference_from_moving, &(found.covariance + of_map)));
+        if holds {
+            self.contradicted_in_a_row = 0;
+        }
+        holds
     }
 
     /// Kalman update with a pose; false if it lies outside the gate.

@@ -7,10 +7,12 @@
 
 mod cloud;
 mod correlative;
+mod everywhere;
 mod line_icp;
 
 pub use cloud::{ReferenceCloud, SeenPoint};
 pub use correlative::{SearchWindow, alignments, search};
+pub use everywhere::{Alignment, EverywhereConfig, Favour, WallPyramid};
 pub use line_icp::{Prior, refine, refine_with_prior};
 
 use crate::pose::Pose2;

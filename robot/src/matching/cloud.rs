@@ -5,7 +5,7 @@
 
 use crate::pose::{Point2, Pose2};
 use nalgebra::{Matrix2, Vector2};
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 /// Side of a hash bucket, metres; also the farthest that a nearest neighbour is looked for.
 const BUCKET_M: f64 = 0.4;
@@ -73,7 +73,7 @@ impl ReferencePoint {
 #[derive(Clone, Debug, Default)]
 pub struct ReferenceCloud {
     points: Vec<ReferencePoint>,
-    buckets: HashMap<(i32, i32), Vec<u32>>,
+    buckets: FxHashMap<(i32, i32), Vec<u32>>,
 }
 
 fn bucket_of(point: Point2) -> (i32, i32) {
