@@ -1,6 +1,6 @@
 //! The command line.
 
-use crate::landmarks::{UnusableMap, check_usable};
+use crate::landmarks::check_usable;
 use crate::mission::{Goal, Services, run};
 use crate::paths::{ServerPaths, ServerPathsConfig, UnusablePath, ask_path, planned};
 use crate::pilot::{PilotConfig, Step};
@@ -10,7 +10,7 @@ use crate::report::Report;
 use crate::route::{PlannedPath, Planner};
 use clap::{Args, Parser, Subcommand};
 use fht_proto::keys::Key;
-use fht_proto::query::{Place, RobotPose};
+use fht_proto::query::{LocalizationState, Place, RobotPose};
 use fht_proto::{Descriptor, MapName};
 use fht_robot::descriptor::DescriptorNet;
 use fht_robot::frame::{Panorama, SensorFrame};
@@ -116,6 +116,9 @@ struct RobotArgs {
     /// map was made with.
     #[arg(long)]
     model: Option<PathBuf>,
+    /// Drive without cameras, as in the dark: the place is found by the scanner alone.
+    #[arg(long)]
+    no_camera: bool,
     /// Give up after this many seconds of simulated time.
     #[arg(long, default_value_t = 1500.0, value_parser = parse_seconds)]
     max_time_s: f64,
@@ -172,8 +175,6 @@ enum CliError {
     RobotName(String),
     #[error("the map '{0}' has no main nodes yet; nothing to relocalize at")]
     EmptyMap(MapName),
-    #[error("the map '{map}' is of no use to this robot: {reason}")]
-    Unusable { map: MapName, reason: UnusableMap },
     #[error("{path}: {source}", path = path.display())]
     Write { path: PathBuf, source: std::io::Error },
     #[error("a thread cannot be started: {0}")]
@@ -297,10 +298,14 @@ fn mission(link: &LinkArgs, args: &RobotArgs, goal: Goal) -> Result<ExitCode, Cl
     if replica.read().state().counts().main_nodes == 0 {
         return Err(CliError::EmptyMap(link.map.clone()));
     }
-    check_usable(replica.read().state(), net.model())
-        .map_err(|reason| CliError::Unusable { map: link.map.clone(), reason })?;
+    if args.no_camera {
+        tracing::info!("without cameras: the place is found by the scanner alone");
+    } else if let Err(reason) = check_usable(replica.read().state(), net.model()) {
+        tracing::warn!(%reason, "pictures are of no use on this map: the place is found by the scanner alone");
+    }
 
-    let sim = SimConfig { light_seed: args.light_seed, ..SimConfig::default() };
+    let camera_every = if args.no_camera { 0 } else { SimConfig::default().camera_every };
+    let sim = SimConfig { light_seed: args.light_seed, camera_every, ..SimConfig::default() };
     let mut simulator = Simulator::new(world, sim, start, args.seed);
     let config = PilotConfig { seed: args.seed, max_time_s: args.max_time_s, ..PilotConfig::default() };
     let asking = ServerPathsConfig { timeout: TIMEOUT, ..ServerPathsConfig::default() };
@@ -356,7 +361,10 @@ fn progress(args: &RobotArgs) -> ProgressBar {
 
 fn show(bar: &ProgressBar, frame: &SensorFrame, step: &Step) {
     let place = step.localization.map_from_base().map_or_else(
-        || format!("{:?}", step.localization.status),
+        || match step.localization.state {
+            LocalizationState::Candidates => format!("CANDIDATES ({:.0} %)", 100.0 * step.localization.confidence),
+            state => state.to_string(),
+        },
         |at| format!("at ({:.2}, {:.2})", at.translation.x, at.translation.y),
     );
     let seconds = frame.time_us / 1_000_000;
@@ -369,6 +377,13 @@ fn publish_pose(session: &Session, key: &str, robot: &str, step: &Step) {
     let message = RobotPose {
         robot: robot.to_owned(),
         localized: at.is_some(),
+        state: step.localization.state,
+        confidence: step.localization.confidence,
+        candidates: step
+            .candidates
+            .iter()
+            .map(|at| [at.translation.x, at.translation.y, at.rotation.angle()])
+            .collect(),
         map_from_base: at.map(|at| [at.translation.x, at.translation.y, at.rotation.angle()]),
     };
     let Ok(json) = serde_json::to_vec(&message) else { return };

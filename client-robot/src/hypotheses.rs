@@ -14,11 +14,11 @@ use fht_robot::pose::{Point2, Pose2, wrap_angle};
 /// How hypotheses are weighed.
 #[derive(Clone, Debug)]
 pub struct WeighConfig {
-    /// Independent beams that one view counts as: neighbouring beams see the same wall. Default 15.
+    /// Independent beams that one view counts as: neighbouring beams see the same wall. Default 12.
     pub beams_per_view: f64,
     /// Cost of a beam that cannot be, natural logarithm of a likelihood ratio. Default 4.
     pub contradiction_cost: f64,
-    /// Cost of a beam that ends where nobody looked. Default 0.4: there may be anything.
+    /// Cost of a beam that ends where nobody looked. Default 0.2: there may be anything.
     pub silence_cost: f64,
     /// Cost of a beam if the robot is nowhere on the map. Default 0.7: as much as one in seven that cannot be.
     pub nowhere_cost: f64,
@@ -35,9 +35,9 @@ pub struct WeighConfig {
 impl Default for WeighConfig {
     fn default() -> Self {
         Self {
-            beams_per_view: 15.0,
+            beams_per_view: 12.0,
             contradiction_cost: 4.0,
-            silence_cost: 0.4,
+            silence_cost: 0.2,
             nowhere_cost: 0.7,
             look_weight: 1.5,
             look_span: 0.1,

@@ -11,9 +11,9 @@ use fht_robot::pose::{Point2, Pose2, from_fixed};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
 
-/// A robot cannot find its place on this map.
+/// Why a robot cannot compare what it sees with the map's descriptors; its scans still are of use.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum UnusableMap {
+pub enum UnusableDescriptors {
     /// No node looks like anything.
     #[error(
         "none of the map's {main_nodes} main nodes carries a descriptor (it was made without cameras); this robot compares \
@@ -40,22 +40,22 @@ pub enum UnusableMap {
 /// Checks that some node of `map` carries a descriptor of the robot's model `own`.
 ///
 /// # Errors
-/// [`UnusableMap`], with the names of both models.
-pub fn check_usable(map: &MapState, own: &DescriptorModel) -> Result<(), UnusableMap> {
+/// [`UnusableDescriptors`], with the names of both models.
+pub fn check_usable(map: &MapState, own: &DescriptorModel) -> Result<(), UnusableDescriptors> {
     let descriptors = map.nodes().filter_map(|node| node.signature?.descriptor.as_ref());
     let models: BTreeSet<ModelId> = descriptors.map(|descriptor| descriptor.model).collect();
     if models.contains(&own.id) {
         return Ok(());
     }
     if models.is_empty() {
-        return Err(UnusableMap::NoDescriptors { main_nodes: map.counts().main_nodes, own: own.name.clone() });
+        return Err(UnusableDescriptors::NoDescriptors { main_nodes: map.counts().main_nodes, own: own.name.clone() });
     }
     let name = |id: &ModelId| {
         let model = map.models().find(|model| model.id == *id);
         model.map_or_else(|| format!("{id:?} (not described in the map)"), |model| format!("'{}'", model.name))
     };
     let names: Vec<String> = models.iter().map(name).collect();
-    Err(UnusableMap::OtherModel { map: names.join(", "), own: own.name.clone() })
+    Err(UnusableDescriptors::OtherModel { map: names.join(", "), own: own.name.clone() })
 }
 
 /// A main node with its scan.
@@ -185,12 +185,12 @@ mod tests {
     }
 
     #[test]
-    fn a_map_is_of_use_only_with_descriptors_of_the_robots_model() {
+    fn descriptors_are_of_use_only_if_they_are_of_the_robots_model() {
         let (own, other) = (model(1, "ours"), model(2, "theirs"));
         assert_eq!(check_usable(&map_with(Some(&own)), &own), Ok(()));
         let error = check_usable(&map_with(Some(&other)), &own).map_err(|error| error.to_string());
         assert!(error.is_err_and(|sentence| sentence.contains("'theirs'") && sentence.contains("'ours'")));
         let error = check_usable(&map_with(None), &own);
-        assert_eq!(error, Err(UnusableMap::NoDescriptors { main_nodes: 1, own: "ours".to_owned() }));
+        assert_eq!(error, Err(UnusableDescriptors::NoDescriptors { main_nodes: 1, own: "ours".to_owned() }));
     }
 }

@@ -6,6 +6,7 @@ use crate::relocalize::{Belief, Observation, RelocalizeConfig, Relocalizer};
 use crate::settle::Fix;
 use crate::tracking::{TrackConfig, Tracker};
 use fht_proto::Descriptor;
+use fht_proto::query::LocalizationState;
 use fht_robot::frame::{LaserScan, SensorFrame};
 use fht_robot::pose::{Point2, Pose2, wrap_angle};
 
@@ -48,24 +49,11 @@ impl Default for LocalizeConfig {
     }
 }
 
-/// What the robot says of where it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Status {
-    /// Nothing fits yet.
-    NotLocalized,
-    /// Something fits, but too little or too ambiguously.
-    Candidates,
-    /// It knows.
-    Localized,
-    /// It knew, and what it senses no longer fits.
-    Lost,
-}
-
 /// The outcome of one frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Localization {
     /// What the robot says.
-    pub status: Status,
+    pub state: LocalizationState,
     /// Corrected odometry.
     pub odometry: Odometry,
     /// Map frame from odometry frame; only when localized.
@@ -92,7 +80,7 @@ pub struct Localizer {
     odometry: ScanOdometry,
     relocalizer: Relocalizer,
     tracker: Option<Tracker>,
-    status: Status,
+    state: LocalizationState,
     observed_at_m: Option<f64>,
     has_cameras: bool,
     confidence: f64,
@@ -109,7 +97,7 @@ impl Localizer {
             odometry: ScanOdometry::new(config.odometry.clone()),
             relocalizer: Relocalizer::new(config.relocalize.clone()),
             tracker: None,
-            status: Status::NotLocalized,
+            state: LocalizationState::NotLocalized,
             observed_at_m: None,
             has_cameras: false,
             confidence: 0.0,
@@ -124,6 +112,12 @@ impl Localizer {
     #[must_use]
     pub fn refixes(&self) -> usize {
         self.refixes
+    }
+
+    /// Where the robot may be now, map frame, likeliest first.
+    #[must_use]
+    pub fn candidates(&self) -> Vec<Pose2> {
+        self.relocalizer.candidates(&self.odometry.current().odom_from_base)
     }
 
     /// The hypotheses kept, for people to look at.
@@ -161,7 +155,7 @@ impl Localizer {
     #[must_use]
     pub fn current(&self) -> Localization {
         Localization {
-            status: self.status,
+            state: self.state,
             odometry: self.odometry.current(),
             map_from_odom: self.tracker.as_ref().map(Tracker::map_from_odom),
             is_new_fix: false,
@@ -187,10 +181,11 @@ impl Localizer {
         if tracker.is_lost() {
             tracing::warn!(sigma_m = tracker.sigma_m(), "what the robot senses no longer fits the map: lost");
             self.tracker = None;
-            self.status = Status::Lost;
+            self.state = LocalizationState::Lost;
             self.confidence = 0.0;
             self.relocalizer.clear();
-            self.observed_at_m = None;
+            // It looks again where nothing of before is in sight any more.
+            self.observed_at_m = Some(odometry.odometer_m);
         }
     }
 
@@ -216,13 +211,13 @@ impl Localizer {
             }
             (Belief::Candidates { confidence, .. }, None) => {
                 self.confidence = confidence;
-                self.status = Status::Candidates;
+                self.state = LocalizationState::Candidates;
                 false
             }
             (Belief::NotLocalized, None) => {
                 self.confidence = 0.0;
-                if self.status != Status::Lost {
-                    self.status = Status::NotLocalized;
+                if self.state != LocalizationState::Lost {
+                    self.state = LocalizationState::NotLocalized;
                 }
                 false
             }
@@ -235,6 +230,6 @@ impl Localizer {
         self.evidence = Some([fix.estimates, fix.views]);
         self.confidence = fix.confidence;
         self.tracker = Some(Tracker::new(self.config.track.clone(), fix.map_from_base, fix.covariance, odometry));
-        self.status = Status::Localized;
+        self.state = LocalizationState::Localized;
     }
 }

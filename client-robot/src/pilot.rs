@@ -133,6 +133,8 @@ pub struct Step {
     pub command: Twist,
     /// Where the robot is, as far as it knows.
     pub localization: Localization,
+    /// Where it may be while it does not know, map frame, likeliest first.
+    pub candidates: Vec<Pose2>,
     /// Set once the task has ended.
     pub outcome: Option<Outcome>,
 }
@@ -230,7 +232,12 @@ impl Pilot {
         let is_late = self.last_us.is_some_and(|last| frame.time_us < last);
         if let Some(reason) = frame.check().err().map(|error| error.to_string()).or(is_late.then(went_back)) {
             tracing::warn!(reason, "frame left out");
-            return Step { command: Twist::default(), localization: self.localizer.current(), outcome: None };
+            return Step {
+                command: Twist::default(),
+                localization: self.localizer.current(),
+                candidates: Vec::new(),
+                outcome: None,
+            };
         }
         self.last_us = Some(frame.time_us);
         let localization = self.localizer.update(landmarks, frame, describe);
@@ -252,7 +259,8 @@ impl Pilot {
                 }
             }
         };
-        Step { command, localization, outcome }
+        let candidates = if localization.map_from_odom.is_none() { self.localizer.candidates() } else { Vec::new() };
+        Step { command, localization, candidates, outcome }
     }
 
     /// Moves about to see more.

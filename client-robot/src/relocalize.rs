@@ -150,6 +150,16 @@ impl Relocalizer {
         &self.hypotheses
     }
 
+    /// The likeliest places of the robot now that odometry says `odom_from_base`, map frame.
+    #[must_use]
+    pub fn candidates(&self, odom_from_base: &Pose2) -> Vec<Pose2> {
+        /// More would tell nobody anything.
+        const MOST: usize = 5;
+        let Some(last) = self.views.last() else { return Vec::new() };
+        let since = last.odometry.odom_from_base.inverse() * odom_from_base;
+        self.hypotheses.iter().take(MOST).map(|hypothesis| hypothesis.map_from_base() * since).collect()
+    }
+
     /// Forgets everything, as after being carried off.
     pub fn clear(&mut self) {
         self.views.clear();
@@ -330,7 +340,14 @@ impl Relocalizer {
         );
         for other in self.hypotheses.iter().take(4) {
             let (at, evidence) = (other.map_from_base(), other.evidence());
-            tracing::trace!(x = at.translation.x, y = at.translation.y, yaw = at.rotation.angle(), weight = other.weight(), ?evidence, "place");
+            tracing::trace!(
+                x = at.translation.x,
+                y = at.translation.y,
+                yaw = at.rotation.angle(),
+                weight = other.weight(),
+                ?evidence,
+                "place"
+            );
         }
         let is_good = confidence >= config.min_confidence
             && self.spread_m() >= config.min_spread_m

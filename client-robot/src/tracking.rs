@@ -14,8 +14,14 @@ use nalgebra::{Matrix3, Vector3};
 pub struct TrackConfig {
     /// Least share of the scan explained by the walls. Default 0.3.
     pub min_score: f64,
-    /// Greatest share of a scan's beams that cannot be. Default 0.25: people and moved furniture stand about.
+    /// A scan of which more than this share cannot be holds nothing. Default 0.25: people and moved furniture stand about.
     pub max_contradicted: f64,
+    /// Lost when this share cannot be in the running mean of the scans. Default 0.2.
+    pub lost_contradicted: f64,
+    /// Lost when less than this share is explained in the running mean, although the map knows the place. Default 0.4.
+    pub lost_explained: f64,
+    /// Weight of a scan in the running means. Default 0.15.
+    pub scan_weight: f64,
     /// Greatest squared Mahalanobis distance of a measurement. Default 16.27 (χ², 99.9 %, 3 degrees of freedom).
     pub gate: f64,
     /// Added to every measurement's sigma, since walls are not exactly where the map says, metres. Default 0.02.
@@ -24,8 +30,6 @@ pub struct TrackConfig {
     pub map_sigma_rad: f64,
     /// Lost when the position's sigma grows beyond this, metres. Default 0.6.
     pub lost_sigma_m: f64,
-    /// Lost after this many scans in a row that cannot be. Default 10.
-    pub lost_after: usize,
     /// Drift of the odometry.
     pub noise: OdometryNoise,
     /// How beams are counted.
@@ -39,11 +43,13 @@ impl Default for TrackConfig {
         Self {
             min_score: 0.3,
             max_contradicted: 0.25,
+            lost_contradicted: 0.2,
+            lost_explained: 0.4,
+            scan_weight: 0.15,
             gate: 16.27,
             map_sigma_m: 0.02,
             map_sigma_rad: 0.2_f64.to_radians(),
             lost_sigma_m: 0.6,
-            lost_after: 10,
             noise: OdometryNoise::default(),
             evidence: EvidenceConfig::default(),
             matching: MatchConfig::default(),
@@ -57,14 +63,17 @@ pub struct Tracker {
     map_from_base: Pose2,
     covariance: Matrix3<f64>,
     at: Odometry,
-    contradicted_in_a_row: usize,
+    /// Running mean of the share of beams that cannot be.
+    contradicted: f64,
+    /// Running mean of the share of explained beams among those that end where the map knows something.
+    explained: f64,
 }
 
 impl Tracker {
     /// Starts at a fix made at `at`.
     #[must_use]
     pub fn new(config: TrackConfig, map_from_base: Pose2, covariance: Matrix3<f64>, at: Odometry) -> Self {
-        Self { config, map_from_base, covariance, at, contradicted_in_a_row: 0 }
+        Self { config, map_from_base, covariance, at, contradicted: 0.0, explained: 1.0 }
     }
 
     /// The robot in the map frame.
@@ -97,7 +106,8 @@ impl Tracker {
         // Any comparison with NaN is false, so it is asked the other way round.
         let is_known =
             self.covariance.iter().all(|value| value.is_finite()) && self.sigma_m() <= self.config.lost_sigma_m;
-        !is_known || self.contradicted_in_a_row >= self.config.lost_after
+        let fits = self.contradicted <= self.config.lost_contradicted && self.explained >= self.config.lost_explained;
+        !(is_known && fits)
     }
 
     /// Moves the pose by odometry.
@@ -120,17 +130,18 @@ impl Tracker {
         let measured = measured.filter(|found| found.score >= config.min_score);
         let at = measured.as_ref().map_or(self.map_from_base, |found| found.reference_from_moving);
         let evidence = walls.known.weigh(&Beams::of(scan, &config.evidence), &at, &config.evidence);
+        self.contradicted += config.scan_weight * (evidence.contradicted_share() - self.contradicted);
+        let heard = evidence.explained + evidence.contradicted;
+        if heard > 0 {
+            let share = evidence.explained as f64 / heard as f64;
+            self.explained += config.scan_weight * (share - self.explained);
+        }
         if evidence.contradicted_share() > config.max_contradicted {
-            self.contradicted_in_a_row += 1;
             return false;
         }
         let (m, rad) = (config.map_sigma_m.powi(2), config.map_sigma_rad.powi(2));
         let of_map = Matrix3::from_diagonal(&Vector3::new(m, m, rad));
-        let holds = measured.is_some_and(|found| self.fuse(&found.reference_from_moving, &(found.covariance + of_map)));
-        if holds {
-            self.contradicted_in_a_row = 0;
-        }
-        holds
+        measured.is_some_and(|found| self.fuse(&found.reference_from_moving, &(found.covariance + of_map)))
     }
 
     /// Kalman update with a pose; false if it lies outside the gate.

@@ -221,6 +221,32 @@ pub struct MapsReply {
     pub maps: Vec<Head>,
 }
 
+/// What a robot says of where it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
+pub enum LocalizationState {
+    /// Nothing fits yet.
+    NotLocalized,
+    /// Something fits, but too little or too ambiguously.
+    Candidates,
+    /// It knows.
+    Localized,
+    /// It knew, and what it senses no longer fits.
+    Lost,
+}
+
+impl std::fmt::Display for LocalizationState {
+    /// As it is written in JSON.
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self {
+            Self::NotLocalized => "NOT_LOCALIZED",
+            Self::Candidates => "CANDIDATES",
+            Self::Localized => "LOCALIZED",
+            Self::Lost => "LOST",
+        })
+    }
+}
+
 /// What a robot puts under its `pose` key.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RobotPose {
@@ -228,6 +254,13 @@ pub struct RobotPose {
     pub robot: String,
     /// Whether it knows where it is; if not, the pose is absent.
     pub localized: bool,
+    /// The same, told apart.
+    pub state: LocalizationState,
+    /// Probability that the pose, or the likeliest candidate, is right, as the robot sees it: 0 to 1.
+    pub confidence: f64,
+    /// Where it may be, likeliest first, at most five: `[x, y, yaw]` in the map frame, metres and radians. Empty once it knows.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub candidates: Vec<[f64; 3]>,
     /// `[x, y, yaw]` in the map frame, metres and radians.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map_from_base: Option<[f64; 3]>,
