@@ -1,0 +1,159 @@
+//! Two rooms of one shape: a robot in one of them says that it may be in either, until something tells them apart.
+
+use client_robot::landmarks::Landmarks;
+use client_robot::odometry::Odometry;
+use client_robot::relocalize::{Belief, Observation, RelocalizeConfig, Relocalizer};
+use fht_map::MapState;
+use fht_proto::{
+    AuthorId, Descriptor, DescriptorModel, FixedPose, Increment, ModelId, NodeId, NodeKind, Op, Rect, Signature,
+};
+use fht_robot::frame::LaserScan;
+use fht_robot::pose::{Pose2, pose, to_fixed};
+
+type Wall = [(f64, f64); 2];
+const MODEL: ModelId = ModelId(7);
+/// From one room to the other, metres.
+const APART_M: f64 = 20.0;
+
+/// An L-shaped room around (x, 0): no symmetry of its own.
+fn room(x: f64) -> Vec<Wall> {
+    let corners = [(-3.0, -2.0), (4.0, -2.0), (4.0, 1.0), (1.0, 1.0), (1.0, 4.0), (-3.0, 4.0), (-3.0, -2.0)];
+    corners.windows(2).map(|pair| [(pair[0].0 + x, pair[0].1), (pair[1].0 + x, pair[1].1)]).collect()
+}
+
+/// A cupboard of 1.6 m × 1 m against the lower wall of the room around x.
+fn cupboard(x: f64) -> Vec<Wall> {
+    let corners = [(0.8, -2.0), (0.8, -1.0), (2.4, -1.0), (2.4, -2.0)];
+    corners.windows(2).map(|pair| [(pair[0].0 + x, pair[0].1), (pair[1].0 + x, pair[1].1)]).collect()
+}
+
+/// What 360 beams of 7 m see from `at`, with a noise of about 1 cm that repeats.
+fn scan(walls: &[Wall], at: &Pose2) -> LaserScan {
+    let mut noise = 1_u32;
+    let ranges_m = (0..360).map(|degree| {
+        let (dy, dx) = (f64::from(degree).to_radians() + at.rotation.angle()).sin_cos();
+        let meets = walls.iter().filter_map(|&[(x1, y1), (x2, y2)]| {
+            let (ex, ey, ox, oy) = (x2 - x1, y2 - y1, x1 - at.translation.x, y1 - at.translation.y);
+            let cross = dx * ey - dy * ex;
+            let (t, u) = ((ox * ey - oy * ex) / cross, (ox * dy - oy * dx) / cross);
+            (t > 0.0 && (0.0..=1.0).contains(&u)).then_some(t)
+        });
+        noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let range = meets.fold(f64::INFINITY, f64::min);
+        (range + (f64::from(noise >> 16) / 65_536.0 - 0.5) * 0.03) as f32
+    });
+    LaserScan {
+        base_from_sensor: pose(0.0, 0.0, 0.0),
+        angle_min: 0.0,
+        angle_increment: 1.0_f64.to_radians(),
+        range_min_m: 0.1,
+        range_max_m: 7.0,
+        ranges_m: ranges_m.collect(),
+    }
+}
+
+/// What a room looks like: one number for each.
+fn look(room: usize) -> Descriptor {
+    let mut components = [0.1_f32; 8];
+    components[room] = 1.0;
+    Descriptor::quantise(MODEL, &components)
+}
+
+/// Both rooms, each with two main nodes; `looks` says what each looks like.
+fn map(walls: &[Wall], looks: [usize; 2]) -> Landmarks {
+    let author = AuthorId(1);
+    let mut ops = vec![Op::PutModel {
+        model: DescriptorModel { id: MODEL, name: "test".to_owned(), dimension: 8, match_threshold_e3: 600 },
+    }];
+    let places = [(0.0, 0.0, 0), (2.5, -0.5, 0), (APART_M, 0.0, 1), (APART_M + 2.5, -0.5, 1)];
+    for (number, (x, y, room)) in places.into_iter().enumerate() {
+        let id = NodeId { author, number: number as u32 };
+        let at: FixedPose = to_fixed(&pose(x, y, 0.7 * number as f64));
+        let record = scan(walls, &pose(x, y, 0.7 * number as f64)).to_record();
+        ops.push(Op::PutNode { id, kind: NodeKind::Main, pose: at });
+        ops.push(Op::SetFreeSpace {
+            id,
+            rect: Some(Rect::around(at.position, (x - 0.5, y - 0.4), (x + 0.5, y + 0.4))),
+        });
+        ops.push(Op::SetSignature { id, signature: Signature { descriptor: Some(look(looks[room])), scan: record } });
+    }
+    let mut map = MapState::new();
+    map.apply(&Increment { author, number: 1, hlc_us: 1, ops });
+    let mut landmarks = Landmarks::default();
+    landmarks.refresh(&map);
+    landmarks
+}
+
+/// Drives through the second room; what the robot believes at the end, or when it knows, and where it then is.
+fn drive(walls: &[Wall], landmarks: &Landmarks, seen: Option<usize>) -> (Belief, Pose2) {
+    let mut relocalizer = Relocalizer::new(RelocalizeConfig::default());
+    let start = pose(APART_M - 1.5, 2.8, -1.3);
+    let mut last = (Belief::NotLocalized, start);
+    for step in 0..9 {
+        let odom_from_base = pose(0.4 * f64::from(step), 0.0, 0.0);
+        let at = start * odom_from_base;
+        let scan = scan(walls, &at);
+        let points = scan.points_in_base();
+        let odometry =
+            Odometry { odom_from_base, odometer_m: 0.4 * f64::from(step), turned_rad: 0.0, is_keyframe: true };
+        let descriptor = seen.map(look);
+        let observation = Observation { odometry, scan: &scan, points: &points, descriptor: descriptor.as_ref() };
+        last = (relocalizer.observe(landmarks, &observation), at);
+        if matches!(last.0, Belief::Localized(_)) {
+            break;
+        }
+    }
+    last
+}
+
+fn assert_is_there(belief: &Belief, at: &Pose2) {
+    let Belief::Localized(fix) = belief else { panic!("{belief:?}") };
+    let error = (fix.map_from_base.translation.vector - at.translation.vector).norm();
+    assert!(error < 0.03 && fix.confidence > 0.99, "{error} m off, {fix:?}");
+    assert!(fix.sigma_m() < 0.1, "{fix:?}");
+}
+
+#[test]
+fn a_place_that_looks_like_another_is_not_yet_known() {
+    let walls: Vec<Wall> = room(0.0).into_iter().chain(room(APART_M)).collect();
+    let landmarks = map(&walls, [0, 0]);
+    for seen in [None, Some(0)] {
+        match drive(&walls, &landmarks, seen).0 {
+            Belief::Candidates { hypotheses, confidence } => {
+                assert!(hypotheses >= 2 && (0.3..0.7).contains(&confidence), "{hypotheses} {confidence}");
+            }
+            belief => panic!("{seen:?}: {belief:?}"),
+        }
+    }
+}
+
+#[test]
+fn a_thing_that_stands_in_one_of_them_decides() {
+    let walls: Vec<Wall> = room(0.0).into_iter().chain(room(APART_M)).chain(cupboard(APART_M)).collect();
+    let (belief, at) = drive(&walls, &map(&walls, [0, 0]), None);
+    assert_is_there(&belief, &at);
+}
+
+#[test]
+fn so_does_what_they_look_like() {
+    let walls: Vec<Wall> = room(0.0).into_iter().chain(room(APART_M)).collect();
+    let (belief, at) = drive(&walls, &map(&walls, [0, 1]), Some(1));
+    assert_is_there(&belief, &at);
+}
+
+#[test]
+fn a_room_that_is_not_on_the_map_is_nowhere() {
+    let walls: Vec<Wall> = room(0.0).into_iter().chain(room(APART_M)).collect();
+    let landmarks = map(&walls, [0, 0]);
+    let round: Vec<Wall> = (0..24)
+        .map(|side| {
+            let corner = |k: i32| {
+                let (sin, cos) = (f64::from(k) * std::f64::consts::PI / 12.0).sin_cos();
+                (APART_M + 3.0 * cos, 3.0 * sin)
+            };
+            [corner(side), corner(side + 1)]
+        })
+        .collect();
+    let (belief, _) = drive(&round, &landmarks, None);
+    assert!(!matches!(belief, Belief::Localized(_)), "{belief:?}");
+}
