@@ -24,6 +24,8 @@ pub struct WeighConfig {
     pub nowhere_cost: f64,
     /// A view that looks like a node near, or like none, counts this much at most, natural logarithm. Default 1.5.
     pub look_weight: f64,
+    /// All views together count this much at most: what they see is much the same. Default 2.5.
+    pub looks_weight: f64,
     /// It counts that much when the cosine is this far above the model's threshold, or below. Default 0.1.
     pub look_span: f64,
     /// Nodes within this distance should look like what the robot sees, metres. Default 3.5.
@@ -40,6 +42,7 @@ impl Default for WeighConfig {
             silence_cost: 0.2,
             nowhere_cost: 0.7,
             look_weight: 1.5,
+            looks_weight: 2.5,
             look_span: 0.1,
             look_radius_m: 3.5,
             evidence: EvidenceConfig::default(),
@@ -64,17 +67,17 @@ pub struct View {
 pub struct Hypothesis {
     /// Where each of the views was taken, map frame, oldest first.
     pub at: Vec<Pose2>,
-    /// What each view says of it.
-    weights: Vec<f64>,
     /// What the beams of each view say.
     evidence: Vec<Evidence>,
+    /// What each view looks like: for it or against it.
+    looks: Vec<f64>,
 }
 
 impl Hypothesis {
     /// The robot at `map_from_base` when the last of `views` was taken; before, where the odometry says.
     #[must_use]
     pub fn new(map_from_base: &Pose2, views: &[View], landmarks: &Landmarks, config: &WeighConfig) -> Self {
-        let mut hypothesis = Self { at: Vec::new(), weights: Vec::new(), evidence: Vec::new() };
+        let mut hypothesis = Self { at: Vec::new(), evidence: Vec::new(), looks: Vec::new() };
         let Some(last) = views.last() else { return hypothesis };
         let map_from_odom = map_from_base * last.odometry.odom_from_base.inverse();
         for view in views {
@@ -87,7 +90,7 @@ impl Hypothesis {
         let evidence = landmarks.walls().known.weigh(&view.beams, &at, &config.evidence);
         self.at.push(at);
         self.evidence.push(evidence);
-        self.weights.push(beam_weight(&evidence, config) + look_weight(&at, view, landmarks, config));
+        self.looks.push(look_weight(&at, view, landmarks, config));
     }
 
     /// Carries it to a further view, where it is held to the walls again.
@@ -109,7 +112,7 @@ impl Hypothesis {
     pub fn forget(&mut self, index: usize) {
         self.at.remove(index);
         self.evidence.remove(index);
-        self.weights.remove(index);
+        self.looks.remove(index);
     }
 
     /// Whether the last view alone makes it less than `most` (natural logarithm) likely.
@@ -121,8 +124,10 @@ impl Hypothesis {
 
     /// What all views say: natural logarithm of a likelihood, up to a constant.
     #[must_use]
-    pub fn weight(&self) -> f64 {
-        self.weights.iter().sum()
+    pub fn weight(&self, config: &WeighConfig) -> f64 {
+        let beams: f64 = self.evidence.iter().map(|evidence| beam_weight(evidence, config)).sum();
+        let looks: f64 = self.looks.iter().sum();
+        beams + looks.clamp(-config.looks_weight, config.looks_weight)
     }
 
     /// What the beams of all views say.
@@ -172,16 +177,13 @@ fn beam_weight(evidence: &Evidence, config: &WeighConfig) -> f64 {
     -config.beams_per_view * cost
 }
 
-/// How much a view looks like the nodes around `at`.
+/// How much a view looks like the nodes around `at`: for it or against it; nothing where there is none.
 fn look_weight(at: &Pose2, view: &View, landmarks: &Landmarks, config: &WeighConfig) -> f64 {
-    if view.alike.is_empty() {
-        return 0.0;
-    }
     let near = view.alike.iter().filter(|(id, _)| {
         landmarks.get(*id).is_some_and(|node| {
             (node.map_from_node.translation.vector - at.translation.vector).norm() <= config.look_radius_m
         })
     });
-    let best = near.map(|(_, above)| f64::from(*above)).fold(f64::NEG_INFINITY, f64::max);
-    config.look_weight * (best / config.look_span).clamp(-1.0, 1.0)
+    let best = near.map(|(_, above)| f64::from(*above)).max_by(f64::total_cmp);
+    best.map_or(0.0, |best| config.look_weight * (best / config.look_span).clamp(-1.0, 1.0))
 }

@@ -51,10 +51,10 @@ pub struct RelocalizeConfig {
     pub min_spread_m: f64,
     /// Least share of the beams that the map explains. Default 0.6.
     pub min_explained: f64,
-    /// Greatest share of beams that cannot be, before any view. Default 0.02: where nothing was moved it is below 0.01, and in rooms that no
+    /// Greatest share of beams that cannot be, before any view. Default 0.015: where nothing was moved it is below 0.01, and in rooms that no
     /// main node looked into the best that is found elsewhere has 0.05 and more.
     pub max_contradicted: f64,
-    /// So much more for each view: furniture may have been moved, if all the rest fits for long. Default 0.005.
+    /// So much more for each view: furniture may have been moved, if all the rest fits for long. Default 0.004.
     pub max_contradicted_per_view: f64,
     /// Greatest standard deviation of the declared position along any direction, metres. Default 0.15.
     pub max_sigma_m: f64,
@@ -84,8 +84,8 @@ impl Default for RelocalizeConfig {
             min_confidence: 0.995,
             min_spread_m: 0.7,
             min_explained: 0.6,
-            max_contradicted: 0.02,
-            max_contradicted_per_view: 0.005,
+            max_contradicted: 0.015,
+            max_contradicted_per_view: 0.004,
             max_sigma_m: 0.15,
             weigh: WeighConfig::default(),
             settle: SettleConfig {
@@ -302,11 +302,12 @@ impl Relocalizer {
 
     fn sort(&mut self) {
         let config = &self.config;
-        self.hypotheses.sort_by(|a, b| b.weight().total_cmp(&a.weight()));
+        let weight = |hypothesis: &Hypothesis| hypothesis.weight(&config.weigh);
+        self.hypotheses.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
         let mut kept: Vec<Hypothesis> = Vec::new();
         for hypothesis in self.hypotheses.drain(..) {
             let at = hypothesis.map_from_base();
-            let is_light = kept.first().is_some_and(|best| hypothesis.weight() < best.weight() - config.drop_below);
+            let is_light = kept.first().is_some_and(|best| weight(&hypothesis) < weight(best) - config.drop_below);
             let is_double = kept.iter().any(|other| other.is_near(&at, 0.5 * config.same_m, 0.5 * config.same_rad));
             if !is_light && !is_double && kept.len() < config.hypotheses {
                 kept.push(hypothesis);
@@ -319,11 +320,11 @@ impl Relocalizer {
     fn confidence(&self) -> f64 {
         let config = &self.config;
         let Some(best) = self.hypotheses.first() else { return 0.0 };
+        let weight = |hypothesis: &Hypothesis| hypothesis.weight(&config.weigh);
         let at = best.map_from_base();
         let nowhere = -config.weigh.beams_per_view * config.weigh.nowhere_cost * self.views.len() as f64;
         let rivals = self.hypotheses.iter().filter(|other| !other.is_near(&at, config.same_m, config.same_rad));
-        let others: f64 =
-            rivals.map(Hypothesis::weight).chain([nowhere]).map(|weight| (weight - best.weight()).exp()).sum();
+        let others: f64 = rivals.map(weight).chain([nowhere]).map(|other| (other - weight(best)).exp()).sum();
         1.0 / (1.0 + others)
     }
 
@@ -336,7 +337,7 @@ impl Relocalizer {
         tracing::debug!(
             hypotheses = self.hypotheses.len(),
             views = self.views.len(),
-            weight = best.weight(),
+            weight = best.weight(&config.weigh),
             confidence,
             explained = evidence.explained_share(),
             contradicted = evidence.contradicted_share(),
@@ -348,7 +349,7 @@ impl Relocalizer {
                 x = at.translation.x,
                 y = at.translation.y,
                 yaw = at.rotation.angle(),
-                weight = other.weight(),
+                weight = other.weight(&config.weigh),
                 ?evidence,
                 "place"
             );
