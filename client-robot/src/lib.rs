@@ -8,6 +8,7 @@
 //! | [`inquiry`] | questions put beside the robot's loop |
 //! | [`landmarks`] | the replica's main nodes: what they look like, and what they saw |
 //! | [`walls`] | what all of them saw, as one |
+//! | [`preparation`] | putting it together beside the robot's loop |
 //! | [`known_space`] | what the map knows to be free, and what a scan says for or against a pose in it |
 //! | [`odometry`] | wheel odometry corrected by scans |
 //! | [`estimate`] | one estimation of the place, and how odometry errors grow |
@@ -45,6 +46,7 @@ pub mod mission;
 pub mod odometry;
 pub mod paths;
 pub mod pilot;
+pub mod preparation;
 pub mod recording;
 pub mod relocalize;
 pub mod replica;

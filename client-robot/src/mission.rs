@@ -1,8 +1,10 @@
 //! A robot with a task in a simulated world: frames from the simulator, decisions from the pilot, figures for the report.
 //! Driven by simulated time only, so that the same map, world and seeds give the same run.
 
+use crate::inquiry::Taking;
 use crate::landmarks::Landmarks;
 use crate::pilot::{Failure, Outcome, PathSource, Pilot, PilotConfig, Step, Task};
+use crate::preparation::Preparation;
 use crate::replica::LiveReplica;
 use crate::report::{Report, error};
 use crate::route::Planner;
@@ -69,6 +71,9 @@ pub struct Services<'a> {
 /// Frames between points of the trajectories: 0.6 s.
 const TRAJECTORY_EVERY: usize = 3;
 
+/// Frames after a change of the map at which its walls are used: 0.4 s.
+const WALLS_AFTER_FRAMES: u32 = 2;
+
 /// Runs a mission to its end. `world_from_map` is for scoring only.
 pub fn run(
     simulator: &mut Simulator,
@@ -79,6 +84,7 @@ pub fn run(
 ) -> Report {
     let mut pilot = Pilot::new(config, Task::Relocalize);
     let mut landmarks = Landmarks::default();
+    let mut preparation = Preparation::start(Taking::AfterFrames(WALLS_AFTER_FRAMES));
     let mut seen_changes = None;
     let mut score = Score::new(simulator, world_from_map);
     let mut frame = simulator.sense_first();
@@ -87,8 +93,9 @@ pub fn run(
         let changes = services.map.changes();
         if seen_changes != Some(changes) {
             seen_changes = Some(changes);
-            services.map.view(&mut |map| landmarks.refresh(map));
+            services.map.view(&mut |map| preparation.follow(&mut landmarks, map));
         }
+        preparation.take(&mut landmarks);
         let describe = || frame.panorama.as_ref().and_then(|panorama| (services.describe)(panorama));
         let step = pilot.step(&landmarks, &frame, describe, services.paths);
         (services.on_frame)(&frame, &step);
