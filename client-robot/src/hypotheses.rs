@@ -24,7 +24,7 @@ pub struct WeighConfig {
     pub nowhere_cost: f64,
     /// A view that looks like a node near, or like none, counts this much at most, natural logarithm. Default 1.5.
     pub look_weight: f64,
-    /// All views together count this much at most: what they see is much the same. Default 2.5.
+    /// All views together count this much at most: what they see is much the same. Default 3.
     pub looks_weight: f64,
     /// It counts that much when the cosine is this far above the model's threshold, or below. Default 0.1.
     pub look_span: f64,
@@ -42,7 +42,7 @@ impl Default for WeighConfig {
             silence_cost: 0.2,
             nowhere_cost: 0.7,
             look_weight: 1.5,
-            looks_weight: 2.5,
+            looks_weight: 3.0,
             look_span: 0.1,
             look_radius_m: 3.5,
             evidence: EvidenceConfig::default(),
