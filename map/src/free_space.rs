@@ -22,10 +22,10 @@ use std::collections::{BTreeMap, BTreeSet};
 /// How free space is made of a map.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SpaceConfig {
-    /// The robot's centre keeps this far from the border of free space, millimetres. Default 140: the robot's 105, and the
-    /// 30 by which a corner may stand out of a wall's occupied cells.
+    /// The robot's centre keeps this far from the border of free space, millimetres. Default 160: the robot's 105, the 30 by
+    /// which a corner may stand out of a wall's occupied cells, and 25 of which map and driving may be off.
     pub half_width_mm: u16,
-    /// Half width of the corridor that an edge promises, millimetres. Default 145: little more than the half width, so that
+    /// Half width of the corridor that an edge promises, millimetres. Default 165: little more than the half width, so that
     /// the way leads along the edge's line. Around that line 0.13 m are free and no more, and corners that a wider corridor
     /// covers would be cut.
     pub corridor_mm: u16,
@@ -37,7 +37,7 @@ pub struct SpaceConfig {
 
 impl Default for SpaceConfig {
     fn default() -> Self {
-        Self { half_width_mm: 140, corridor_mm: 145, blocked: BTreeSet::new(), blocked_radius_mm: 300 }
+        Self { half_width_mm: 160, corridor_mm: 165, blocked: BTreeSet::new(), blocked_radius_mm: 300 }
     }
 }
 

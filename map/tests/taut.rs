@@ -34,7 +34,7 @@ fn plan(map: &MapState, from: FixedPoint, to: FixedPoint) -> Result<(f64, Vec<Fi
     Ok((route.length_m, route.waypoints.iter().map(|point: &RoutePoint| point.point).collect()))
 }
 
-const HALF: f64 = 0.14;
+const HALF: f64 = 0.16;
 
 #[test]
 fn the_way_turns_around_the_corner_of_an_l_at_the_robots_half_width() {

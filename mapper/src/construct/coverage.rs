@@ -11,7 +11,7 @@ use fht_robot::planning::Traversable;
 /// Parameters of the coverage.
 #[derive(Clone, Debug)]
 pub struct CoverageConfig {
-    /// A rectangle covers what is farther than this from its border: where a robot of this radius may be, metres. Default 0.14.
+    /// A rectangle covers what is farther than this from its border: where a robot of this radius may be, metres. Default 0.16.
     pub half_width_m: f64,
     /// The least that a new rectangle must cover, square metres. Default 0.1, which is what is left open in a doorway of 0.9 m:
     /// about 30 bytes of map each.
@@ -24,7 +24,7 @@ pub struct CoverageConfig {
 
 impl Default for CoverageConfig {
     fn default() -> Self {
-        Self { half_width_m: 0.14, least_gain_m2: 0.1, most_edges: 2, spacing_m: 0.2 }
+        Self { half_width_m: 0.16, least_gain_m2: 0.1, most_edges: 2, spacing_m: 0.2 }
     }
 }
 
