@@ -152,7 +152,7 @@ fn hall_ranges_mm(noise: &mut impl FnMut() -> f64) -> Vec<u16> {
     };
     let step = f64::from(fht_proto::ScanRecord::STEP_MM);
     let measured = |range: f64, noise: f64| ((1000.0 * range + 10.0 * noise) / step).round() * step;
-    (0..360).map(|beam| range_m(beam)).map(|r| if r < 7.0 { measured(r, noise()) as u16 } else { 0 }).collect()
+    (0..360).map(range_m).map(|r| if r < 7.0 { measured(r, noise()) as u16 } else { 0 }).collect()
 }
 
 fn main_node() -> Increment {
