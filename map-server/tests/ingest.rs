@@ -3,6 +3,7 @@
 
 mod support;
 
+use fht_proto::envelope::FORMAT_VERSION;
 use fht_proto::query::{ErrorCode, Head};
 use fht_proto::{AuthorId, Increment, MapName, Op, encode};
 use map_server::catalog::Catalog;
@@ -237,9 +238,9 @@ fn only_the_canonical_form_is_taken() {
     let one = Increment { ops: vec![Op::RemoveNode { id: node(ANA, 1) }], ..increment(ANA, 1) };
     let canonical = encode(&one).unwrap();
     let mut body = canonical[6..canonical.len() - 4].to_vec();
-    let foreign = body.len() - 2;
-    assert_eq!(body[foreign], 0, "no foreign author");
-    body.splice(foreign..=foreign, [1, 0xa]);
+    let id = body.len() - 1;
+    assert_eq!(body[id], 4, "an own node, one up");
+    body.splice(id.., [3, 0xa]);
     let mut forged = canonical[..5].to_vec();
     forged.push(body.len() as u8);
     forged.extend(body);
@@ -265,10 +266,10 @@ fn a_later_format_is_told_from_damage() {
     let dir = tempfile::tempdir().unwrap();
     let store = Store::open(dir.path()).unwrap();
     let mut newer = bytes(ANA, 1);
-    newer[3] = 2;
+    newer[3] = FORMAT_VERSION + 1;
     store.append(&[Record { map: museum(), sequence: 1, author: ANA, number: 1, bytes: newer }]).unwrap();
     let error = Catalog::load(&store).unwrap_err();
-    assert!(matches!(error, StoreError::IncrementFormat { found: 2, .. }), "{error}");
+    assert!(matches!(error, StoreError::IncrementFormat { found, .. } if found == FORMAT_VERSION + 1), "{error}");
     drop(store);
     let database = redb::Database::open(dir.path().join(FILE_NAME)).unwrap();
     let write = database.begin_write().unwrap();

@@ -22,11 +22,12 @@ use std::collections::{BTreeMap, BTreeSet};
 /// How free space is made of a map.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SpaceConfig {
-    /// The robot's centre keeps this far from the border of free space, millimetres. Default 130: the robot's 105 and what
-    /// map and driving are off by.
+    /// The robot's centre keeps this far from the border of free space, millimetres. Default 160: the robot's 105, the 30 by
+    /// which a corner may stand out of a wall's occupied cells, and 25 of which map and driving may be off.
     pub half_width_mm: u16,
-    /// Half width of the corridor that an edge promises, millimetres. Default 145: edges are drawn where all cells within
-    /// 0.14 m of their line are free.
+    /// Half width of the corridor that an edge promises, millimetres. Default 165: little more than the half width, so that
+    /// the way leads along the edge's line. Around that line 0.13 m are free and no more, and corners that a wider corridor
+    /// covers would be cut.
     pub corridor_mm: u16,
     /// Places where something stands that the map does not know. Default none.
     pub blocked: BTreeSet<FixedPoint>,
@@ -36,7 +37,7 @@ pub struct SpaceConfig {
 
 impl Default for SpaceConfig {
     fn default() -> Self {
-        Self { half_width_mm: 130, corridor_mm: 145, blocked: BTreeSet::new(), blocked_radius_mm: 300 }
+        Self { half_width_mm: 160, corridor_mm: 165, blocked: BTreeSet::new(), blocked_radius_mm: 300 }
     }
 }
 
@@ -101,8 +102,8 @@ impl FreeSpace {
     }
 
     fn of_shapes(free: &IntShapes<i32>, half_width_mm: u16) -> Self {
-        // Corners of walls are rounded by steps of 22.5°: at most 2 % nearer than asked for.
-        let round = IntLineJoin::Round(ArcOptions { max_step: Angle::from_bits(1 << 28), ..ArcOptions::default() });
+        // Corners of walls are rounded by steps of 11.25°: at most 0.5 % nearer than asked for.
+        let round = IntLineJoin::Round(ArcOptions { max_step: Angle::from_bits(1 << 27), ..ArcOptions::default() });
         let style = IntOutlineStyle::new(-i32::from(half_width_mm)).line_join(round);
         let Ok(shapes) = free.validate_outline(&style).and_then(|()| free.outline(&style)) else {
             return Self::default();

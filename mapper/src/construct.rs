@@ -3,6 +3,7 @@
 //! | module | paper |
 //! | --- | --- |
 //! | [`selection`] | main nodes by visual information and density (equations 2 to 4) |
+//! | [`known`] | what of a scan the main nodes know (not in the paper) |
 //! | [`support`] | the two rules for support nodes (equations 5 and 6) |
 //! | [`edges`] | edges that lie in free space (equation 7) |
 //! | [`free_space`] | rectangles of local free space |
@@ -13,6 +14,7 @@
 pub mod coverage;
 pub mod edges;
 pub mod free_space;
+pub mod known;
 pub mod selection;
 pub mod support;
 
@@ -23,7 +25,7 @@ use edges::EdgeConfig;
 use fht_proto::{Descriptor, EdgeKey, FixedPoint, Increment, NodeId, NodeKind, Op, ScanRecord, Signature};
 use fht_robot::grid::OccupancyGrid;
 use fht_robot::planning::{PlanConfig, UnknownCells};
-use fht_robot::pose::{Point2, from_fixed, pose, to_fixed};
+use fht_robot::pose::{Point2, Pose2, from_fixed, pose, to_fixed};
 use free_space::FreeSpaceConfig;
 use selection::{Place, Selection, SelectionConfig};
 use std::collections::{BTreeMap, BTreeSet};
@@ -119,7 +121,12 @@ pub struct Builder {
     /// The last pose from which some node could be reached in a straight line.
     last_connected: Option<Anchored>,
     footings: BTreeMap<NodeId, Footing>,
+    /// Places along the way that may become main nodes at the end.
+    passed: Vec<Observation>,
 }
+
+/// Distance of the places that are remembered, metres.
+const PASSED_EVERY_M: f64 = 0.5;
 
 impl Builder {
     /// Before the first node.
@@ -131,6 +138,7 @@ impl Builder {
             newest: None,
             last_connected: None,
             footings: BTreeMap::new(),
+            passed: Vec::new(),
         }
     }
 
@@ -155,13 +163,41 @@ impl Builder {
         estimate: &Estimate<'_>,
     ) -> Option<(NodeId, Vec<Op>)> {
         let position_of = |anchored: &Anchored| to_fixed(&estimate.locate(anchored)).position;
-        let place = Place { position: position_of(&observation.anchored), value: observation };
-        let chosen = self.selection.observe(place)?;
+        let position = position_of(&observation.anchored);
+        if self.passed.last().is_none_or(|last| position_of(&last.anchored).distance(position) >= PASSED_EVERY_M) {
+            self.passed.push(observation.clone());
+        }
+        let known =
+            |seen: &Observation| known::known_share(journal.state(), &estimate.locate(&seen.anchored), &seen.scan);
+        let chosen = self.selection.observe(Place { position, value: observation }, known)?;
+        Some(self.make_main(chosen, journal, estimate))
+    }
+
+    /// At the end: the places passed that show walls which no main node knows.
+    #[must_use]
+    pub fn take_unknown(&mut self, journal: &Journal, estimate: &Estimate<'_>) -> Vec<Observation> {
+        let mut passed: Vec<Option<Observation>> =
+            std::mem::take(&mut self.passed).into_iter().map(Option::Some).collect();
+        let seen: Vec<(Pose2, &ScanRecord)> =
+            passed.iter().flatten().map(|place| (estimate.locate(&place.anchored), &place.scan)).collect();
+        let known = known::Known::of(journal.state(), FixedPoint::default(), f64::INFINITY);
+        let telling = known::most_telling(known, &seen, self.config.selection.least_news_m);
+        telling.into_iter().filter_map(|index| passed[index].take()).collect()
+    }
+
+    /// The operations that make a main node of a place, and the node.
+    pub fn make_main(
+        &mut self,
+        chosen: Observation,
+        journal: &mut Journal,
+        estimate: &Estimate<'_>,
+    ) -> (NodeId, Vec<Op>) {
+        let position = to_fixed(&estimate.locate(&chosen.anchored)).position;
         let signature = Signature { descriptor: chosen.descriptor, scan: chosen.scan };
         let footing = Footing { anchored: chosen.anchored, frame: Some(chosen.frame) };
         let made = self.make_node(footing, Some(signature), journal, estimate);
-        self.selection.chose(made.0, position_of(&chosen.anchored), chosen.information);
-        Some(made)
+        self.selection.chose(made.0, position, chosen.information);
+        made
     }
 
     /// The robot moved. Returns the operations that make a support node, if one is needed, and the node.
@@ -360,116 +396,4 @@ impl Builder {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use fht_proto::AuthorId;
-    use fht_robot::frame::LaserScan;
-    use fht_robot::grid::GridConfig;
-    use fht_robot::pose::Pose2;
-
-    /// A scan from the middle of a square room of side 6 m, with a post of 0.2 m at (1, 0) if `post`.
-    fn room(post: bool) -> LaserScan {
-        let increment = std::f64::consts::TAU / 2880.0;
-        let ranges_m = (0..2880).map(|beam| {
-            let (sin, cos) = (f64::from(beam) * increment).sin_cos();
-            let is_post = post && cos > 0.0 && (sin / cos).abs() < 0.1;
-            (if is_post { 1.0 / cos } else { 3.0 / cos.abs().max(sin.abs()) }) as f32
-        });
-        LaserScan {
-            base_from_sensor: Pose2::identity(),
-            angle_min: 0.0,
-            angle_increment: increment,
-            range_min_m: 0.1,
-            range_max_m: 7.0,
-            ranges_m: ranges_m.collect(),
-        }
-    }
-
-    fn look(grid: &mut OccupancyGrid, scan: &LaserScan, times: usize) {
-        (0..times).for_each(|_| grid.integrate(&Pose2::identity(), scan));
-    }
-
-    /// A map of two nodes in an empty room; the first has a rectangle of the whole room.
-    fn mapped() -> (Builder, Journal, OccupancyGrid, NodeId) {
-        let mut grid = OccupancyGrid::new(GridConfig::default());
-        look(&mut grid, &room(false), 3);
-        let mut builder = Builder::new(BuilderConfig::default());
-        let mut journal = Journal::new(AuthorId(1));
-        let mut make = |place: Pose2| {
-            let footing = Footing { anchored: Anchored { keyframe: 0, keyframe_from_base: place }, frame: None };
-            let estimate = Estimate { grid: &grid, poses: &[Pose2::identity()] };
-            let (id, ops) = builder.make_node(footing, None, &mut journal, &estimate);
-            journal.write(ops, 1);
-            id
-        };
-        let first = make(pose(0.0, 0.0, 0.0));
-        make(pose(-1.0, 1.0, 0.0));
-        (builder, journal, grid, first)
-    }
-
-    fn free_around(journal: &Journal, id: NodeId) -> Option<fht_proto::Rect> {
-        journal.state().node(id).and_then(|node| node.free_space)
-    }
-
-    #[test]
-    fn a_rectangle_that_something_stands_in_is_corrected_when_a_node_near_it_is_made_and_at_the_end() {
-        for at_the_end in [false, true] {
-            let (mut builder, mut journal, mut grid, first) = mapped();
-            assert!(free_around(&journal, first).is_some_and(|rect| rect.east_mm > 2000));
-            look(&mut grid, &room(true), 20);
-            let ops = if at_the_end {
-                builder.finish(&journal, &grid)
-            } else {
-                let anchored = Anchored { keyframe: 0, keyframe_from_base: pose(-1.0, -1.0, 0.0) };
-                let estimate = Estimate { grid: &grid, poses: &[Pose2::identity()] };
-                builder.make_node(Footing { anchored, frame: None }, None, &mut journal, &estimate).1
-            };
-            journal.write(ops, 2);
-            let rect = free_around(&journal, first).expect("still on free floor");
-            assert!(rect.east_mm <= 1000 || rect.north_mm < 200 || rect.south_mm < 200, "{rect:?}");
-            journal.write(builder.finish(&journal, &grid), 3);
-            assert!(builder.finish(&journal, &grid).is_empty(), "nothing is left to correct");
-        }
-    }
-
-    #[test]
-    fn nodes_follow_their_keyframes_and_an_edge_that_then_leads_through_a_post_is_replaced() {
-        let (mut builder, mut journal, mut grid, first) = mapped();
-        let second = NodeId { author: AuthorId(1), number: 1 };
-        let estimate = |shift: Pose2| [shift];
-        let still = estimate(pose(0.002, 0.0, 0.001));
-        let (ops, moved) = builder.follow(&journal, &Estimate { grid: &grid, poses: &still });
-        assert!(ops.is_empty() && moved.is_empty(), "millimetres are not worth an increment");
-
-        // The keyframe turns by 90°: the second node goes from (-1, 1) to (-1, -1), and so does the post's shadow.
-        let turned = estimate(pose(0.0, 0.0, std::f64::consts::FRAC_PI_2));
-        let (ops, moved) = builder.follow(&journal, &Estimate { grid: &grid, poses: &turned });
-        assert_eq!(moved.len(), 2, "the first turns on the spot");
-        journal.write(ops, 2);
-        let place = |journal: &Journal, id| journal.state().node(id).map(|node| point(node.pose.position));
-        assert_eq!(place(&journal, second), Some(Point2::new(-1.0, -1.0)));
-        assert_eq!(place(&journal, first), Some(Point2::new(0.0, 0.0)));
-
-        // Something stands between the two by now.
-        let edge = EdgeKey::new(first, second);
-        assert!(journal.state().edges().any(|there| there == edge));
-        let mut post = room(false);
-        post.ranges_m.fill(0.11);
-        (0..20).for_each(|_| grid.integrate(&pose(-0.5, -0.5, 0.0), &post));
-        let (ops, cut) = builder.mend(&moved, &journal, &grid);
-        assert!(ops.contains(&Op::RemoveEdge { edge }) && cut == BTreeSet::from([first, second]), "{ops:?}");
-        journal.write(ops, 3);
-        assert!(builder.mend(&moved, &journal, &grid).0.is_empty(), "nothing is left to mend");
-    }
-
-    #[test]
-    fn a_node_that_something_stands_on_has_no_free_space() {
-        let (builder, mut journal, mut grid, first) = mapped();
-        let mut blocked = room(false);
-        blocked.ranges_m.fill(0.11);
-        // From beside the node, a ring of hits lies over it.
-        (0..20).for_each(|_| grid.integrate(&pose(0.13, 0.02, 0.0), &blocked));
-        journal.write(builder.finish(&journal, &grid), 2);
-        assert_eq!(free_around(&journal, first), None);
-    }
-}
+mod tests;

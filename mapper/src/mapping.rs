@@ -308,7 +308,7 @@ impl Mapper {
         }
     }
 
-    /// After the last frame: what is under way is finished, rectangles are grown once more, and every node is looked
+    /// After the last frame: what is under way is finished, places passed become main nodes where too little is known, rectangles are grown once more, and every node is looked
     /// at for shortcuts in the finished grid.
     pub fn finish(&mut self) {
         let time_us = self.latest.map_or(0, |latest| latest.time_us);
@@ -319,6 +319,10 @@ impl Mapper {
         self.add_shortcuts(due.unwrap_or_default(), time_us);
         self.slam.finish();
         self.follow(time_us);
+        for place in self.builder.take_unknown(&self.journal, &self.slam.estimate()) {
+            let made = self.builder.make_main(place, &mut self.journal, &self.slam.estimate());
+            self.take_node(Some(made), time_us);
+        }
         let ops = self.builder.finish(&self.journal, self.slam.grid());
         self.write_all(&ops, time_us);
         let ops = self.builder.cover(&mut self.journal, &self.slam.estimate());

@@ -60,7 +60,7 @@ fn a_recorded_minute_with_cameras_replays_to_the_same_map() {
     let folder = tempfile::tempdir().unwrap();
     let (bag, again) = (folder.path().join("run.mcap"), folder.path().join("again"));
     let original = explored(Some(bag.clone()), true, 60.0, 1);
-    assert!(original.main_nodes >= 8 && original.edges >= 20, "{original:?}");
+    assert!(original.main_nodes >= 5 && original.edges >= 20, "{original:?}");
     assert_eq!(explored(None, true, 60.0, 1).digest, original.digest, "recording changes nothing");
     let report = replayed(&bag, Some(again.clone()), true).unwrap();
     assert_eq!(report.digest, original.digest);

@@ -5,22 +5,23 @@
 //! 3 B    1 B      1 B    varint 1-5 B  length bytes    4 B little-endian
 //! ```
 //!
-//! Node ids inside an increment are written relative to its author: a node of the increment's own author costs its
-//! number only.
+//! Node ids inside an increment are written relative to its author and to the node named before (`wire_id.rs`), scans and
+//! descriptors as streams of bits ([`crate::packed`]).
 
 use crate::compact::{CompactNodes, CompactPath};
-use crate::ids::{AuthorId, NodeId};
+use crate::ids::AuthorId;
 use crate::increment::{Increment, Op};
 use crate::query::Snapshot;
 use crate::signature::Descriptor;
 use crate::validate::{Invalid, Validate};
+use crate::wire_id::{Names, WireId};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// First bytes of every message.
 pub const MAGIC: [u8; 3] = *b"FHT";
 /// The format that this crate writes and the only one that it reads so far.
-pub const FORMAT_VERSION: u8 = 1;
+pub const FORMAT_VERSION: u8 = 2;
 /// Longest body that is read, bytes. Increments are some kilobytes; snapshots travel in chunks of this at most.
 pub const MAX_BODY_BYTES: usize = 4 << 20;
 
@@ -79,20 +80,13 @@ pub trait Message: Sized + Validate {
     fn from_wire(wire: Self::Wire) -> Self;
 }
 
-/// A node id inside an increment: `foreign` is absent for the increment's own author.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct LocalId {
-    foreign: Option<AuthorId>,
-    number: u32,
-}
-
-/// [`Increment`] with node ids relative to its author.
+/// [`Increment`] with node ids relative to its author and to each other.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct WireIncrement {
     author: AuthorId,
     number: u64,
     hlc_us: u64,
-    ops: Vec<Op<LocalId>>,
+    ops: Vec<Op<WireId>>,
 }
 
 impl Message for Increment {
@@ -100,19 +94,14 @@ impl Message for Increment {
     type Wire = WireIncrement;
 
     fn to_wire(&self) -> WireIncrement {
-        let local =
-            |id: NodeId| LocalId { foreign: (id.author != self.author).then_some(id.author), number: id.number };
-        WireIncrement {
-            author: self.author,
-            number: self.number,
-            hlc_us: self.hlc_us,
-            ops: self.ops.iter().map(|op| op.clone().map_ids(local)).collect(),
-        }
+        let mut names = Names::of(self.author);
+        let ops = self.ops.iter().map(|op| op.clone().map_ids(&mut |id| names.shorten(id))).collect();
+        WireIncrement { author: self.author, number: self.number, hlc_us: self.hlc_us, ops }
     }
 
     fn from_wire(wire: WireIncrement) -> Self {
-        let global = |id: LocalId| NodeId { author: id.foreign.unwrap_or(wire.author), number: id.number };
-        let ops = wire.ops.into_iter().map(|op| op.map_ids(global)).collect();
+        let mut names = Names::of(wire.author);
+        let ops = wire.ops.into_iter().map(|op| op.map_ids(&mut |id| names.expand(id))).collect();
         Self { author: wire.author, number: wire.number, hlc_us: wire.hlc_us, ops }
     }
 }

@@ -113,9 +113,14 @@ pub enum Op<Id = NodeId> {
 }
 
 impl<A: Copy + Ord> Op<A> {
-    /// The same operation with every node id replaced.
-    pub(crate) fn map_ids<B: Copy + Ord>(self, f: impl Fn(A) -> B) -> Op<B> {
-        let edge_of = |edge: EdgeKey<A>| EdgeKey::new(f(edge.low), f(edge.high));
+    /// The same operation with every node id replaced, in the order in which the codec writes and reads them.
+    pub(crate) fn map_ids<B: Copy + Ord>(self, f: &mut impl FnMut(A) -> B) -> Op<B> {
+        // The high end first: it is the newer one, and as a rule the node that the operations before are about. The ends
+        // stay as they are ordered.
+        let mut edge_of = |edge: EdgeKey<A>| {
+            let high = f(edge.high);
+            EdgeKey { low: f(edge.low), high }
+        };
         match self {
             Self::PutNode { id, kind, pose } => Op::PutNode { id: f(id), kind, pose },
             Self::RemoveNode { id } => Op::RemoveNode { id: f(id) },

@@ -8,6 +8,7 @@
 //! | [`signature`] | what a main node carries: descriptor and scan (paper, Table I) |
 //! | [`increment`] | the operations that a map is made of, and their stamps |
 //! | [`version`] | version vectors and digests |
+//! | [`packed`] | scans and descriptors as short streams of bits |
 //! | [`envelope`] | bytes: magic, format version, kind, length, checksum around `postcard` |
 //! | [`validate`] | what is refused although it decodes |
 //! | [`keys`] | key expressions, built and parsed |
@@ -23,10 +24,13 @@ pub mod geometry;
 pub mod ids;
 pub mod increment;
 pub mod keys;
+pub mod packed;
 pub mod query;
+mod rice;
 pub mod signature;
 pub mod validate;
 pub mod version;
+mod wire_id;
 
 pub use envelope::{CodecError, decode, encode};
 pub use geometry::{FixedPoint, FixedPose, Rect};

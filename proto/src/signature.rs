@@ -1,6 +1,7 @@
 //! What a main node carries beyond a support node: a visual descriptor φ and a laser scan ψ (paper, Table I).
 
 use crate::geometry::FixedPose;
+use crate::packed::{PackedDescriptor, PackedScan};
 use serde::{Deserialize, Serialize};
 
 /// Names the network and recipe that made a descriptor: the first four bytes of a hash over both. Descriptors of
@@ -21,8 +22,9 @@ pub struct DescriptorModel {
     pub match_threshold_e3: i16,
 }
 
-/// A descriptor quantised to 8 bits: component = value × scale. It stands for a unit vector.
+/// A descriptor in whole steps: component = value × scale. It stands for a unit vector.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(into = "PackedDescriptor", try_from = "PackedDescriptor")]
 pub struct Descriptor {
     /// The model that made it.
     pub model: ModelId,
@@ -36,12 +38,18 @@ impl Descriptor {
     /// Most components that a descriptor may have.
     pub const MAX_DIMENSION: usize = 512;
 
-    /// Quantises `components` so that the largest magnitude becomes ±127. Non-finite components count as 0.
+    /// Steps to the root mean square of the components. Four turn the descriptor by 4° (cosine 0.9975) and leave 3.7 bits
+    /// of a component; a component alone in [`MAX_DIMENSION`](Self::MAX_DIMENSION) takes 91 steps, which 8 bits hold.
+    const STEPS_TO_RMS: f32 = 4.0;
+
+    /// Quantises `components` in steps of a quarter of their root mean square. Non-finite components count as 0.
     #[must_use]
     pub fn quantise(model: ModelId, components: &[f32]) -> Self {
         let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
-        let largest = components.iter().map(|&v| finite(v).abs()).fold(0.0_f32, f32::max);
-        let scale = if largest > f32::MIN_POSITIVE * 127.0 { largest / 127.0 } else { 1.0 };
+        let squares: f32 = components.iter().map(|&v| finite(v).powi(2)).sum();
+        let step = (squares / components.len().max(1) as f32).sqrt() / Self::STEPS_TO_RMS;
+        let scale = if step.is_normal() { step } else { 1.0 };
+        // `as` saturates.
         Self { model, scale, values: components.iter().map(|&v| (finite(v) / scale).round() as i8).collect() }
     }
 
@@ -73,6 +81,7 @@ impl Descriptor {
 
 /// A laser scan as a main node keeps it. Beam `i` looks at `angle_min + i·angle_increment` in the sensor's frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(into = "PackedScan", try_from = "PackedScan")]
 pub struct ScanRecord {
     /// Pose of the sensor on the robot: `base_link` from sensor (the lever arm).
     pub base_from_sensor: FixedPose,
@@ -80,13 +89,17 @@ pub struct ScanRecord {
     pub angle_min: f32,
     /// Angle between beams, radians.
     pub angle_increment: f32,
-    /// Ranges in millimetres; 0 means no return.
+    /// Ranges in millimetres; 0 means no return. Any are kept exactly, and take less room when they are multiples of
+    /// [`STEP_MM`](Self::STEP_MM).
     pub ranges_mm: Vec<u16>,
 }
 
 impl ScanRecord {
     /// Most beams that a scan may have.
     pub const MAX_BEAMS: usize = 4096;
+    /// What ranges are rounded to when a record is made, millimetres: an error of 1.4 mm (standard deviation) beside the
+    /// 10 mm of a scanner.
+    pub const STEP_MM: u16 = 5;
 }
 
 /// Descriptor and scan of a main node. A robot without a camera leaves the descriptor out.

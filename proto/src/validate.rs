@@ -93,7 +93,9 @@ impl Validate for Signature {
 
 impl<Id: Copy + Ord + std::fmt::Display> Validate for EdgeKey<Id> {
     fn validate(&self) -> Result<(), Invalid> {
-        check(self.low() < self.high(), || format!("edge from node {} to itself", self.low()))
+        check(self.low() < self.high(), || {
+            format!("edge from node {} to {}, which does not sort after it", self.low(), self.high())
+        })
     }
 }
 

@@ -65,11 +65,12 @@ impl LaserScan {
         self.base_from_sensor * Point2::new(range_m * cos, range_m * sin)
     }
 
-    /// The scan as a main node keeps it.
+    /// The scan as a main node keeps it: ranges rounded to [`ScanRecord::STEP_MM`].
     #[must_use]
     pub fn to_record(&self) -> ScanRecord {
+        let step_mm = f64::from(ScanRecord::STEP_MM);
         let to_mm = |&range: &f32| {
-            let mm = (f64::from(range) * 1000.0).round();
+            let mm = (f64::from(range) * 1000.0 / step_mm).round() * step_mm;
             if self.is_return(range) && mm <= f64::from(u16::MAX) { mm as u16 } else { 0 }
         };
         ScanRecord {

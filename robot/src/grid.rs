@@ -160,6 +160,14 @@ impl OccupancyGrid {
         }
     }
 
+    /// Whether a cell is free beyond doubt: as if five scans had passed it and none ended in it. Of a cell that a wall's corner
+    /// stands out into, some beams say this and some that.
+    #[must_use]
+    pub fn is_surely_free(&self, cell: Cell) -> bool {
+        let doubt = 4.5 * self.config.miss_log_odds; // half a beam for rounding
+        self.bounds.index(cell).is_some_and(|index| self.log_odds[index] <= doubt)
+    }
+
     /// What is known of the cell that contains `point`.
     #[must_use]
     pub fn state_at(&self, point: Point2) -> CellState {

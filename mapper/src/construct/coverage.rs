@@ -11,11 +11,12 @@ use fht_robot::planning::Traversable;
 /// Parameters of the coverage.
 #[derive(Clone, Debug)]
 pub struct CoverageConfig {
-    /// A rectangle covers what is farther than this from its border: where a robot of this radius may be, metres. Default 0.13.
+    /// A rectangle covers what is farther than this from its border: where a robot of this radius may be, metres. Default 0.16.
     pub half_width_m: f64,
-    /// The least that a new rectangle must cover, square metres. Default 0.3: about 30 bytes of map each.
+    /// The least that a new rectangle must cover, square metres. Default 0.1, which is what is left open in a doorway of 0.9 m:
+    /// about 30 bytes of map each.
     pub least_gain_m2: f64,
-    /// Edges of such a node at most: its rectangle joins it to others already. Default 3.
+    /// Edges of such a node at most: its rectangle joins it to others already. Default 2.
     pub most_edges: usize,
     /// Distance of the places that are tried, metres. Default 0.2.
     pub spacing_m: f64,
@@ -23,7 +24,7 @@ pub struct CoverageConfig {
 
 impl Default for CoverageConfig {
     fn default() -> Self {
-        Self { half_width_m: 0.13, least_gain_m2: 0.3, most_edges: 3, spacing_m: 0.2 }
+        Self { half_width_m: 0.16, least_gain_m2: 0.1, most_edges: 2, spacing_m: 0.2 }
     }
 }
 

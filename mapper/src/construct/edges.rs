@@ -11,9 +11,10 @@ use fht_robot::pose::wrap_angle;
 pub struct EdgeConfig {
     /// Longest edge, metres. Default 8 (facts §1.3).
     pub longest_m: f64,
-    /// Every cell whose centre lies within this of an edge must be known to be free, metres. Default 0.14: an occupied
+    /// Every cell whose centre lies within this of an edge must be known to be free, metres. Default 0.165: an occupied
     /// cell's centre is farther than that, and its nearest point farther than that less half a cell's diagonal (0.035 m
-    /// for cells of 0.05 m), so 0.105 m are clear on either side, the radius of the paper's robot.
+    /// for cells of 0.05 m), so 0.13 m are clear on either side: the radius of the paper's robot and half a cell, by which a
+    /// corner of a wall may stand out of its occupied cells. Planners take edges to be that wide.
     pub half_width_m: f64,
     /// Of edges whose directions differ by less than this, only the shortest is kept, radians. Default 0.5 (facts
     /// §1.3; nearest first, where the paper's code takes the newest first).
@@ -25,7 +26,7 @@ pub struct EdgeConfig {
 
 impl Default for EdgeConfig {
     fn default() -> Self {
-        Self { longest_m: 8.0, half_width_m: 0.14, bearing_gap_rad: 0.5, blocked_m: 0.1 }
+        Self { longest_m: 8.0, half_width_m: 0.165, bearing_gap_rad: 0.5, blocked_m: 0.1 }
     }
 }
 

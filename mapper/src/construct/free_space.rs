@@ -34,12 +34,12 @@ pub fn is_obstructed(grid: &OccupancyGrid, node: FixedPoint, rect: &Rect) -> boo
 }
 
 /// Grows a rectangle around a node, a row of cells on each side in turn, as long as all cells of the row are free.
-/// Unknown cells are not free. `None` if the node itself is not on a free cell.
+/// Unknown cells are not free, and those in doubt neither. `None` if the node itself is not on a free cell.
 #[must_use]
 pub fn grow(grid: &OccupancyGrid, node: FixedPoint, config: &FreeSpaceConfig) -> Option<Rect> {
-    let is_free = |i: i32, j: i32| grid.state(Cell { i, j }) == CellState::Free;
+    let is_free = |i: i32, j: i32| grid.is_surely_free(Cell { i, j });
     let seed = grid.cell_of(point(node));
-    if !is_free(seed.i, seed.j) {
+    if grid.state(seed) != CellState::Free {
         return None;
     }
     let (mut low, mut high) = (seed, seed);

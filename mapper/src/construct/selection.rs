@@ -17,11 +17,18 @@ pub struct SelectionConfig {
     pub gamma_1: f64,
     /// γ₂: below this capability the best place considered becomes a node. Default 0.25.
     pub gamma_2: f64,
+    /// A place becomes a node, whatever its capability, when the main nodes know less than this share of what is seen
+    /// from it ([`known_share`](super::known::known_share)). Default 0.5: behind a wall, or where a room opens. Not in the
+    /// paper.
+    pub least_known: f64,
+    /// At the end, places that were passed become nodes as long as one shows this much wall that no node knows, metres.
+    /// Default 2. Not in the paper.
+    pub least_news_m: f64,
 }
 
 impl Default for SelectionConfig {
     fn default() -> Self {
-        Self { sigma_c_m: 2.65, gamma_1: 0.57, gamma_2: 0.25 }
+        Self { sigma_c_m: 2.65, gamma_1: 0.57, gamma_2: 0.25, least_known: 0.5, least_news_m: 2.0 }
     }
 }
 
@@ -51,9 +58,14 @@ impl Selection {
         Self { config, chosen: BTreeMap::new(), best: None }
     }
 
-    /// Considers a place; returns the observation that becomes a node now, if any (paper, equation 4).
-    pub fn observe(&mut self, place: Place) -> Option<Observation> {
+    /// Considers a place; returns the observation that becomes a node now, if any (paper, equation 4). `known` says which
+    /// share of what is seen from it the nodes know.
+    pub fn observe(&mut self, place: Place, known: impl FnOnce(&Observation) -> f64) -> Option<Observation> {
         let capability = capability(self.chosen.values().copied(), place.position, &self.config);
+        if capability >= self.config.gamma_2 && known(&place.value) < self.config.least_known {
+            self.best = None;
+            return Some(place.value);
+        }
         if capability >= self.config.gamma_1 {
             self.best = None;
             return None;
@@ -106,7 +118,7 @@ mod tests {
             let x = f64::from(step) * 0.1;
             // A bright spot at 2.4 m, inside the window between γ₁ and γ₂.
             let information = if (x - 2.4).abs() < 0.05 { 0.95 } else { 0.8 };
-            if let Some(best) = selection.observe(place(x, information)) {
+            if let Some(best) = selection.observe(place(x, information), |_| 1.0) {
                 let id = NodeId { author: AuthorId(1), number: chosen.len() as u32 };
                 selection.chose(id, to_fixed(&best.anchored.keyframe_from_base).position, best.information);
                 chosen.push(best.anchored.keyframe_from_base.translation.x);
@@ -115,6 +127,16 @@ mod tests {
         assert!(chosen.len() >= 2, "{chosen:?}");
         assert!(chosen[0].abs() < 1e-9, "{chosen:?}");
         assert!((chosen[1] - 2.4).abs() < 1e-9, "{chosen:?}");
+    }
+
+    #[test]
+    fn a_place_that_the_nodes_know_little_of_is_chosen_at_once() {
+        let mut selection = Selection::new(SelectionConfig::default());
+        let id = NodeId { author: AuthorId(1), number: 0 };
+        selection.chose(id, FixedPoint::from_metres(0.0, 0.0), 0.9);
+        assert!(selection.observe(place(0.5, 0.9), |_| 0.7).is_none());
+        let chosen = selection.observe(place(0.6, 0.9), |_| 0.4);
+        assert!(chosen.is_some_and(|chosen| (chosen.anchored.keyframe_from_base.translation.x - 0.6).abs() < 1e-9));
     }
 
     #[test]

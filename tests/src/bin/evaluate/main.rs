@@ -1,6 +1,7 @@
 //! How good is it? Figures on real logs and in simulated buildings, as the field measures them.
 
 mod chart;
+mod contents;
 mod explore;
 mod maps;
 mod output;
@@ -42,6 +43,11 @@ pose of the scan taken at t2 in the frame of the scan taken at t1, metres and ra
   evaluate paths --worlds ../shared/data/maps/museum.yaml,../shared/data/maps/large_indoor.yaml
   evaluate paths --worlds museum --pairs 200")]
     Paths(paths::PathsArgs),
+    /// What maps consist of and take up, and how much of what a robot sees they know.
+    #[command(after_help = "Examples:
+  evaluate contents --worlds ../shared/data/maps/museum.yaml,../shared/data/maps/large_indoor.yaml
+  evaluate contents --worlds museum --sigma-c 5")]
+    Contents(contents::ContentsArgs),
     /// Robots dropped anywhere in an explored building: how soon and how well they know where they are.
     #[command(after_help = "Examples:
   evaluate relocalize --worlds ../shared/data/maps/museum.yaml --starts 100
@@ -55,6 +61,7 @@ fn main() -> ExitCode {
         Part::Slam(args) => slam::run(&args),
         Part::Explore(args) => explore::run(&args),
         Part::Paths(args) => paths::run(&args),
+        Part::Contents(args) => contents::run(&args),
         Part::Relocalize(args) => relocalize::run(&args),
     };
     match outcome {
