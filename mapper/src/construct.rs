@@ -29,9 +29,22 @@ use selection::{Place, Selection, SelectionConfig};
 use std::collections::{BTreeMap, BTreeSet};
 use support::SupportConfig;
 
+/// Which sorts of nodes there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Hierarchy {
+    /// Main nodes to relocalize by, support nodes to find ways by: the FHT-Map.
+    #[default]
+    MainAndSupport,
+    /// Main nodes only (the paper's ablation "Main Only", facts §3.6): where no node could be reached any more in a
+    /// straight line, a main node is made, joined to the one before if to no other.
+    MainOnly,
+}
+
 /// Parameters of the construction.
 #[derive(Clone, Debug, Default)]
 pub struct BuilderConfig {
+    /// Sorts of nodes.
+    pub hierarchy: Hierarchy,
     /// Main nodes.
     pub selection: SelectionConfig,
     /// Support nodes.
@@ -118,6 +131,8 @@ pub struct Builder {
     newest: Option<NodeId>,
     /// The last pose from which some node could be reached in a straight line.
     last_connected: Option<Anchored>,
+    /// No node can be reached: the next place seen has to become one, if all nodes are main nodes.
+    is_cut_off: bool,
     footings: BTreeMap<NodeId, Footing>,
 }
 
@@ -130,6 +145,7 @@ impl Builder {
             config,
             newest: None,
             last_connected: None,
+            is_cut_off: false,
             footings: BTreeMap::new(),
         }
     }
@@ -156,7 +172,11 @@ impl Builder {
     ) -> Option<(NodeId, Vec<Op>)> {
         let position_of = |anchored: &Anchored| to_fixed(&estimate.locate(anchored)).position;
         let place = Place { position: position_of(&observation.anchored), value: observation };
-        let chosen = self.selection.observe(place)?;
+        let chosen = if std::mem::take(&mut self.is_cut_off) {
+            self.selection.take_now(place)
+        } else {
+            self.selection.observe(place)?
+        };
         let signature = Signature { descriptor: chosen.descriptor, scan: chosen.scan };
         let footing = Footing { anchored: chosen.anchored, frame: Some(chosen.frame) };
         let made = self.make_node(footing, Some(signature), journal, estimate);
@@ -173,6 +193,10 @@ impl Builder {
     ) -> Option<(NodeId, Vec<Op>)> {
         let here = to_fixed(&estimate.locate(anchored)).position;
         let need = support::need(journal.state(), estimate.grid, here, &self.config.support, &self.config.edges);
+        if self.config.hierarchy == Hierarchy::MainOnly {
+            self.is_cut_off = need == support::Need::Connectivity;
+            return None;
+        }
         let mut make = |builder: &mut Self, anchored| {
             builder.make_node(Footing { anchored, frame: None }, None, journal, estimate)
         };
@@ -212,8 +236,10 @@ impl Builder {
             ops.push(Op::SetSignature { id, signature });
         }
         let edges = edges::edges_of(journal.state(), grid, id, pose.position, &self.config.edges);
-        ops.extend(edges.into_iter().map(|edge| Op::PutEdge { edge }));
         let previous = self.newest.replace(id);
+        let is_alone = edges.is_empty() && self.config.hierarchy == Hierarchy::MainOnly;
+        let by_way_driven = previous.filter(|_| is_alone).map(|previous| EdgeKey::new(previous, id));
+        ops.extend(edges.into_iter().chain(by_way_driven).map(|edge| Op::PutEdge { edge }));
         ops.extend(previous.and_then(|previous| self.free_space_op(previous, journal, grid)));
         ops.extend(self.corrections_near(pose.position, previous, journal, grid));
         (id, ops)

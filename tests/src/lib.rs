@@ -7,9 +7,19 @@
 //! | [`python`] | other people's programs, from PyPI |
 //! | [`picture`] | a map as a picture, like the paper's figure 1 |
 //! | [`survey`] | explored worlds, kept for evaluations |
+//! | [`grid_map`] | the explorer's occupancy grid, kept and counted |
+//! | [`drive`] | a recorded drive of a robot that does not know where it is |
+//! | [`systems`] | the systems that are compared: ours, AMCL, MR-TopoMap |
+//! | [`trial`] | one system on one drive |
+//! | [`ledger`] | results that cost minutes, kept as they come |
 
+pub mod drive;
+pub mod grid_map;
 pub mod handoff;
+pub mod ledger;
 pub mod picture;
 pub mod process;
 pub mod python;
 pub mod survey;
+pub mod systems;
+pub mod trial;
