@@ -46,11 +46,13 @@ pub struct AmclConfig {
     /// Rates of the slow and the fast average of the weight: when the fast falls below the slow, random particles are
     /// added. Both 0: never.
     pub recovery_alpha: [f64; 2],
-    /// The place counts as known when the heaviest cluster has this share of the weight,
+    /// The place counts as known when the heaviest cluster has this share of the weight, by default 0.9,
     pub declare_share: f64,
-    /// and its position has a standard deviation below this in its worst direction, metres,
+    /// and its position has a standard deviation below this in its worst direction, metres, by default 1,
     pub declare_sigma_m: f64,
-    /// and its heading below this, radians.
+    /// and its heading below this, radians, by default 30°. With the noise that these parameters give the odometry a cloud
+    /// around the right place stays that wide; its mean is right within 0.2 m and 2°. With half of either the place is
+    /// declared on a third of the drives only (museum of the paper).
     pub declare_sigma_rad: f64,
 }
 
@@ -70,8 +72,8 @@ impl AmclConfig {
             update_min_a: 0.5,
             recovery_alpha: [0.0, 0.0],
             declare_share: 0.9,
-            declare_sigma_m: 0.5,
-            declare_sigma_rad: 5.0_f64.to_radians(),
+            declare_sigma_m: 1.0,
+            declare_sigma_rad: 30.0_f64.to_radians(),
         }
     }
 
@@ -282,6 +284,12 @@ impl<'a> Amcl<'a> {
     pub fn new(config: AmclConfig, map: &'a AmclMap, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         Self { filter: ParticleFilter::anywhere(config, map, &mut rng), rng, updated: None, map_from_base: None }
+    }
+
+    /// The heaviest cluster at the last update of the filter.
+    #[must_use]
+    pub fn belief(&self) -> Option<&Cluster> {
+        self.updated.as_ref()?.1.as_ref()
     }
 }
 
