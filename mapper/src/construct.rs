@@ -27,18 +27,7 @@ use fht_robot::pose::{Point2, from_fixed, pose, to_fixed};
 use free_space::FreeSpaceConfig;
 use selection::{Place, Selection, SelectionConfig};
 use std::collections::{BTreeMap, BTreeSet};
-use support::SupportConfig;
-
-/// Which sorts of nodes there are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Hierarchy {
-    /// Main nodes to relocalize by, support nodes to find ways by: the FHT-Map.
-    #[default]
-    MainAndSupport,
-    /// Main nodes only (the paper's ablation "Main Only", facts §3.6): where no node could be reached any more in a
-    /// straight line, a main node is made, joined to the one before if to no other.
-    MainOnly,
-}
+use support::{Hierarchy, SupportConfig};
 
 /// Parameters of the construction.
 #[derive(Clone, Debug, Default)]
@@ -131,8 +120,8 @@ pub struct Builder {
     newest: Option<NodeId>,
     /// The last pose from which some node could be reached in a straight line.
     last_connected: Option<Anchored>,
-    /// No node can be reached: the next place seen has to become one, if all nodes are main nodes.
-    is_cut_off: bool,
+    /// The last place seen from which some node could be reached, where all nodes are main nodes.
+    last_place: Option<Observation>,
     footings: BTreeMap<NodeId, Footing>,
 }
 
@@ -145,7 +134,7 @@ impl Builder {
             config,
             newest: None,
             last_connected: None,
-            is_cut_off: false,
+            last_place: None,
             footings: BTreeMap::new(),
         }
     }
@@ -172,16 +161,32 @@ impl Builder {
     ) -> Option<(NodeId, Vec<Op>)> {
         let position_of = |anchored: &Anchored| to_fixed(&estimate.locate(anchored)).position;
         let place = Place { position: position_of(&observation.anchored), value: observation };
-        let chosen = if std::mem::take(&mut self.is_cut_off) {
-            self.selection.take_now(place)
-        } else {
-            self.selection.observe(place)?
+        let chosen = match self.config.hierarchy {
+            Hierarchy::MainAndSupport => self.selection.observe(place)?,
+            Hierarchy::MainOnly => self.observe_without_support(place, journal, estimate)?,
         };
         let signature = Signature { descriptor: chosen.descriptor, scan: chosen.scan };
         let footing = Footing { anchored: chosen.anchored, frame: Some(chosen.frame) };
         let made = self.make_node(footing, Some(signature), journal, estimate);
         self.selection.chose(made.0, position_of(&chosen.anchored), chosen.information);
         Some(made)
+    }
+
+    /// Main nodes also hold the map together: where none can be reached any more, the last place from which one could be
+    /// becomes a node.
+    fn observe_without_support(
+        &mut self,
+        place: Place,
+        journal: &Journal,
+        estimate: &Estimate<'_>,
+    ) -> Option<Observation> {
+        let BuilderConfig { support, edges, .. } = &self.config;
+        if support::need(journal.state(), estimate.grid, place.position, support, edges) == support::Need::Connectivity
+        {
+            return Some(self.last_place.take().unwrap_or(place.value));
+        }
+        self.last_place = Some(place.value.clone());
+        self.selection.observe(place).inspect(|_| self.last_place = None)
     }
 
     /// The robot moved. Returns the operations that make a support node, if one is needed, and the node.
@@ -191,12 +196,11 @@ impl Builder {
         journal: &mut Journal,
         estimate: &Estimate<'_>,
     ) -> Option<(NodeId, Vec<Op>)> {
-        let here = to_fixed(&estimate.locate(anchored)).position;
-        let need = support::need(journal.state(), estimate.grid, here, &self.config.support, &self.config.edges);
         if self.config.hierarchy == Hierarchy::MainOnly {
-            self.is_cut_off = need == support::Need::Connectivity;
             return None;
         }
+        let here = to_fixed(&estimate.locate(anchored)).position;
+        let need = support::need(journal.state(), estimate.grid, here, &self.config.support, &self.config.edges);
         let mut make = |builder: &mut Self, anchored| {
             builder.make_node(Footing { anchored, frame: None }, None, journal, estimate)
         };

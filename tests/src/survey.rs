@@ -35,6 +35,15 @@ pub struct SurveyTask {
     pub mapper: MapperConfig,
 }
 
+impl SurveyTask {
+    /// Where its map is kept: by the whole of what was asked for, since two files may have one stem, and a built-in world
+    /// its name.
+    fn path(&self, folder: &Path) -> PathBuf {
+        let spec = self.world.replace(|c: char| !c.is_ascii_alphanumeric(), "_");
+        folder.join(format!("{spec}-{}-drift{}-seed{}.{FORM}", self.variant, self.drift, self.seed))
+    }
+}
+
 /// An explored world.
 pub struct Survey {
     /// The world.
@@ -112,16 +121,19 @@ const PASS_M: f64 = 0.25;
 const PATIENCE_US: u64 = 4 * 3600 * 1_000_000;
 
 impl Survey {
+    /// Whether the map of `task` is in `folder` already.
+    #[must_use]
+    pub fn is_kept(task: &SurveyTask, folder: &Path) -> bool {
+        task.path(folder).is_file()
+    }
+
     /// Takes the map of `task` from `folder`, or explores the world and keeps the map there.
     ///
     /// # Errors
     /// [`SurveyError`].
     pub fn of(task: &SurveyTask, folder: &Path) -> Result<Self, SurveyError> {
         let world = Arc::new(fht_sim::load(&task.world, task.textures.as_deref(), 1)?);
-        // By the whole of what was asked for: two files may have one stem, and a built-in world its name.
-        let spec = task.world.replace(|c: char| !c.is_ascii_alphanumeric(), "_");
-        let name = format!("{spec}-{}-drift{}-seed{}.{FORM}", task.variant, task.drift, task.seed);
-        let path = folder.join(name);
+        let path = task.path(folder);
         let kept_error = |reason: String| SurveyError::Kept { path: path.clone(), reason };
         if let Ok(bytes) = std::fs::read(&path) {
             let kept: Kept = postcard::from_bytes(&bytes).map_err(|error| kept_error(error.to_string()))?;

@@ -65,12 +65,6 @@ impl Selection {
         if capability < self.config.gamma_2 { self.best.take() } else { None }
     }
 
-    /// Takes this place whatever its capability: the map would fall apart without it.
-    pub fn take_now(&mut self, place: Place) -> Observation {
-        self.best = None;
-        place.value
-    }
-
     /// A node was moved.
     pub fn moved(&mut self, id: NodeId, position: FixedPoint) {
         if let Some(chosen) = self.chosen.get_mut(&id) {

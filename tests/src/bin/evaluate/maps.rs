@@ -43,6 +43,9 @@ impl MapArgs {
             variant: name.to_owned(),
             mapper,
         };
+        if !Survey::is_kept(&task, &self.kept) {
+            eprintln!("evaluate: {world} is explored ({name}), once; that takes some minutes");
+        }
         Survey::of(&task, &self.kept).map_err(|error| error.to_string())
     }
 }

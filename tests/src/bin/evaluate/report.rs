@@ -150,8 +150,8 @@ same one. The robot that relocalizes has another light, another camera gain, oth
 trajectory is recorded before any system sees it and is the same for all.
 * A robot succeeds when it *declares* a pose that is right, within 1 m and 5° (paper), before the drive ends. The paper \
 judges poses whether declared or not: that is the row *right at some time*. A false fix is a declared pose that is wrong.
-* AMCL declares when its heaviest cluster has 90 % of the weight and standard deviations below 1 m and 30°; MR-TopoMap when \
-five nodes were recognised and the standard errors are below 1 m and 10°. Both limits were chosen in their favour.
+* AMCL declares when its heaviest cluster has 90 % of the weight and standard deviations below 1 m and 30° (Nav2: 0.5 m and 15°); MR-TopoMap when \
+five nodes were recognised and the standard errors are below 1 m and 10°. These limits were chosen in their favour.
 * ε_t is the error as a share of the distance from the start to the map's origin; starts within 1 m of it are left out.
 * C_path is the length over that of the shortest way on the true plan for the same robot, a disc of 0.105 m. The grid's \
 paths are A* on the explorer's grid, pulled straight.

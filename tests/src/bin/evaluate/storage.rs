@@ -2,7 +2,7 @@
 
 use crate::systems::System;
 use fht_map::MapState;
-use fht_proto::{Increment, NodeId, NodeKind, Op, decode};
+use fht_proto::{AuthorId, EdgeKey, Increment, NodeId, NodeKind, Op, decode};
 use fht_tests::survey::Survey;
 use fht_tests::systems::topo_map::{TopoMap, TopoMapConfig};
 use serde::Serialize;
@@ -40,7 +40,6 @@ impl Storage {
             }
         }
         let total: usize = survey.increments.iter().map(Vec::len).sum();
-        // Ids are a little shorter inside an envelope than on their own.
         parts.insert("envelopes", total.saturating_sub(measured));
         let topo_map = TopoMap::build(&survey.passes, &TopoMapConfig::default());
         let counts = survey.map.counts();
@@ -68,11 +67,27 @@ fn bytes_of(value: &impl Serialize) -> Result<usize, String> {
     postcard::to_stdvec(value).map(|bytes| bytes.len()).map_err(|error| error.to_string())
 }
 
+/// An operation with ids as short as they are inside an increment of the same author.
+fn without_author(op: &Op) -> Op {
+    let local = |id: NodeId| NodeId { author: AuthorId(0), number: id.number };
+    let edge_of = |edge: &EdgeKey| EdgeKey::new(local(edge.low()), local(edge.high()));
+    match op.clone() {
+        Op::PutNode { id, kind, pose } => Op::PutNode { id: local(id), kind, pose },
+        Op::RemoveNode { id } => Op::RemoveNode { id: local(id) },
+        Op::SetPose { id, pose } => Op::SetPose { id: local(id), pose },
+        Op::SetFreeSpace { id, rect } => Op::SetFreeSpace { id: local(id), rect },
+        Op::SetSignature { id, signature } => Op::SetSignature { id: local(id), signature },
+        Op::PutEdge { edge } => Op::PutEdge { edge: edge_of(&edge) },
+        Op::RemoveEdge { edge } => Op::RemoveEdge { edge: edge_of(&edge) },
+        Op::PutModel { model } => Op::PutModel { model },
+    }
+}
+
 /// What the bytes of an operation are for.
 fn split(op: &Op, map: &MapState) -> Result<Vec<(&'static str, usize)>, String> {
     let is_main = |id: &NodeId| map.node(*id).is_some_and(|node| node.kind == NodeKind::Main);
     let by_kind = |id: &NodeId, main: &'static str, support: &'static str| if is_main(id) { main } else { support };
-    let whole = bytes_of(op)?;
+    let whole = bytes_of(&without_author(op))?;
     Ok(match op {
         Op::PutNode { id, .. } => vec![(by_kind(id, "main nodes: poses", "support nodes: poses"), whole)],
         Op::SetPose { id, .. } => vec![(by_kind(id, "main nodes: corrections", "support nodes: corrections"), whole)],
