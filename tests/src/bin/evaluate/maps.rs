@@ -1,8 +1,12 @@
 //! The explored maps that an evaluation works on.
 
 use clap::Args;
+use fht_tests::ledger::Ledger;
 use fht_tests::survey::{Survey, SurveyTask};
 use mapper::mapping::MapperConfig;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::io::ErrorKind::NotFound;
 use std::path::PathBuf;
 
 /// Which maps.
@@ -17,6 +21,9 @@ pub struct MapArgs {
     /// Where explored maps and results are kept.
     #[arg(long, value_name = "FOLDER", default_value = "target/evaluation")]
     pub kept: PathBuf,
+    /// Forget the results that are kept, as after a change of a system's code; explored maps stay.
+    #[arg(long)]
+    pub afresh: bool,
 }
 
 /// How a map is made of what is explored.
@@ -29,6 +36,18 @@ pub enum Variant {
 }
 
 impl MapArgs {
+    /// The results kept in the file `name`, as far as they are still wanted.
+    pub fn ledger<K, V>(&self, name: &str) -> Result<Ledger<K, V>, String>
+    where
+        K: Ord + Clone + Serialize + DeserializeOwned,
+        V: Clone + Serialize + DeserializeOwned,
+    {
+        let path = self.kept.join(name);
+        let forget = if self.afresh { std::fs::remove_file(&path) } else { Ok(()) };
+        let forgotten = forget.or_else(|error| if error.kind() == NotFound { Ok(()) } else { Err(error) });
+        forgotten.and_then(|()| Ledger::open(&path)).map_err(|error| format!("{}: {error}", path.display()))
+    }
+
     /// The map of a world; explored now if it is not kept yet.
     pub fn survey(&self, world: &str, variant: Variant) -> Result<Survey, String> {
         let (name, mapper) = match variant {

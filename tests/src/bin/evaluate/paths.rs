@@ -111,9 +111,7 @@ pub fn measure(
     systems: &[System],
     output: &OutputArgs,
 ) -> Result<Vec<PathFigures>, String> {
-    let path = maps.kept.join("paths.jsonl");
-    let mut ledger: Ledger<PathKey, PathFigures> =
-        Ledger::open(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let mut ledger: Ledger<PathKey, PathFigures> = maps.ledger("paths.jsonl")?;
     let mut planners: Vec<System> = systems.iter().map(|system| system.planner()).collect();
     planners.sort();
     planners.dedup();

@@ -107,8 +107,7 @@ pub fn run(args: &RelocalizeArgs) -> Result<(), String> {
 /// Runs all trials that are not known yet.
 pub fn measure(maps: &MapArgs, args: &TrialArgs, output: &OutputArgs) -> Result<Vec<Trials>, String> {
     let mut net = DescriptorNet::load(None).map_err(|error| error.to_string())?;
-    let path = maps.kept.join("trials.jsonl");
-    let mut ledger = Ledger::open(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let mut ledger = maps.ledger("trials.jsonl")?;
     let mut all = Vec::new();
     for world in &maps.worlds {
         let bench = Bench::new(maps, world, &args.systems)?;

@@ -9,7 +9,7 @@ use crate::relocalize::{self, Start, TrialArgs, Trials};
 use crate::report;
 use crate::storage::Storage;
 use crate::systems::{Column, System};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -46,6 +46,14 @@ pub struct Entry {
     pub storage_deflated_bytes: Option<usize>,
 }
 
+/// The same, and how the system does after furniture has moved.
+#[derive(Debug, Serialize)]
+struct SystemEntry<'a> {
+    #[serde(flatten)]
+    entry: &'a Entry,
+    furniture_moved: Option<&'a RelocalizeFigures>,
+}
+
 /// All that is known of one world.
 pub struct WorldResults {
     /// Its name.
@@ -59,6 +67,16 @@ pub struct WorldResults {
 }
 
 impl WorldResults {
+    /// One entry for each system: of the building as mapped, if that was looked at.
+    fn by_system(&self) -> Vec<SystemEntry<'_>> {
+        let entry = |&system: &System| {
+            let moved = self.entry(system, Column::FurnitureMoved);
+            let entry = self.entry(system, Column::AsMapped).or(moved)?;
+            Some(SystemEntry { entry, furniture_moved: moved.map(|moved| &moved.relocalize) })
+        };
+        System::value_variants().iter().filter_map(entry).collect()
+    }
+
     /// A system's figures.
     pub fn entry(&self, system: System, column: Column) -> Option<&Entry> {
         self.entries.iter().find(|entry| entry.relocalize.system == system && entry.relocalize.column == column)
@@ -78,7 +96,7 @@ pub fn run(args: &TablesArgs) -> Result<(), String> {
         let changes = relocalize::changed(world)?.changes();
         all.push(WorldResults { world: name, entries, storage, changes });
     }
-    args.output.write(&all.iter().flat_map(|results| &results.entries).collect::<Vec<_>>())?;
+    args.output.write(&all.iter().flat_map(WorldResults::by_system).collect::<Vec<_>>())?;
     let plots = draw(&trials, &paths, args.trials.drive_m);
     let names: Vec<&str> = plots.iter().map(|(name, _)| name.as_str()).collect();
     let text = report::markdown(&all, &args.trials, args.pairs.pairs, &names);
