@@ -27,7 +27,7 @@ use fht_robot::pose::{Point2, from_fixed, pose, to_fixed};
 use free_space::FreeSpaceConfig;
 use selection::{Place, Selection, SelectionConfig};
 use std::collections::{BTreeMap, BTreeSet};
-use support::{Hierarchy, SupportConfig};
+use support::{Hierarchy, Need, SupportConfig};
 
 /// Parameters of the construction.
 #[derive(Clone, Debug, Default)]
@@ -181,8 +181,7 @@ impl Builder {
         estimate: &Estimate<'_>,
     ) -> Option<Observation> {
         let BuilderConfig { support, edges, .. } = &self.config;
-        if support::need(journal.state(), estimate.grid, place.position, support, edges) == support::Need::Connectivity
-        {
+        if support::need(journal.state(), estimate.grid, place.position, support, edges) == Need::Connectivity {
             return Some(self.last_place.take().unwrap_or(place.value));
         }
         self.last_place = Some(place.value.clone());
@@ -205,18 +204,18 @@ impl Builder {
             builder.make_node(Footing { anchored, frame: None }, None, journal, estimate)
         };
         match need {
-            support::Need::None => {
+            Need::None => {
                 self.last_connected = Some(*anchored);
                 None
             }
             // Nothing is in the map yet: the first main node starts it.
-            support::Need::Empty => None,
-            support::Need::Density => {
+            Need::Empty => None,
+            Need::Density => {
                 self.last_connected = Some(*anchored);
                 Some(make(self, *anchored))
             }
             // One step ago some node could still be reached: a node there keeps the map connected.
-            support::Need::Connectivity => {
+            Need::Connectivity => {
                 let place = self.last_connected.take()?;
                 Some(make(self, place))
             }
