@@ -29,11 +29,13 @@ use fht_robot::pose::{Point2, Pose2, from_fixed, pose, to_fixed};
 use free_space::FreeSpaceConfig;
 use selection::{Place, Selection, SelectionConfig};
 use std::collections::{BTreeMap, BTreeSet};
-use support::SupportConfig;
+use support::{Hierarchy, Need, SupportConfig};
 
 /// Parameters of the construction.
 #[derive(Clone, Debug, Default)]
 pub struct BuilderConfig {
+    /// Sorts of nodes.
+    pub hierarchy: Hierarchy,
     /// Main nodes.
     pub selection: SelectionConfig,
     /// Support nodes.
@@ -120,6 +122,8 @@ pub struct Builder {
     newest: Option<NodeId>,
     /// The last pose from which some node could be reached in a straight line.
     last_connected: Option<Anchored>,
+    /// The last place seen from which some node could be reached, where all nodes are main nodes.
+    last_place: Option<Observation>,
     footings: BTreeMap<NodeId, Footing>,
     /// Places along the way that may become main nodes at the end.
     passed: Vec<Observation>,
@@ -137,6 +141,7 @@ impl Builder {
             config,
             newest: None,
             last_connected: None,
+            last_place: None,
             footings: BTreeMap::new(),
             passed: Vec::new(),
         }
@@ -164,12 +169,18 @@ impl Builder {
     ) -> Option<(NodeId, Vec<Op>)> {
         let position_of = |anchored: &Anchored| to_fixed(&estimate.locate(anchored)).position;
         let position = position_of(&observation.anchored);
-        if self.passed.last().is_none_or(|last| position_of(&last.anchored).distance(position) >= PASSED_EVERY_M) {
+        if self.config.hierarchy == Hierarchy::MainAndSupport
+            && self.passed.last().is_none_or(|last| position_of(&last.anchored).distance(position) >= PASSED_EVERY_M)
+        {
             self.passed.push(observation.clone());
         }
         let known =
             |seen: &Observation| known::known_share(journal.state(), &estimate.locate(&seen.anchored), &seen.scan);
-        let chosen = self.selection.observe(Place { position, value: observation }, known)?;
+        let place = Place { position, value: observation };
+        let chosen = match self.config.hierarchy {
+            Hierarchy::MainAndSupport => self.selection.observe(place, known)?,
+            Hierarchy::MainOnly => self.observe_without_support(place, journal, estimate)?,
+        };
         Some(self.make_main(chosen, journal, estimate))
     }
 
@@ -200,6 +211,22 @@ impl Builder {
         made
     }
 
+    /// Main nodes also hold the map together: where none can be reached any more, the last place from which one could be
+    /// becomes a node.
+    fn observe_without_support(
+        &mut self,
+        place: Place,
+        journal: &Journal,
+        estimate: &Estimate<'_>,
+    ) -> Option<Observation> {
+        let BuilderConfig { support, edges, .. } = &self.config;
+        if support::need(journal.state(), estimate.grid, place.position, support, edges) == Need::Connectivity {
+            return Some(self.last_place.take().unwrap_or(place.value));
+        }
+        self.last_place = Some(place.value.clone());
+        self.selection.observe(place, |_| 1.0).inspect(|_| self.last_place = None)
+    }
+
     /// The robot moved. Returns the operations that make a support node, if one is needed, and the node.
     pub fn observe_motion(
         &mut self,
@@ -207,24 +234,27 @@ impl Builder {
         journal: &mut Journal,
         estimate: &Estimate<'_>,
     ) -> Option<(NodeId, Vec<Op>)> {
+        if self.config.hierarchy == Hierarchy::MainOnly {
+            return None;
+        }
         let here = to_fixed(&estimate.locate(anchored)).position;
         let need = support::need(journal.state(), estimate.grid, here, &self.config.support, &self.config.edges);
         let mut make = |builder: &mut Self, anchored| {
             builder.make_node(Footing { anchored, frame: None }, None, journal, estimate)
         };
         match need {
-            support::Need::None => {
+            Need::None => {
                 self.last_connected = Some(*anchored);
                 None
             }
             // Nothing is in the map yet: the first main node starts it.
-            support::Need::Empty => None,
-            support::Need::Density => {
+            Need::Empty => None,
+            Need::Density => {
                 self.last_connected = Some(*anchored);
                 Some(make(self, *anchored))
             }
             // One step ago some node could still be reached: a node there keeps the map connected.
-            support::Need::Connectivity => {
+            Need::Connectivity => {
                 let place = self.last_connected.take()?;
                 Some(make(self, place))
             }
@@ -248,8 +278,10 @@ impl Builder {
             ops.push(Op::SetSignature { id, signature });
         }
         let edges = edges::edges_of(journal.state(), grid, id, pose.position, &self.config.edges);
-        ops.extend(edges.into_iter().map(|edge| Op::PutEdge { edge }));
         let previous = self.newest.replace(id);
+        let is_alone = edges.is_empty() && self.config.hierarchy == Hierarchy::MainOnly;
+        let by_way_driven = previous.filter(|_| is_alone).map(|previous| EdgeKey::new(previous, id));
+        ops.extend(edges.into_iter().chain(by_way_driven).map(|edge| Op::PutEdge { edge }));
         ops.extend(previous.and_then(|previous| self.free_space_op(previous, journal, grid)));
         ops.extend(self.corrections_near(pose.position, previous, journal, grid));
         (id, ops)

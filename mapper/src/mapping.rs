@@ -5,6 +5,9 @@
 
 use crate::beside::{Beside, Pace};
 use crate::camera::{CameraError, CameraWorker};
+use crate::construct::coverage::CoverageConfig;
+use crate::construct::edges::EdgeConfig;
+use crate::construct::support::Hierarchy;
 use crate::construct::{Builder, BuilderConfig, Chain, Footing, Observation, plan_config, point};
 use crate::explore::{Answer, Ending, ExploreConfig, ExploreStep, Explorer, Search};
 use crate::journal::Journal;
@@ -34,6 +37,17 @@ pub struct MapperConfig {
     pub explore: ExploreConfig,
     /// Whether the loop waits for work beside it.
     pub pace: Pace,
+}
+
+impl MapperConfig {
+    /// The paper's ablation "Main Only" (facts §3.6): no support nodes, longer edges, no refinement, no coverage.
+    #[must_use]
+    pub fn main_only() -> Self {
+        let edges = EdgeConfig { longest_m: 20.0, ..EdgeConfig::default() };
+        let coverage = CoverageConfig { least_gain_m2: f64::INFINITY, ..CoverageConfig::default() };
+        let builder = BuilderConfig { hierarchy: Hierarchy::MainOnly, edges, coverage, ..BuilderConfig::default() };
+        Self { builder, refine: RefineConfig { max_shortcuts: 0, ..RefineConfig::default() }, ..Self::default() }
+    }
 }
 
 /// Frames between a question where to go and its answer.

@@ -124,6 +124,21 @@ impl OccupancyGrid {
         Self { config, bounds: CellBounds { min: zero, max: zero }, log_odds: Vec::new() }
     }
 
+    /// A grid of which only the states of the cells in `bounds` are known, row by row; those that lack are unknown.
+    #[must_use]
+    pub fn from_states(config: GridConfig, bounds: CellBounds, states: impl IntoIterator<Item = CellState>) -> Self {
+        let certain = config.max_log_odds;
+        let of = |state| match state {
+            CellState::Unknown => 0.0,
+            CellState::Free => -certain,
+            CellState::Occupied => certain,
+        };
+        let count = bounds.width() * bounds.height();
+        let mut log_odds: Vec<f32> = states.into_iter().take(count).map(of).collect();
+        log_odds.resize(count, 0.0);
+        Self { config, bounds, log_odds }
+    }
+
     /// Side of a cell, metres.
     #[must_use]
     pub fn resolution_m(&self) -> f64 {

@@ -3,7 +3,7 @@
 use crate::draw::Panel;
 use crate::draw::furniture;
 use crate::draw::surfaces::{self, Floor, Wall};
-use crate::layout::{Kind, Layout, Solid, sides};
+use crate::layout::{Kind, Layout, Placement, Solid, sides};
 use crate::plan::FloorPlan;
 use crate::scene::{Face, Ground, Scene, SceneBuilder, TextureId};
 use crate::style::{Hanging, Style};
@@ -47,6 +47,8 @@ struct Dresser<'a> {
     sides: BTreeMap<(Kind, u32, u32, u32), TextureId>,
     tops: BTreeMap<(Kind, u32), TextureId>,
     copies: BTreeMap<(usize, usize), Hung>,
+    /// Where the wall being finished is, if not where it was drawn.
+    placement: Option<Placement>,
 }
 
 /// The scene of a layout. `None` if it has no wall at all.
@@ -62,12 +64,16 @@ pub(crate) fn dress(layout: &Layout<Style>, plan: &FloorPlan, photographs: &[Rgb
         sides: BTreeMap::new(),
         tops: BTreeMap::new(),
         copies: BTreeMap::new(),
+        placement: None,
     };
-    for ring in &layout.rings {
+    for (index, ring) in layout.rings.iter().enumerate() {
+        // A wall that is gone is drawn all the same: the others keep what the seed gave them.
+        dresser.placement = layout.displaced.get(&index).copied();
         for (from, to) in sides(ring) {
             dresser.wall(Face { from, to, bottom_m: 0.0, top_m: layout.ceiling_m });
         }
     }
+    dresser.placement = None;
     for solid in &layout.solids {
         dresser.solid(solid);
     }
@@ -78,6 +84,17 @@ pub(crate) fn dress(layout: &Layout<Style>, plan: &FloorPlan, photographs: &[Rgb
 }
 
 impl<'a> Dresser<'a> {
+    /// Adds a face of a wall where the wall is.
+    fn put(&mut self, face: Face, texture: TextureId, left_m: f64, texture_top_m: f64) {
+        let by = match self.placement {
+            Some(Placement::Gone) => return,
+            Some(Placement::Moved(by)) => by,
+            None => nalgebra::Vector2::zeros(),
+        };
+        let there = Face { from: face.from + by, to: face.to + by, ..face };
+        self.builder.face(there, texture, left_m, texture_top_m);
+    }
+
     /// A finished wall with what hangs on it.
     fn wall(&mut self, face: Face) {
         let along = face.to - face.from;
@@ -94,7 +111,7 @@ impl<'a> Dresser<'a> {
             let zone = self.zone_at(at((left + right) / 2.0) + in_front);
             let finish = self.finish(self.style(zone).wall, face.top_m);
             let part = Face { from: at(right), to: at(left), ..face };
-            self.builder.face(part, finish, left, face.top_m);
+            self.put(part, finish, left, face.top_m);
         }
         let zone = self.zone_at(at(length / 2.0) + in_front);
         if let Some(colour) = self.style(zone).hangings.niche_door
@@ -165,7 +182,7 @@ impl<'a> Dresser<'a> {
         let out = nalgebra::Vector2::new(unit.y, -unit.x) * PROUD_M;
         let (left, right) = (face.to + unit * left_m + out, face.to + unit * (left_m + hung.width_m) + out);
         let top_m = hung.bottom_m + hung.height_m;
-        self.builder.face(Face { from: right, to: left, bottom_m: hung.bottom_m, top_m }, hung.texture, 0.0, top_m);
+        self.put(Face { from: right, to: left, bottom_m: hung.bottom_m, top_m }, hung.texture, 0.0, top_m);
     }
 
     fn solid(&mut self, solid: &Solid) {

@@ -9,6 +9,7 @@ use crate::style::{Hanging, Style};
 use fht_robot::pose::Point2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
 
 /// Height of the walls, metres.
 const WALL_M: f64 = 2.5;
@@ -27,6 +28,7 @@ pub(crate) fn layout(plan: &FloorPlan, seed: u64) -> Layout<Style> {
     let rings = borders(plan).iter().map(|border| smoothed(border).iter().map(to_world).collect()).collect();
     Layout {
         rings,
+        displaced: BTreeMap::new(),
         solids: Vec::new(),
         zones: zones(plan, seed),
         elsewhere: Style::bare(Wall::Plaster([226, 224, 216]), Floor::Linoleum([146, 148, 146])),

@@ -7,6 +7,7 @@
 //! | `mesh`, `collada`, `obj`, `stl`, `shapes` | triangles |
 //! | `material`, `paints` | looks |
 //! | `slab`, `floor` | what a robot runs into, and the true plan |
+//! | `rearrange` | the world some time later |
 //! | `report` | what the files lack |
 //!
 //! The scanner, the cameras and the bumper all meet the *visual* shapes, as Gazebo's own scanners do that render; its
@@ -19,6 +20,7 @@ mod material;
 mod mesh;
 mod obj;
 mod paints;
+mod rearrange;
 mod report;
 mod resolve;
 mod sdf;
@@ -28,6 +30,7 @@ mod stl;
 
 pub use sdf::SdfError;
 
+use crate::changes::Changes;
 use crate::plan::FloorPlan;
 use crate::scene::{Face, OpenCountry, Scene, SceneBuilder};
 use fht_robot::pose::Point2;
@@ -62,22 +65,17 @@ pub(crate) struct Gazebo {
     pub(crate) plan: Option<FloorPlan>,
     /// A sentence for each sort of flaw.
     pub(crate) warnings: Vec<String>,
+    /// Models that are gone, shifted or new.
+    pub(crate) changes: usize,
 }
 
-/// Loads a world.
-pub(crate) fn load(path: &Path) -> Result<Gazebo, SdfError> {
+/// Loads a world, some time later if there are `changes`.
+pub(crate) fn load(path: &Path, changes: Option<&Changes>) -> Result<Gazebo, SdfError> {
     let paths = Paths::of_world(path);
     let mut report = Report::default();
-    let description = sdf::read(path, &paths, &mut report)?;
-    let mut assembly = Assembly {
-        paths: &paths,
-        report,
-        builder: SceneBuilder::default(),
-        paints: Paints::default(),
-        meshes: HashMap::new(),
-        outlines: Vec::new(),
-        triangles: 0,
-    };
+    let mut description = sdf::read(path, &paths, &mut report)?;
+    let count = changes.map_or(0, |changes| rearrange::models(&mut description.placed, &paths, changes));
+    let mut assembly = Assembly::new(&paths, report);
     for placed in &description.placed {
         assembly.place(placed);
     }
@@ -106,7 +104,7 @@ pub(crate) fn load(path: &Path) -> Result<Gazebo, SdfError> {
     for warning in &warnings {
         tracing::warn!(world = %path.display(), "{warning}");
     }
-    Ok(Gazebo { scene, plan: floor.map(|floor| floor.plan), warnings })
+    Ok(Gazebo { scene, plan: floor.map(|floor| floor.plan), warnings, changes: count })
 }
 
 /// A scene being put together.
@@ -121,7 +119,19 @@ struct Assembly<'a> {
     triangles: usize,
 }
 
-impl Assembly<'_> {
+impl<'a> Assembly<'a> {
+    fn new(paths: &'a Paths, report: Report) -> Self {
+        Self {
+            paths,
+            report,
+            builder: SceneBuilder::default(),
+            paints: Paints::default(),
+            meshes: HashMap::new(),
+            outlines: Vec::new(),
+            triangles: 0,
+        }
+    }
+
     fn place(&mut self, placed: &Placed) {
         let base = &placed.base;
         let world_from = &placed.world_from_visual;

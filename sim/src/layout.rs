@@ -5,6 +5,7 @@ use crate::plan::{FloorPlan, PLAN_RESOLUTION_M};
 use fht_robot::pose::Point2;
 use i_overlay::core::fill_rule::FillRule;
 use i_overlay::float::simplify::SimplifyShape;
+use std::collections::BTreeMap;
 
 /// A polygon, counter-clockwise, metres.
 pub(crate) type Polygon = Vec<Point2>;
@@ -59,11 +60,22 @@ pub(crate) struct Solid {
     pub(crate) variant: u32,
 }
 
+/// Where a wall is that is not where it was drawn. It keeps its looks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Placement {
+    /// Nowhere.
+    Gone,
+    /// So far away, metres.
+    Moved(nalgebra::Vector2<f64>),
+}
+
 /// A building.
 #[derive(Clone, Debug)]
 pub(crate) struct Layout<Style> {
     /// The outer walls: closed rings with the floor on the left.
     pub(crate) rings: Vec<Polygon>,
+    /// Those of them that are not where they were drawn.
+    pub(crate) displaced: BTreeMap<usize, Placement>,
     /// What stands in it.
     pub(crate) solids: Vec<Solid>,
     /// How parts of it look; the first that holds a point counts.
@@ -108,7 +120,7 @@ impl<Style> Layout<Style> {
         let origin = Point2::new(low.x - border, low.y - border);
         let mut occupied = vec![true; width * height];
         let mut paint = |polygons: &[Polygon], value: bool| {
-            for index in cells_inside(polygons, origin, width, height) {
+            for index in cells_inside(polygons, origin, PLAN_RESOLUTION_M, (width, height)) {
                 occupied[index] = value;
             }
         };
@@ -120,15 +132,20 @@ impl<Style> Layout<Style> {
     }
 }
 
-/// Indices of the cells whose centres lie in an odd number of the polygons.
-fn cells_inside(polygons: &[Polygon], origin: Point2, width: usize, height: usize) -> Vec<usize> {
+/// Indices of the cells of side `resolution_m` whose centres lie in an odd number of the polygons.
+pub(crate) fn cells_inside(
+    polygons: &[Polygon],
+    origin: Point2,
+    resolution_m: f64,
+    (width, height): (usize, usize),
+) -> Vec<usize> {
     let mut inside = Vec::new();
-    let row_of = |y: f64| ((y - origin.y) / PLAN_RESOLUTION_M - 0.5).max(0.0);
+    let row_of = |y: f64| ((y - origin.y) / resolution_m - 0.5).max(0.0);
     let low = polygons.iter().flatten().map(|corner| corner.y).fold(f64::MAX, f64::min);
     let high = polygons.iter().flatten().map(|corner| corner.y).fold(f64::MIN, f64::max);
     let rows = row_of(low) as usize..(row_of(high).ceil() as usize + 1).min(height);
     for row in rows {
-        let y = origin.y + (row as f64 + 0.5) * PLAN_RESOLUTION_M;
+        let y = origin.y + (row as f64 + 0.5) * resolution_m;
         let mut crossings: Vec<f64> = polygons
             .iter()
             .flat_map(|polygon| sides(polygon))
@@ -137,7 +154,7 @@ fn cells_inside(polygons: &[Polygon], origin: Point2, width: usize, height: usiz
             .collect();
         crossings.sort_by(f64::total_cmp);
         for pair in crossings.chunks_exact(2) {
-            let column_of = |x: f64| ((x - origin.x) / PLAN_RESOLUTION_M - 0.5).ceil().max(0.0) as usize;
+            let column_of = |x: f64| ((x - origin.x) / resolution_m - 0.5).ceil().max(0.0) as usize;
             let columns = column_of(pair[0])..column_of(pair[1]).min(width);
             inside.extend(columns.map(|column| row * width + column));
         }

@@ -8,6 +8,7 @@ use crate::style::{Hanging, Style};
 use fht_robot::pose::Point2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
 
 /// A place in the drawing below, metres.
 type Place = (f64, f64);
@@ -104,6 +105,7 @@ pub(crate) fn layout(seed: u64) -> Layout<Style> {
     exhibits(&mut solids, &mut rng);
     Layout {
         rings: vec![OUTLINE.map(at).to_vec()],
+        displaced: BTreeMap::new(),
         solids,
         zones: zones(&mut rng),
         elsewhere: Style::bare(Wall::Plaster([226, 222, 212]), Floor::Parquet([158, 112, 70])),

@@ -9,6 +9,7 @@ use fht_robot::pose::Point2;
 use nalgebra::Vector2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
 
 /// A place in the drawing below, metres.
 type Place = (f64, f64);
@@ -97,7 +98,15 @@ pub(crate) fn layout(seed: u64) -> Layout<Style> {
     let Furnisher { floors, solids, mut rng, .. } = furnisher;
     let zones = zones(&rooms, &lines, &mut rng);
     let elsewhere = Style::bare(Wall::Plaster([228, 226, 218]), Floor::Linoleum([140, 146, 148]));
-    Layout { rings: union(&floors), solids, zones, elsewhere, ceiling_m: CEILING_M, ceiling: Ceiling::Grid }
+    Layout {
+        rings: union(&floors),
+        displaced: BTreeMap::new(),
+        solids,
+        zones,
+        elsewhere,
+        ceiling_m: CEILING_M,
+        ceiling: Ceiling::Grid,
+    }
 }
 
 /// Fills the building, drawing from one stream.

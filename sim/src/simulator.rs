@@ -97,7 +97,7 @@ impl SimConfig {
         }
     }
 
-    fn camera(&self) -> CameraConfig {
+    pub(crate) fn camera(&self) -> CameraConfig {
         CameraConfig {
             height_m: self.camera_height_m,
             pixels: self.view_pixels.max(1),

@@ -1,5 +1,6 @@
 //! A world: what rays meet, and the true plan.
 
+use crate::changes::Changes;
 use crate::gazebo::{self, SdfError};
 use crate::layout::Layout;
 use crate::nav2::{self, MapError};
@@ -7,7 +8,7 @@ use crate::photographs::{self, PhotographError};
 use crate::plan::FloorPlan;
 use crate::scene::Scene;
 use crate::style::Style;
-use crate::{dress, extrude, museum, office};
+use crate::{dress, extrude, museum, office, rearrange};
 use fht_robot::pose::{Point2, Pose2, pose};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -50,6 +51,7 @@ pub struct World {
     plan: FloorPlan,
     start: Pose2,
     warnings: Vec<String>,
+    changes: usize,
 }
 
 impl std::fmt::Debug for World {
@@ -119,36 +121,62 @@ impl World {
         &self.warnings
     }
 
+    /// How many things are gone, shifted or new ([`load_with`]).
+    #[must_use]
+    pub fn changes(&self) -> usize {
+        self.changes
+    }
+
     pub(crate) fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    fn from_layout(name: &str, layout: &Layout<Style>, seed: u64) -> Result<Self, WorldError> {
-        let plan = layout.plan();
+    fn from_layout(
+        name: &str,
+        mut layout: Layout<Style>,
+        seed: u64,
+        changes: Option<&Changes>,
+    ) -> Result<Self, WorldError> {
+        let mut plan = layout.plan();
+        let count = changes.map_or(0, |changes| rearrange::furniture(&mut layout, &plan, changes));
+        if count > 0 {
+            plan = layout.plan();
+        }
         let scene =
-            dress::dress(layout, &plan, &[], seed).ok_or_else(|| WorldError::Empty(name.to_owned(), "walls"))?;
-        Ok(Self { name: name.to_owned(), scene, plan, start: Pose2::identity(), warnings: Vec::new() })
+            dress::dress(&layout, &plan, &[], seed).ok_or_else(|| WorldError::Empty(name.to_owned(), "walls"))?;
+        let start = Pose2::identity();
+        Ok(Self { name: name.to_owned(), scene, plan, start, warnings: Vec::new(), changes: count })
     }
 
-    fn from_nav2(path: &Path, textures: Option<&Path>, seed: u64) -> Result<Self, WorldError> {
+    fn from_nav2(
+        path: &Path,
+        textures: Option<&Path>,
+        seed: u64,
+        changes: Option<&Changes>,
+    ) -> Result<Self, WorldError> {
         let name = stem(path);
         let photographs = textures.map_or_else(|| Ok(Vec::new()), photographs::load)?;
-        let plan = nav2::load(path)?;
-        let layout = extrude::layout(&plan, seed);
+        let mut plan = nav2::load(path)?;
+        let mut layout = extrude::layout(&plan, seed);
+        let mut count = 0;
+        if let Some(changes) = changes {
+            (plan, count) = rearrange::pieces(&mut layout, &plan, changes);
+        }
         let scene =
             dress::dress(&layout, &plan, &photographs, seed).ok_or_else(|| WorldError::Empty(name.clone(), "walls"))?;
         let start = start_near_origin(&plan).ok_or_else(|| WorldError::Empty(name.clone(), "place to stand"))?;
-        Ok(Self { name, scene, plan, start, warnings: Vec::new() })
+        Ok(Self { name, scene, plan, start, warnings: Vec::new(), changes: count })
     }
 
-    fn from_gazebo(path: &Path) -> Result<Self, WorldError> {
+    fn from_gazebo(path: &Path, changes: Option<&Changes>) -> Result<Self, WorldError> {
         let name = stem(path);
-        let gazebo = gazebo::load(path).map_err(|source| WorldError::Gazebo { path: path.to_owned(), source })?;
+        let gazebo =
+            gazebo::load(path, changes).map_err(|source| WorldError::Gazebo { path: path.to_owned(), source })?;
         let scene = gazebo.scene.ok_or_else(|| WorldError::Empty(name.clone(), "surfaces"))?;
         let empty = || WorldError::Empty(name.clone(), "place to stand");
         let plan = gazebo.plan.ok_or_else(empty)?;
         let start = start_near_origin(&plan).ok_or_else(empty)?;
-        Ok(Self { name, scene, plan, start, warnings: gazebo.warnings })
+        Ok(Self { name, scene, plan, start, warnings: gazebo.warnings, changes: gazebo.changes })
     }
 }
 
@@ -164,14 +192,29 @@ fn stem(path: &Path) -> String {
 /// # Errors
 /// When the name is unknown, or a file is missing, malformed or shows no free place.
 pub fn load(spec: &str, textures: Option<&Path>, seed: u64) -> Result<World, WorldError> {
+    load_with(spec, textures, seed, None)
+}
+
+/// Loads a world as [`load`] does, some time later: with `changes` to its movable things. Those are drawn furniture, small
+/// pieces of a map that stand free of its walls, and small models of a Gazebo world. The true plan is that of the changed
+/// world; everything else looks as it did.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with(
+    spec: &str,
+    textures: Option<&Path>,
+    seed: u64,
+    changes: Option<&Changes>,
+) -> Result<World, WorldError> {
     match spec {
-        "museum" => World::from_layout(spec, &museum::layout(seed), seed),
-        "office" => World::from_layout(spec, &office::layout(seed), seed),
+        "museum" => World::from_layout(spec, museum::layout(seed), seed, changes),
+        "office" => World::from_layout(spec, office::layout(seed), seed, changes),
         other => {
             let path = Path::new(other);
             match path.extension().and_then(std::ffi::OsStr::to_str) {
-                Some("yaml" | "yml") => World::from_nav2(path, textures, seed),
-                Some("world" | "sdf") => World::from_gazebo(path),
+                Some("yaml" | "yml") => World::from_nav2(path, textures, seed, changes),
+                Some("world" | "sdf") => World::from_gazebo(path, changes),
                 _ => Err(WorldError::Unknown(other.to_owned())),
             }
         }

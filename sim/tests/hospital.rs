@@ -130,3 +130,14 @@ fn a_robot_senses_the_hospital() {
         .collect();
     assert!(means.iter().all(|mean| (60.0..245.0).contains(mean)), "{means:?}");
 }
+
+#[test]
+fn a_tenth_of_its_small_models_moves() {
+    let Some(world) = hospital() else { return };
+    let path = folder().join("worlds/hospital.world");
+    let changes = fht_sim::Changes { share: 0.1, seed: 1 };
+    let later = fht_sim::load_with(&path.to_string_lossy(), None, 1, Some(&changes)).unwrap();
+    assert!((4..40).contains(&later.changes()), "{}", later.changes());
+    let (then, now) = (world.plan().free_area_m2(), later.plan().free_area_m2());
+    assert!((then - now).abs() < 0.05 * then && then != now, "{then} m2 then, {now} now");
+}

@@ -215,3 +215,28 @@ fn the_papers_maps_load_where_they_are_at_hand() {
         assert!(reachable > 0.99 * free, "{file}: {reachable}");
     }
 }
+
+#[test]
+fn small_pieces_of_a_map_move_and_new_things_come_while_the_walls_stay() {
+    // A hall of 20 m by 12 m with posts of 0.4 m, 2 m apart.
+    let picture = GrayImage::from_fn(420, 260, |x, y| {
+        let inside = (10..410).contains(&x) && (10..250).contains(&y);
+        let post = x % 40 < 8 && y % 40 < 8 && (40..400).contains(&x) && (40..240).contains(&y);
+        Luma([if inside && !post { 254 } else { 0 }])
+    });
+    let (_folder, path) = write(GOOD, &picture);
+    let then = load_path(&path).unwrap();
+    let (mut fewer, mut more) = (0, 0);
+    for seed in 0..6 {
+        let changes = fht_sim::Changes { share: 0.1, seed };
+        let later = fht_sim::load_with(&path.to_string_lossy(), None, 1, Some(&changes)).unwrap();
+        assert!((4..=6).contains(&later.changes()), "a tenth of some 45 posts: {}", later.changes());
+        let pairs = || then.plan().cells().iter().zip(later.plan().cells());
+        fewer += pairs().filter(|(before, after)| **before && !**after).count();
+        more += pairs().filter(|(before, after)| !**before && **after).count();
+        // The outer walls are where they were, and look it.
+        let edge = (0..420).all(|column| later.plan().cells()[5 * 420 + column]);
+        assert!(edge && later.triangle_count() > 100);
+    }
+    assert!(fewer > 64 && more > 64, "{fewer} cells free that were not, {more} the other way round");
+}

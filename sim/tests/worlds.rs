@@ -136,3 +136,29 @@ fn seeds_change_the_pictures_but_light_only_the_light() {
     assert!(difference(&one, &other_light) > 3.0);
     assert!(difference(&one, &other_world) > 3.0);
 }
+
+#[test]
+fn a_changed_world_has_another_plan_and_another_scan_but_the_same_walls() {
+    let changes = fht_sim::Changes { share: 0.1, seed: 3 };
+    for name in ["museum", "office"] {
+        let (then, later) = (world(name, 1), fht_sim::load_with(name, None, 1, Some(&changes)).unwrap());
+        assert!(then.changes() == 0 && later.changes() >= 3, "{name}: {}", later.changes());
+        let differing = then.plan().cells().iter().zip(later.plan().cells()).filter(|(a, b)| a != b).count();
+        assert!(differing > 50, "{name}: {differing} cells differ");
+        assert!(differing * 20 < then.plan().cells().len(), "{name}: the walls stay");
+        let same = fht_sim::load_with(name, None, 1, Some(&changes)).unwrap();
+        assert_eq!(same.plan().cells(), later.plan().cells(), "{name}: drawn by the seed");
+    }
+}
+
+#[test]
+fn a_picture_taken_on_its_own_is_the_one_that_the_robot_takes_but_for_noise() {
+    let museum = Arc::new(world("museum", 1));
+    let config = SimConfig { light_seed: 4, ..SimConfig::default() };
+    let mut robot = Simulator::new(Arc::clone(&museum), config.clone(), museum.start(), 7);
+    let taken = robot.sense_first().panorama.unwrap();
+    let alone = fht_sim::Photographer::new(museum, &config, 9).panorama(&robot.truth(), 0);
+    let pairs = taken.views.iter().zip(&alone.views).flat_map(|(a, b)| a.as_raw().iter().zip(b.as_raw()));
+    let (sum, count) = pairs.fold((0.0, 0.0), |(sum, count), (a, b)| (sum + f64::from(a.abs_diff(*b)), count + 1.0));
+    assert!(sum / count < 4.0, "{} grey levels apart on average", sum / count);
+}

@@ -9,11 +9,21 @@
 //! | [`survey`] | explored worlds, kept for evaluations |
 //! | [`storage`] | what a map's bytes are spent on |
 //! | [`known`] | how much of what a robot sees the main nodes' scans know |
+//! | [`grid_map`] | the explorer's occupancy grid, kept and counted |
+//! | [`drive`] | a recorded drive of a robot that does not know where it is |
+//! | [`systems`] | the systems that are compared: ours, AMCL, MR-TopoMap |
+//! | [`trial`] | one system on one drive |
+//! | [`ledger`] | results that cost minutes, kept as they come |
 
+pub mod drive;
+pub mod grid_map;
 pub mod handoff;
 pub mod known;
+pub mod ledger;
 pub mod picture;
 pub mod process;
 pub mod python;
 pub mod storage;
 pub mod survey;
+pub mod systems;
+pub mod trial;

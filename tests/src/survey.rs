@@ -1,15 +1,19 @@
 //! Maps for evaluations: a world explored with drifting wheels and our SLAM, never from the truth. An exploration is kept in
 //! a folder, so that an evaluation that is run again begins where the last one ended.
 
+use crate::grid_map::GridMap;
+use crate::systems::topo_map::Pass;
 use fht_map::MapState;
-use fht_proto::{AuthorId, CodecError, Increment, decode, encode};
+use fht_proto::{AuthorId, CodecError, Descriptor, Increment, decode, encode};
 use fht_robot::descriptor::{DescriptorError, DescriptorNet};
 use fht_robot::frame::FrameError;
+use fht_robot::frame::SensorFrame;
 use fht_robot::pose::{Pose2, pose};
 use fht_sim::{SimConfig, Simulator, World, WorldError};
 use mapper::camera::CameraError;
 use mapper::explore::Ending;
 use mapper::mapping::{Mapper, MapperConfig, Step};
+use mapper::slam::Anchored;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -31,6 +35,15 @@ pub struct SurveyTask {
     pub mapper: MapperConfig,
 }
 
+impl SurveyTask {
+    /// Where its map is kept: by the whole of what was asked for, since two files may have one stem, and a built-in world
+    /// its name.
+    fn path(&self, folder: &Path) -> PathBuf {
+        let spec = self.world.replace(|c: char| !c.is_ascii_alphanumeric(), "_");
+        folder.join(format!("{spec}-{}-drift{}-seed{}.{FORM}", self.variant, self.drift, self.seed))
+    }
+}
+
 /// An explored world.
 pub struct Survey {
     /// The world.
@@ -41,6 +54,12 @@ pub struct Survey {
     pub map: MapState,
     /// What it is made of, as it travels: encoded increments.
     pub increments: Vec<Vec<u8>>,
+    /// The explorer's occupancy grid at the end, map frame.
+    pub grid: GridMap,
+    /// Places along the explorer's way, and what they looked like.
+    pub passes: Vec<Pass>,
+    /// Names this map among all others: a hash of what is kept of it.
+    pub identity: String,
 }
 
 /// Why there is no map.
@@ -72,6 +91,9 @@ pub enum SurveyError {
     /// An increment cannot be written or read.
     #[error(transparent)]
     Codec(#[from] CodecError),
+    /// The grid cannot be written.
+    #[error("the grid cannot be deflated: {0}")]
+    Grid(std::io::Error),
     /// A kept map cannot be read or written.
     #[error("{path}: {reason}")]
     Kept {
@@ -87,26 +109,35 @@ pub enum SurveyError {
 struct Kept {
     world_from_map: [f64; 3],
     increments: Vec<Vec<u8>>,
+    grid: GridMap,
+    passes: Vec<Pass>,
 }
 
+/// Names the form of what is kept: others are explored anew.
+const FORM: &str = "survey2";
+/// Way between places of which the looks are kept, metres.
+const PASS_M: f64 = 0.25;
 /// Simulated time after which an exploration is given up, microseconds.
 const PATIENCE_US: u64 = 4 * 3600 * 1_000_000;
 
 impl Survey {
+    /// Whether the map of `task` is in `folder` already.
+    #[must_use]
+    pub fn is_kept(task: &SurveyTask, folder: &Path) -> bool {
+        task.path(folder).is_file()
+    }
+
     /// Takes the map of `task` from `folder`, or explores the world and keeps the map there.
     ///
     /// # Errors
     /// [`SurveyError`].
     pub fn of(task: &SurveyTask, folder: &Path) -> Result<Self, SurveyError> {
         let world = Arc::new(fht_sim::load(&task.world, task.textures.as_deref(), 1)?);
-        // By the whole of what was asked for: two files may have one stem, and a built-in world its name.
-        let spec = task.world.replace(|c: char| !c.is_ascii_alphanumeric(), "_");
-        let name = format!("{spec}-{}-drift{}-seed{}.fht", task.variant, task.drift, task.seed);
-        let path = folder.join(name);
+        let path = task.path(folder);
         let kept_error = |reason: String| SurveyError::Kept { path: path.clone(), reason };
         if let Ok(bytes) = std::fs::read(&path) {
             let kept: Kept = postcard::from_bytes(&bytes).map_err(|error| kept_error(error.to_string()))?;
-            return Self::from_kept(world, kept);
+            return Self::from_kept(world, kept, &bytes);
         }
         let kept = explore(task, &world)?;
         let bytes = postcard::to_stdvec(&kept).map_err(|error| kept_error(error.to_string()))?;
@@ -114,20 +145,28 @@ impl Survey {
         let half = path.with_extension("part");
         let write = || {
             std::fs::create_dir_all(folder)?;
-            std::fs::write(&half, bytes)?;
+            std::fs::write(&half, &bytes)?;
             std::fs::rename(&half, &path)
         };
         write().map_err(|error| kept_error(error.to_string()))?;
-        Self::from_kept(world, kept)
+        Self::from_kept(world, kept, &bytes)
     }
 
-    fn from_kept(world: Arc<World>, kept: Kept) -> Result<Self, SurveyError> {
+    fn from_kept(world: Arc<World>, kept: Kept, bytes: &[u8]) -> Result<Self, SurveyError> {
         let mut map = MapState::new();
         for bytes in &kept.increments {
             map.apply(&decode::<Increment>(bytes)?);
         }
         let [x, y, yaw] = kept.world_from_map;
-        Ok(Self { world, world_from_map: pose(x, y, yaw), map, increments: kept.increments })
+        Ok(Self {
+            world,
+            world_from_map: pose(x, y, yaw),
+            map,
+            increments: kept.increments,
+            grid: kept.grid,
+            passes: kept.passes,
+            identity: blake3::hash(bytes).to_hex().chars().take(16).collect(),
+        })
     }
 }
 
@@ -137,10 +176,12 @@ fn explore(task: &SurveyTask, world: &Arc<World>) -> Result<Kept, SurveyError> {
     let mut simulator = Simulator::new(world.clone(), sim, start, task.seed);
     let mut mapper =
         Mapper::new(task.mapper.clone(), AuthorId::of_robot("explorer"), Some(DescriptorNet::load(None)?))?;
+    let mut witness = Witness { net: DescriptorNet::load(None)?, seen: Vec::new() };
     let mut frame = simulator.sense_first();
     let ending = loop {
         let step = mapper.step(&frame)?;
         mapper.check()?;
+        witness.look(&frame, &mapper);
         match step {
             Step::Drive(_) if frame.time_us > PATIENCE_US => break Ending::OutOfTime,
             Step::Drive(twist) => frame = simulator.step(twist),
@@ -152,5 +193,34 @@ fn explore(task: &SurveyTask, world: &Arc<World>) -> Result<Kept, SurveyError> {
     }
     mapper.finish();
     let increments = mapper.take_increments().iter().map(encode).collect::<Result<_, _>>()?;
-    Ok(Kept { world_from_map: [start.translation.x, start.translation.y, start.rotation.angle()], increments })
+    let grid = GridMap::of(mapper.grid()).map_err(SurveyError::Grid)?;
+    let world_from_map = [start.translation.x, start.translation.y, start.rotation.angle()];
+    Ok(Kept { world_from_map, increments, grid, passes: witness.passes(&mapper) })
+}
+
+/// Sees what the explorer sees, for maps of other kinds.
+struct Witness {
+    net: DescriptorNet,
+    seen: Vec<(Anchored, Descriptor)>,
+}
+
+impl Witness {
+    fn look(&mut self, frame: &SensorFrame, mapper: &Mapper) {
+        let (Some(panorama), Some(latest)) = (&frame.panorama, mapper.latest()) else { return };
+        let is_new = self.seen.last().is_none_or(|(last, _)| {
+            let off = mapper.locate(last).translation.vector - latest.map_from_base.translation.vector;
+            off.norm() >= PASS_M
+        });
+        if is_new && let Ok(descriptor) = self.net.descriptor(panorama) {
+            self.seen.push((latest.anchored, descriptor));
+        }
+    }
+
+    fn passes(self, mapper: &Mapper) -> Vec<Pass> {
+        let place = |anchored: &Anchored| {
+            let at = mapper.locate(anchored).translation;
+            [at.x, at.y]
+        };
+        self.seen.into_iter().map(|(anchored, descriptor)| Pass { place: place(&anchored), descriptor }).collect()
+    }
 }

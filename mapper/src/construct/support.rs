@@ -19,6 +19,17 @@ impl Default for SupportConfig {
     }
 }
 
+/// Which sorts of nodes there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Hierarchy {
+    /// Main nodes to relocalize by, support nodes to find ways by: the FHT-Map.
+    #[default]
+    MainAndSupport,
+    /// Main nodes only (the paper's ablation "Main Only", facts §3.6): where no node could be reached any more in a
+    /// straight line, a main node is made, joined to the one before if to no other.
+    MainOnly,
+}
+
 /// Whether a place needs a support node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {

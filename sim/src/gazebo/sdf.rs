@@ -59,6 +59,8 @@ pub(crate) struct Placed {
     pub(crate) paint: Option<Paint>,
     /// Folder that relative paths start from.
     pub(crate) base: Arc<Path>,
+    /// Which model of the world it belongs to.
+    pub(crate) model: usize,
 }
 
 /// What a world shows.
@@ -88,6 +90,7 @@ pub(crate) fn read(path: &Path, paths: &Paths, report: &mut Report) -> Result<De
         texts: HashMap::new(),
         chain: Vec::new(),
         elements: 0,
+        models: 0,
         description: Description {
             placed: Vec::new(),
             ground: None,
@@ -139,6 +142,8 @@ struct Reader<'a> {
     /// The files that are being read, each included by the one before.
     chain: Vec<PathBuf>,
     elements: usize,
+    /// Models of the world begun so far.
+    models: usize,
     description: Description,
 }
 
@@ -149,6 +154,7 @@ impl Reader<'_> {
         for element in world.children().filter(Node::is_element) {
             let name = element.attribute("name").or_else(|| child(element, "name")?.text().map(str::trim));
             let state = name.and_then(|name| states.get(name).copied());
+            self.models += 1;
             match element.tag_name().name() {
                 "model" => {
                     let pose = state.unwrap_or_else(|| frames.pose(element, self.report));
@@ -301,6 +307,12 @@ impl Reader<'_> {
                 return;
             }
         }
-        self.description.placed.push(Placed { world_from_visual, shape, paint, base: Arc::clone(base) });
+        self.description.placed.push(Placed {
+            world_from_visual,
+            shape,
+            paint,
+            base: Arc::clone(base),
+            model: self.models,
+        });
     }
 }

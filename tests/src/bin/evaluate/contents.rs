@@ -1,6 +1,6 @@
 //! `evaluate contents`: what maps consist of and take up, and how much of what a robot sees they know.
 
-use crate::maps::MapArgs;
+use crate::maps::{MapArgs, Variant};
 use crate::output::{OutputArgs, say};
 use clap::Args;
 use fht_map::Counts;
@@ -32,8 +32,8 @@ pub struct ContentsFigures {
 
 pub fn run(args: &ContentsArgs) -> Result<(), String> {
     let mut all = Vec::new();
-    for survey in args.maps.surveys() {
-        let survey = survey?;
+    for world in &args.maps.worlds {
+        let survey = args.maps.survey(world, Variant::Ours)?;
         let Counts { main_nodes, support_nodes, edges, .. } = survey.map.counts();
         let figures = ContentsFigures {
             world: survey.world.name().to_owned(),

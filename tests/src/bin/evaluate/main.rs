@@ -1,14 +1,22 @@
 //! How good is it? Figures on real logs and in simulated buildings, as the field measures them.
 
+mod cases;
 mod chart;
 mod contents;
 mod explore;
+mod figures;
 mod maps;
 mod output;
+mod paper;
 mod paths;
+mod plot;
 mod relations;
 mod relocalize;
+mod report;
 mod slam;
+mod storage;
+mod systems;
+mod tables;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -38,6 +46,14 @@ pose of the scan taken at t2 in the frame of the scan taken at t1, metres and ra
   evaluate explore                                         museum and office, drift 1 and 2, ten seeds: about an hour
   evaluate explore --worlds museum --seeds 3 --no-cameras")]
     Explore(explore::ExploreArgs),
+    /// Both tables of the paper, with our figures beside the printed ones: relocalization, paths and storage of our map, of
+    /// MR-TopoMap, of the grid map and of main nodes only. Goes on where it stopped.
+    #[command(after_help = "Examples:
+  evaluate tables --worlds ../shared/data/maps/museum.yaml,../shared/data/maps/large_indoor.yaml --out docs/results.md
+  evaluate tables --worlds ../shared/data/maps/museum.yaml --starts 10 --pairs 100 --json tables.json
+
+100 starts in a world take about half an hour on two cores.")]
+    Tables(tables::TablesArgs),
     /// Paths that the map gives, against the shortest ways on the true plan.
     #[command(after_help = "Examples:
   evaluate paths --worlds ../shared/data/maps/museum.yaml,../shared/data/maps/large_indoor.yaml
@@ -60,6 +76,7 @@ fn main() -> ExitCode {
     let outcome = match cli.part {
         Part::Slam(args) => slam::run(&args),
         Part::Explore(args) => explore::run(&args),
+        Part::Tables(args) => tables::run(&args),
         Part::Paths(args) => paths::run(&args),
         Part::Contents(args) => contents::run(&args),
         Part::Relocalize(args) => relocalize::run(&args),

@@ -1,141 +1,196 @@
-//! `evaluate paths`: paths planned on the map alone, against the shortest ways on the true plan.
+//! `evaluate paths`: paths that each system plans on its map, against the shortest ways on the true plan.
 
-use crate::maps::MapArgs;
+use crate::cases;
+use crate::figures::{mean, quantile};
+use crate::maps::{MapArgs, Variant, short_name};
 use crate::output::{OutputArgs, say};
+use crate::storage::Storage;
+use crate::systems::System;
 use clap::Args;
 use fht_map::route::RouteConfig;
 use fht_map::{FreeSpace, SpaceConfig, taut};
 use fht_proto::FixedPoint;
-use fht_robot::planning::path_length_m;
+use fht_robot::planning::{PlanConfig, Traversable, UnknownCells, path_length_m};
 use fht_robot::pose::Point2;
-use fht_sim::{FloorPlan, SimConfig};
+use fht_sim::SimConfig;
+use fht_tests::ledger::Ledger;
 use fht_tests::survey::Survey;
+use fht_tests::systems::topo_map::{TopoMap, TopoMapConfig};
+use mapper::construct::edges::EdgeConfig;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 #[derive(Debug, Args)]
 pub struct PathsArgs {
     #[command(flatten)]
-    maps: MapArgs,
-    /// Pairs of places, drawn uniformly from where the robot fits.
-    #[arg(long, default_value_t = 1000)]
-    pairs: usize,
+    pub maps: MapArgs,
     #[command(flatten)]
-    output: OutputArgs,
+    pub pairs: PairArgs,
+    /// Systems; those that share a map and a planner share the result.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "ours,main-only,mr-topomap,amcl")]
+    pub systems: Vec<System>,
+    #[command(flatten)]
+    pub output: OutputArgs,
 }
 
-/// Figures of one world.
-#[derive(Debug, Serialize)]
-pub struct PathFigures {
+/// Which ways.
+#[derive(Debug, Args)]
+pub struct PairArgs {
+    /// Pairs of places, drawn uniformly from where the robot fits; the authors' own come on top.
+    #[arg(long, default_value_t = 1000)]
+    pub pairs: usize,
+}
+
+/// What a result is of.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+struct PathKey {
     world: String,
+    map: String,
+    system: System,
+    parameters: String,
     pairs: usize,
+    seed: u64,
+}
+
+/// Paths of one system in one world.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct PathFigures {
+    pub world: String,
+    pub system: System,
+    pub pairs: usize,
     /// Pairs to which the planner gave no path.
-    refused: usize,
+    pub refused: usize,
     /// Paths on which the robot would touch something.
-    paths_blocked: usize,
-    c_path_mean: f64,
-    c_path_p95: f64,
-    c_path_max: f64,
-    storage_bytes: usize,
-    plan_ms_mean: f64,
-    triangles: usize,
-    mesh_ms: f64,
+    pub paths_blocked: usize,
+    /// Length over that of the shortest on the true plan.
+    pub c_path_mean: Option<f64>,
+    pub c_path_p95: Option<f64>,
+    pub c_path_max: Option<f64>,
+    /// Mean and greatest of the authors' own pairs, and how many there are.
+    pub authors_c_path: Option<[f64; 2]>,
+    pub authors_pairs: usize,
+    pub plan_ms_mean: f64,
+    pub storage_bytes: usize,
+    /// All ratios, in order of size.
+    pub ratios: Vec<f32>,
+}
+
+impl PathFigures {
+    /// For people.
+    pub fn line(&self) -> String {
+        let Self { world, system, pairs, refused, paths_blocked, plan_ms_mean, storage_bytes, .. } = self;
+        let number = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.3}"));
+        let authors = self.authors_c_path.map_or_else(String::new, |[mean, max]| {
+            format!(" (authors' {} pairs: {mean:.3}, {max:.3})", self.authors_pairs)
+        });
+        format!(
+            "{world}, {}: {pairs} pairs, {refused} refused, {paths_blocked} touch something; length over the shortest: mean \
+             {}, 95 % {}, greatest {}{authors}; {plan_ms_mean:.2} ms a path; {storage_bytes} B of map",
+            system.title(),
+            number(self.c_path_mean),
+            number(self.c_path_p95),
+            number(self.c_path_max)
+        )
+    }
 }
 
 pub fn run(args: &PathsArgs) -> Result<(), String> {
-    let mut all = Vec::new();
-    for survey in args.maps.surveys() {
-        let survey = survey?;
-        let figures = measure(&survey, args);
-        say(&line(&figures))?;
-        all.push(figures);
+    let all = measure(&args.maps, &args.pairs, &args.systems, &args.output)?;
+    for figures in &all {
+        say(&figures.line())?;
     }
     args.output.write(&all)
 }
 
-fn line(figures: &PathFigures) -> String {
-    let PathFigures { world, pairs, refused, paths_blocked, .. } = figures;
-    format!(
-        "{world}: {pairs} pairs, {refused} refused, {paths_blocked} touch something; length over the shortest: mean {:.4}, \
-         95 % {:.3}, greatest {:.3}; {:.2} ms a path, the mesh of {} triangles made in {:.0} ms; {} B of map",
-        figures.c_path_mean,
-        figures.c_path_p95,
-        figures.c_path_max,
-        figures.plan_ms_mean,
-        figures.triangles,
-        figures.mesh_ms,
-        figures.storage_bytes
-    )
+/// Plans all paths that are not known yet.
+pub fn measure(
+    maps: &MapArgs,
+    args: &PairArgs,
+    systems: &[System],
+    output: &OutputArgs,
+) -> Result<Vec<PathFigures>, String> {
+    let mut ledger: Ledger<PathKey, PathFigures> = maps.ledger("paths.jsonl")?;
+    let mut planners: Vec<System> = systems.iter().map(|system| system.planner()).collect();
+    planners.sort();
+    planners.dedup();
+    let mut all = Vec::new();
+    for world in &maps.worlds {
+        let explored = maps.survey(world, Variant::Ours)?;
+        let mut ways = None;
+        for &system in &planners {
+            let main_only =
+                (system.variant() == Variant::MainOnly).then(|| maps.survey(world, Variant::MainOnly)).transpose()?;
+            let survey = main_only.as_ref().unwrap_or(&explored);
+            let key = PathKey {
+                world: world.clone(),
+                map: survey.identity.clone(),
+                system,
+                parameters: system.parameters(),
+                pairs: args.pairs,
+                seed: maps.seed,
+            };
+            if !ledger.has(&key) && ways.is_none() {
+                ways = Some(Ways::of(&explored, world, args.pairs, maps.seed, output)?);
+            }
+            let figures = ledger.get_or(key, || {
+                let missing = || std::io::Error::other("the pairs are missing");
+                plan_all(survey, short_name(world), system, ways.as_ref().ok_or_else(missing)?)
+            });
+            all.push(figures.map_err(|error| format!("{world}, {}: {error}", system.title()))?);
+        }
+    }
+    Ok(all)
 }
 
-fn measure(survey: &Survey, args: &PathsArgs) -> PathFigures {
-    let radius_m = SimConfig::default().radius_m;
-    let plan = survey.world.plan();
-    let bar = args.output.progress_bar(args.pairs as u64, "{bar:40} {pos}/{len} pairs, {elapsed} gone, {eta} to go");
-    let begin = Instant::now();
-    let space = FreeSpace::of(&survey.map, &SpaceConfig::default());
-    let mesh_ms = begin.elapsed().as_secs_f64() * 1e3;
-    let map_from_world = survey.world_from_map.inverse();
-    let mut ratios = Vec::new();
-    let (mut refused, mut blocked, mut plan_s) = (0, 0, 0.0);
-    for (from, to) in pairs(survey, radius_m, args) {
-        bar.inc(1);
-        let Some(shortest) = plan.shortest_path(from, to, radius_m) else { continue };
-        let begin = Instant::now();
-        let fixed = |point: Point2| {
-            let place = map_from_world * point;
-            FixedPoint::from_metres(place.x, place.y)
+/// Two places and the shortest way between them on the true plan, world frame.
+struct Way {
+    from: Point2,
+    to: Point2,
+    shortest_m: f64,
+}
+
+/// The ways of a world: drawn, and the authors'.
+struct Ways {
+    drawn: Vec<Way>,
+    authors: Vec<Way>,
+}
+
+impl Ways {
+    fn of(survey: &Survey, world: &str, count: usize, seed: u64, output: &OutputArgs) -> Result<Self, String> {
+        let radius_m = SimConfig::default().radius_m;
+        let plan = survey.world.plan();
+        let template = "{bar:40} {pos}/{len} shortest ways, {elapsed} gone, {eta} to go";
+        let bar = output.progress_bar(count as u64, template);
+        let shortest = |(from, to): (Point2, Point2)| {
+            bar.inc(1);
+            let way = plan.shortest_path(from, to, radius_m)?;
+            Some(Way { from, to, shortest_m: path_length_m(&way) })
         };
-        let route = taut::plan(&survey.map, &space, fixed(from), fixed(to), &RouteConfig::default());
-        plan_s += begin.elapsed().as_secs_f64();
-        let Ok(route) = route else {
-            refused += 1;
-            continue;
-        };
-        let points: Vec<Point2> = route
-            .waypoints
-            .iter()
-            .map(|waypoint| survey.world_from_map * Point2::new(waypoint.point.x(), waypoint.point.y()))
-            .collect();
-        if let Some(at) = touch(plan, &points, radius_m) {
-            blocked += 1;
-            tracing::debug!(?from, ?to, ?at, "the path touches something");
-        }
-        ratios.push(route.length_m / path_length_m(&shortest).max(1e-3));
-    }
-    bar.finish_and_clear();
-    ratios.sort_by(f64::total_cmp);
-    let quantile = |share: f64| ratios.get(((ratios.len() - 1) as f64 * share) as usize).copied().unwrap_or(f64::NAN);
-    PathFigures {
-        world: survey.world.name().to_owned(),
-        pairs: args.pairs,
-        refused,
-        paths_blocked: blocked,
-        c_path_mean: ratios.iter().sum::<f64>() / ratios.len().max(1) as f64,
-        c_path_p95: quantile(0.95),
-        c_path_max: quantile(1.0),
-        storage_bytes: survey.increments.iter().map(Vec::len).sum(),
-        plan_ms_mean: plan_s * 1e3 / args.pairs as f64,
-        triangles: space.triangle_count(),
-        mesh_ms,
+        let drawn = pairs(survey, radius_m, count, seed).into_iter().filter_map(shortest).collect();
+        let authors = cases::of(world)?.pairs.into_iter().filter_map(shortest).collect();
+        bar.finish_and_clear();
+        Ok(Self { drawn, authors })
     }
 }
 
 /// Pairs of places at least a metre apart, world frame, drawn uniformly from the cells that the robot can get to.
-fn pairs(survey: &Survey, radius_m: f64, args: &PathsArgs) -> Vec<(Point2, Point2)> {
+fn pairs(survey: &Survey, radius_m: f64, count: usize, seed: u64) -> Vec<(Point2, Point2)> {
     let plan = survey.world.plan();
     let start = Point2::from(survey.world_from_map.translation.vector);
     let reachable = plan.reachable(start, radius_m);
     let cells: Vec<usize> = (0..reachable.cells().len()).filter(|&index| reachable.cells()[index]).collect();
-    let mut rng = ChaCha8Rng::seed_from_u64(args.maps.seed);
+    if cells.len() < 1000 {
+        return Vec::new(); // no building, and no two places a metre apart to be found in it
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut draw = || {
         let index = cells[rng.random_range(0..cells.len())];
         plan.centre_of(index % plan.width(), index / plan.width())
     };
-    let mut pairs = Vec::with_capacity(args.pairs);
-    while pairs.len() < args.pairs {
+    let mut pairs = Vec::with_capacity(count);
+    while pairs.len() < count {
         let (from, to) = (draw(), draw());
         if (to - from).norm() >= 1.0 {
             pairs.push((from, to));
@@ -144,7 +199,85 @@ fn pairs(survey: &Survey, radius_m: f64, args: &PathsArgs) -> Vec<(Point2, Point
     pairs
 }
 
-/// The first place on a path where a disc of `radius_m` touches something.
-fn touch(plan: &FloorPlan, points: &[Point2], radius_m: f64) -> Option<Point2> {
-    points.windows(2).find(|pair| !plan.is_clear(pair[0], pair[1], radius_m)).map(|pair| pair[0])
+/// How a system plans: from and to in the map frame.
+enum Planner<'a> {
+    Nodes(&'a Survey, Box<FreeSpace>),
+    Places(TopoMap),
+    Cells(Box<Traversable>),
+}
+
+/// A goal on the grid that lies too near to a wall is entered from the nearest place within this, metres.
+const NUDGE_M: f64 = 0.5;
+
+impl<'a> Planner<'a> {
+    fn of(survey: &'a Survey, system: System) -> std::io::Result<Self> {
+        Ok(match system {
+            System::MrTopomap => Self::Places(TopoMap::build(&survey.passes, &TopoMapConfig::default())),
+            System::Amcl | System::AmclNav2 => {
+                // The same distance from occupied cells that the map's edges keep.
+                let robot_radius_m = EdgeConfig::default().half_width_m;
+                let config = PlanConfig { robot_radius_m, unknown: UnknownCells::Obstacle, ..PlanConfig::shortest() };
+                Self::Cells(Box::new(Traversable::new(&survey.grid.open()?, &config)))
+            }
+            _ => Self::Nodes(survey, Box::new(FreeSpace::of(&survey.map, &SpaceConfig::default()))),
+        })
+    }
+
+    fn plan(&self, from: Point2, to: Point2) -> Option<Vec<Point2>> {
+        match self {
+            Self::Nodes(survey, space) => {
+                let fixed = |point: Point2| FixedPoint::from_metres(point.x, point.y);
+                let route = taut::plan(&survey.map, space, fixed(from), fixed(to), &RouteConfig::default()).ok()?;
+                let point = |place: FixedPoint| Point2::new(place.x(), place.y());
+                Some(route.waypoints.iter().map(|waypoint| point(waypoint.point)).collect())
+            }
+            Self::Places(map) => map.path(from, to),
+            Self::Cells(space) => {
+                let cell = space.nearest_passable(to, NUDGE_M)?;
+                let end = if cell == space.cell_of(to) { to } else { space.centre(cell) };
+                let mut points = space.shorten(&space.shortest_path(from, end)?.points);
+                if end != to {
+                    points.push(to);
+                }
+                Some(points)
+            }
+        }
+    }
+}
+
+fn plan_all(survey: &Survey, world: String, system: System, ways: &Ways) -> std::io::Result<PathFigures> {
+    let radius_m = SimConfig::default().radius_m;
+    let map_from_world = survey.world_from_map.inverse();
+    let plan = survey.world.plan();
+    let planner = Planner::of(survey, system)?;
+    let mut plan_s = 0.0;
+    // Length over the shortest, and whether the robot touches nothing.
+    let mut judge = |way: &Way| {
+        let begin = Instant::now();
+        let points = planner.plan(map_from_world * way.from, map_from_world * way.to);
+        plan_s += begin.elapsed().as_secs_f64();
+        let points: Vec<Point2> = points?.iter().map(|point| survey.world_from_map * point).collect();
+        let is_clear = points.windows(2).all(|pair| plan.is_clear(pair[0], pair[1], radius_m));
+        Some((path_length_m(&points) / way.shortest_m.max(1e-3), is_clear))
+    };
+    let authors: Vec<f64> = ways.authors.iter().filter_map(|way| Some(judge(way)?.0)).collect();
+    let judged: Vec<(f64, bool)> = ways.drawn.iter().filter_map(judge).collect();
+    let mut ratios: Vec<f64> = judged.iter().map(|(ratio, _)| *ratio).collect();
+    ratios.sort_by(f64::total_cmp);
+    let of = |value: f64| Some(value).filter(|value| value.is_finite());
+    Ok(PathFigures {
+        world,
+        system,
+        pairs: ways.drawn.len(),
+        refused: ways.drawn.len() - judged.len(),
+        paths_blocked: judged.iter().filter(|(_, is_clear)| !is_clear).count(),
+        c_path_mean: of(mean(&ratios)),
+        c_path_p95: of(quantile(ratios.clone(), 0.95)),
+        c_path_max: of(quantile(ratios.clone(), 1.0)),
+        authors_c_path: (!authors.is_empty()).then(|| [mean(&authors), quantile(authors.clone(), 1.0)]),
+        authors_pairs: authors.len(),
+        plan_ms_mean: plan_s * 1e3 / (ways.drawn.len() + ways.authors.len()).max(1) as f64,
+        storage_bytes: Storage::of(survey).map_err(std::io::Error::other)?.bytes_of(system),
+        ratios: ratios.iter().map(|&ratio| ratio as f32).collect(),
+    })
 }

@@ -1,134 +1,229 @@
-//! `evaluate relocalize`: robots dropped anywhere, that do not know where they are.
+//! `evaluate relocalize`: robots dropped anywhere, that do not know where they are, on the same drives for every system.
 
-use crate::maps::MapArgs;
+use crate::figures::{RelocalizeFigures, relocalize_figures};
+use crate::maps::{MapArgs, Variant, short_name};
 use crate::output::{OutputArgs, say};
+use crate::systems::{Column, System};
+use crate::{cases, maps};
 use clap::Args;
-use client_robot::mission::{Goal, Services, run as run_mission};
-use client_robot::paths::FreeSpaceCache;
-use client_robot::pilot::{PathSource, PilotConfig};
-use client_robot::report::Report;
-use client_robot::route::PlannedPath;
-use fht_map::MapState;
-use fht_proto::query::ErrorReply;
-use fht_proto::{Descriptor, FixedPoint};
+use client_robot::landmarks::Landmarks;
 use fht_robot::descriptor::DescriptorNet;
-use fht_robot::frame::Panorama;
-use fht_robot::pose::Point2;
-use fht_sim::{SimConfig, Simulator};
+use fht_robot::pose::{Point2, Pose2};
+use fht_sim::{Changes, SimConfig, World};
+use fht_tests::drive::{Drive, Sight};
+use fht_tests::ledger::Ledger;
 use fht_tests::survey::Survey;
+use fht_tests::systems::Localizing;
+use fht_tests::systems::amcl::field::FieldConfig;
+use fht_tests::systems::amcl::{Amcl, AmclConfig, AmclMap};
+use fht_tests::systems::ours::Ours;
+use fht_tests::systems::topo_map::{TopoMap, TopoMapConfig, TopoRobot};
+use fht_tests::trial::{self, Outcome};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 #[derive(Debug, Args)]
 pub struct RelocalizeArgs {
     #[command(flatten)]
-    maps: MapArgs,
-    /// Starts, drawn uniformly from where the robot has room, with any heading.
-    #[arg(long, default_value_t = 100)]
-    starts: u64,
+    pub maps: MapArgs,
     #[command(flatten)]
-    output: OutputArgs,
+    pub trials: TrialArgs,
+    #[command(flatten)]
+    pub output: OutputArgs,
 }
 
-/// Figures of one world.
-#[derive(Debug, Serialize, Deserialize)]
-pub struct RelocalizeFigures {
+/// Which trials.
+#[derive(Debug, Args)]
+pub struct TrialArgs {
+    /// Starts in each world, drawn uniformly from where the robot has room, with any heading; the authors' own come on top.
+    #[arg(long, default_value_t = 100)]
+    pub starts: u64,
+    /// Systems.
+    #[arg(
+        long,
+        value_enum,
+        value_delimiter = ',',
+        default_value = "ours,ours-lidar,main-only,mr-topomap,amcl,amcl-nav2"
+    )]
+    pub systems: Vec<System>,
+    /// Buildings as mapped, or with a tenth of what is movable gone, shifted or new.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "as-mapped,furniture-moved")]
+    pub columns: Vec<Column>,
+    /// Distance after which a drive ends, metres.
+    #[arg(long, default_value_t = 40.0)]
+    pub drive_m: f64,
+}
+
+/// What a result is of.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct TrialKey {
     world: String,
-    trials: usize,
-    /// Share of the starts after which the first declared pose was right: within 1 m and 5° (paper).
-    success: f64,
-    /// Its interval of 95 % confidence (Wilson).
-    success_ci95: [f64; 2],
-    /// Declared poses that were wrong.
-    false_fixes: usize,
-    /// Distance driven until the first right and declared pose, metres.
-    l_reloca_mean_m: f64,
-    error_median_m: f64,
-    error_median_deg: f64,
+    /// The identity of the map.
+    map: String,
+    system: System,
+    parameters: String,
+    column: Column,
+    start: Start,
+    drive_dm: u64,
+}
+
+/// Where a robot is dropped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Start {
+    /// Drawn by this seed.
+    Drawn(u64),
+    /// One of the authors'.
+    Authors(u64),
+}
+
+/// All results of one system in one world.
+pub struct Trials {
+    pub world: String,
+    pub system: System,
+    pub column: Column,
+    pub outcomes: Vec<(Start, Outcome)>,
 }
 
 /// A robot of another day: other light, other camera gain, other wheels than the explorer's.
 const OTHER_DAY: u64 = 1000;
+/// The same for the authors' starts.
+const AUTHORS_DAY: u64 = 900_000;
 /// Room around a start, metres.
 const CLEARANCE_M: f64 = 0.25;
+/// How much of what is movable has moved.
+const CHANGES: Changes = Changes { share: 0.1, seed: 7 };
 
 pub fn run(args: &RelocalizeArgs) -> Result<(), String> {
-    let mut net = DescriptorNet::load(None).map_err(|error| error.to_string())?;
-    let mut all = Vec::new();
-    for survey in args.maps.surveys() {
-        let survey = survey?;
-        let figures = measure(&survey, &mut net, args);
-        say(&serde_json::to_string(&figures).map_err(|error| error.to_string())?)?;
+    let mut all: Vec<RelocalizeFigures> = Vec::new();
+    for trials in measure(&args.maps, &args.trials, &args.output)? {
+        let figures = relocalize_figures(&trials);
+        say(&figures.line())?;
         all.push(figures);
     }
     args.output.write(&all)
 }
 
-/// Paths on the map at hand.
-struct OwnPaths<'a>(&'a MapState, FreeSpaceCache);
-
-impl PathSource for OwnPaths<'_> {
-    fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<FixedPoint>) -> Result<PlannedPath, ErrorReply> {
-        self.1.plan(self.0, 0, from, to, blocked)
-    }
-}
-
-fn measure(survey: &Survey, net: &mut DescriptorNet, args: &RelocalizeArgs) -> RelocalizeFigures {
-    let bar = args.output.progress_bar(args.starts, "{bar:40} {pos}/{len} starts, {elapsed} gone, {eta} to go");
-    let mut reports = Vec::new();
-    for start in 1..=args.starts {
-        let report = relocalize_once(survey, net, start);
-        bar.inc(1);
-        if !is_right(&report) {
-            tracing::info!(start, failure = report.failure, error_m = report.relocalization_error_m, "not right");
+/// Runs all trials that are not known yet.
+pub fn measure(maps: &MapArgs, args: &TrialArgs, output: &OutputArgs) -> Result<Vec<Trials>, String> {
+    let mut net = DescriptorNet::load(None).map_err(|error| error.to_string())?;
+    let mut ledger = maps.ledger("trials.jsonl")?;
+    let mut all = Vec::new();
+    for world in &maps.worlds {
+        let bench = Bench::new(maps, world, &args.systems)?;
+        for &column in &args.columns {
+            all.extend(bench.measure(column, args, output, &mut net, &mut ledger)?);
         }
-        reports.push(report);
     }
-    bar.finish_and_clear();
-    let right: Vec<&Report> = reports.iter().filter(|report| is_right(report)).collect();
-    let median = |mut values: Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-    };
-    let of = |value: fn(&Report) -> Option<f64>| right.iter().filter_map(|report| value(report)).collect::<Vec<f64>>();
-    let distances = of(|report| report.relocalization_distance_m);
-    RelocalizeFigures {
-        world: survey.world.name().to_owned(),
-        trials: reports.len(),
-        success: right.len() as f64 / reports.len().max(1) as f64,
-        success_ci95: wilson(right.len(), reports.len()),
-        false_fixes: reports.iter().filter(|report| report.localized && !is_right(report)).count(),
-        l_reloca_mean_m: distances.iter().sum::<f64>() / distances.len().max(1) as f64,
-        error_median_m: median(of(|report| report.relocalization_error_m)),
-        error_median_deg: median(of(|report| report.relocalization_error_deg)),
+    Ok(all)
+}
+
+/// A world some time after it was mapped.
+pub fn changed(world: &str) -> Result<World, String> {
+    fht_sim::load_with(world, None, 1, Some(&CHANGES)).map_err(|error| error.to_string())
+}
+
+/// A world with the maps of all systems.
+struct Bench {
+    spec: String,
+    surveys: BTreeMap<Variant, Survey>,
+    landmarks: BTreeMap<Variant, Landmarks>,
+    amcl: AmclMap,
+    topo_map: TopoMap,
+}
+
+impl Bench {
+    fn new(maps: &MapArgs, world: &str, systems: &[System]) -> Result<Self, String> {
+        let mut surveys = BTreeMap::from([(Variant::Ours, maps.survey(world, Variant::Ours)?)]);
+        if systems.contains(&System::MainOnly) {
+            surveys.insert(Variant::MainOnly, maps.survey(world, Variant::MainOnly)?);
+        }
+        let landmarks = surveys.iter().map(|(&variant, survey)| {
+            let mut landmarks = Landmarks::default();
+            landmarks.refresh(&survey.map);
+            (variant, landmarks)
+        });
+        let landmarks = landmarks.collect();
+        let explored = &surveys[&Variant::Ours];
+        let grid = explored.grid.open().map_err(|error| format!("the grid of {world}: {error}"))?;
+        let topo_map = TopoMap::build(&explored.passes, &TopoMapConfig::default());
+        let amcl = AmclMap::new(&grid, &FieldConfig::default());
+        Ok(Self { spec: world.to_owned(), surveys, landmarks, amcl, topo_map })
     }
-}
 
-fn relocalize_once(survey: &Survey, net: &mut DescriptorNet, start: u64) -> Report {
-    let pose = survey.world.random_free_pose(start, CLEARANCE_M);
-    let seed = OTHER_DAY + start;
-    let sim = SimConfig { light_seed: seed, ..SimConfig::default() };
-    let mut simulator = Simulator::new(Arc::clone(&survey.world), sim, pose, seed);
-    let mut paths = OwnPaths(&survey.map, FreeSpaceCache::default());
-    let mut describe = |panorama: &Panorama| -> Option<Descriptor> { net.descriptor(panorama).ok() };
-    let mut services =
-        Services { map: &survey.map, paths: &mut paths, describe: &mut describe, on_frame: &mut |_, _| {} };
-    let config = PilotConfig { seed, ..PilotConfig::default() };
-    run_mission(&mut simulator, config, Goal::None, &survey.world_from_map, &mut services)
-}
+    fn measure(
+        &self,
+        column: Column,
+        args: &TrialArgs,
+        output: &OutputArgs,
+        net: &mut DescriptorNet,
+        ledger: &mut Ledger<TrialKey, Outcome>,
+    ) -> Result<Vec<Trials>, String> {
+        let world = self.world(column)?;
+        let starts = self.starts(&world, args.starts)?;
+        let template = "{bar:40} {pos}/{len} starts {msg}, {elapsed} gone, {eta} to go";
+        let bar = output.progress_bar(starts.len() as u64, template);
+        bar.set_message(format!("in {}, {}", maps::short_name(&self.spec), column.title()));
+        let mut outcomes: BTreeMap<System, Vec<(Start, Outcome)>> = BTreeMap::new();
+        for (start, pose) in starts {
+            let key = |system: System| TrialKey {
+                world: self.spec.clone(),
+                map: self.surveys[&system.variant()].identity.clone(),
+                system,
+                parameters: system.parameters(),
+                column,
+                start,
+                drive_dm: (args.drive_m * 10.0) as u64,
+            };
+            let is_known = args.systems.iter().all(|&system| ledger.has(&key(system)));
+            let day = match start {
+                Start::Drawn(number) => OTHER_DAY + number,
+                Start::Authors(number) => AUTHORS_DAY + number,
+            };
+            // Wandering and ray casts take seconds: not for what is known.
+            let drive = (!is_known).then(|| Drive::record(&world, pose, day, args.drive_m));
+            let mut sight = drive.as_ref().map(|drive| Sight::new(drive, net));
+            for &system in &args.systems {
+                let outcome = ledger.get_or(key(system), || {
+                    let sight = sight.as_mut().ok_or_else(|| std::io::Error::other("the drive is missing"))?;
+                    let world_from_map = self.surveys[&system.variant()].world_from_map;
+                    Ok::<_, std::io::Error>(trial::run(self.robot(system, day).as_mut(), sight, &world_from_map))
+                });
+                let outcome = outcome.map_err(|error| format!("the results cannot be kept: {error}"))?;
+                outcomes.entry(system).or_default().push((start, outcome));
+            }
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        let trials = |(system, outcomes)| Trials { world: short_name(&self.spec), system, column, outcomes };
+        Ok(outcomes.into_iter().map(trials).collect())
+    }
 
-/// The paper's test of success.
-fn is_right(report: &Report) -> bool {
-    report.relocalization_error_m.is_some_and(|metres| metres < 1.0)
-        && report.relocalization_error_deg.is_some_and(|degrees| degrees < 5.0)
-}
+    fn world(&self, column: Column) -> Result<Arc<World>, String> {
+        match column {
+            Column::AsMapped => Ok(Arc::clone(&self.surveys[&Variant::Ours].world)),
+            Column::FurnitureMoved => changed(&self.spec).map(Arc::new),
+        }
+    }
 
-/// Wilson's interval of 95 % confidence for a share.
-fn wilson(successes: usize, trials: usize) -> [f64; 2] {
-    let (n, z) = (trials.max(1) as f64, 1.96_f64);
-    let share = successes as f64 / n;
-    let centre = (share + z * z / (2.0 * n)) / (1.0 + z * z / n);
-    let half = z / (1.0 + z * z / n) * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).sqrt();
-    [(centre - half).max(0.0), (centre + half).min(1.0)]
+    fn starts(&self, world: &World, count: u64) -> Result<Vec<(Start, Pose2)>, String> {
+        let drawn = (1..=count).map(|number| (Start::Drawn(number), world.random_free_pose(number, CLEARANCE_M)));
+        let authors = cases::of(&self.spec)?.starts;
+        let authors = (1..).zip(authors).map(|(number, pose)| (Start::Authors(number), pose));
+        // A robot does not fit where something new stands by now.
+        let radius_m = SimConfig::default().radius_m;
+        let fits = |pose: &Pose2| world.plan().clearance_m(Point2::from(pose.translation.vector)) > radius_m;
+        Ok(drawn.chain(authors.filter(|(_, pose)| fits(pose))).collect())
+    }
+
+    fn robot(&self, system: System, seed: u64) -> Box<dyn Localizing + '_> {
+        let landmarks = || &self.landmarks[&system.variant()];
+        match system {
+            System::Ours | System::MainOnly => Box::new(Ours::new(landmarks(), true)),
+            System::OursLidar => Box::new(Ours::new(landmarks(), false)),
+            System::MrTopomap => Box::new(TopoRobot::new(TopoMapConfig::default(), &self.topo_map)),
+            System::Amcl => Box::new(Amcl::new(AmclConfig::paper(), &self.amcl, seed)),
+            System::AmclNav2 => Box::new(Amcl::new(AmclConfig::nav2(), &self.amcl, seed)),
+        }
+    }
 }
