@@ -4,7 +4,7 @@ use crate::camera::{self, CameraConfig};
 use crate::lidar::{self, LidarConfig};
 use crate::light::Light;
 use crate::wheels::{WheelConfig, Wheels};
-use crate::world::World;
+use crate::world::{BODY_HEIGHT_M, World};
 use fht_robot::frame::{SensorFrame, Twist};
 use fht_robot::pose::{Point2, Pose2, pose};
 use rand::SeedableRng;
@@ -12,8 +12,6 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Height at which the robot's body touches things, metres.
-const BODY_HEIGHT_M: f64 = 0.1;
 /// Integration steps in one LiDAR period: at 0.5 m/s and 5 Hz the body moves 1 cm in each, less than any wall's width.
 const SUBSTEPS: u32 = 10;
 /// A push of less than this out of an obstacle is rounding, not a touch, metres.

@@ -65,6 +65,8 @@ impl std::fmt::Debug for World {
     }
 }
 
+/// Height at which a robot's body touches things, metres.
+pub(crate) const BODY_HEIGHT_M: f64 = 0.1;
 /// Radius of the disc that must be able to get from the start to a random pose, metres.
 const REACH_RADIUS_M: f64 = 0.2;
 
@@ -107,6 +109,27 @@ impl World {
         let index = places[rng.random_range(0..places.len())];
         let centre = self.plan.centre_of(index % width, index / width);
         pose(centre.x, centre.y, yaw)
+    }
+
+    /// Whether a disc of `radius_m` (metres) can go straight from one place to another without touching what the simulator's
+    /// bumper meets, for scoring only. World frame.
+    #[must_use]
+    pub fn is_clear(&self, from: Point2, to: Point2, radius_m: f64) -> bool {
+        /// Shortest step along the way, metres: nothing thinner than a chord of this is missed.
+        const LEAST_STEP_M: f64 = 0.005;
+        let length = (to - from).norm();
+        let mut at = 0.0;
+        loop {
+            let point = if length > 0.0 { from + (to - from) * (at / length) } else { from };
+            let (_, distance) = self.scene.nearest(point, BODY_HEIGHT_M);
+            if distance < radius_m {
+                return false;
+            }
+            if at >= length {
+                return true;
+            }
+            at = (at + (distance - radius_m).max(LEAST_STEP_M)).min(length);
+        }
     }
 
     /// Number of triangles.

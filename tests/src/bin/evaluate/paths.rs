@@ -181,6 +181,7 @@ fn pairs(survey: &Survey, radius_m: f64, count: usize, seed: u64) -> Vec<(Point2
     let start = Point2::from(survey.world_from_map.translation.vector);
     let reachable = plan.reachable(start, radius_m);
     let cells: Vec<usize> = (0..reachable.cells().len()).filter(|&index| reachable.cells()[index]).collect();
+    let has_room = |place: Point2| survey.world.is_clear(place, place, radius_m);
     if cells.len() < 1000 {
         return Vec::new(); // no building, and no two places a metre apart to be found in it
     }
@@ -192,7 +193,7 @@ fn pairs(survey: &Survey, radius_m: f64, count: usize, seed: u64) -> Vec<(Point2
     let mut pairs = Vec::with_capacity(count);
     while pairs.len() < count {
         let (from, to) = (draw(), draw());
-        if (to - from).norm() >= 1.0 {
+        if (to - from).norm() >= 1.0 && has_room(from) && has_room(to) {
             pairs.push((from, to));
         }
     }
@@ -248,7 +249,6 @@ impl<'a> Planner<'a> {
 fn plan_all(survey: &Survey, world: String, system: System, ways: &Ways) -> std::io::Result<PathFigures> {
     let radius_m = SimConfig::default().radius_m;
     let map_from_world = survey.world_from_map.inverse();
-    let plan = survey.world.plan();
     let planner = Planner::of(survey, system)?;
     let mut plan_s = 0.0;
     // Length over the shortest, and whether the robot touches nothing.
@@ -257,7 +257,12 @@ fn plan_all(survey: &Survey, world: String, system: System, ways: &Ways) -> std:
         let points = planner.plan(map_from_world * way.from, map_from_world * way.to);
         plan_s += begin.elapsed().as_secs_f64();
         let points: Vec<Point2> = points?.iter().map(|point| survey.world_from_map * point).collect();
-        let is_clear = points.windows(2).all(|pair| plan.is_clear(pair[0], pair[1], radius_m));
+        let touches = points.windows(2).position(|pair| !survey.world.is_clear(pair[0], pair[1], radius_m));
+        if let Some(segment) = touches {
+            let (from, to, of) = (points[segment], points[segment + 1], points.len() - 1);
+            tracing::debug!(?from, ?to, segment, of, system = system.title(), "the path touches something");
+        }
+        let is_clear = touches.is_none();
         Some((path_length_m(&points) / way.shortest_m.max(1e-3), is_clear))
     };
     let authors: Vec<f64> = ways.authors.iter().filter_map(|way| Some(judge(way)?.0)).collect();
