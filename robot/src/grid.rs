@@ -114,6 +114,25 @@ pub struct OccupancyGrid {
     config: GridConfig,
     bounds: CellBounds,
     log_odds: Vec<f32>,
+    /// Of the scans that said something of a cell, how many had a beam end in it and how many passed it; both are halved when
+    /// one is full.
+    seen: Vec<Seen>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    ended: u8,
+    passed: u8,
+}
+
+impl Seen {
+    fn count(&mut self, has_ended: bool) {
+        let counter = if has_ended { &mut self.ended } else { &mut self.passed };
+        *counter += 1;
+        if *counter == u8::MAX {
+            *self = Self { ended: self.ended / 2, passed: self.passed / 2 };
+        }
+    }
 }
 
 impl OccupancyGrid {
@@ -121,7 +140,7 @@ impl OccupancyGrid {
     #[must_use]
     pub fn new(config: GridConfig) -> Self {
         let zero = Cell { i: 0, j: 0 };
-        Self { config, bounds: CellBounds { min: zero, max: zero }, log_odds: Vec::new() }
+        Self { config, bounds: CellBounds { min: zero, max: zero }, log_odds: Vec::new(), seen: Vec::new() }
     }
 
     /// A grid of which only the states of the cells in `bounds` are known, row by row; those that lack are unknown.
@@ -136,7 +155,8 @@ impl OccupancyGrid {
         let count = bounds.width() * bounds.height();
         let mut log_odds: Vec<f32> = states.into_iter().take(count).map(of).collect();
         log_odds.resize(count, 0.0);
-        Self { config, bounds, log_odds }
+        let seen = vec![Seen::default(); count];
+        Self { config, bounds, log_odds, seen }
     }
 
     /// Side of a cell, metres.
@@ -175,12 +195,16 @@ impl OccupancyGrid {
         }
     }
 
-    /// Whether a cell is free beyond doubt: as if five scans had passed it and none ended in it. Of a cell that a wall's corner
-    /// stands out into, some beams say this and some that.
+    /// Whether a cell is free beyond doubt: as if five scans had passed it and none ended in it, and beams of fewer than one scan
+    /// in ten ever did. Of a cell that a wall's corner stands out into, or that a thin pole stands in, some beams say this and
+    /// some that.
     #[must_use]
     pub fn is_surely_free(&self, cell: Cell) -> bool {
         let doubt = 4.5 * self.config.miss_log_odds; // half a beam for rounding
-        self.bounds.index(cell).is_some_and(|index| self.log_odds[index] <= doubt)
+        self.bounds.index(cell).is_some_and(|index| {
+            let Seen { ended, passed } = self.seen[index];
+            self.log_odds[index] <= doubt && (ended < 2 || u16::from(ended) * 9 < u16::from(passed))
+        })
     }
 
     /// What is known of the cell that contains `point`.
@@ -249,10 +273,12 @@ impl OccupancyGrid {
         for index in crossed {
             if hits.binary_search(&index).is_err() {
                 self.add(index, self.config.miss_log_odds);
+                self.seen[index].count(false);
             }
         }
         for index in hits {
             self.add(index, self.config.hit_log_odds);
+            self.seen[index].count(true);
         }
     }
 
@@ -281,16 +307,19 @@ impl OccupancyGrid {
             },
         };
         let mut log_odds = vec![0.0; bounds.width() * bounds.height()];
+        let mut seen = vec![Seen::default(); log_odds.len()];
         if !empty {
             for (row, values) in self.log_odds.chunks_exact(old.width()).enumerate() {
                 let first = Cell { i: old.min.i, j: old.min.j + row as i32 };
                 if let Some(at) = bounds.index(first) {
                     log_odds[at..at + values.len()].copy_from_slice(values);
+                    seen[at..at + values.len()].copy_from_slice(&self.seen[row * old.width()..][..old.width()]);
                 }
             }
         }
         self.bounds = bounds;
         self.log_odds = log_odds;
+        self.seen = seen;
     }
 
     /// Whether a robot of half width `half_width_m` can drive straight from `a` to `b`: every cell whose centre lies

@@ -13,7 +13,7 @@ use fht_robot::planning::Traversable;
 pub struct CoverageConfig {
     /// A rectangle covers what is farther than this from its border: where a robot of this radius may be, metres. Default 0.16.
     pub half_width_m: f64,
-    /// The least that a new rectangle must cover, square metres. Default 0.1, which is what is left open in a doorway of 0.9 m:
+    /// The least that a new rectangle must cover, square metres. Default 0.06, which is what is left open in a doorway of 0.9 m:
     /// about 30 bytes of map each.
     pub least_gain_m2: f64,
     /// Edges of such a node at most: its rectangle joins it to others already. Default 2.
@@ -24,7 +24,7 @@ pub struct CoverageConfig {
 
 impl Default for CoverageConfig {
     fn default() -> Self {
-        Self { half_width_m: 0.16, least_gain_m2: 0.1, most_edges: 2, spacing_m: 0.2 }
+        Self { half_width_m: 0.16, least_gain_m2: 0.06, most_edges: 2, spacing_m: 0.2 }
     }
 }
 
