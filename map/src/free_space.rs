@@ -4,6 +4,7 @@
 //!
 //! Everything is counted in whole millimetres, so that robot and server get the same mesh of the same map.
 
+use crate::seen_walls::SeenWalls;
 use crate::state::{MapState, NodeRef};
 use fht_proto::{EdgeKey, FixedPoint};
 use i_overlay::core::fill_rule::FillRule;
@@ -65,6 +66,8 @@ pub struct FreeSpace {
     reach_x: Vec<f64>,
     /// Edges that something stands on.
     pub(crate) closed: BTreeSet<EdgeKey>,
+    /// What must not stand between a place outside and where it joins.
+    walls: SeenWalls,
 }
 
 /// A place in the mesh, or the place of the mesh that is nearest to one outside.
@@ -98,7 +101,7 @@ impl FreeSpace {
         let is_blocked =
             |a: FixedPoint, b: FixedPoint| config.blocked.iter().any(|at| from_segment_m(*at, a, b) < reach_m);
         let closed = map.edges().filter(|edge| ends(*edge).is_some_and(|(a, b)| is_blocked(a, b))).collect();
-        Self { closed, ..Self::of_shapes(&free, config.half_width_mm) }
+        Self { closed, walls: SeenWalls::of(map), ..Self::of_shapes(&free, config.half_width_mm) }
     }
 
     fn of_shapes(free: &IntShapes<i32>, half_width_mm: u16) -> Self {
@@ -153,7 +156,7 @@ impl FreeSpace {
             reach = reach.max(greatest_x(triangle));
             reach_x.push(reach);
         }
-        Self { corners, triangles, reach_x, closed: BTreeSet::new() }
+        Self { corners, triangles, reach_x, closed: BTreeSet::new(), walls: SeenWalls::default() }
     }
 
     /// Number of triangles.
@@ -180,33 +183,44 @@ impl FreeSpace {
         cross(a, b, place) >= 0.0 && cross(b, c, place) >= 0.0 && cross(c, a, place) >= 0.0
     }
 
-    /// Where a place joins the mesh: itself if it lies in it, otherwise the nearest place of every part within `reach_mm`,
-    /// nearest first.
+    /// Where a place joins the mesh: itself if it lies in it, otherwise the nearest place of every part within `reach_mm` that can
+    /// be reached straight without coming near a wall that some node saw; without one, the nearest. Nearest first.
     pub(crate) fn spots(&self, point: FixedPoint, reach_mm: f64) -> Vec<Spot> {
         let place = [f64::from(point.x_mm), f64::from(point.y_mm)];
         if let Some(triangle) = self.triangle_at(place) {
             let part = self.triangles[triangle as usize].part;
             return vec![Spot { triangle, part, place, outside_mm: 0.0 }];
         }
-        let mut nearest: BTreeMap<u32, Spot> = BTreeMap::new();
+        let mut by_part: BTreeMap<u32, Vec<Spot>> = BTreeMap::new();
         for (index, triangle) in self.triangles.iter().enumerate() {
             let borders = (0..3).filter(|&side| triangle.beyond[side].is_none());
             for side in borders {
                 let ends = [triangle.corners[side], triangle.corners[(side + 1) % 3]].map(|c| self.corner(c));
                 let near = nearest_on(ends, place);
                 let outside_mm = distance(near, place);
-                let spot = Spot { triangle: index as u32, part: triangle.part, place: near, outside_mm };
-                if outside_mm <= reach_mm && nearest.get(&triangle.part).is_none_or(|kept| kept.outside_mm > outside_mm)
-                {
-                    nearest.insert(triangle.part, spot);
+                if outside_mm <= reach_mm {
+                    let spot = Spot { triangle: index as u32, part: triangle.part, place: near, outside_mm };
+                    by_part.entry(triangle.part).or_default().push(spot);
                 }
             }
         }
-        let mut spots: Vec<Spot> = nearest.into_values().collect();
-        spots.sort_by(|a, b| a.outside_mm.total_cmp(&b.outside_mm).then(a.part.cmp(&b.part)));
+        let nearer = |a: &Spot, b: &Spot| a.outside_mm.total_cmp(&b.outside_mm).then(a.part.cmp(&b.part));
+        let best = |mut spots: Vec<Spot>| {
+            spots.sort_by(nearer);
+            let mut tried = spots.iter().take(JOINTS_TRIED);
+            let clear = tried.find(|spot| self.walls.is_clear([place, spot.place], JOINT_ROOM_MM));
+            clear.or(spots.first()).copied()
+        };
+        let mut spots: Vec<Spot> = by_part.into_values().filter_map(best).collect();
+        spots.sort_by(nearer);
         spots
     }
 }
+
+/// Room that the way into the mesh keeps from walls, millimetres: the robot's radius less what a scan is off by.
+const JOINT_ROOM_MM: f64 = 95.0;
+/// Ways into a part of the mesh that are tried.
+const JOINTS_TRIED: usize = 100;
 
 /// Twice the signed area of a triangle: positive if it is counter-clockwise.
 pub(crate) fn cross(a: Corner, b: Corner, c: Corner) -> f64 {

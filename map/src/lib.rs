@@ -10,6 +10,7 @@
 //! | [`route`] | a path between two places (paper, equation 5) |
 //! | [`free_space`] | where a robot's centre may be: rectangles and corridors as a mesh |
 //! | `any_angle` | the shortest way through a mesh |
+//! | `seen_walls` | walls that a straight way into the mesh must not lead through |
 //! | [`taut`] | the shortest path between two places through free space |
 //! | [`lookup`] | nodes by place and by appearance |
 
@@ -20,6 +21,7 @@ pub mod lookup;
 mod register;
 pub mod replica;
 pub mod route;
+mod seen_walls;
 pub mod sequence;
 pub mod state;
 pub mod taut;
