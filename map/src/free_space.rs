@@ -84,15 +84,22 @@ impl FreeSpace {
     /// The free space of a map.
     #[must_use]
     pub fn of(map: &MapState, config: &SpaceConfig) -> Self {
-        let rectangles = map.nodes().filter_map(|node| rectangle(&node));
+        let rectangles: Vec<IntContour<i32>> = map.nodes().filter_map(|node| rectangle(&node)).collect();
+        let walls = SeenWalls::of(map);
         let place = |id| map.node(id).map(|node| node.pose.position);
         let ends = |edge: EdgeKey| Some((place(edge.low())?, place(edge.high())?));
+        let exact = |place: FixedPoint| [f64::from(place.x_mm), f64::from(place.y_mm)];
+        let lines = map.edges().filter_map(ends).map(|(a, b)| [exact(a), exact(b)]);
+        let is_inside = |place: Corner| rectangles.iter().any(|it| is_deep_inside(it, place));
+        let things = walls.seen_twice(SEEN_TWICE_MM, is_inside, lines, EDGE_ROOM_MM);
         let corridors = map.edges().filter_map(ends).filter_map(|(a, b)| corridor(a, b, config.corridor_mm));
-        let contours: Vec<IntContour<i32>> = rectangles.chain(corridors).collect();
+        let contours: Vec<IntContour<i32>> = rectangles.into_iter().chain(corridors).collect();
         let mut free = contours.simplify(FillRule::NonZero, Default::default());
         let radius_mm = f64::from(config.blocked_radius_mm);
-        let obstacles: Vec<IntContour<i32>> =
-            config.blocked.iter().map(|at| octagon(*at, radius_mm).collect()).collect();
+        let blocked = config.blocked.iter().map(|at| octagon(*at, radius_mm).collect());
+        let fixed = |place: Corner| FixedPoint { x_mm: place[0].round() as i32, y_mm: place[1].round() as i32 };
+        let things = things.into_iter().map(|place| octagon(fixed(place), THING_MM).collect());
+        let obstacles: Vec<IntContour<i32>> = blocked.chain(things).collect();
         if !obstacles.is_empty() {
             let obstacles = obstacles.simplify(FillRule::NonZero, Default::default());
             free = Overlay::from_subj_and_clip(&free, &obstacles).overlay(OverlayRule::Difference, FillRule::NonZero);
@@ -101,7 +108,7 @@ impl FreeSpace {
         let is_blocked =
             |a: FixedPoint, b: FixedPoint| config.blocked.iter().any(|at| from_segment_m(*at, a, b) < reach_m);
         let closed = map.edges().filter(|edge| ends(*edge).is_some_and(|(a, b)| is_blocked(a, b))).collect();
-        Self { closed, walls: SeenWalls::of(map), ..Self::of_shapes(&free, config.half_width_mm) }
+        Self { closed, walls, ..Self::of_shapes(&free, config.half_width_mm) }
     }
 
     fn of_shapes(free: &IntShapes<i32>, half_width_mm: u16) -> Self {
@@ -191,36 +198,74 @@ impl FreeSpace {
             let part = self.triangles[triangle as usize].part;
             return vec![Spot { triangle, part, place, outside_mm: 0.0 }];
         }
-        let mut by_part: BTreeMap<u32, Vec<Spot>> = BTreeMap::new();
-        for (index, triangle) in self.triangles.iter().enumerate() {
-            let borders = (0..3).filter(|&side| triangle.beyond[side].is_none());
-            for side in borders {
-                let ends = [triangle.corners[side], triangle.corners[(side + 1) % 3]].map(|c| self.corner(c));
-                let near = nearest_on(ends, place);
-                let outside_mm = distance(near, place);
-                if outside_mm <= reach_mm {
-                    let spot = Spot { triangle: index as u32, part: triangle.part, place: near, outside_mm };
-                    by_part.entry(triangle.part).or_default().push(spot);
-                }
+        let mut nearest: BTreeMap<u32, Spot> = BTreeMap::new();
+        for (triangle, ends) in self.borders() {
+            let spot = self.spot_at(triangle, nearest_on(ends, place), place);
+            let kept = nearest.get(&spot.part);
+            if spot.outside_mm <= reach_mm && kept.is_none_or(|kept| kept.outside_mm > spot.outside_mm) {
+                nearest.insert(spot.part, spot);
             }
         }
-        let nearer = |a: &Spot, b: &Spot| a.outside_mm.total_cmp(&b.outside_mm).then(a.part.cmp(&b.part));
-        let best = |mut spots: Vec<Spot>| {
-            spots.sort_by(nearer);
-            let mut tried = spots.iter().take(JOINTS_TRIED);
-            let clear = tried.find(|spot| self.walls.is_clear([place, spot.place], JOINT_ROOM_MM));
-            clear.or(spots.first()).copied()
-        };
-        let mut spots: Vec<Spot> = by_part.into_values().filter_map(best).collect();
-        spots.sort_by(nearer);
+        let mut spots: Vec<Spot> = nearest.into_values().map(|spot| self.joint_beside_walls(spot, place)).collect();
+        spots.sort_by(Spot::nearer);
         spots
+    }
+
+    /// The border of the mesh: triangles and their sides that no other triangle is beyond.
+    fn borders(&self) -> impl Iterator<Item = (u32, [Corner; 2])> + '_ {
+        self.triangles.iter().zip(0..).flat_map(move |(triangle, index)| {
+            let open = (0..3).filter(|&side| triangle.beyond[side].is_none());
+            open.map(move |side| {
+                (index, [triangle.corners[side], triangle.corners[(side + 1) % 3]].map(|c| self.corner(c)))
+            })
+        })
+    }
+
+    fn spot_at(&self, triangle: u32, at: Corner, from: Corner) -> Spot {
+        let part = self.triangles[triangle as usize].part;
+        Spot { triangle, part, place: at, outside_mm: distance(at, from) }
+    }
+
+    /// The nearest place of the same part that can be reached from `place` without coming near a wall; `nearest` if there is none.
+    fn joint_beside_walls(&self, nearest: Spot, place: Corner) -> Spot {
+        if self.walls.is_clear([place, nearest.place], JOINT_ROOM_MM[0]) {
+            return nearest;
+        }
+        let farthest_mm = nearest.outside_mm + JOINT_DETOUR_MM;
+        let mut joints: Vec<Spot> = Vec::new();
+        let own = self.borders().filter(|(index, _)| self.triangles[*index as usize].part == nearest.part);
+        for (triangle, ends) in own.filter(|(_, ends)| distance(nearest_on(*ends, place), place) <= farthest_mm) {
+            let steps = (distance(ends[0], ends[1]) / JOINT_STEP_MM).ceil().max(1.0);
+            let shares = (0..=steps as usize).map(|step| step as f64 / steps);
+            let along = shares.map(|share| self.spot_at(triangle, between(ends, share), place));
+            joints.extend(along.filter(|spot| spot.outside_mm <= farthest_mm));
+        }
+        joints.sort_by(Spot::nearer);
+        let is_clear = |spot: &&Spot, room_mm: f64| self.walls.is_clear([place, spot.place], room_mm);
+        JOINT_ROOM_MM
+            .iter()
+            .find_map(|room_mm| joints.iter().find(|spot| is_clear(spot, *room_mm)))
+            .copied()
+            .unwrap_or(nearest)
     }
 }
 
-/// Room that the way into the mesh keeps from walls, millimetres: the robot's radius less what a scan is off by.
-const JOINT_ROOM_MM: f64 = 95.0;
-/// Ways into a part of the mesh that are tried.
-const JOINTS_TRIED: usize = 100;
+impl Spot {
+    fn nearer(&self, other: &Self) -> std::cmp::Ordering {
+        self.outside_mm
+            .total_cmp(&other.outside_mm)
+            .then(self.part.cmp(&other.part))
+            .then(self.triangle.cmp(&other.triangle))
+    }
+}
+
+/// Room that the way into the mesh keeps from walls, millimetres: rather more than the robot's radius, else what is left of it when
+/// a scan is off.
+const JOINT_ROOM_MM: [f64; 2] = [130.0, 95.0];
+/// They are this much longer than the shortest at most, millimetres: what leads farther over unknown ground is not safer.
+const JOINT_DETOUR_MM: f64 = 500.0;
+/// Distance between the places of the border that are tried, millimetres.
+const JOINT_STEP_MM: f64 = 100.0;
 
 /// Twice the signed area of a triangle: positive if it is counter-clockwise.
 pub(crate) fn cross(a: Corner, b: Corner, c: Corner) -> f64 {
@@ -245,6 +290,22 @@ pub(crate) fn between([a, b]: [Corner; 2], share: f64) -> Corner {
 
 fn nearest_on(ends: [Corner; 2], place: Corner) -> Corner {
     between(ends, foot_share(ends, place).clamp(0.0, 1.0))
+}
+
+/// What stands in free space is this large around each place where it was seen, millimetres.
+const THING_MM: f64 = 30.0;
+/// Two nodes saw the same when they saw it within this, millimetres.
+const SEEN_TWICE_MM: f64 = 60.0;
+/// What is nearer than this to an edge's line cannot be there, as the edge says, millimetres.
+const EDGE_ROOM_MM: f64 = 110.0;
+/// What is nearer than this to a rectangle's border is the wall behind it, millimetres.
+const BORDER_MM: f64 = 50.0;
+
+/// Whether a place lies inside a rectangle, well away from its border.
+fn is_deep_inside(rectangle: &IntContour<i32>, place: Corner) -> bool {
+    let [low, _, high, _] = rectangle.as_slice() else { return false };
+    let is_between = |low: i32, high: i32, at: f64| at > f64::from(low) + BORDER_MM && at < f64::from(high) - BORDER_MM;
+    is_between(low.x, high.x, place[0]) && is_between(low.y, high.y, place[1])
 }
 
 fn rectangle(node: &NodeRef<'_>) -> Option<IntContour<i32>> {
