@@ -17,6 +17,8 @@ pub struct RelocalizeFigures {
     pub success: f64,
     /// Its interval of 95 % confidence (Wilson).
     pub success_ci95: [f64; 2],
+    /// Share of them after which that was within 15 m of driving.
+    pub success_within_15_m: f64,
     /// Share of the authors' own starts, and how many there are.
     pub authors_success: Option<f64>,
     pub authors_trials: usize,
@@ -94,6 +96,7 @@ pub fn relocalize_figures(trials: &Trials) -> RelocalizeFigures {
         trials: drawn.len(),
         success: share(right(&drawn), drawn.len()),
         success_ci95: wilson(right(&drawn), drawn.len()),
+        success_within_15_m: share(fixes.iter().filter(|(_, fix)| fix.driven_m <= 15.0).count(), drawn.len()),
         authors_success: (!authors.is_empty()).then(|| share(right(&authors), authors.len())),
         authors_trials: authors.len(),
         guessed_success: share(guessed.len(), drawn.len()),

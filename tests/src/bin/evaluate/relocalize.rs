@@ -53,6 +53,9 @@ pub struct TrialArgs {
     /// Distance after which a drive ends, metres.
     #[arg(long, default_value_t = 40.0)]
     pub drive_m: f64,
+    /// Nothing is driven: only what is kept is shown, and of that only systems and columns of which all starts are.
+    #[arg(long)]
+    pub only_kept: bool,
 }
 
 /// What a result is of.
@@ -161,6 +164,7 @@ impl Bench {
     ) -> Result<Vec<Trials>, String> {
         let world = self.world(column)?;
         let starts = self.starts(&world, args.starts)?;
+        let count = starts.len();
         let template = "{bar:40} {pos}/{len} starts {msg}, {elapsed} gone, {eta} to go";
         let bar = output.progress_bar(starts.len() as u64, template);
         bar.set_message(format!("in {}, {}", maps::short_name(&self.spec), column.title()));
@@ -175,7 +179,7 @@ impl Bench {
                 start,
                 drive_dm: (args.drive_m * 10.0) as u64,
             };
-            let is_known = args.systems.iter().all(|&system| ledger.has(&key(system)));
+            let is_known = args.only_kept || args.systems.iter().all(|&system| ledger.has(&key(system)));
             let day = match start {
                 Start::Drawn(number) => OTHER_DAY + number,
                 Start::Authors(number) => AUTHORS_DAY + number,
@@ -184,6 +188,9 @@ impl Bench {
             let drive = (!is_known).then(|| Drive::record(&world, pose, day, args.drive_m));
             let mut sight = drive.as_ref().map(|drive| Sight::new(drive, net));
             for &system in &args.systems {
+                if args.only_kept && !ledger.has(&key(system)) {
+                    continue;
+                }
                 let outcome = ledger.get_or(key(system), || {
                     let sight = sight.as_mut().ok_or_else(|| std::io::Error::other("the drive is missing"))?;
                     let world_from_map = self.surveys[&system.variant()].world_from_map;
@@ -195,6 +202,7 @@ impl Bench {
             bar.inc(1);
         }
         bar.finish_and_clear();
+        outcomes.retain(|_, outcomes| outcomes.len() == count);
         let trials = |(system, outcomes)| Trials { world: short_name(&self.spec), system, column, outcomes };
         Ok(outcomes.into_iter().map(trials).collect())
     }
