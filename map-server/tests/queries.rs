@@ -132,7 +132,7 @@ async fn a_late_replica_catches_up_in_pieces() {
     let mut replica = Replica::default();
     let mut questions = 0;
     loop {
-        let selector = format!("fht/museum/since?vector={};max_bytes=3000", replica.vector());
+        let selector = format!("fht/museum/since?vector={};max_bytes=1000", replica.vector());
         let series: Snapshot = decode(&server.payload(&selector).await).unwrap();
         if series.increments.is_empty() {
             break;

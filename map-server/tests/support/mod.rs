@@ -53,7 +53,8 @@ pub fn signature(seed: u32) -> Signature {
             base_from_sensor: FixedPose::default(),
             angle_min: 0.0,
             angle_increment: 0.017,
-            ranges_mm: vec![5000; 360],
+            // Far outside of the free space.
+            ranges_mm: vec![50_000; 360],
         },
     }
 }
