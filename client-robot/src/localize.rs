@@ -21,10 +21,10 @@ pub struct LocalizeConfig {
     pub track: TrackConfig,
     /// The robot looks where it may be once in this distance, metres. Default 0.4.
     pub observe_every_m: f64,
-    /// If it has cameras, it waits this much farther for a picture, metres. Default 0.3.
-    pub wait_for_picture_m: f64,
     /// The same while the place is known, when looking only guards against a wrong fix, metres. Default 2.
     pub recheck_every_m: f64,
+    /// If it has cameras, it waits this much farther for a picture, metres. Default 0.3.
+    pub wait_for_picture_m: f64,
     /// Scans between two updates of the tracker, frames. Default 2.
     pub track_every: usize,
     /// A fix this far from the tracked pose replaces it, metres. Default 0.5.
@@ -184,7 +184,7 @@ impl Localizer {
             self.state = LocalizationState::Lost;
             self.confidence = 0.0;
             self.relocalizer.clear();
-            // It looks again where nothing of before is in sight any more.
+            // It is lost until it looks again, a little farther on.
             self.observed_at_m = Some(odometry.odometer_m);
         }
     }

@@ -5,8 +5,6 @@
 //! everything seen on the way. One is declared when it is nearly certain, rests on more than one place, and the single estimations
 //! from these places agree. Otherwise the robot says that it does not know.
 
-use crate::consensus::ConsensusConfig;
-use crate::estimate::OdometryNoise;
 use crate::hypotheses::{Hypothesis, View, WeighConfig, held};
 use crate::known_space::Beams;
 use crate::landmarks::Landmarks;
@@ -88,11 +86,7 @@ impl Default for RelocalizeConfig {
             max_contradicted_per_view: 0.004,
             max_sigma_m: 0.15,
             weigh: WeighConfig::default(),
-            settle: SettleConfig {
-                noise: OdometryNoise::default(),
-                consensus: ConsensusConfig::default(),
-                ..SettleConfig::default()
-            },
+            settle: SettleConfig::default(),
             matching: MatchConfig { min_score: 0.45, ..MatchConfig::default() },
         }
     }

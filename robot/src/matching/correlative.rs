@@ -143,7 +143,7 @@ pub fn search(
 }
 
 /// About `count` of the points, evenly spread over the scan.
-fn thin(points: &[Point2], count: usize) -> Vec<Point2> {
+pub(super) fn thin(points: &[Point2], count: usize) -> Vec<Point2> {
     let count = count.clamp(1, points.len());
     (0..count).map(|index| points[index * points.len() / count]).collect()
 }

@@ -5,6 +5,7 @@
 //! work can be bounded: what was not found by then fits less well than what was. The first windows of one heading are bounded all at
 //! once: each point adds a shifted picture to theirs.
 
+use super::correlative::thin;
 use crate::pose::{Point2, Pose2, pose, wrap_angle};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -193,18 +194,17 @@ impl WallPyramid {
     #[must_use]
     pub fn find(&self, scan: &[Point2], favours: &[Favour]) -> Vec<Alignment> {
         let config = &self.config;
-        let near: Vec<&Point2> = scan.iter().filter(|point| point.coords.norm() <= config.reach_m).collect();
+        let near: Vec<Point2> = scan.iter().filter(|point| point.coords.norm() <= config.reach_m).copied().collect();
         if near.is_empty() {
             return Vec::new();
         }
-        let count = config.points.clamp(1, near.len().min(255));
-        let points: Vec<&Point2> = (0..count).map(|index| near[index * near.len() / count]).collect();
+        let points = thin(&near, config.points.min(255));
         let turns = (TAU / config.step_rad).ceil().max(1.0) as usize;
         let rotated: Vec<Vec<[i32; 2]>> = (0..turns)
             .map(|turn| {
                 let rotation = nalgebra::Rotation2::new(self.yaw_of(turn));
-                let cell = |point: &&Point2| {
-                    let at = (rotation * *point) / config.resolution_m;
+                let cell = |point: &Point2| {
+                    let at = (rotation * point) / config.resolution_m;
                     [at.x, at.y].map(|cells| (cells + 0.5).floor() as i32)
                 };
                 points.iter().map(cell).collect()
