@@ -4,8 +4,10 @@
 //!
 //! Everything is counted in whole millimetres, so that robot and server get the same mesh of the same map.
 
+use crate::approach::ApproachConfig;
 use crate::seen_walls::SeenWalls;
 use crate::state::{MapState, NodeRef};
+use crate::view::View;
 use fht_proto::{EdgeKey, FixedPoint};
 use i_overlay::core::fill_rule::FillRule;
 use i_overlay::core::overlay::Overlay;
@@ -21,7 +23,7 @@ use i_triangle::int::triangulatable::IntTriangulatable;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// How free space is made of a map.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct SpaceConfig {
     /// The robot's centre keeps this far from the border of free space, millimetres. Default 160: the robot's 105, the 30 by
     /// which a corner may stand out of a wall's occupied cells, and 25 of which map and driving may be off.
@@ -34,11 +36,19 @@ pub struct SpaceConfig {
     pub blocked: BTreeSet<FixedPoint>,
     /// It reaches this far around such a place, millimetres. Default 300.
     pub blocked_radius_mm: u16,
+    /// How places outside join it.
+    pub approach: ApproachConfig,
 }
 
 impl Default for SpaceConfig {
     fn default() -> Self {
-        Self { half_width_mm: 160, corridor_mm: 165, blocked: BTreeSet::new(), blocked_radius_mm: 300 }
+        Self {
+            half_width_mm: 160,
+            corridor_mm: 165,
+            blocked: BTreeSet::new(),
+            blocked_radius_mm: 300,
+            approach: ApproachConfig::default(),
+        }
     }
 }
 
@@ -66,18 +76,20 @@ pub struct FreeSpace {
     reach_x: Vec<f64>,
     /// Edges that something stands on.
     pub(crate) closed: BTreeSet<EdgeKey>,
-    /// What must not stand between a place outside and where it joins.
-    walls: SeenWalls,
+    /// What the ways from places outside must keep away from.
+    pub(crate) walls: SeenWalls,
+    /// The ground that they had better lead over: what scanners saw, and rectangles, least and greatest corner.
+    pub(crate) views: Vec<View>,
+    pub(crate) rectangles: Vec<[Corner; 2]>,
+    pub(crate) approach: ApproachConfig,
 }
 
-/// A place in the mesh, or the place of the mesh that is nearest to one outside.
+/// A place in the mesh.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spot {
     pub(crate) triangle: u32,
     pub(crate) part: u32,
     pub(crate) place: Corner,
-    /// How far outside the place asked for is, millimetres.
-    pub(crate) outside_mm: f64,
 }
 
 impl FreeSpace {
@@ -85,30 +97,34 @@ impl FreeSpace {
     #[must_use]
     pub fn of(map: &MapState, config: &SpaceConfig) -> Self {
         let rectangles: Vec<IntContour<i32>> = map.nodes().filter_map(|node| rectangle(&node)).collect();
-        let walls = SeenWalls::of(map);
+        let views: Vec<View> = map.main_nodes().filter_map(|node| View::of(&node)).collect();
+        let walls = SeenWalls::of(&views);
         let place = |id| map.node(id).map(|node| node.pose.position);
         let ends = |edge: EdgeKey| Some((place(edge.low())?, place(edge.high())?));
-        let exact = |place: FixedPoint| [f64::from(place.x_mm), f64::from(place.y_mm)];
-        let lines = map.edges().filter_map(ends).map(|(a, b)| [exact(a), exact(b)]);
-        let is_inside = |place: Corner| rectangles.iter().any(|it| is_deep_inside(it, place));
-        let things = walls.seen_twice(SEEN_TWICE_MM, is_inside, lines, EDGE_ROOM_MM);
-        let corridors = map.edges().filter_map(ends).filter_map(|(a, b)| corridor(a, b, config.corridor_mm));
+        let short = |edge: EdgeKey| ends(edge).filter(|(a, b)| a.distance(*b) <= LONGEST_EDGE_M);
+        let lines = map.edges().filter_map(short).map(|(a, b)| [corner_of(a), corner_of(b)]);
+        let as_corner = |it: IntPoint<i32>| [f64::from(it.x), f64::from(it.y)];
+        let low_and_high: Vec<[Corner; 2]> =
+            rectangles.iter().filter_map(|it| Some([as_corner(*it.first()?), as_corner(*it.get(2)?)])).collect();
+        let is_inside = |place: Corner| is_deep_inside(&low_and_high, place);
+        let things = walls.things(&views, is_inside, lines, EDGE_ROOM_MM);
+        let corridors = map.edges().filter_map(short).filter_map(|(a, b)| corridor(a, b, config.corridor_mm));
         let contours: Vec<IntContour<i32>> = rectangles.into_iter().chain(corridors).collect();
-        let mut free = contours.simplify(FillRule::NonZero, Default::default());
+        let mut free = union(contours);
         let radius_mm = f64::from(config.blocked_radius_mm);
         let blocked = config.blocked.iter().map(|at| octagon(*at, radius_mm).collect());
-        let fixed = |place: Corner| FixedPoint { x_mm: place[0].round() as i32, y_mm: place[1].round() as i32 };
-        let things = things.into_iter().map(|place| octagon(fixed(place), THING_MM).collect());
+        let things = things.into_iter().map(|place| octagon(fixed_point(place), THING_MM).collect());
         let obstacles: Vec<IntContour<i32>> = blocked.chain(things).collect();
         if !obstacles.is_empty() {
-            let obstacles = obstacles.simplify(FillRule::NonZero, Default::default());
+            let obstacles = union(obstacles);
             free = Overlay::from_subj_and_clip(&free, &obstacles).overlay(OverlayRule::Difference, FillRule::NonZero);
         }
         let reach_m = (radius_mm + f64::from(config.half_width_mm)) * 1e-3;
         let is_blocked =
             |a: FixedPoint, b: FixedPoint| config.blocked.iter().any(|at| from_segment_m(*at, a, b) < reach_m);
         let closed = map.edges().filter(|edge| ends(*edge).is_some_and(|(a, b)| is_blocked(a, b))).collect();
-        Self { closed, walls, ..Self::of_shapes(&free, config.half_width_mm) }
+        let mesh = Self::of_shapes(&free, config.half_width_mm);
+        Self { closed, walls, views, rectangles: low_and_high, approach: config.approach.clone(), ..mesh }
     }
 
     fn of_shapes(free: &IntShapes<i32>, half_width_mm: u16) -> Self {
@@ -163,7 +179,7 @@ impl FreeSpace {
             reach = reach.max(greatest_x(triangle));
             reach_x.push(reach);
         }
-        Self { corners, triangles, reach_x, closed: BTreeSet::new(), walls: SeenWalls::default() }
+        Self { corners, triangles, reach_x, ..Self::default() }
     }
 
     /// Number of triangles.
@@ -190,29 +206,8 @@ impl FreeSpace {
         cross(a, b, place) >= 0.0 && cross(b, c, place) >= 0.0 && cross(c, a, place) >= 0.0
     }
 
-    /// Where a place joins the mesh: itself if it lies in it, otherwise the nearest place of every part within `reach_mm` that can
-    /// be reached straight without coming near a wall that some node saw; without one, the nearest. Nearest first.
-    pub(crate) fn spots(&self, point: FixedPoint, reach_mm: f64) -> Vec<Spot> {
-        let place = [f64::from(point.x_mm), f64::from(point.y_mm)];
-        if let Some(triangle) = self.triangle_at(place) {
-            let part = self.triangles[triangle as usize].part;
-            return vec![Spot { triangle, part, place, outside_mm: 0.0 }];
-        }
-        let mut nearest: BTreeMap<u32, Spot> = BTreeMap::new();
-        for (triangle, ends) in self.borders() {
-            let spot = self.spot_at(triangle, nearest_on(ends, place), place);
-            let kept = nearest.get(&spot.part);
-            if spot.outside_mm <= reach_mm && kept.is_none_or(|kept| kept.outside_mm > spot.outside_mm) {
-                nearest.insert(spot.part, spot);
-            }
-        }
-        let mut spots: Vec<Spot> = nearest.into_values().map(|spot| self.joint_beside_walls(spot, place)).collect();
-        spots.sort_by(Spot::nearer);
-        spots
-    }
-
     /// The border of the mesh: triangles and their sides that no other triangle is beyond.
-    fn borders(&self) -> impl Iterator<Item = (u32, [Corner; 2])> + '_ {
+    pub(crate) fn borders(&self) -> impl Iterator<Item = (u32, [Corner; 2])> + '_ {
         self.triangles.iter().zip(0..).flat_map(move |(triangle, index)| {
             let open = (0..3).filter(|&side| triangle.beyond[side].is_none());
             open.map(move |side| {
@@ -220,52 +215,17 @@ impl FreeSpace {
             })
         })
     }
-
-    fn spot_at(&self, triangle: u32, at: Corner, from: Corner) -> Spot {
-        let part = self.triangles[triangle as usize].part;
-        Spot { triangle, part, place: at, outside_mm: distance(at, from) }
-    }
-
-    /// The nearest place of the same part that can be reached from `place` without coming near a wall; `nearest` if there is none.
-    fn joint_beside_walls(&self, nearest: Spot, place: Corner) -> Spot {
-        if self.walls.is_clear([place, nearest.place], JOINT_ROOM_MM[0]) {
-            return nearest;
-        }
-        let farthest_mm = nearest.outside_mm + JOINT_DETOUR_MM;
-        let mut joints: Vec<Spot> = Vec::new();
-        let own = self.borders().filter(|(index, _)| self.triangles[*index as usize].part == nearest.part);
-        for (triangle, ends) in own.filter(|(_, ends)| distance(nearest_on(*ends, place), place) <= farthest_mm) {
-            let steps = (distance(ends[0], ends[1]) / JOINT_STEP_MM).ceil().max(1.0);
-            let shares = (0..=steps as usize).map(|step| step as f64 / steps);
-            let along = shares.map(|share| self.spot_at(triangle, between(ends, share), place));
-            joints.extend(along.filter(|spot| spot.outside_mm <= farthest_mm));
-        }
-        joints.sort_by(Spot::nearer);
-        let is_clear = |spot: &&Spot, room_mm: f64| self.walls.is_clear([place, spot.place], room_mm);
-        JOINT_ROOM_MM
-            .iter()
-            .find_map(|room_mm| joints.iter().find(|spot| is_clear(spot, *room_mm)))
-            .copied()
-            .unwrap_or(nearest)
-    }
 }
 
-impl Spot {
-    fn nearer(&self, other: &Self) -> std::cmp::Ordering {
-        self.outside_mm
-            .total_cmp(&other.outside_mm)
-            .then(self.part.cmp(&other.part))
-            .then(self.triangle.cmp(&other.triangle))
-    }
+/// A place of the map, exactly.
+pub(crate) fn corner_of(place: FixedPoint) -> Corner {
+    [f64::from(place.x_mm), f64::from(place.y_mm)]
 }
 
-/// Room that the way into the mesh keeps from walls, millimetres: rather more than the robot's radius, else what is left of it when
-/// a scan is off.
-const JOINT_ROOM_MM: [f64; 2] = [130.0, 95.0];
-/// They are this much longer than the shortest at most, millimetres: what leads farther over unknown ground is not safer.
-const JOINT_DETOUR_MM: f64 = 500.0;
-/// Distance between the places of the border that are tried, millimetres.
-const JOINT_STEP_MM: f64 = 100.0;
+/// The place of the map that is nearest to a corner.
+pub(crate) fn fixed_point(corner: Corner) -> FixedPoint {
+    FixedPoint { x_mm: corner[0].round() as i32, y_mm: corner[1].round() as i32 }
+}
 
 /// Twice the signed area of a triangle: positive if it is counter-clockwise.
 pub(crate) fn cross(a: Corner, b: Corner, c: Corner) -> f64 {
@@ -288,24 +248,54 @@ pub(crate) fn between([a, b]: [Corner; 2], share: f64) -> Corner {
     [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])]
 }
 
-fn nearest_on(ends: [Corner; 2], place: Corner) -> Corner {
+pub(crate) fn nearest_on(ends: [Corner; 2], place: Corner) -> Corner {
     between(ends, foot_share(ends, place).clamp(0.0, 1.0))
 }
 
+/// The union of contours: of either half of them first. Of hundreds that overlap, each would meet each; of two halves only
+/// borders meet.
+fn union(mut contours: Vec<IntContour<i32>>) -> IntShapes<i32> {
+    if contours.len() <= UNION_AT_ONCE {
+        return contours.simplify(FillRule::NonZero, Default::default());
+    }
+    let extent = |axis: fn(&IntPoint<i32>) -> i32| {
+        let all = contours.iter().flatten().map(axis);
+        let (least, greatest) =
+            all.fold((i32::MAX, i32::MIN), |(least, greatest), at| (least.min(at), greatest.max(at)));
+        i64::from(greatest) - i64::from(least)
+    };
+    let axis: fn(&IntPoint<i32>) -> i32 = if extent(|p| p.x) > extent(|p| p.y) { |p| p.x } else { |p| p.y };
+    contours.sort_by_cached_key(|contour| contour.iter().map(axis).min());
+    let others = contours.split_off(contours.len() / 2);
+    Overlay::from_subj_and_clip(&union(contours), &union(others)).overlay(OverlayRule::Union, FillRule::NonZero)
+}
+
+/// So many contours are put together at once.
+const UNION_AT_ONCE: usize = 8;
+
+/// Edges that are longer make no corridors, metres: no explorer sees so far, and a corridor costs by its length.
+const LONGEST_EDGE_M: f64 = 100.0;
 /// What stands in free space is this large around each place where it was seen, millimetres.
 const THING_MM: f64 = 30.0;
-/// Two nodes saw the same when they saw it within this, millimetres.
-const SEEN_TWICE_MM: f64 = 60.0;
 /// What is nearer than this to an edge's line cannot be there, as the edge says, millimetres.
 const EDGE_ROOM_MM: f64 = 110.0;
-/// What is nearer than this to a rectangle's border is the wall behind it, millimetres.
+/// What is nearer than this to the border of all rectangles together is the wall behind it, millimetres.
 const BORDER_MM: f64 = 50.0;
 
-/// Whether a place lies inside a rectangle, well away from its border.
-fn is_deep_inside(rectangle: &IntContour<i32>, place: Corner) -> bool {
-    let [low, _, high, _] = rectangle.as_slice() else { return false };
-    let is_between = |low: i32, high: i32, at: f64| at > f64::from(low) + BORDER_MM && at < f64::from(high) - BORDER_MM;
-    is_between(low.x, high.x, place[0]) && is_between(low.y, high.y, place[1])
+/// Whether a place lies inside rectangles, least and greatest corner, well away from the border of all of them together.
+fn is_deep_inside(rectangles: &[[Corner; 2]], place: Corner) -> bool {
+    let contains = |[low, high]: &[Corner; 2], at: Corner, margin_mm: f64| {
+        (0..2).all(|axis| at[axis] > low[axis] + margin_mm && at[axis] < high[axis] - margin_mm)
+    };
+    if rectangles.iter().any(|it| contains(it, place, BORDER_MM)) {
+        return true;
+    }
+    let near: Vec<&[Corner; 2]> = rectangles.iter().filter(|it| contains(it, place, -BORDER_MM)).collect();
+    (0..8).all(|eighth| {
+        let (sin, cos) = (f64::from(eighth) * std::f64::consts::FRAC_PI_4).sin_cos();
+        let beside = [place[0] + BORDER_MM * cos, place[1] + BORDER_MM * sin];
+        near.iter().any(|it| contains(it, beside, 0.0))
+    })
 }
 
 fn rectangle(node: &NodeRef<'_>) -> Option<IntContour<i32>> {
@@ -322,7 +312,8 @@ fn point(x: i32, y: i32) -> IntPoint<i32> {
 
 /// The corridor around an edge, with half an octagon at either end: a robot may stand at a node and turn.
 fn corridor(from: FixedPoint, to: FixedPoint, half_width_mm: u16) -> Option<IntContour<i32>> {
-    let (dx, dy) = (f64::from(to.x_mm - from.x_mm), f64::from(to.y_mm - from.y_mm));
+    let ([x0, y0], [x1, y1]) = (corner_of(from), corner_of(to));
+    let (dx, dy) = (x1 - x0, y1 - y0);
     let length = dx.hypot(dy);
     if length < 1.0 {
         return None;
@@ -349,6 +340,6 @@ fn octagon(centre: FixedPoint, radius_mm: f64) -> impl Iterator<Item = IntPoint<
 
 /// Distance of a place from the straight line between two others, metres.
 fn from_segment_m(at: FixedPoint, a: FixedPoint, b: FixedPoint) -> f64 {
-    let [at, a, b] = [at, a, b].map(|place| [f64::from(place.x_mm), f64::from(place.y_mm)]);
+    let [at, a, b] = [at, a, b].map(corner_of);
     distance(nearest_on([a, b], at), at) * 1e-3
 }

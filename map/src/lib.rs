@@ -9,12 +9,15 @@
 //! | [`graph`] | shortest paths over nodes and edges |
 //! | [`route`] | a path between two places (paper, equation 5) |
 //! | [`free_space`] | where a robot's centre may be: rectangles and corridors as a mesh |
+//! | `approach` | the way into the mesh over ground that no rectangle covers |
 //! | `any_angle` | the shortest way through a mesh |
-//! | `seen_walls` | walls that a straight way into the mesh must not lead through |
+//! | `view` | what a main node's scanner saw: ends of beams, and ground that they passed over |
+//! | `seen_walls` | walls that a way into the mesh must keep away from |
 //! | [`taut`] | the shortest path between two places through free space |
 //! | [`lookup`] | nodes by place and by appearance |
 
 mod any_angle;
+mod approach;
 pub mod free_space;
 pub mod graph;
 pub mod lookup;
@@ -25,7 +28,9 @@ mod seen_walls;
 pub mod sequence;
 pub mod state;
 pub mod taut;
+mod view;
 
+pub use approach::ApproachConfig;
 pub use free_space::{FreeSpace, SpaceConfig};
 pub use replica::{Accepted, Replica};
 pub use route::{Route, RouteConfig, RouteError};

@@ -2,7 +2,8 @@
 //! through rectangles and corridors, and of all such paths the shortest.
 
 use crate::any_angle::shortest_way;
-use crate::free_space::{Corner, FreeSpace, Spot};
+use crate::approach::Approach;
+use crate::free_space::{Corner, FreeSpace, fixed_point};
 use crate::route::{self, Route, RouteConfig, RouteError, RoutePoint};
 use crate::state::MapState;
 use fht_proto::FixedPoint;
@@ -10,8 +11,8 @@ use fht_proto::FixedPoint;
 /// Ways into the mesh that are tried for places outside of it: through this many of its parts.
 const PARTS: usize = 4;
 
-/// Plans from `from` to `to` (map frame) through `space`, which must be that of `map`. A place outside of it joins it at the
-/// nearest point, and the way there counts [`RouteConfig::unmapped_factor`] times.
+/// Plans from `from` to `to` (map frame) through `space`, which must be that of `map`. A place outside of it joins it
+/// over ground that no rectangle covers, and the way there counts [`RouteConfig::unmapped_factor`] times.
 ///
 /// # Errors
 /// [`RouteError::OutOfMap`] for a place too far from the mapped space, [`RouteError::NoPath`] if nothing joins the two.
@@ -23,15 +24,17 @@ pub fn plan(
     config: &RouteConfig,
 ) -> Result<Route, RouteError> {
     let reach_mm = config.max_detour_m * 1000.0;
-    let (starts, goals) = (space.spots(from, reach_mm), space.spots(to, reach_mm));
-    let outside_mm = |(start, goal): &(&Spot, &Spot)| start.outside_mm + goal.outside_mm;
+    let (starts, goals) = (space.approaches(from, reach_mm), space.approaches(to, reach_mm));
+    let outside_mm = |(start, goal): &(&Approach, &Approach)| start.cost_mm + goal.cost_mm;
     let pairs = starts.iter().flat_map(|start| goals.iter().map(move |goal| (start, goal)));
-    let mut pairs: Vec<(&Spot, &Spot)> = pairs.filter(|(start, goal)| start.part == goal.part).collect();
+    let mut pairs: Vec<(&Approach, &Approach)> =
+        pairs.filter(|(start, goal)| start.joint.part == goal.joint.part).collect();
     pairs.sort_by(|a, b| outside_mm(a).total_cmp(&outside_mm(b)));
     let ways = pairs.into_iter().take(PARTS).filter_map(|(start, goal)| {
-        let way = shortest_way(space, start, goal)?;
+        let way = shortest_way(space, &start.joint, &goal.joint)?;
         let cost = length_mm(&way) + config.unmapped_factor.max(1.0) * outside_mm(&(start, goal));
-        Some((cost, way))
+        let whole = start.way.iter().chain(&way).chain(goal.way.iter().rev());
+        Some((cost, whole.copied().collect::<Vec<_>>()))
     });
     match ways.min_by(|a, b| a.0.total_cmp(&b.0)) {
         Some((_, way)) => Ok(route_over(from, &way, to)),
@@ -48,9 +51,8 @@ fn length_mm(way: &[Corner]) -> f64 {
 }
 
 fn route_over(from: FixedPoint, way: &[Corner], to: FixedPoint) -> Route {
-    let fixed = |corner: &Corner| FixedPoint { x_mm: corner[0].round() as i32, y_mm: corner[1].round() as i32 };
     let mut points: Vec<FixedPoint> = vec![from];
-    points.extend(way.iter().map(fixed));
+    points.extend(way.iter().map(|corner| fixed_point(*corner)));
     points.push(to);
     points.dedup();
     let length_m = points.windows(2).map(|pair| pair[0].distance(pair[1])).sum();

@@ -7,6 +7,7 @@
 //! | [`support`] | the two rules for support nodes (equations 5 and 6) |
 //! | [`edges`] | edges that lie in free space (equation 7) |
 //! | [`free_space`] | rectangles of local free space |
+//! | [`coverage`] | support nodes for free space that no rectangle covers (not in the paper) |
 //!
 //! [`Builder`] puts them in the order of the paper's Algorithm 1. All of it is plain computation on the explorer's own
 //! map and grid; what it decides comes out as operations.
@@ -20,15 +21,16 @@ pub mod support;
 
 use crate::journal::Journal;
 use crate::slam::{Anchored, Estimate};
-use coverage::{CoverageConfig, Gaps, Patch};
+use coverage::{CoverageConfig, Gaps, Goal, Patch};
 use edges::EdgeConfig;
-use fht_proto::{Descriptor, EdgeKey, FixedPoint, Increment, NodeId, NodeKind, Op, ScanRecord, Signature};
+use fht_map::MapState;
+use fht_proto::{Descriptor, EdgeKey, FixedPoint, Increment, NodeId, NodeKind, Op, Rect, ScanRecord, Signature};
 use fht_robot::grid::OccupancyGrid;
 use fht_robot::planning::{PlanConfig, UnknownCells};
 use fht_robot::pose::{Point2, Pose2, from_fixed, pose, to_fixed};
 use free_space::FreeSpaceConfig;
 use selection::{Place, Selection, SelectionConfig};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use support::{Hierarchy, Need, SupportConfig};
 
 /// Parameters of the construction.
@@ -112,6 +114,16 @@ pub struct Chain<'a> {
     pub between: &'a [Point2],
     /// The other end.
     pub to: NodeId,
+}
+
+/// Whether a rectangle around a node contains another around the same node, but for `slack_mm` on each side: a node that
+/// followed a correction lies elsewhere in its cell.
+fn contains(outer: &Rect, inner: &Rect, slack_mm: u16) -> bool {
+    let reaches = |outer: u16, inner: u16| outer.saturating_add(slack_mm) >= inner;
+    reaches(outer.west_mm, inner.west_mm)
+        && reaches(outer.east_mm, inner.east_mm)
+        && reaches(outer.south_mm, inner.south_mm)
+        && reaches(outer.north_mm, inner.north_mm)
 }
 
 /// Turns places into nodes.
@@ -325,7 +337,11 @@ impl Builder {
         let is_news = match (node.free_space, grown) {
             (None, grown) => grown.is_some(),
             (Some(rect), _) if free_space::is_obstructed(grid, position, &rect) => true,
-            (Some(rect), grown) => grown.is_some_and(|grown| grown.area_m2() > 1.1 * rect.area_m2()),
+            // A rectangle that reaches into a gap was grown from elsewhere, and is kept.
+            (Some(rect), grown) => grown.is_some_and(|grown| {
+                let cell_mm = (grid.resolution_m() * 1000.0) as u16;
+                grown.area_m2() > 1.1 * rect.area_m2() && contains(&grown, &rect, cell_mm)
+            }),
         };
         is_news.then_some(Op::SetFreeSpace { id, rect: grown })
     }
@@ -393,27 +409,58 @@ impl Builder {
 
     /// Support nodes for free space that no rectangle covers, with their edges.
     pub fn cover(&mut self, journal: &mut Journal, estimate: &Estimate<'_>) -> Vec<Op> {
-        let config = &self.config;
         // The map as it will be: a new node may have an edge to one that was new before it.
         let mut map = journal.state().clone();
-        let mut gaps = Gaps::of(&map, estimate.grid, &config.free_space, &config.coverage);
         let mut all = Vec::new();
-        while let Some(Patch { place, rect }) = gaps.take_best() {
-            let id = journal.fresh_node();
-            let mut edges = edges::edges_of(&map, estimate.grid, id, place, &self.config.edges);
-            if edges.is_empty() {
-                continue; // nobody could get there
+        for goal in [Goal::Centre, Goal::Ground] {
+            let mut gaps = Gaps::of(&map, estimate.grid, &self.config.free_space, &self.config.coverage, goal);
+            // Places from which no edge leads to any node that there is yet.
+            let mut hopeless: HashSet<FixedPoint> = HashSet::new();
+            while let Some(patch) = gaps.take_best() {
+                let id = journal.next_node();
+                let joined = self.joined(&patch, goal, id, &map, estimate.grid, &mut hopeless);
+                let Some((Patch { place, rect }, mut edges)) = joined else {
+                    continue; // nobody could get there
+                };
+                let id = journal.fresh_node();
+                edges.truncate(self.config.coverage.most_edges);
+                hopeless.retain(|other| other.distance(place) > self.config.edges.longest_m);
+                gaps.cover(&patch);
+                let put = self.put_support(id, point(place), estimate);
+                let ops = [put, Op::SetFreeSpace { id, rect: Some(rect) }].into_iter();
+                let ops: Vec<Op> = ops.chain(edges.into_iter().map(|edge| Op::PutEdge { edge })).collect();
+                let (author, hlc_us) = (journal.author(), map.max_hlc_us() + 1);
+                map.apply(&Increment { author, number: u64::MAX, hlc_us, ops: ops.clone() });
+                all.extend(ops);
             }
-            edges.truncate(self.config.coverage.most_edges);
-            gaps.cover(&Patch { place, rect });
-            let put = self.put_support(id, point(place), estimate);
-            let ops = [put, Op::SetFreeSpace { id, rect: Some(rect) }].into_iter();
-            let ops: Vec<Op> = ops.chain(edges.into_iter().map(|edge| Op::PutEdge { edge })).collect();
-            let (author, hlc_us) = (journal.author(), map.max_hlc_us() + 1);
-            map.apply(&Increment { author, number: u64::MAX, hlc_us, ops: ops.clone() });
-            all.extend(ops);
         }
         all
+    }
+
+    /// A patch with a node that has edges. In a gap too narrow for an edge it stands as near to it as the rectangle allows.
+    fn joined(
+        &self,
+        patch: &Patch,
+        goal: Goal,
+        id: NodeId,
+        map: &MapState,
+        grid: &OccupancyGrid,
+        hopeless: &mut HashSet<FixedPoint>,
+    ) -> Option<(Patch, Vec<EdgeKey>)> {
+        let places = match goal {
+            Goal::Centre => vec![patch.place],
+            Goal::Ground => patch.places(grid),
+        };
+        places.into_iter().find_map(|place| {
+            if hopeless.contains(&place) {
+                return None;
+            }
+            let edges = edges::edges_of(map, grid, id, place, &self.config.edges);
+            if edges.is_empty() {
+                hopeless.insert(place);
+            }
+            (!edges.is_empty()).then(|| (patch.seen_from(place), edges))
+        })
     }
 
     /// At the end: rectangles that have become larger since their node was made or that something stands in, and edges that walls now cross.

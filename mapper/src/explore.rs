@@ -29,6 +29,9 @@ use std::fmt;
 pub struct ExploreConfig {
     /// The planner's idea of the robot.
     pub plan: PlanConfig,
+    /// Where the robot finds itself boxed in, it leaves with this distance from the centres of occupied cells, metres. Default
+    /// 0.12.
+    pub squeeze_m: f64,
     /// How paths are followed.
     pub follow: FollowConfig,
     /// The check of every command against the scan.
@@ -60,6 +63,7 @@ impl Default for ExploreConfig {
     fn default() -> Self {
         Self {
             plan: PlanConfig::default(),
+            squeeze_m: 0.12,
             follow: FollowConfig::default(),
             safety: SafetyConfig::default(),
             frontier: FrontierConfig::default(),
@@ -289,6 +293,7 @@ impl Explorer {
             let underway = |goal: &Goal| Underway {
                 target: goal.target,
                 stand: goal.stand,
+                robot_radius_m: goal.robot_radius_m,
                 remaining_m: goal.follower.remaining_m(),
             };
             let underway = self.goal.as_ref().map(underway);

@@ -11,6 +11,14 @@ pub struct FrontierConfig {
     /// Smaller clusters are gaps between beams, not ways on; cells. Default 20, 1 m of edge: through a door that the
     /// robot fits through, it sees a wedge of floor with longer edges than that.
     pub min_cells: usize,
+    /// But so few are enough where the robot could go on: the gap between a bed and a wall, say, of which the cells beside
+    /// either are no frontier. Default 4.
+    pub gap_cells: usize,
+    /// The robot could go on over unknown cells with nothing occupied nearer than this, metres. Default 0.1.
+    pub gap_room_m: f64,
+    /// A gap is looked into on the way only, from at most this far: buildings have many, and a tour of
+    /// them at the end would be longer than all the rest. Metres. Default 8.
+    pub gap_reach_m: f64,
     /// Frontiers with less unknown space behind them are gaps as well, square metres: unknown cells that hang together
     /// with the frontier's. Default 0.3. A closed door's slit passes, the shadow of a table's leg does not.
     pub min_unknown_m2: f64,
@@ -25,7 +33,16 @@ pub struct FrontierConfig {
 
 impl Default for FrontierConfig {
     fn default() -> Self {
-        Self { min_cells: 20, min_unknown_m2: 0.3, join_cells: 2, thinning_m: 0.3, vantage_reach_m: 1.0 }
+        Self {
+            min_cells: 20,
+            gap_cells: 4,
+            gap_room_m: 0.1,
+            gap_reach_m: 8.0,
+            min_unknown_m2: 0.3,
+            join_cells: 2,
+            thinning_m: 0.3,
+            vantage_reach_m: 1.0,
+        }
     }
 }
 
@@ -36,6 +53,8 @@ pub struct Frontier {
     pub cells: Vec<Cell>,
     /// Number of squares of the configured thinning that it touches.
     pub size: usize,
+    /// Whether it is a gap, of fewer cells than other frontiers.
+    pub is_gap: bool,
 }
 
 /// From where a frontier is best looked at.
@@ -84,19 +103,22 @@ pub fn find_frontiers(grid: &OccupancyGrid, bounds: CellBounds, config: &Frontie
     let mut waiting = frontier_mask(grid, &bounds);
     let per_square = (config.thinning_m / grid.resolution_m()).round().max(1.0) as i32;
     let least_unknown = (config.min_unknown_m2 / grid.resolution_m().powi(2)).ceil() as usize;
+    let gap_room = (config.gap_room_m / grid.resolution_m()).round() as i32;
     let mut frontiers = Vec::new();
     for first in 0..waiting.len() {
         if !waiting[first] {
             continue;
         }
         let mut cells = take_cluster(&mut waiting, &bounds, bounds.cell(first), config.join_cells);
-        if cells.len() < config.min_cells || !opens_on(grid, &cells, least_unknown) {
+        let is_gap = cells.len() < config.min_cells;
+        let room = if is_gap { gap_room } else { 0 };
+        if (is_gap && cells.len() < config.gap_cells) || !opens_on(grid, &cells, least_unknown, room) {
             continue;
         }
         cells.sort_unstable();
         let square = |cell: &Cell| (cell.i.div_euclid(per_square), cell.j.div_euclid(per_square));
         let size = cells.iter().map(square).collect::<BTreeSet<_>>().len();
-        frontiers.push(Frontier { cells, size });
+        frontiers.push(Frontier { cells, size, is_gap });
     }
     frontiers
 }
@@ -147,8 +169,14 @@ fn take_cluster(waiting: &mut [bool], bounds: &CellBounds, first: Cell, join: i3
     cells
 }
 
-/// Whether at least `count` unknown cells hang together with each other and with some of `cells`.
-fn opens_on(grid: &OccupancyGrid, cells: &[Cell], count: usize) -> bool {
+/// Whether at least `count` unknown cells with nothing occupied within `room` cells hang together with each other and with some
+/// of `cells`.
+fn opens_on(grid: &OccupancyGrid, cells: &[Cell], count: usize, room: i32) -> bool {
+    let has_room = |at: Cell| {
+        let mut around =
+            (-room..=room).flat_map(|dj| (-room..=room).map(move |di| Cell { i: at.i + di, j: at.j + dj }));
+        room == 0 || around.all(|cell| grid.state(cell) != CellState::Occupied)
+    };
     let beside = |cell: Cell| [(1, 0), (0, 1), (-1, 0), (0, -1)].map(|(i, j)| Cell { i: cell.i + i, j: cell.j + j });
     let mut seen = BTreeSet::new();
     // Several separate slits are not one room: each is counted for itself.
@@ -157,7 +185,7 @@ fn opens_on(grid: &OccupancyGrid, cells: &[Cell], count: usize) -> bool {
         let mut area = 0;
         while let Some(next) = waiting.pop() {
             for cell in beside(next) {
-                if grid.state(cell) == CellState::Unknown && seen.insert(cell) {
+                if grid.state(cell) == CellState::Unknown && seen.insert(cell) && has_room(cell) {
                     area += 1;
                     waiting.push(cell);
                 }

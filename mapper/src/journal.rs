@@ -37,9 +37,15 @@ impl Journal {
         &self.state
     }
 
+    /// The id that [`Journal::fresh_node`] gives next.
+    #[must_use]
+    pub fn next_node(&self) -> NodeId {
+        NodeId { author: self.author, number: self.next_node }
+    }
+
     /// A node id that was never used.
     pub fn fresh_node(&mut self) -> NodeId {
-        let id = NodeId { author: self.author, number: self.next_node };
+        let id = self.next_node();
         self.next_node += 1;
         id
     }

@@ -10,6 +10,7 @@ use crate::construct::edges::EdgeConfig;
 use crate::construct::support::Hierarchy;
 use crate::construct::{Builder, BuilderConfig, Chain, Footing, Observation, plan_config, point};
 use crate::explore::{Answer, Ending, ExploreConfig, ExploreStep, Explorer, Search};
+use crate::frontier::FrontierConfig;
 use crate::journal::Journal;
 use crate::refine::{self, RefineConfig, RefineJob, Roadmap, Shortcut, is_still_free, shortcuts};
 use crate::slam::closure::ClosureCounts;
@@ -40,13 +41,21 @@ pub struct MapperConfig {
 }
 
 impl MapperConfig {
-    /// The paper's ablation "Main Only" (facts §3.6): no support nodes, longer edges, no refinement, no coverage.
+    /// The paper's ablation "Main Only" (facts §3.6): no support nodes, longer edges, no refinement, no coverage; and no looks
+    /// into gaps, which are too narrow for edges.
     #[must_use]
     pub fn main_only() -> Self {
         let edges = EdgeConfig { longest_m: 20.0, ..EdgeConfig::default() };
-        let coverage = CoverageConfig { least_gain_m2: f64::INFINITY, ..CoverageConfig::default() };
+        let coverage = CoverageConfig {
+            least_gain_m2: f64::INFINITY,
+            least_ground_m2: f64::INFINITY,
+            ..CoverageConfig::default()
+        };
         let builder = BuilderConfig { hierarchy: Hierarchy::MainOnly, edges, coverage, ..BuilderConfig::default() };
-        Self { builder, refine: RefineConfig { max_shortcuts: 0, ..RefineConfig::default() }, ..Self::default() }
+        let frontier = FrontierConfig { gap_cells: usize::MAX, ..FrontierConfig::default() };
+        let explore = ExploreConfig { frontier, ..ExploreConfig::default() };
+        let refine = RefineConfig { max_shortcuts: 0, ..RefineConfig::default() };
+        Self { builder, refine, explore, ..Self::default() }
     }
 }
 

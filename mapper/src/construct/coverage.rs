@@ -1,5 +1,8 @@
 //! Support nodes for free space that no rectangle covers: paths lead through rectangles, and where there is none they make a
 //! detour or none leads at all. Greedy: of all rectangles that could be added, always the one that covers most.
+//!
+//! Two things are to be covered: where the centre of a robot may be that keeps the distance from walls that paths keep; and the
+//! ground under a robot that squeezes into a gap too narrow for that, for nobody else can tell the way out of it.
 
 use super::free_space::{FreeSpaceConfig, grow};
 use super::plan_config;
@@ -7,6 +10,7 @@ use fht_map::MapState;
 use fht_proto::{FixedPoint, Rect};
 use fht_robot::grid::{Cell, CellBounds, OccupancyGrid};
 use fht_robot::planning::Traversable;
+use fht_robot::pose::Point2;
 
 /// Parameters of the coverage.
 #[derive(Clone, Debug)]
@@ -18,13 +22,24 @@ pub struct CoverageConfig {
     pub least_gain_m2: f64,
     /// Edges of such a node at most: its rectangle joins it to others already. Default 2.
     pub most_edges: usize,
-    /// Distance of the places that are tried, metres. Default 0.2.
+    /// Distance of the places that are tried, metres; half of it in gaps. Default 0.2.
     pub spacing_m: f64,
+    /// The robot's radius, metres. Default 0.105.
+    pub robot_radius_m: f64,
+    /// The least that a rectangle in a gap must cover of the ground under the robot, square metres. Default 0.08.
+    pub least_ground_m2: f64,
 }
 
 impl Default for CoverageConfig {
     fn default() -> Self {
-        Self { half_width_m: 0.16, least_gain_m2: 0.06, most_edges: 2, spacing_m: 0.2 }
+        Self {
+            half_width_m: 0.16,
+            least_gain_m2: 0.06,
+            most_edges: 2,
+            spacing_m: 0.2,
+            robot_radius_m: 0.105,
+            least_ground_m2: 0.08,
+        }
     }
 }
 
@@ -37,9 +52,45 @@ pub struct Patch {
     pub rect: Rect,
 }
 
-/// Where a robot may be, and which of it no rectangle covers yet.
+impl Patch {
+    /// Places in the rectangle where its node could be instead, the nearest first: centres of every second cell, the same cells
+    /// for all patches.
+    #[must_use]
+    pub fn places(&self, grid: &OccupancyGrid) -> Vec<FixedPoint> {
+        let (min, max) = (self.rect.min(self.place), self.rect.max(self.place));
+        let (low, high) = (grid.cell_of(Point2::new(min.0, min.1)), grid.cell_of(Point2::new(max.0, max.1)));
+        let every_second = |low: i32, high: i32| (low..=high).filter(|index| index % 2 == 0);
+        let cells = every_second(low.j, high.j).flat_map(|j| every_second(low.i, high.i).map(move |i| Cell { i, j }));
+        let centres = cells.map(|cell| grid.centre(cell));
+        let inside = centres.filter(|at| (min.0..=max.0).contains(&at.x) && (min.1..=max.1).contains(&at.y));
+        let places = inside.map(|at| FixedPoint::from_metres(at.x, at.y));
+        let mut places: Vec<FixedPoint> = std::iter::once(self.place).chain(places).collect();
+        places.sort_by(|a, b| a.distance(self.place).total_cmp(&b.distance(self.place)).then(a.cmp(b)));
+        places
+    }
+
+    /// The same rectangle around a node elsewhere in it.
+    #[must_use]
+    pub fn seen_from(&self, place: FixedPoint) -> Self {
+        Self { place, rect: Rect::around(place, self.rect.min(self.place), self.rect.max(self.place)) }
+    }
+}
+
+/// What is to be covered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Goal {
+    /// Where the centre of a robot may be, at the distance from walls that paths keep.
+    Centre,
+    /// The ground under a robot wherever it fits.
+    Ground,
+}
+
+/// What is to be covered, and which of it no rectangle covers yet.
 pub struct Gaps {
-    config: CoverageConfig,
+    /// A rectangle covers what is farther than this from its border, metres.
+    margin_m: f64,
+    least_cells: f64,
+    every: i32,
     bounds: CellBounds,
     resolution_m: f64,
     open: Vec<bool>,
@@ -49,22 +100,32 @@ pub struct Gaps {
 impl Gaps {
     /// The gaps of a map in a grid, among the places that can be reached from its nodes.
     #[must_use]
-    pub fn of(map: &MapState, grid: &OccupancyGrid, free_space: &FreeSpaceConfig, config: &CoverageConfig) -> Self {
-        let space = Traversable::new(grid, &plan_config(config.half_width_m, grid));
-        let bounds = grid.bounds();
-        let mut open = vec![false; bounds.width() * bounds.height()];
-        let mut waiting: Vec<Cell> = map.nodes().map(|node| grid.cell_of(super::point(node.pose.position))).collect();
-        while let Some(cell) = waiting.pop() {
-            if let Some(index) = bounds.index(cell)
-                && !open[index]
-                && space.is_passable(cell)
-            {
-                open[index] = true;
-                waiting.extend([(1, 0), (0, 1), (-1, 0), (0, -1)].map(|(i, j)| Cell { i: cell.i + i, j: cell.j + j }));
-            }
+    pub fn of(
+        map: &MapState,
+        grid: &OccupancyGrid,
+        free_space: &FreeSpaceConfig,
+        config: &CoverageConfig,
+        goal: Goal,
+    ) -> Self {
+        let resolution_m = grid.resolution_m();
+        let (clearance_m, margin_m, least_m2, spacing_m) = match goal {
+            Goal::Centre => (config.half_width_m, config.half_width_m, config.least_gain_m2, config.spacing_m),
+            Goal::Ground => (config.robot_radius_m, 0.0, config.least_ground_m2, 0.5 * config.spacing_m),
+        };
+        let space = Traversable::new(grid, &plan_config(clearance_m, grid));
+        let mut open = reachable(map, grid, &space);
+        if goal == Goal::Ground {
+            open = widened(&open, grid, config.robot_radius_m);
         }
-        let mut gaps =
-            Self { config: config.clone(), bounds, resolution_m: grid.resolution_m(), open, patches: Vec::new() };
+        let mut gaps = Self {
+            margin_m,
+            least_cells: least_m2 / resolution_m.powi(2),
+            every: (spacing_m / resolution_m).round().max(1.0) as i32,
+            bounds: grid.bounds(),
+            resolution_m,
+            open,
+            patches: Vec::new(),
+        };
         for node in map.nodes() {
             if let Some(rect) = node.free_space {
                 gaps.cover(&Patch { place: node.pose.position, rect });
@@ -75,8 +136,7 @@ impl Gaps {
     }
 
     fn candidates(&self, grid: &OccupancyGrid, free_space: &FreeSpaceConfig) -> Vec<Patch> {
-        let every = (self.config.spacing_m / self.resolution_m).round().max(1.0) as i32;
-        let on_lattice = |cell: &Cell| cell.i.rem_euclid(every) == 0 && cell.j.rem_euclid(every) == 0;
+        let on_lattice = |cell: &Cell| cell.i.rem_euclid(self.every) == 0 && cell.j.rem_euclid(self.every) == 0;
         let cells = (0..self.open.len()).filter(|&index| self.open[index]).map(|index| self.bounds.cell(index));
         let patch = |cell: Cell| {
             let centre = grid.centre(cell);
@@ -92,8 +152,7 @@ impl Gaps {
         let gain = |patch: &Patch| self.covered(patch).map_or(0, |(low, high)| count(&sums, &self.bounds, low, high));
         let (index, most) =
             self.patches.iter().map(gain).enumerate().max_by(|a, b| a.1.cmp(&b.1).then(b.0.cmp(&a.0)))?;
-        let is_enough = most as f64 * self.resolution_m * self.resolution_m >= self.config.least_gain_m2;
-        is_enough.then(|| self.patches.swap_remove(index))
+        (f64::from(most) >= self.least_cells).then(|| self.patches.swap_remove(index))
     }
 
     /// What a patch covers is no gap any more.
@@ -111,7 +170,7 @@ impl Gaps {
     /// The cells whose centres a patch covers: least and greatest, both included; `None` if there is none.
     fn covered(&self, patch: &Patch) -> Option<(Cell, Cell)> {
         let (min, max) = (patch.rect.min(patch.place), patch.rect.max(patch.place));
-        let margin = self.config.half_width_m;
+        let margin = self.margin_m;
         let first = |metres: f64| ((metres + margin) / self.resolution_m - 0.5).ceil() as i32;
         let last = |metres: f64| ((metres - margin) / self.resolution_m - 0.5).floor() as i32;
         let low = Cell { i: first(min.0).max(self.bounds.min.i), j: first(min.1).max(self.bounds.min.j) };
@@ -132,6 +191,40 @@ impl Gaps {
         }
         sums
     }
+}
+
+/// The cells where a robot may be that can be reached from the nodes.
+fn reachable(map: &MapState, grid: &OccupancyGrid, space: &Traversable) -> Vec<bool> {
+    let bounds = grid.bounds();
+    let mut open = vec![false; bounds.width() * bounds.height()];
+    let mut waiting: Vec<Cell> = map.nodes().map(|node| grid.cell_of(super::point(node.pose.position))).collect();
+    while let Some(cell) = waiting.pop() {
+        if let Some(index) = bounds.index(cell)
+            && !open[index]
+            && space.is_passable(cell)
+        {
+            open[index] = true;
+            waiting.extend([(1, 0), (0, 1), (-1, 0), (0, -1)].map(|(i, j)| Cell { i: cell.i + i, j: cell.j + j }));
+        }
+    }
+    open
+}
+
+/// The free cells within `radius_m` of cells that are open.
+fn widened(open: &[bool], grid: &OccupancyGrid, radius_m: f64) -> Vec<bool> {
+    let bounds = grid.bounds();
+    let reach = (radius_m / grid.resolution_m()).floor() as i32;
+    let disc = (-reach..=reach).flat_map(|dj| (-reach..=reach).map(move |di| (di, dj)));
+    let disc: Vec<(i32, i32)> = disc.filter(|(di, dj)| di * di + dj * dj <= reach * reach).collect();
+    let is_under = |index: usize| {
+        let cell = bounds.cell(index);
+        grid.is_surely_free(cell)
+            && disc.iter().any(|(di, dj)| {
+                let beside = Cell { i: cell.i + di, j: cell.j + dj };
+                bounds.index(beside).is_some_and(|index| open[index])
+            })
+    };
+    (0..open.len()).map(is_under).collect()
 }
 
 /// Open cells from `low` to `high`, both included.

@@ -3,7 +3,7 @@
 use super::*;
 use fht_proto::AuthorId;
 use fht_robot::frame::LaserScan;
-use fht_robot::grid::GridConfig;
+use fht_robot::grid::{Cell, CellBounds, CellState, GridConfig};
 
 /// A scan from the middle of a square room of side 6 m, with a post of 0.2 m at (1, 0) if `post`.
 fn room(post: bool) -> LaserScan {
@@ -109,4 +109,39 @@ fn a_node_that_something_stands_on_has_no_free_space() {
     (0..20).for_each(|_| grid.integrate(&pose(0.13, 0.02, 0.0), &blocked));
     journal.write(builder.finish(&journal, &grid), 2);
     assert_eq!(free_around(&journal, first), None);
+}
+
+#[test]
+fn ground_in_a_gap_too_narrow_for_an_edge_is_covered_from_outside() {
+    // A room of 3 m by 3 m, and out of the middle of its right wall a niche, 0.3 m wide and 1 m deep.
+    let bounds = CellBounds { min: Cell { i: -30, j: -30 }, max: Cell { i: 52, j: 31 } };
+    let is_free = |cell: Cell| {
+        (cell.i.abs() < 30 && cell.j.abs() < 30) || (cell.i < 50 && (-3..3).contains(&cell.j) && cell.i > -30)
+    };
+    let state = |index| if is_free(bounds.cell(index)) { CellState::Free } else { CellState::Occupied };
+    let cells = bounds.width() * bounds.height();
+    let grid = OccupancyGrid::from_states(GridConfig::default(), bounds, (0..cells).map(state));
+    let mut builder = Builder::new(BuilderConfig::default());
+    let mut journal = Journal::new(AuthorId(1));
+    let estimate = Estimate { grid: &grid, poses: &[Pose2::identity()] };
+    let anchored = Anchored { keyframe: 0, keyframe_from_base: pose(0.0, -1.0, 0.0) };
+    let (_, ops) = builder.make_node(Footing { anchored, frame: None }, None, &mut journal, &estimate);
+    journal.write(ops, 1);
+    let ops = builder.cover(&mut journal, &estimate);
+    journal.write(ops, 2);
+    let in_niche = |node: &fht_map::NodeRef<'_>| {
+        node.free_space.is_some_and(|rect| {
+            let (min, max) = (rect.min(node.pose.position), rect.max(node.pose.position));
+            min.0 < 1.5 && max.0 > 2.4 && min.1 < -0.1 && max.1 > 0.1
+        })
+    };
+    let node = journal.state().nodes().find(in_niche).expect("a rectangle reaches into the niche");
+    assert!(node.pose.position.x() < 1.5, "it stands where an edge leads: {:?}", node.pose);
+    assert!(journal.state().edges().any(|edge| [edge.low(), edge.high()].contains(&node.id)));
+    let before = journal.state().nodes().count();
+    journal.write(builder.finish(&journal, &grid), 3);
+    assert!(
+        builder.cover(&mut journal, &Estimate { grid: &grid, poses: &[Pose2::identity()] }).is_empty(),
+        "{before} nodes cover it"
+    );
 }

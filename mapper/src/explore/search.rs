@@ -6,7 +6,7 @@ use super::{ExploreConfig, utility};
 use crate::frontier::{self, find_frontiers};
 use fht_robot::grid::{Cell, OccupancyGrid};
 use fht_robot::motion::PathFollower;
-use fht_robot::planning::{Traversable, region_around};
+use fht_robot::planning::{PlanConfig, Traversable, region_around};
 use fht_robot::pose::{Point2, Pose2, wrap_angle};
 
 /// The way's direction is taken at this distance from the robot, metres.
@@ -17,6 +17,8 @@ const NEAR_M: f64 = 6.0;
 const WIDEN: f64 = 2.5;
 /// The region of a search reaches beyond its limit by this much, so that frontiers at the limit are seen whole, metres.
 const REGION_MARGIN_M: f64 = 1.0;
+/// Where the robot began is a place this near to it, metres.
+const HOME_REACH_M: f64 = 0.5;
 /// A way that has become longer by more than this is no longer the way that was chosen, metres.
 const DETOUR_M: f64 = 2.0;
 
@@ -25,6 +27,8 @@ const DETOUR_M: f64 = 2.0;
 pub(super) struct Goal {
     pub(super) target: Point2,
     pub(super) stand: Point2,
+    /// What the way there keeps from occupied cells, metres: less than otherwise if the robot was boxed in.
+    pub(super) robot_radius_m: f64,
     pub(super) follower: PathFollower,
     pub(super) reached_us: Option<u64>,
 }
@@ -34,6 +38,7 @@ pub(super) struct Goal {
 pub(super) struct Underway {
     pub(super) target: Point2,
     pub(super) stand: Point2,
+    pub(super) robot_radius_m: f64,
     /// What was left of the way, metres.
     pub(super) remaining_m: f64,
 }
@@ -70,23 +75,39 @@ impl Search {
     fn way_on(&self, grid: &OccupancyGrid, underway: &Underway) -> Option<Goal> {
         let position = Point2::from(self.map_from_base.translation.vector);
         let reach_m = underway.remaining_m + DETOUR_M;
-        let space = Traversable::in_region(grid, &self.config.plan, region_around(grid, position, reach_m));
+        let plan = PlanConfig { robot_radius_m: underway.robot_radius_m, ..self.config.plan.clone() };
+        let space = Traversable::in_region(grid, &plan, region_around(grid, position, reach_m));
         let path = space.shortest_path(position, underway.stand).filter(|path| path.length_m <= reach_m)?;
         Some(Goal {
             target: underway.target,
             stand: underway.stand,
+            robot_radius_m: underway.robot_radius_m,
             follower: PathFollower::new(self.config.follow.clone(), space.shorten(&path.points)),
             reached_us: None,
         })
     }
 
-    /// The frontier of greatest utility that has not failed; if all have, the best that may be tried again.
+    /// The frontier of greatest utility that has not failed; if all have, the best that may be tried again. A robot that is
+    /// boxed in squeezes out first.
     fn choose(&self, grid: &OccupancyGrid) -> Option<Goal> {
         let config = &self.config;
         let allowed = |target: Point2| self.setbacks.allows(target, self.time_us, &config.setbacks);
         let allowed_later = |target: Point2| self.setbacks.allows_later(target, &config.setbacks);
         best_goal(grid, &self.map_from_base, config, allowed)
             .or_else(|| best_goal(grid, &self.map_from_base, config, allowed_later))
+            .or_else(|| {
+                let plan = PlanConfig { robot_radius_m: config.squeeze_m, ..config.plan.clone() };
+                let tight = ExploreConfig { plan, ..config.clone() };
+                self.is_boxed_in(grid).then(|| best_goal(grid, &self.map_from_base, &tight, allowed_later)).flatten()
+            })
+    }
+
+    /// Whether the robot cannot even get back to where it began: it drove into a gap that has become narrower in the grid.
+    fn is_boxed_in(&self, grid: &OccupancyGrid) -> bool {
+        let space = Traversable::new(grid, &self.config.plan);
+        let position = Point2::from(self.map_from_base.translation.vector);
+        let origin = space.nearest_passable(Point2::origin(), HOME_REACH_M);
+        origin.is_some_and(|home| space.distances_from(position).distance_m(home).is_none())
     }
 }
 
@@ -123,6 +144,9 @@ fn best_goal(
         let distances = space.distances_within(position, limit_m);
         let candidates = frontiers.iter().filter_map(|frontier| {
             let approach = frontier::approach(frontier, grid, &space, &distances, &config.frontier, is_open)?;
+            if frontier.is_gap && approach.distance_m > config.frontier.gap_reach_m {
+                return None;
+            }
             let path = distances.path_to(approach.stand);
             let turn_rad = turn_to_set_off(map_from_base, &path);
             Some((utility(frontier.size, approach.distance_m, turn_rad, &config.utility), approach, path))
@@ -135,6 +159,7 @@ fn best_goal(
                 return Some(Goal {
                     target: space.centre(approach.target),
                     stand: space.centre(approach.stand),
+                    robot_radius_m: config.plan.robot_radius_m,
                     follower: PathFollower::new(config.follow.clone(), space.shorten(&path)),
                     reached_us: None,
                 });

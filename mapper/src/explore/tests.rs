@@ -1,5 +1,5 @@
 use super::*;
-use fht_robot::grid::GridConfig;
+use fht_robot::grid::{Cell, CellBounds, CellState, GridConfig};
 use fht_robot::pose::pose;
 
 /// What a robot at (0, 0) sees in a closed square room of side 4 m.
@@ -88,4 +88,23 @@ fn a_robot_that_cannot_move_backs_out_and_gives_up_in_the_end() {
         }
     }
     panic!("still trying after ten minutes");
+}
+
+#[test]
+fn a_robot_that_is_boxed_in_squeezes_out_before_it_says_that_all_is_seen() {
+    // It began at the origin and stands behind a wall with an opening of 0.25 m; on its side nothing is left to be seen.
+    let bounds = CellBounds { min: Cell { i: -20, j: -10 }, max: Cell { i: 41, j: 11 } };
+    let state = |index| match bounds.cell(index) {
+        Cell { i: 20, j } if j.abs() > 2 => CellState::Occupied,
+        Cell { i: 40, .. } | Cell { j: -10 | 10, .. } => CellState::Occupied,
+        _ => CellState::Free,
+    };
+    let cells = bounds.width() * bounds.height();
+    let grid = OccupancyGrid::from_states(GridConfig::default(), bounds, (0..cells).map(state));
+    let (_, scan) = closed_room();
+    let mut explorer = Explorer::new(ExploreConfig { first_look_s: 0.0, ..ExploreConfig::default() });
+    let here = pose(1.5, 0.0, 0.0);
+    step(&mut explorer, &grid, &here, &scan, 0);
+    assert!(explorer.goal().is_some_and(|goal| goal.x < -0.9), "{:?}", explorer.goal());
+    assert!(matches!(explorer.step(&grid, &here, &scan, 100_000), ExploreStep::Drive(_)));
 }

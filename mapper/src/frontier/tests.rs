@@ -99,3 +99,37 @@ fn a_gap_with_little_behind_it_is_no_frontier() {
     let empty = OccupancyGrid::new(GridConfig::default());
     assert!(find_frontiers(&empty, empty.bounds(), &FrontierConfig::default()).is_empty());
 }
+
+/// The floor beside a bed that stands `gap` cells from the wall below it: only the bed's end has been seen.
+fn beside_a_bed(gap: i32) -> OccupancyGrid {
+    let bounds = CellBounds { min: Cell { i: 0, j: 0 }, max: Cell { i: 60, j: 40 } };
+    let state = |index| match bounds.cell(index) {
+        Cell { i: 0..=29, j: 0 } => CellState::Occupied,
+        Cell { i: 30, j } if j > gap => CellState::Occupied,
+        Cell { i: 0..=29, .. } => CellState::Free,
+        _ => CellState::Unknown,
+    };
+    OccupancyGrid::from_states(GridConfig::default(), bounds, (0..60 * 40).map(state))
+}
+
+#[test]
+fn a_gap_that_the_robot_could_go_into_is_a_frontier() {
+    let beside_wall = |frontier: &Frontier| frontier.cells.iter().all(|cell| cell.i == 29);
+    let found = |gap| {
+        let grid = beside_a_bed(gap);
+        let frontiers = find_frontiers(&grid, grid.bounds(), &FrontierConfig::default());
+        frontiers.into_iter().filter(beside_wall).map(|frontier| frontier.cells.len()).collect::<Vec<_>>()
+    };
+    assert_eq!(found(6), [4], "0.3 m");
+    assert_eq!(found(4), [0; 0], "0.2 m");
+}
+
+#[test]
+fn who_looks_into_no_gap_still_looks_through_doors() {
+    let config = FrontierConfig { gap_cells: usize::MAX, ..FrontierConfig::default() };
+    let room = room_with_a_door(-0.5);
+    assert!(!find_frontiers(&room, room.bounds(), &config).is_empty());
+    let bed = beside_a_bed(6);
+    let frontiers = find_frontiers(&bed, bed.bounds(), &config);
+    assert!(frontiers.iter().all(|frontier| frontier.cells.iter().any(|cell| cell.i != 29)));
+}

@@ -22,6 +22,8 @@ pub struct RelocalizeFigures {
     /// Share of the authors' own starts, and how many there are.
     pub authors_success: Option<f64>,
     pub authors_trials: usize,
+    /// The same starts as the paper judges them.
+    pub as_paper: Option<AsPaper>,
     /// Share of the starts after which a pose was right at some time, declared or not: what the paper counts.
     pub guessed_success: f64,
     /// And the distance driven until then, metres: mean and standard deviation.
@@ -43,6 +45,37 @@ pub struct RelocalizeFigures {
     /// Time per frame, milliseconds: mean, and the greatest there was.
     pub frame_ms_mean: f64,
     pub frame_ms_max: f64,
+}
+
+/// What the paper counts: the authors' own starts, and the first right pose whether it was declared or not.
+#[derive(Clone, Debug, Serialize)]
+pub struct AsPaper {
+    /// Share of the starts after which there was one.
+    pub success: f64,
+    /// Distance driven until then, metres: mean and standard deviation.
+    pub l_reloca_m: [f64; 2],
+    /// Error as a share of the distance from the start to the map's origin, percent: mean and standard deviation.
+    pub epsilon_t_percent: [f64; 2],
+    /// Error of the heading, degrees: mean and standard deviation.
+    pub epsilon_theta_deg: [f64; 2],
+}
+
+impl AsPaper {
+    fn of(authors: &[&Outcome]) -> Option<Self> {
+        let fixes: Vec<(&Outcome, Fix)> =
+            authors.iter().filter_map(|outcome| Some((*outcome, outcome.guessed?))).collect();
+        let values = |value: &dyn Fn(&Fix) -> f64| {
+            let values: Vec<f64> = fixes.iter().map(|(_, fix)| value(fix)).collect();
+            [mean(&values), deviation(&values)]
+        };
+        let epsilon_t = epsilon_t(&fixes);
+        (!authors.is_empty()).then(|| Self {
+            success: fixes.len() as f64 / authors.len() as f64,
+            l_reloca_m: values(&|fix| fix.driven_m),
+            epsilon_t_percent: [mean(&epsilon_t), deviation(&epsilon_t)],
+            epsilon_theta_deg: values(&|fix| fix.error_deg),
+        })
+    }
 }
 
 impl RelocalizeFigures {
@@ -74,6 +107,12 @@ impl RelocalizeFigures {
 /// A start nearer to the map's origin than this says nothing about ε_t, metres.
 const LEAST_TO_ORIGIN_M: f64 = 1.0;
 
+/// Errors as shares of the distances to the map's origin, percent.
+fn epsilon_t(fixes: &[(&Outcome, Fix)]) -> Vec<f64> {
+    let far = fixes.iter().filter(|(outcome, _)| outcome.to_origin_m >= LEAST_TO_ORIGIN_M);
+    far.map(|(outcome, fix)| 100.0 * fix.error_m / outcome.to_origin_m).collect()
+}
+
 pub fn relocalize_figures(trials: &Trials) -> RelocalizeFigures {
     let of = |drawn: bool| {
         let all = trials.outcomes.iter().filter(move |(start, _)| matches!(start, Start::Drawn(_)) == drawn);
@@ -84,8 +123,7 @@ pub fn relocalize_figures(trials: &Trials) -> RelocalizeFigures {
     let share = |count: usize, of: usize| count as f64 / of.max(1) as f64;
     let fixes: Vec<(&Outcome, Fix)> = drawn.iter().filter_map(|outcome| Some((*outcome, outcome.right?))).collect();
     let values = |value: &dyn Fn(&Fix) -> f64| fixes.iter().map(|(_, fix)| value(fix)).collect::<Vec<f64>>();
-    let far = fixes.iter().filter(|(outcome, _)| outcome.to_origin_m >= LEAST_TO_ORIGIN_M);
-    let epsilon_t: Vec<f64> = far.map(|(outcome, fix)| 100.0 * fix.error_m / outcome.to_origin_m).collect();
+    let epsilon_t = epsilon_t(&fixes);
     let (distances, degrees) = (values(&|fix| fix.driven_m), values(&|fix| fix.error_deg));
     let guessed: Vec<f64> = drawn.iter().filter_map(|outcome| Some(outcome.guessed?.driven_m)).collect();
     let frames: Vec<f64> = drawn.iter().map(|outcome| outcome.frame_ms[0]).collect();
@@ -99,6 +137,7 @@ pub fn relocalize_figures(trials: &Trials) -> RelocalizeFigures {
         success_within_15_m: share(fixes.iter().filter(|(_, fix)| fix.driven_m <= 15.0).count(), drawn.len()),
         authors_success: (!authors.is_empty()).then(|| share(right(&authors), authors.len())),
         authors_trials: authors.len(),
+        as_paper: AsPaper::of(&authors),
         guessed_success: share(guessed.len(), drawn.len()),
         l_guessed_mean_m: mean(&guessed),
         l_guessed_std_m: deviation(&guessed),

@@ -5,6 +5,7 @@ mod chart;
 mod contents;
 mod explore;
 mod figures;
+mod knobs;
 mod maps;
 mod output;
 mod paper;
@@ -62,8 +63,13 @@ pose of the scan taken at t2 in the frame of the scan taken at t1, metres and ra
     /// What maps consist of and take up, and how much of what a robot sees they know.
     #[command(after_help = "Examples:
   evaluate contents --worlds ../shared/data/maps/museum.yaml,../shared/data/maps/large_indoor.yaml
-  evaluate contents --worlds museum --sigma-c 5")]
+  evaluate contents --worlds museum --knob few-main-nodes")]
     Contents(contents::ContentsArgs),
+    /// What each knob of the mapper buys: a building explored with one knob turned at a time, and what its map is worth then.
+    #[command(after_help = "Examples:
+  evaluate knobs --worlds ../shared/data/maps/museum.yaml --starts 50
+  evaluate knobs --worlds ../shared/data/maps/museum.yaml --knobs few-main-nodes,no-coverage --out knobs.md")]
+    Knobs(knobs::KnobsArgs),
     /// Robots dropped anywhere in an explored building: how soon and how well they know where they are.
     #[command(after_help = "Examples:
   evaluate relocalize --worlds ../shared/data/maps/museum.yaml --starts 100
@@ -81,6 +87,7 @@ fn main() -> ExitCode {
         Part::Tables(args) => tables::run(&args),
         Part::Paths(args) => paths::run(&args),
         Part::Contents(args) => contents::run(&args),
+        Part::Knobs(args) => knobs::run(&args),
         Part::Relocalize(args) => relocalize::run(&args),
     };
     match outcome {

@@ -1,5 +1,6 @@
 //! The explored maps that an evaluation works on.
 
+use crate::knobs::Knob;
 use clap::Args;
 use fht_tests::ledger::Ledger;
 use fht_tests::survey::{Survey, SurveyTask};
@@ -10,7 +11,7 @@ use std::io::ErrorKind::NotFound;
 use std::path::PathBuf;
 
 /// Which maps.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct MapArgs {
     /// Buildings: museum, office, or paths of map.yaml and .world files.
     #[arg(long, value_delimiter = ',', default_value = "museum,office")]
@@ -18,9 +19,9 @@ pub struct MapArgs {
     /// Seed of the exploration, and of what is drawn in it.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// How far a main node's relocalization capability reaches (the paper's σ_c), metres [default: the mapper's].
-    #[arg(long, value_name = "M")]
-    sigma_c: Option<f64>,
+    /// Explore with one knob of the mapper turned.
+    #[arg(long, value_enum)]
+    pub knob: Option<Knob>,
     /// Where explored maps and results are kept.
     #[arg(long, value_name = "FOLDER", default_value = "target/evaluation")]
     pub kept: PathBuf,
@@ -58,9 +59,9 @@ impl MapArgs {
             Variant::MainOnly => ("main-only", MapperConfig::main_only()),
         };
         let mut name = name.to_owned();
-        if let Some(sigma_c_m) = self.sigma_c {
-            mapper.builder.selection.sigma_c_m = sigma_c_m;
-            name = format!("{name}-sigma{sigma_c_m}");
+        if let Some(knob) = self.knob {
+            knob.turn(&mut mapper);
+            name = format!("{name}-{}", knob.name());
         }
         let task = SurveyTask {
             world: world.to_owned(),

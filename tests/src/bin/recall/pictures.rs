@@ -1,6 +1,7 @@
 //! Places as pictures in folders.
 
 use crate::score::{Relation, Row};
+use fht_proto::Descriptor;
 use fht_robot::descriptor::DescriptorNet;
 use image::RgbImage;
 use std::error::Error;
@@ -12,15 +13,17 @@ const SAME_WITHIN: usize = 2;
 
 /// The corridor: `ref/` and `query/` hold pictures of one walk each, in order.
 pub fn corridor(net: &mut DescriptorNet, folder: &Path) -> Result<Vec<Row>, Box<dyn Error>> {
-    let mut describe = |name: &str| -> Result<Vec<Vec<f32>>, Box<dyn Error>> {
+    let model = net.model().id;
+    let mut describe = |name: &str| -> Result<Vec<Descriptor>, Box<dyn Error>> {
         let mut descriptors = Vec::new();
         for path in files(&folder.join(name))? {
-            descriptors.push(net.picture_appearance(&[open(&path)?])?.components);
+            let components = net.picture_appearance(&[open(&path)?])?.components;
+            descriptors.push(Descriptor::quantise(model, &components));
         }
         Ok(descriptors)
     };
     let (references, queries) = (describe("ref")?, describe("query")?);
-    let row = |(number, query): (usize, &Vec<f32>)| -> Row {
+    let row = |(number, query): (usize, &Descriptor)| -> Row {
         let related = |other: usize| {
             if number.abs_diff(other) <= SAME_WITHIN { Relation::Same } else { Relation::Different }
         };
@@ -29,9 +32,9 @@ pub fn corridor(net: &mut DescriptorNet, folder: &Path) -> Result<Vec<Row>, Box<
     Ok(queries.iter().enumerate().map(row).collect())
 }
 
-/// The inner product of two unit vectors.
-pub fn cosine(a: &[f32], b: &[f32]) -> f32 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+/// The cosine of two descriptors as they travel; 0 if one of them says nothing.
+pub fn cosine(a: &Descriptor, b: &Descriptor) -> f32 {
+    a.similarity(b).unwrap_or_default()
 }
 
 fn open(path: &Path) -> Result<RgbImage, Box<dyn Error>> {

@@ -96,7 +96,7 @@ impl Visits {
         config: &VisitConfig,
     ) -> Result<Vec<Row>, DescribeError> {
         let mut describe =
-            |pose: &Pose2, light_seed: u64| net.describe(&panorama(world, *pose, light_seed, config.seed));
+            |pose: &Pose2, light_seed: u64| net.descriptor(&panorama(world, *pose, light_seed, config.seed));
         let [first_day, later_day] = days(config.seed);
         let places = self.places.iter().map(|pose| describe(pose, first_day)).collect::<Result<Vec<_>, _>>()?;
         let mut rows = Vec::new();
@@ -121,9 +121,9 @@ impl Visits {
         let [day, _] = days(config.seed);
         let (mut least, mut sum) = (f64::INFINITY, 0.0);
         for place in &self.places {
-            let first = net.describe(&panorama(world, *place, day, config.seed))?;
+            let first = net.descriptor(&panorama(world, *place, day, config.seed))?;
             let turned = *place * pose(0.0, 0.0, rng.random_range(-PI..PI));
-            let again = net.describe(&panorama(world, turned, day, config.seed + 1))?;
+            let again = net.descriptor(&panorama(world, turned, day, config.seed + 1))?;
             let cosine = f64::from(cosine(&first, &again));
             least = least.min(cosine);
             sum += cosine;

@@ -1,0 +1,318 @@
+//! The way between a place that no rectangle covers and the mesh.
+//!
+//! Of such ground the map knows only what its main nodes' scanners saw: walls, and how far the view was free. Most such places lie
+//! beside a wall, a hand's breadth from the mesh, and the straight way is clear. From others, behind a bed say, a way leads over
+//! a grid around the place: away from what was seen, and sooner over ground that a beam passed than over ground that nobody
+//! saw, where anything may stand.
+
+use crate::free_space::{Corner, FreeSpace, Spot, between, corner_of, distance, nearest_on};
+use crate::view::View;
+use fht_proto::FixedPoint;
+use pathfinding::directed::dijkstra::dijkstra_reach;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+/// How places outside join the mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ApproachConfig {
+    /// A straight way is taken if it is at most this long, millimetres. Default 300.
+    pub straight_mm: f64,
+    /// And if it keeps this far from walls, millimetres. Default 130: rather more than the robot's radius.
+    pub straight_room_mm: f64,
+    /// Other ways keep this far from walls, millimetres; if there is none, the second. Default 115 and 95: rather more than the
+    /// robot's radius, and what is left of it when a scan is off.
+    pub room_mm: [f64; 2],
+    /// And this far where it costs little, millimetres. Default 150.
+    pub good_room_mm: f64,
+    /// A metre at the least distance from walls counts for this many more. Default 10.
+    pub near_factor: f64,
+    /// A metre on which nobody saw the ground under the robot counts for this many more. Default 20.
+    pub unseen_factor: f64,
+    /// The ground under the robot reaches this far from its centre, millimetres. Default 112.
+    pub body_mm: f64,
+    /// Main nodes farther away than this are not asked what they saw, millimetres. Default 8000.
+    pub view_mm: f64,
+}
+
+impl Default for ApproachConfig {
+    fn default() -> Self {
+        Self {
+            straight_mm: 300.0,
+            straight_room_mm: 130.0,
+            room_mm: [115.0, 95.0],
+            good_room_mm: 150.0,
+            near_factor: 10.0,
+            unseen_factor: 20.0,
+            body_mm: 112.0,
+            view_mm: 8_000.0,
+        }
+    }
+}
+
+/// Side of a cell of the grid, millimetres.
+const CELL_MM: f64 = 50.0;
+
+/// A way into the mesh.
+#[derive(Clone, Debug)]
+pub(crate) struct Approach {
+    /// Where it ends.
+    pub(crate) joint: Spot,
+    /// From the place to before the joint.
+    pub(crate) way: Vec<Corner>,
+    /// Its length, millimetres; ground near walls and ground that nobody saw count more.
+    pub(crate) cost_mm: f64,
+}
+
+/// A cell, counted from the one around the place.
+type Cell = (i32, i32);
+
+impl FreeSpace {
+    /// Ways from a place into the mesh: to every part of it within `reach_mm`. None is needed for a place that lies in it. If no
+    /// way keeps away from what was seen, the straight one to the nearest point.
+    pub(crate) fn approaches(&self, point: FixedPoint, reach_mm: f64) -> Vec<Approach> {
+        let (place, config) = (corner_of(point), &self.approach);
+        if let Some(triangle) = self.triangle_at(place) {
+            return vec![Approach { joint: self.spot(triangle, place), way: Vec::new(), cost_mm: 0.0 }];
+        }
+        let mut nearest: BTreeMap<u32, Approach> = BTreeMap::new();
+        let mut borders = Vec::new();
+        for (triangle, ends) in self.borders() {
+            let joint = self.spot(triangle, nearest_on(ends, place));
+            let cost_mm = distance(joint.place, place);
+            if cost_mm > reach_mm {
+                continue;
+            }
+            borders.push((triangle, ends));
+            if nearest.get(&joint.part).is_none_or(|kept| kept.cost_mm > cost_mm) {
+                nearest.insert(joint.part, Approach { joint, way: vec![place], cost_mm });
+            }
+        }
+        let is_straight = |way: &Approach| {
+            way.cost_mm <= config.straight_mm && self.walls.is_clear([place, way.joint.place], config.straight_room_mm)
+        };
+        let mut others: BTreeSet<u32> =
+            nearest.values().filter(|way| !is_straight(way)).map(|way| way.joint.part).collect();
+        if !others.is_empty() {
+            let mut ground = Ground::new(self, place, reach_mm);
+            for room_mm in config.room_mm {
+                for way in ground.ways(&borders, others.clone(), room_mm) {
+                    others.remove(&way.joint.part);
+                    nearest.insert(way.joint.part, way);
+                }
+            }
+        }
+        // What is left leads past what was seen, or through it: as bad as any other way at its worst.
+        for part in others {
+            nearest.entry(part).and_modify(|way| way.cost_mm *= 1.0 + config.near_factor + config.unseen_factor);
+        }
+        nearest.into_values().collect()
+    }
+
+    fn spot(&self, triangle: u32, place: Corner) -> Spot {
+        Spot { triangle, part: self.triangles[triangle as usize].part, place }
+    }
+}
+
+/// The ground around a place.
+struct Ground<'a> {
+    space: &'a FreeSpace,
+    place: Corner,
+    /// Cells on either side of the place.
+    reach: i32,
+    /// Distance from walls, millimetres.
+    room_mm: f64,
+    /// Who may have seen it, the nearest first.
+    views: Vec<&'a View>,
+    /// What nodes say is free.
+    rectangles: Vec<[Corner; 2]>,
+    seen: HashMap<Cell, bool>,
+    /// What a millimetre in a cell counts for; none where a wall is too near.
+    factors: HashMap<Cell, Option<f64>>,
+}
+
+impl<'a> Ground<'a> {
+    fn new(space: &'a FreeSpace, place: Corner, reach_mm: f64) -> Self {
+        let away_mm = |view: &&View| distance(view.from, place);
+        let mut views: Vec<&View> = space.views.iter().filter(|view| away_mm(view) < space.approach.view_mm).collect();
+        views.sort_by(|a, b| away_mm(a).total_cmp(&away_mm(b)));
+        let is_near = |[low, high]: &[Corner; 2]| {
+            (0..2).all(|axis| low[axis] <= place[axis] + reach_mm && high[axis] >= place[axis] - reach_mm)
+        };
+        let rectangles = space.rectangles.iter().copied().filter(is_near).collect();
+        let reach = (reach_mm / CELL_MM).ceil() as i32;
+        let (seen, factors) = (HashMap::new(), HashMap::new());
+        Self { space, place, reach, room_mm: 0.0, views, rectangles, seen, factors }
+    }
+
+    fn cell_of(&self, at: Corner) -> Cell {
+        let cell = |axis: usize| ((at[axis] - self.place[axis]) / CELL_MM).round() as i32;
+        (cell(0), cell(1))
+    }
+
+    fn middle(&self, cell: Cell) -> Corner {
+        [self.place[0] + f64::from(cell.0) * CELL_MM, self.place[1] + f64::from(cell.1) * CELL_MM]
+    }
+
+    fn factor(&mut self, cell: Cell) -> Option<f64> {
+        if let Some(factor) = self.factors.get(&cell) {
+            return *factor;
+        }
+        let room_mm = self.space.walls.clearance_mm(self.middle(cell));
+        // The robot stands at the place itself, whatever the map says.
+        let factor = (room_mm >= self.room_mm || cell == (0, 0)).then(|| {
+            let ApproachConfig { good_room_mm, near_factor, unseen_factor, .. } = self.space.approach;
+            let lack = ((good_room_mm - room_mm) / (good_room_mm - self.room_mm).max(1.0)).clamp(0.0, 1.0);
+            1.0 + near_factor * lack + unseen_factor * self.unseen_share(cell)
+        });
+        self.factors.insert(cell, factor);
+        factor
+    }
+
+    /// How much of the ground under a robot nobody saw.
+    fn unseen_share(&mut self, (column, row): Cell) -> f64 {
+        let radius = self.space.approach.body_mm / CELL_MM;
+        let reach = radius as i32;
+        let body = (-reach..=reach).flat_map(|dx| (-reach..=reach).map(move |dy| (dx, dy)));
+        let body = body.filter(|(dx, dy)| f64::from(dx * dx + dy * dy) <= radius * radius);
+        let (mut all, mut unseen) = (0, 0);
+        for (dx, dy) in body {
+            all += 1;
+            unseen += i32::from(!self.is_seen((column + dx, row + dy)));
+        }
+        f64::from(unseen) / f64::from(all)
+    }
+
+    fn is_seen(&mut self, cell: Cell) -> bool {
+        if let Some(is_seen) = self.seen.get(&cell) {
+            return *is_seen;
+        }
+        let middle = self.middle(cell);
+        let is_in = |[low, high]: &[Corner; 2]| (0..2).all(|axis| (low[axis]..=high[axis]).contains(&middle[axis]));
+        let is_seen = self.rectangles.iter().any(is_in) || self.views.iter().any(|view| view.is_passed(middle));
+        self.seen.insert(cell, is_seen);
+        is_seen
+    }
+
+    /// The cheapest way to each of some parts of the mesh that keeps `room_mm` from walls.
+    fn ways(&mut self, borders: &[(u32, [Corner; 2])], mut parts: BTreeSet<u32>, room_mm: f64) -> Vec<Approach> {
+        self.room_mm = room_mm;
+        self.factors.clear();
+        let joints = self.joints(borders);
+        let mut before: HashMap<Cell, Cell> = HashMap::new();
+        let mut found = Vec::new();
+        for item in dijkstra_reach(&(0, 0), |cell| self.steps(*cell)) {
+            if parts.is_empty() {
+                break;
+            }
+            before.extend(item.parent.map(|parent| (item.node, parent)));
+            let here = joints.get(&item.node).into_iter().flatten();
+            found.extend(here.filter(|joint| parts.remove(&joint.part)).map(|joint| (*joint, item.node)));
+        }
+        let cells_to = |last: Cell| {
+            let mut cells: Vec<Cell> = std::iter::successors(Some(last), |cell| before.get(cell).copied()).collect();
+            cells.reverse();
+            cells
+        };
+        found.into_iter().map(|(joint, last)| self.pulled(&cells_to(last), joint)).collect()
+    }
+
+    /// The cells around one that can be gone to, and what that costs, micrometres.
+    fn steps(&mut self, (column, row): Cell) -> Vec<(Cell, u64)> {
+        let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy))).filter(|step| *step != (0, 0));
+        let step = |(dx, dy): Cell| {
+            let next = (column + dx, row + dy);
+            let is_near = next.0.abs() <= self.reach && next.1.abs() <= self.reach;
+            let cost_mm = is_near.then(|| self.step_mm((column, row), next)).flatten()?;
+            Some((next, (cost_mm * 1000.0).round() as u64))
+        };
+        around.filter_map(step).collect()
+    }
+
+    /// What the way from a cell to one beside it costs.
+    fn step_mm(&mut self, from: Cell, to: Cell) -> Option<f64> {
+        let length_mm = CELL_MM * f64::from(from.0 - to.0).hypot(f64::from(from.1 - to.1));
+        Some(0.5 * (self.factor(from)? + self.factor(to)?) * length_mm)
+    }
+
+    /// Where the mesh can be entered, by cell; of each part the place nearest to the middle of the cell.
+    fn joints(&self, borders: &[(u32, [Corner; 2])]) -> HashMap<Cell, Vec<Spot>> {
+        let mut joints: HashMap<Cell, Vec<Spot>> = HashMap::new();
+        for (triangle, ends) in borders {
+            let Some(ends) = self.inside(*ends) else { continue };
+            let steps = (distance(ends[0], ends[1]) / (0.5 * CELL_MM)).ceil().max(1.0);
+            for step in 0..=steps as usize {
+                let spot = self.space.spot(*triangle, between(ends, step as f64 / steps));
+                let cell = self.cell_of(spot.place);
+                let middle = self.middle(cell);
+                let spots = joints.entry(cell).or_default();
+                match spots.iter_mut().find(|kept| kept.part == spot.part) {
+                    Some(kept) if distance(spot.place, middle) < distance(kept.place, middle) => *kept = spot,
+                    Some(_) => {}
+                    None => spots.push(spot),
+                }
+            }
+        }
+        joints
+    }
+
+    /// The part of a line that lies on the grid, with a cell around it.
+    fn inside(&self, ends: [Corner; 2]) -> Option<[Corner; 2]> {
+        let half_mm = f64::from(self.reach + 1) * CELL_MM;
+        let (mut first, mut last) = (0.0_f64, 1.0_f64);
+        for ((from, to), place) in ends[0].into_iter().zip(ends[1]).zip(self.place) {
+            let (from, along) = (from - place, to - from);
+            let shares = [(-half_mm - from) / along, (half_mm - from) / along];
+            if along == 0.0 {
+                last = if from.abs() <= half_mm { last } else { -1.0 };
+            } else {
+                first = first.max(shares[0].min(shares[1]));
+                last = last.min(shares[0].max(shares[1]));
+            }
+        }
+        (first <= last).then(|| [between(ends, first), between(ends, last)])
+    }
+
+    /// The way over the cells and into the mesh, with corners left out where the straight way costs no more.
+    fn pulled(&mut self, cells: &[Cell], joint: Spot) -> Approach {
+        let mut points: Vec<Corner> = cells.iter().map(|cell| self.middle(*cell)).collect();
+        // What it costs up to each point; these cells and steps were gone before.
+        let mut costs = vec![0.0];
+        let mut up_to_mm = 0.0;
+        for pair in cells.windows(2) {
+            up_to_mm += self.step_mm(pair[0], pair[1]).unwrap_or_default();
+            costs.push(up_to_mm);
+        }
+        if let Some((cell, middle)) = cells.last().zip(points.last()) {
+            costs.push(up_to_mm + distance(*middle, joint.place) * self.factor(*cell).unwrap_or(1.0));
+        }
+        points.push(joint.place);
+        let mut way = Vec::new();
+        let (mut at, mut cost_mm) = (0, 0.0);
+        while at + 1 < points.len() {
+            way.push(points[at]);
+            let mut next = (at + 1, costs[at + 1] - costs[at]);
+            for end in (at + 2..points.len()).rev() {
+                let ends = [points[at], points[end]];
+                let straight = self.straight_mm(ends).filter(|_| self.space.walls.is_clear(ends, self.room_mm));
+                if let Some(straight) = straight.filter(|straight| *straight <= (costs[end] - costs[at]) * 1.02) {
+                    next = (end, straight);
+                    break;
+                }
+            }
+            at = next.0;
+            cost_mm += next.1;
+        }
+        Approach { joint, way, cost_mm }
+    }
+
+    /// What a straight way costs; none where a wall is too near.
+    fn straight_mm(&mut self, ends: [Corner; 2]) -> Option<f64> {
+        let length_mm = distance(ends[0], ends[1]);
+        let steps = (length_mm / (0.5 * CELL_MM)).ceil().max(1.0);
+        let mut sum = 0.0;
+        for step in 0..steps as usize {
+            let cell = self.cell_of(between(ends, (step as f64 + 0.5) / steps));
+            sum += self.factor(cell)?;
+        }
+        Some(length_mm * sum / steps)
+    }
+}

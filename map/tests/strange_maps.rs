@@ -1,0 +1,83 @@
+//! Maps come over the network: valid ones that no explorer would make take no forever and no gigabytes.
+#![allow(clippy::unwrap_used)] // tests may panic
+
+use fht_map::{FreeSpace, MapState, RouteConfig, SpaceConfig, taut};
+use fht_proto::{
+    AuthorId, EdgeKey, FixedPoint, FixedPose, Increment, NodeId, NodeKind, Op, Rect, ScanRecord, Signature,
+};
+
+fn id(number: u32) -> NodeId {
+    NodeId { author: AuthorId(1), number }
+}
+
+fn put(number: u32, x: f64, y: f64) -> Op {
+    Op::PutNode { id: id(number), kind: NodeKind::Main, pose: FixedPose::from_metres(x, y, 0.0) }
+}
+
+fn edge(a: u32, b: u32) -> Op {
+    Op::PutEdge { edge: EdgeKey::new(id(a), id(b)) }
+}
+
+fn see(number: u32, angle_increment: f32, ranges_mm: Vec<u16>) -> Op {
+    let scan = ScanRecord { base_from_sensor: FixedPose::default(), angle_min: 0.0, angle_increment, ranges_mm };
+    Op::SetSignature { id: id(number), signature: Signature { descriptor: None, scan } }
+}
+
+fn hall(number: u32, x: f64, y: f64) -> Op {
+    let rect = Rect::around(FixedPoint::from_metres(x, y), (-5.0, -5.0), (5.0, 5.0));
+    Op::SetFreeSpace { id: id(number), rect: Some(rect) }
+}
+
+fn map(ops: Vec<Op>) -> MapState {
+    let mut map = MapState::new();
+    map.apply(&Increment { author: AuthorId(1), number: 1, hlc_us: 1, ops });
+    map
+}
+
+/// Plans between places in and outside of the hall.
+fn plan(map: &MapState) {
+    let space = FreeSpace::of(map, &SpaceConfig::default());
+    let at = FixedPoint::from_metres;
+    for (from, to) in [(at(0.0, 1.0), at(2.0, -1.0)), (at(6.0, 0.0), at(-6.0, 0.0)), (at(90_000.0, 0.0), at(0.0, 0.0))]
+    {
+        let _ = taut::plan(map, &space, from, to, &RouteConfig::default());
+    }
+}
+
+#[test]
+fn edges_across_the_world() {
+    let mut ops: Vec<Op> = Vec::new();
+    for number in 0..32 {
+        let (far, beside) = (99_000.0, f64::from(number));
+        ops.extend([put(number, -far, beside - far), put(100 + number, far, beside + far), edge(number, 100 + number)]);
+        ops.push(see(number, 0.01, vec![1000; 600]));
+    }
+    plan(&map(ops));
+}
+
+#[test]
+fn scans_without_angles_and_of_part_of_a_turn() {
+    for step in [0.0, -0.0, 1e-40, -0.01, 0.01, 1.0, 100.0] {
+        let ranges = |most: u16| (0..271).map(|beam| beam % most).collect();
+        let ops = vec![
+            put(0, 0.0, 0.0),
+            hall(0, 0.0, 0.0),
+            see(0, step, ranges(7)),
+            put(1, 1.0, 0.0),
+            see(1, step, ranges(5000)),
+        ];
+        plan(&map(ops));
+    }
+}
+
+#[test]
+fn a_crowd_of_nodes_that_all_see_one_spot() {
+    let mut ops = Vec::new();
+    for number in 0..100 {
+        let y = 0.001 * f64::from(number);
+        ops.extend([put(number, 0.0, y), hall(number, 0.0, y)]);
+        ops.push(see(number, 0.0001, (0..720).map(|beam| 3000 + (beam * 7 + number as u16) % 50).collect()));
+        ops.extend((0..number).map(|other| edge(other, number)));
+    }
+    plan(&map(ops));
+}

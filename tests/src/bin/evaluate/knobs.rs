@@ -1,0 +1,197 @@
+//! `evaluate knobs`: what each of the mapper's knobs buys, and what it costs in bytes of map.
+
+use crate::figures::{RelocalizeFigures, relocalize_figures};
+use crate::maps::{MapArgs, Variant, short_name};
+use crate::output::{OutputArgs, say};
+use crate::paths::{self, PairArgs, PathFigures};
+use crate::relocalize::{self, TrialArgs};
+use crate::storage::Storage;
+use crate::systems::{Column, System};
+use clap::{Args, ValueEnum};
+use mapper::mapping::MapperConfig;
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// One knob, turned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Knob {
+    /// σ_c 4 m: main nodes farther apart.
+    FewMainNodes,
+    /// σ_c 1.8 m: main nodes closer together.
+    ManyMainNodes,
+    /// No main nodes for what no other knows: σ_c alone, as in the paper.
+    NoNews,
+    /// No support nodes for free space that no rectangle covers: those of edges alone, as in the paper.
+    NoCoverage,
+    /// None for gaps that only a robot that squeezes fits into.
+    NoGround,
+    /// No looks into gaps that the robot would fit into.
+    NoGaps,
+    /// No shortcuts: no refinement.
+    NoShortcuts,
+    /// Nodes follow corrections of a millimetre and half a milliradian.
+    FollowAll,
+}
+
+impl Knob {
+    /// For files and flags.
+    pub fn name(self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+
+    /// For tables.
+    fn title(self) -> &'static str {
+        match self {
+            Self::FewMainNodes => "σ_c 4 m",
+            Self::ManyMainNodes => "σ_c 1.8 m",
+            Self::NoNews => "no main nodes for unknown walls",
+            Self::NoCoverage => "no coverage",
+            Self::NoGround => "no coverage of gaps",
+            Self::NoGaps => "no looks into gaps",
+            Self::NoShortcuts => "no refinement",
+            Self::FollowAll => "nodes follow 1 mm",
+        }
+    }
+
+    /// Turns it.
+    pub fn turn(self, config: &mut MapperConfig) {
+        let builder = &mut config.builder;
+        match self {
+            Self::FewMainNodes => builder.selection.sigma_c_m = 4.0,
+            Self::ManyMainNodes => builder.selection.sigma_c_m = 1.8,
+            Self::NoNews => {
+                builder.selection.least_known = 0.0;
+                builder.selection.least_news_m = f64::INFINITY;
+            }
+            Self::NoCoverage => {
+                builder.coverage.least_gain_m2 = f64::INFINITY;
+                builder.coverage.least_ground_m2 = f64::INFINITY;
+            }
+            Self::NoGround => builder.coverage.least_ground_m2 = f64::INFINITY,
+            Self::NoGaps => config.explore.frontier.gap_cells = usize::MAX,
+            Self::NoShortcuts => config.refine.max_shortcuts = 0,
+            Self::FollowAll => {
+                builder.follow.least_m = 0.001;
+                builder.follow.least_rad = 0.0005;
+            }
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub struct KnobsArgs {
+    #[command(flatten)]
+    maps: MapArgs,
+    /// Knobs, one at a time [default: all].
+    #[arg(long, value_enum, value_delimiter = ',')]
+    knobs: Vec<Knob>,
+    /// Starts in each world, drawn as for `relocalize`; the authors' own come on top.
+    #[arg(long, default_value_t = 100)]
+    starts: u64,
+    /// Distance after which a drive ends, metres.
+    #[arg(long, default_value_t = 15.0)]
+    drive_m: f64,
+    #[command(flatten)]
+    pairs: PairArgs,
+    /// Write the tables to this Markdown file.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+/// What a map is worth.
+#[derive(Debug, Serialize)]
+struct KnobFigures {
+    world: String,
+    /// None: as it comes.
+    knob: Option<Knob>,
+    storage: Storage,
+    relocalize: RelocalizeFigures,
+    paths: PathFigures,
+}
+
+pub fn run(args: &KnobsArgs) -> Result<(), String> {
+    if args.maps.knob.is_some() {
+        return Err("all knobs are turned, one at a time: choose some by --knobs, not one by --knob".to_owned());
+    }
+    let knobs = if args.knobs.is_empty() { Knob::value_variants() } else { &args.knobs };
+    let mut maps = args.maps.clone();
+    let mut all = Vec::new();
+    for world in &args.maps.worlds {
+        for knob in std::iter::once(None).chain(knobs.iter().copied().map(Some)) {
+            (maps.worlds, maps.knob) = (vec![world.clone()], knob);
+            all.push(measure(args, &maps, world)?);
+            // Forgotten is forgotten: not again what was measured since.
+            maps.afresh = false;
+        }
+    }
+    args.output.write(&all)?;
+    let text = markdown(args, &all);
+    match &args.out {
+        Some(out) => std::fs::write(out, text).map_err(|error| format!("{} cannot be written: {error}", out.display())),
+        None => say(&text),
+    }
+}
+
+fn measure(args: &KnobsArgs, maps: &MapArgs, world: &str) -> Result<KnobFigures, String> {
+    let (systems, columns) = (vec![System::Ours], vec![Column::AsMapped]);
+    let trials = TrialArgs { starts: args.starts, systems, columns, drive_m: args.drive_m, only_kept: false };
+    let missing = || format!("{world}: nothing was measured");
+    let relocalize = relocalize::measure(maps, &trials, &args.output)?.first().map(relocalize_figures);
+    let paths = paths::measure(maps, &args.pairs, &trials.systems, &args.output)?.pop();
+    Ok(KnobFigures {
+        world: short_name(world),
+        knob: maps.knob,
+        storage: Storage::of(&maps.survey(world, Variant::Ours)?)?,
+        relocalize: relocalize.ok_or_else(missing)?,
+        paths: paths.ok_or_else(missing)?,
+    })
+}
+
+fn markdown(args: &KnobsArgs, all: &[KnobFigures]) -> String {
+    let mut text = format!(
+        "# What each knob buys\n\nWritten by `evaluate knobs`: one exploration for each row, {} starts, drives of at most {} m, \
+         {} pairs of places. Success is that of declared poses within 1 m and 5°.\n",
+        args.starts, args.drive_m, args.pairs.pairs
+    );
+    for world in &args.maps.worlds {
+        let world = short_name(world);
+        // Writing to a string cannot fail.
+        write!(text, "\n## {world}\n\n{HEAD}").unwrap_or_default();
+        for figures in all.iter().filter(|figures| figures.world == world) {
+            writeln!(text, "{}", figures.row()).unwrap_or_default();
+        }
+    }
+    text
+}
+
+const HEAD: &str = "\
+| map | bytes | main nodes | support nodes | edges | success, % | l_reloca, m | false fixes | C_path: mean, 95 %, greatest | touch something | refused |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
+";
+
+impl KnobFigures {
+    fn row(&self) -> String {
+        let [main, support, edges] = self.storage.counts;
+        let (known, paths) = (&self.relocalize, &self.paths);
+        let number = |value: Option<f64>| {
+            value.filter(|value| value.is_finite()).map_or_else(|| "–".to_owned(), |value| format!("{value:.3}"))
+        };
+        format!(
+            "| {} | {} | {main} | {support} | {edges} | {:.0} | {} | {} | {}, {}, {} | {} | {} |",
+            self.knob.map_or("as it comes", Knob::title),
+            self.storage.total,
+            100.0 * known.success,
+            number(Some(known.l_reloca_mean_m)),
+            known.false_fixes,
+            number(paths.c_path_mean),
+            number(paths.c_path_p95),
+            number(paths.c_path_max),
+            paths.paths_blocked,
+            paths.refused
+        )
+    }
+}
