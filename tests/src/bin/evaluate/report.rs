@@ -211,10 +211,9 @@ five nodes were recognised and the standard errors are below 1 m and 10°. These
 * The rows *as the paper judges* compare like with like: the starts that its authors used, as far as they can be recovered, \
 and the first right pose, declared or not. From starts drawn anywhere, with poses that must be declared, the baselines are \
 lower than printed. MR-TopoMap takes the place of a node that it recognises for its own, metres away: its poses are right now \
-and then long before they agree well enough to be declared, and some that agree are wrong. It is built along the explorer's \
-way, and does better after longer ones. AMCL's 5,000 particles (Nav2: 2,000) are few for a building without a first guess; \
-where none starts near the truth, the paper's parameters have no recovery, and Nav2's draws new particles too slowly for \
-drives of this length.
+and then long before they agree well enough to be declared, and some that agree are wrong. AMCL's 5,000 particles (Nav2: \
+2,000) are few for a building without a first guess; where none starts near the truth, the paper's parameters have no \
+recovery, and Nav2's draws new particles too slowly for drives of this length.
 * The paper divides paths by the grid's own, whose C_path is 1.00 by that; here the grid's paths keep the explorer's distance \
 from its cells, and are a little longer than the shortest.
 * ε_t is the error as a share of the distance from the start to the map's origin; starts within 1 m of it are left out.
