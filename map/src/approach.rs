@@ -65,6 +65,9 @@ pub(crate) struct Approach {
 /// A cell, counted from the one around the place.
 type Cell = (i32, i32);
 
+/// Where the mesh can be entered, by cell.
+type Joints = HashMap<Cell, Vec<Spot>>;
+
 impl FreeSpace {
     /// Ways from a place into the mesh: to every part of it within `reach_mm`. None is needed for a place that lies in it. If no
     /// way keeps away from what was seen, the straight one to the nearest point.
@@ -93,8 +96,9 @@ impl FreeSpace {
             nearest.values().filter(|way| !is_straight(way)).map(|way| way.joint.part).collect();
         if !others.is_empty() {
             let mut ground = Ground::new(self, place, reach_mm);
+            let joints = ground.joints(&borders);
             for room_mm in config.room_mm {
-                for way in ground.ways(&borders, others.clone(), room_mm) {
+                for way in ground.ways(&joints, others.clone(), room_mm) {
                     others.remove(&way.joint.part);
                     nearest.insert(way.joint.part, way);
                 }
@@ -193,10 +197,9 @@ impl<'a> Ground<'a> {
     }
 
     /// The cheapest way to each of some parts of the mesh that keeps `room_mm` from walls.
-    fn ways(&mut self, borders: &[(u32, [Corner; 2])], mut parts: BTreeSet<u32>, room_mm: f64) -> Vec<Approach> {
+    fn ways(&mut self, joints: &Joints, mut parts: BTreeSet<u32>, room_mm: f64) -> Vec<Approach> {
         self.room_mm = room_mm;
         self.factors.clear();
-        let joints = self.joints(borders);
         let mut before: HashMap<Cell, Cell> = HashMap::new();
         let mut found = Vec::new();
         for item in dijkstra_reach(&(0, 0), |cell| self.steps(*cell)) {
@@ -234,8 +237,8 @@ impl<'a> Ground<'a> {
     }
 
     /// Where the mesh can be entered, by cell; of each part the place nearest to the middle of the cell.
-    fn joints(&self, borders: &[(u32, [Corner; 2])]) -> HashMap<Cell, Vec<Spot>> {
-        let mut joints: HashMap<Cell, Vec<Spot>> = HashMap::new();
+    fn joints(&self, borders: &[(u32, [Corner; 2])]) -> Joints {
+        let mut joints = Joints::new();
         for (triangle, ends) in borders {
             let Some(ends) = self.inside(*ends) else { continue };
             let steps = (distance(ends[0], ends[1]) / (0.5 * CELL_MM)).ceil().max(1.0);

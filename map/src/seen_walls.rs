@@ -2,7 +2,7 @@
 
 use crate::free_space::{Corner, between, distance, foot_share};
 use crate::view::View;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, HashMap};
 
 /// Side of a square in which points are gathered, millimetres.
 const SQUARE_MM: f64 = 250.0;
@@ -92,13 +92,14 @@ impl SeenWalls {
         thinned.into_values().collect()
     }
 
-    /// What was seen within `room_mm` (at most the side of a square) of the straight way between two places, by its number.
+    /// What was seen within `room_mm` (at most the side of a square) of the straight way between two places, by its number; the
+    /// same may come several times.
     fn near(&self, ends: [Corner; 2], room_mm: f64) -> impl Iterator<Item = u32> {
         let steps =
             if self.squares.is_empty() { 0.0 } else { (distance(ends[0], ends[1]) / SQUARE_MM).ceil().max(1.0) };
-        let along = (0..=steps as usize).map(|step| square_of(between(ends, step as f64 / steps.max(1.0))));
-        let squares: BTreeSet<(i32, i32)> = along.flat_map(squares_around).collect();
-        squares.into_iter().filter_map(|square| self.squares.get(&square)).flatten().copied().filter(move |&index| {
+        let along = (0..=steps as usize).map(move |step| square_of(between(ends, step as f64 / steps.max(1.0))));
+        let squares = along.flat_map(squares_around).filter_map(|square| self.squares.get(&square));
+        squares.flatten().copied().filter(move |&index| {
             let at = self.sightings[index as usize].at;
             let foot = between(ends, foot_share(ends, at).clamp(0.0, 1.0));
             distance(foot, at) < room_mm

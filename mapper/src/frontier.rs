@@ -46,6 +46,14 @@ impl Default for FrontierConfig {
     }
 }
 
+impl FrontierConfig {
+    /// No gap is looked into.
+    #[must_use]
+    pub fn without_gaps() -> Self {
+        Self { gap_cells: usize::MAX, ..Self::default() }
+    }
+}
+
 /// A cluster of frontier cells.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Frontier {

@@ -46,14 +46,9 @@ impl MapperConfig {
     #[must_use]
     pub fn main_only() -> Self {
         let edges = EdgeConfig { longest_m: 20.0, ..EdgeConfig::default() };
-        let coverage = CoverageConfig {
-            least_gain_m2: f64::INFINITY,
-            least_ground_m2: f64::INFINITY,
-            ..CoverageConfig::default()
-        };
+        let coverage = CoverageConfig::none();
         let builder = BuilderConfig { hierarchy: Hierarchy::MainOnly, edges, coverage, ..BuilderConfig::default() };
-        let frontier = FrontierConfig { gap_cells: usize::MAX, ..FrontierConfig::default() };
-        let explore = ExploreConfig { frontier, ..ExploreConfig::default() };
+        let explore = ExploreConfig { frontier: FrontierConfig::without_gaps(), ..ExploreConfig::default() };
         let refine = RefineConfig { max_shortcuts: 0, ..RefineConfig::default() };
         Self { builder, refine, explore, ..Self::default() }
     }

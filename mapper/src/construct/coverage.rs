@@ -43,6 +43,14 @@ impl Default for CoverageConfig {
     }
 }
 
+impl CoverageConfig {
+    /// Nothing is covered.
+    #[must_use]
+    pub fn none() -> Self {
+        Self { least_gain_m2: f64::INFINITY, least_ground_m2: f64::INFINITY, ..Self::default() }
+    }
+}
+
 /// A place for a support node, with its rectangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {

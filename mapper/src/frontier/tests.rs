@@ -126,7 +126,7 @@ fn a_gap_that_the_robot_could_go_into_is_a_frontier() {
 
 #[test]
 fn who_looks_into_no_gap_still_looks_through_doors() {
-    let config = FrontierConfig { gap_cells: usize::MAX, ..FrontierConfig::default() };
+    let config = FrontierConfig::without_gaps();
     let room = room_with_a_door(-0.5);
     assert!(!find_frontiers(&room, room.bounds(), &config).is_empty());
     let bed = beside_a_bed(6);

@@ -2,12 +2,15 @@
 
 use crate::figures::{RelocalizeFigures, relocalize_figures};
 use crate::maps::{MapArgs, Variant, short_name};
-use crate::output::{OutputArgs, say};
+use crate::output::{OutputArgs, say, write_file};
 use crate::paths::{self, PairArgs, PathFigures};
 use crate::relocalize::{self, TrialArgs};
+use crate::report::{none, number};
 use crate::storage::Storage;
 use crate::systems::{Column, System};
 use clap::{Args, ValueEnum};
+use mapper::construct::coverage::CoverageConfig;
+use mapper::frontier::FrontierConfig;
 use mapper::mapping::MapperConfig;
 use serde::Serialize;
 use std::fmt::Write;
@@ -65,12 +68,9 @@ impl Knob {
                 builder.selection.least_known = 0.0;
                 builder.selection.least_news_m = f64::INFINITY;
             }
-            Self::NoCoverage => {
-                builder.coverage.least_gain_m2 = f64::INFINITY;
-                builder.coverage.least_ground_m2 = f64::INFINITY;
-            }
+            Self::NoCoverage => builder.coverage = CoverageConfig::none(),
             Self::NoGround => builder.coverage.least_ground_m2 = f64::INFINITY,
-            Self::NoGaps => config.explore.frontier.gap_cells = usize::MAX,
+            Self::NoGaps => config.explore.frontier = FrontierConfig::without_gaps(),
             Self::NoShortcuts => config.refine.max_shortcuts = 0,
             Self::FollowAll => {
                 builder.follow.least_m = 0.001;
@@ -131,7 +131,7 @@ pub fn run(args: &KnobsArgs) -> Result<(), String> {
     args.output.write(&all)?;
     let text = markdown(args, &all);
     match &args.out {
-        Some(out) => std::fs::write(out, text).map_err(|error| format!("{} cannot be written: {error}", out.display())),
+        Some(out) => write_file(out, &text),
         None => say(&text),
     }
 }
@@ -177,19 +177,17 @@ impl KnobFigures {
     fn row(&self) -> String {
         let [main, support, edges] = self.storage.counts;
         let (known, paths) = (&self.relocalize, &self.paths);
-        let number = |value: Option<f64>| {
-            value.filter(|value| value.is_finite()).map_or_else(|| "–".to_owned(), |value| format!("{value:.3}"))
-        };
+        let ratio = |value: Option<f64>| value.map_or_else(none, |value| number(value, 3));
         format!(
             "| {} | {} | {main} | {support} | {edges} | {:.0} | {} | {} | {}, {}, {} | {} | {} |",
             self.knob.map_or("as it comes", Knob::title),
             self.storage.total,
             100.0 * known.success,
-            number(Some(known.l_reloca_mean_m)),
+            number(known.l_reloca_mean_m, 3),
             known.false_fixes,
-            number(paths.c_path_mean),
-            number(paths.c_path_p95),
-            number(paths.c_path_max),
+            ratio(paths.c_path_mean),
+            ratio(paths.c_path_p95),
+            ratio(paths.c_path_max),
             paths.paths_blocked,
             paths.refused
         )

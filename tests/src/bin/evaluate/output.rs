@@ -4,7 +4,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Where figures go.
 #[derive(Debug, Args)]
@@ -22,7 +22,7 @@ impl OutputArgs {
     pub fn write<T: Serialize + ?Sized>(&self, figures: &T) -> Result<(), String> {
         let Some(path) = &self.json else { return Ok(()) };
         let json = serde_json::to_string_pretty(figures).map_err(|error| error.to_string())?;
-        std::fs::write(path, json).map_err(|error| format!("{} cannot be written: {error}", path.display()))
+        write_file(path, &json)
     }
 
     /// A progress bar over `count` steps, drawn as `template` says.
@@ -33,6 +33,11 @@ impl OutputArgs {
         let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
         ProgressBar::new(count).with_style(style)
     }
+}
+
+/// Writes a file.
+pub fn write_file(path: &Path, text: &str) -> Result<(), String> {
+    std::fs::write(path, text).map_err(|error| format!("{} cannot be written: {error}", path.display()))
 }
 
 /// Prints a line.

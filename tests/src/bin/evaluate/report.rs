@@ -61,8 +61,8 @@ const ROWS: [Row; 20] = [
         .also_when_changed(),
     row(
         "l_reloca, m: first right and declared",
-        |e| plus_minus(e.relocalize.l_reloca_mean_m, e.relocalize.l_reloca_std_m, 2),
-        |p| Some(spread(p.l_reloca, 2)),
+        |e| plus_minus([e.relocalize.l_reloca_mean_m, e.relocalize.l_reloca_std_m], 2),
+        |p| Some(plus_minus(p.l_reloca, 2)),
     )
     .also_when_changed(),
     row(
@@ -73,13 +73,13 @@ const ROWS: [Row; 20] = [
     .also_when_changed(),
     row(
         "ε_t, %",
-        |e| plus_minus(e.relocalize.epsilon_t_percent, e.relocalize.epsilon_t_std_percent, 3),
-        |p| Some(spread(p.epsilon_t, 3)),
+        |e| plus_minus([e.relocalize.epsilon_t_percent, e.relocalize.epsilon_t_std_percent], 3),
+        |p| Some(plus_minus(p.epsilon_t, 3)),
     ),
     row(
         "ε_θ, degrees",
-        |e| plus_minus(e.relocalize.epsilon_theta_deg, e.relocalize.epsilon_theta_std_deg, 3),
-        |p| Some(spread(p.epsilon_theta, 3)),
+        |e| plus_minus([e.relocalize.epsilon_theta_deg, e.relocalize.epsilon_theta_std_deg], 3),
+        |p| Some(plus_minus(p.epsilon_theta, 3)),
     ),
     row(
         "error, median: m, degrees",
@@ -94,18 +94,18 @@ const ROWS: [Row; 20] = [
     ),
     row(
         "as the paper judges: l_reloca, m",
-        |e| as_paper(e, |it| spread(it.l_reloca_m, 2)),
-        |p| Some(spread(p.l_reloca, 2)),
+        |e| as_paper(e, |it| plus_minus(it.l_reloca_m, 2)),
+        |p| Some(plus_minus(p.l_reloca, 2)),
     ),
     row(
         "as the paper judges: ε_t, %",
-        |e| as_paper(e, |it| spread(it.epsilon_t_percent, 3)),
-        |p| Some(spread(p.epsilon_t, 3)),
+        |e| as_paper(e, |it| plus_minus(it.epsilon_t_percent, 3)),
+        |p| Some(plus_minus(p.epsilon_t, 3)),
     ),
     row(
         "as the paper judges: ε_θ, degrees",
-        |e| as_paper(e, |it| spread(it.epsilon_theta_deg, 3)),
-        |p| Some(spread(p.epsilon_theta, 3)),
+        |e| as_paper(e, |it| plus_minus(it.epsilon_theta_deg, 3)),
+        |p| Some(plus_minus(p.epsilon_theta, 3)),
     ),
     row(
         "time a frame, ms: mean, greatest",
@@ -134,7 +134,8 @@ const ROWS: [Row; 20] = [
     row("time a path, ms", |e| number(e.plan_ms_mean, 2), |_| None),
 ];
 
-fn none() -> String {
+/// A cell that says nothing.
+pub fn none() -> String {
     "–".to_owned()
 }
 
@@ -142,7 +143,8 @@ fn percent(share: f64) -> f64 {
     100.0 * share
 }
 
-fn number(value: f64, decimals: usize) -> String {
+/// A number, if it is one.
+pub fn number(value: f64, decimals: usize) -> String {
     if value.is_finite() { format!("{value:.decimals$}") } else { none() }
 }
 
@@ -150,11 +152,7 @@ fn as_paper(entry: &Entry, cell: impl Fn(&AsPaper) -> String) -> String {
     entry.relocalize.as_paper.as_ref().map_or_else(none, cell)
 }
 
-fn spread([mean, deviation]: [f64; 2], decimals: usize) -> String {
-    plus_minus(mean, deviation, decimals)
-}
-
-fn plus_minus(mean: f64, deviation: f64, decimals: usize) -> String {
+fn plus_minus([mean, deviation]: [f64; 2], decimals: usize) -> String {
     match (mean.is_finite(), deviation.is_finite()) {
         (false, _) => none(),
         (true, false) => number(mean, decimals),

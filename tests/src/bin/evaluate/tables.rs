@@ -2,7 +2,7 @@
 
 use crate::figures::{RelocalizeFigures, relocalize_figures};
 use crate::maps::{MapArgs, Variant, short_name};
-use crate::output::{OutputArgs, say};
+use crate::output::{OutputArgs, say, write_file};
 use crate::paths::{self, PairArgs, PathFigures};
 use crate::plot::{Axes, Line, steps, svg};
 use crate::relocalize::{self, Start, TrialArgs, Trials};
@@ -180,12 +180,10 @@ pub const PLOTS: &str = "results";
 
 fn write(out: &Path, text: &str, plots: &[(String, String)]) -> Result<(), String> {
     let folder = out.with_file_name(PLOTS);
-    let problem = |path: &Path, error: std::io::Error| format!("{} cannot be written: {error}", path.display());
-    std::fs::create_dir_all(&folder).map_err(|error| problem(&folder, error))?;
+    std::fs::create_dir_all(&folder).map_err(|error| format!("{} cannot be written: {error}", folder.display()))?;
     for (name, svg) in plots {
-        let path = folder.join(name);
-        std::fs::write(&path, svg).map_err(|error| problem(&path, error))?;
+        write_file(&folder.join(name), svg)?;
     }
-    std::fs::write(out, text).map_err(|error| problem(out, error))?;
+    write_file(out, text)?;
     say(&format!("tables       {}\nplots        {} in {}", out.display(), plots.len(), folder.display()))
 }
