@@ -9,8 +9,9 @@ use crate::replica::{AskError, LiveReplica, ReplicaConfig, ReplicaError, ask_hea
 use crate::report::Report;
 use crate::route::{PlannedPath, Planner};
 use clap::{Args, Parser, Subcommand};
-use fht_proto::keys::Key;
-use fht_proto::query::{LocalizationState, Place, RobotPose};
+use fht_proto::fleet::{LocalizationState, RobotPose};
+use fht_proto::keys::{Key, RobotTopic};
+use fht_proto::query::Place;
 use fht_proto::{Descriptor, MapName};
 use fht_robot::descriptor::DescriptorNet;
 use fht_robot::frame::{Panorama, SensorFrame};
@@ -53,10 +54,10 @@ enum Command {
     Path {
         #[command(flatten)]
         link: LinkArgs,
-        /// From where: x,y in metres or a node id.
+        /// From where: x,y in metres, a node id or the name of a place.
         #[arg(long, allow_hyphen_values = true)]
         from: String,
-        /// Where to: x,y in metres or a node id.
+        /// Where to: x,y in metres, a node id or the name of a place.
         #[arg(long, allow_hyphen_values = true)]
         to: String,
         /// Print JSON.
@@ -69,7 +70,7 @@ enum Command {
         link: LinkArgs,
         #[command(flatten)]
         robot: RobotArgs,
-        /// Where to: x,y in metres (map frame), a node id, or 'random'.
+        /// Where to: x,y in metres (map frame), a node id, the name of a place, or 'random'.
         #[arg(long, allow_hyphen_values = true)]
         to: String,
     },
@@ -224,6 +225,7 @@ fn parse_goal(text: &str, seed: u64) -> Result<Goal, fht_proto::query::ErrorRepl
     Ok(match text.parse::<Place>()? {
         Place::Point(point) => Goal::Point(Point2::new(point.x(), point.y())),
         Place::Node(id) => Goal::Node(id),
+        Place::Named(name) => Goal::Named(name),
     })
 }
 
@@ -311,7 +313,7 @@ fn mission(link: &LinkArgs, args: &RobotArgs, goal: Goal) -> Result<ExitCode, Cl
     let asking = ServerPathsConfig { timeout: TIMEOUT, ..ServerPathsConfig::default() };
     let mut paths = ServerPaths::new(&session, link.map.clone(), &replica, &asking).map_err(CliError::Thread)?;
     let bar = progress(args);
-    let pose_key = Key::RobotPose { map: link.map.clone(), robot: args.robot.clone() }.to_string();
+    let pose_key = Key::robot(&link.map, &args.robot, RobotTopic::Pose).to_string();
     let model = net.model().id;
     let mut describe = |panorama: &Panorama| match net.describe(panorama) {
         Ok(components) => Some(Descriptor::quantise(model, &components)),
@@ -333,7 +335,7 @@ fn mission(link: &LinkArgs, args: &RobotArgs, goal: Goal) -> Result<ExitCode, Cl
         frames += 1;
     };
     let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe, on_frame: &mut on_frame };
-    let mut report = run(&mut simulator, config, goal, &world_from_map, &mut services);
+    let mut report = run(&mut simulator, config, goal.clone(), &world_from_map, &mut services);
     bar.finish_and_clear();
     if let Some(recording) = recording {
         recording.finish()?;

@@ -85,6 +85,8 @@ pub struct Follow {
     /// What the copy had when it was first seen ahead of the server.
     ahead: Option<(VersionVector, Instant)>,
     is_suspect: bool,
+    /// Whether fetching the whole map again has begun.
+    is_interrupted: bool,
     ask_pause: Pause,
     refetch_pause: Pause,
 }
@@ -99,6 +101,7 @@ impl Follow {
             behind_since: None,
             ahead: None,
             is_suspect: false,
+            is_interrupted: false,
             ask_pause: Pause::new(config.ask_pause),
             refetch_pause: Pause::new(config.refetch_pause),
             config,
@@ -140,14 +143,20 @@ impl Follow {
         }
     }
 
-    /// The whole map was asked for again, and came or did not.
-    pub fn refetched(&mut self, is_whole: bool, now: Instant) {
+    /// The whole map was asked for again, and has come.
+    pub fn refetched(&mut self, now: Instant) {
         self.refetch_pause.begin(now);
-        if is_whole {
-            self.is_suspect = false;
-            self.ahead = None;
-            self.told = None;
-        }
+        self.ask_pause.end();
+        self.is_interrupted = false;
+        self.is_suspect = false;
+        self.ahead = None;
+        self.told = None;
+    }
+
+    /// The whole map was asked for again, and the server fell silent before it had all come. The next attempt goes on there, and soon.
+    pub fn interrupted(&mut self, now: Instant) {
+        self.is_interrupted = true;
+        self.ask_pause.begin(now);
     }
 
     /// What to do at `now` with a copy that has `mine`; its digest is asked for where it matters.
@@ -160,7 +169,8 @@ impl Follow {
                 self.refetch_pause.end();
             }
         }
-        if self.is_suspect && self.refetch_pause.is_over(now) {
+        let pause = if self.is_interrupted { &self.ask_pause } else { &self.refetch_pause };
+        if self.is_suspect && pause.is_over(now) {
             return Step::Refetch;
         }
         if mine.covers(&self.target) {
@@ -194,6 +204,8 @@ mod tests {
             map: "m".parse().unwrap(),
             version: count,
             vector: vector(count),
+            clock_us: 0,
+            enabled: None,
             digest: digest(byte),
             main_nodes: 0,
             support_nodes: 0,
@@ -240,7 +252,7 @@ mod tests {
         let (mut follow, at) = (Follow::new(FollowConfig::default()), clock());
         follow.answered(head(4, 1), &vector(4), at(0));
         assert_eq!(follow.step(&vector(4), || digest(2), at(0)), Step::Refetch);
-        follow.refetched(true, at(0));
+        follow.refetched(at(0));
         assert_eq!(follow.step(&vector(4), || digest(1), at(0)), Step::Wait);
         // At another vector nothing can be compared.
         follow.answered(head(5, 1), &vector(4), at(10));
@@ -252,7 +264,7 @@ mod tests {
         let (mut follow, at) = (Follow::new(FollowConfig::default()), clock());
         follow.conflict();
         assert_eq!(follow.step(&vector(4), || digest(0), at(0)), Step::Refetch);
-        follow.refetched(true, at(0));
+        follow.refetched(at(0));
         // Again at once: whoever sends rubbish does not make the robot fetch all the time.
         follow.conflict();
         assert_eq!(follow.step(&vector(4), || digest(0), at(100)), Step::Wait);

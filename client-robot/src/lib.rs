@@ -54,6 +54,7 @@ pub mod report;
 pub mod route;
 pub mod settle;
 pub mod steering;
+pub mod sync;
 pub mod tracking;
 pub mod walls;
 pub mod wander;

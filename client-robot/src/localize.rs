@@ -6,7 +6,7 @@ use crate::relocalize::{Belief, Observation, RelocalizeConfig, Relocalizer};
 use crate::settle::Fix;
 use crate::tracking::{TrackConfig, Tracker};
 use fht_proto::Descriptor;
-use fht_proto::query::LocalizationState;
+use fht_proto::fleet::LocalizationState;
 use fht_robot::frame::{LaserScan, SensorFrame};
 use fht_robot::pose::{Point2, Pose2, wrap_angle};
 

@@ -10,7 +10,7 @@ use crate::report::{Report, error};
 use crate::route::Planner;
 use fht_map::MapState;
 use fht_proto::query::{ErrorCode, ErrorReply};
-use fht_proto::{Descriptor, NodeId};
+use fht_proto::{Descriptor, Label, NodeId};
 use fht_robot::frame::{Panorama, SensorFrame};
 use fht_robot::pose::{Point2, Pose2};
 use fht_sim::Simulator;
@@ -44,7 +44,7 @@ impl MapView for MapState {
 }
 
 /// Where to go once the place is known.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Goal {
     /// Nowhere: knowing the place is all.
     None,
@@ -52,6 +52,8 @@ pub enum Goal {
     Point(Point2),
     /// A node of the map.
     Node(NodeId),
+    /// A place that an operator has named.
+    Named(Label),
     /// A node far from the robot, drawn by this seed.
     FarNode(u64),
 }
@@ -102,14 +104,16 @@ pub fn run(
         score.take(simulator, &pilot, &frame, &step, frames.is_multiple_of(TRAJECTORY_EVERY));
         frames += 1;
         match &step.outcome {
-            Some(Outcome::Localized) if goal != Goal::None => match choose(goal, services.map, &step) {
+            Some(Outcome::Localized) if goal != Goal::None => match choose(&goal, services.map, &step) {
                 Some(point) => {
                     score.set_goal(simulator, point);
                     pilot.set_task(Task::GoTo(point));
                 }
                 None => {
-                    let refusal =
-                        ErrorReply { code: ErrorCode::UnknownNode, message: "the map has no such node".to_owned() };
+                    let refusal = ErrorReply {
+                        code: ErrorCode::UnknownNode,
+                        message: "the map has no such node or place".to_owned(),
+                    };
                     return score.finish(simulator, &pilot, &Outcome::Failed(Failure::NoPath(refusal)));
                 }
             },
@@ -121,20 +125,24 @@ pub fn run(
 }
 
 /// The point to go to, now that the robot knows where it is.
-fn choose(goal: Goal, map: &dyn MapView, step: &Step) -> Option<Point2> {
+fn choose(goal: &Goal, map: &dyn MapView, step: &Step) -> Option<Point2> {
     let here = Point2::from(step.localization.map_from_base()?.translation.vector);
     let mut chosen = None;
     map.view(&mut |map| {
         chosen = match goal {
             Goal::None => None,
-            Goal::Point(point) => Some(point),
-            Goal::Node(id) => map.node(id).map(|node| Point2::new(node.pose.position.x(), node.pose.position.y())),
+            Goal::Point(point) => Some(*point),
+            Goal::Named(name) => {
+                let pose = map.annotations().place(name);
+                pose.map(|pose| Point2::new(pose.position.x(), pose.position.y()))
+            }
+            Goal::Node(id) => map.node(*id).map(|node| Point2::new(node.pose.position.x(), node.pose.position.y())),
             Goal::FarNode(seed) => {
                 let position = |node: fht_map::NodeRef<'_>| Point2::new(node.pose.position.x(), node.pose.position.y());
                 let mut places: Vec<Point2> = map.nodes().map(position).collect();
                 places.sort_by(|a, b| (b - here).norm().total_cmp(&(a - here).norm()));
                 places.truncate(places.len().div_ceil(3));
-                let mut rng = ChaCha8Rng::seed_from_u64(seed);
+                let mut rng = ChaCha8Rng::seed_from_u64(*seed);
                 let index = rng.random_range(0..places.len().max(1));
                 places.get(index).copied()
             }

@@ -304,7 +304,15 @@ mod tests {
 
     fn reply(points: &[(f64, f64)]) -> PathReply {
         let waypoints = points.iter().map(|&(x, y)| Waypoint { x, y, node: None }).collect();
-        PathReply { map: "m".parse().expect("a name"), version: 1, length_m: 1.0, waypoints }
+        PathReply {
+            map: "m".parse().expect("a name"),
+            version: 1,
+            release: None,
+            length_m: 1.0,
+            waypoints,
+            obeyed: Vec::new(),
+            speed_limits: Vec::new(),
+        }
     }
 
     #[test]

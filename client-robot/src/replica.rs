@@ -1,25 +1,26 @@
 //! A live copy of the map over Zenoh.
 //!
-//! The subscription comes first and the catching up after it, so that no increment falls between the two. From then on
-//! increments arrive live; whenever the server's head shows more than has come, the rest is asked for with `since`. An
-//! answer that breaks off is resumed by asking again, since the question names what is already here. When the copy turns out
-//! not to be what the server has ([`crate::follow`]), the map is fetched anew and takes the copy's place in one step.
+//! The subscription comes first and the catching up after it, so that no increment falls between the two. What is taken in and
+//! what is asked for is decided in [`crate::sync`]; here are the session and the thread that carry it out.
 
 use crate::ask::read_head;
 pub use crate::ask::{AskError, ask, ask_head};
-use crate::follow::{Follow, FollowConfig, Step};
-use fht_map::{Accepted, Replica};
+use crate::follow::FollowConfig;
+use crate::sync::{Question, Sync, SyncConfig};
+use fht_map::Replica;
 use fht_proto::envelope::MAX_BODY_BYTES;
 use fht_proto::keys::{Key, Topic, increments_of};
 use fht_proto::query::Snapshot;
 use fht_proto::{Increment, MapName, VersionVector, decode};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::{Receiver, Sender, channel, sync_channel};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-use zenoh::handlers::{RingChannel, RingChannelHandler};
+use zenoh::handlers::{CallbackDrop, RingChannel, RingChannelHandler};
 use zenoh::pubsub::Subscriber;
+use zenoh::qos::{CongestionControl, Priority};
+use zenoh::query::{ConsolidationMode, Reply};
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
@@ -39,11 +40,23 @@ pub struct ReplicaConfig {
     pub ahead_s: f64,
     /// The head is asked for this often, in case its publication was lost, seconds. Default 2.
     pub head_every_s: f64,
+    /// About how much is asked for at one time, bytes: what may be under way on the link. Default 64 KiB.
+    pub part_bytes: usize,
+    /// In pieces of about so many bytes: what is lost when the link breaks. Default 4 KiB.
+    pub piece_bytes: usize,
 }
 
 impl Default for ReplicaConfig {
     fn default() -> Self {
-        Self { queue: 1024, timeout_s: 5.0, grace_s: 0.3, ahead_s: 10.0, head_every_s: 2.0 }
+        Self {
+            queue: 1024,
+            timeout_s: 5.0,
+            grace_s: 0.3,
+            ahead_s: 10.0,
+            head_every_s: 2.0,
+            part_bytes: 64 << 10,
+            piece_bytes: 4 << 10,
+        }
     }
 }
 
@@ -69,6 +82,8 @@ struct Shared {
     refused: AtomicU64,
     /// Messages dropped since the start, for want of room.
     dropped: AtomicU64,
+    /// Bytes of answers that brought increments.
+    fetched_bytes: AtomicU64,
 }
 
 impl Shared {
@@ -111,6 +126,8 @@ impl LiveReplica {
             ahead: Duration::from_secs_f64(config.ahead_s.max(0.0)),
             ..FollowConfig::default()
         };
+        let sync = SyncConfig { follow, head_every: Duration::from_secs_f64(config.head_every_s.max(0.0)) };
+        let (to_events, events) = channel();
         let worker = Worker {
             session: session.clone(),
             map: map.clone(),
@@ -119,7 +136,9 @@ impl LiveReplica {
             _subscriber: subscriber,
             increments,
             heads,
-            follow: Follow::new(follow),
+            events,
+            to_events,
+            sync: Sync::new(sync),
         };
         let thread = std::thread::Builder::new().name("replica".to_owned()).spawn(move || worker.run())?;
         Ok(Self { shared, thread: Some(thread) })
@@ -148,6 +167,12 @@ impl LiveReplica {
         self.shared.dropped.load(Ordering::Relaxed)
     }
 
+    /// Bytes of answers that brought what was asked for, since the start.
+    #[must_use]
+    pub fn fetched_bytes(&self) -> u64 {
+        self.shared.fetched_bytes.load(Ordering::Relaxed)
+    }
+
     /// Waits until the copy contains at least `vector`; false when the time is up.
     #[must_use]
     pub fn wait_for(&self, vector: &VersionVector, timeout: Duration) -> bool {
@@ -172,6 +197,16 @@ impl Drop for LiveReplica {
     }
 }
 
+/// What a question to the server led to.
+enum Event {
+    /// A piece of what was asked for.
+    Piece(Vec<u8>),
+    /// The question for a part has ended.
+    PartEnded,
+    /// The question for the head has ended.
+    Head(Option<Vec<u8>>),
+}
+
 struct Worker {
     session: Session,
     map: MapName,
@@ -180,16 +215,16 @@ struct Worker {
     _subscriber: Subscriber<()>,
     increments: Receiver<Sample>,
     heads: Subscriber<RingChannelHandler<Sample>>,
-    follow: Follow,
+    events: Receiver<Event>,
+    to_events: Sender<Event>,
+    sync: Sync,
 }
 
 impl Worker {
     fn run(mut self) {
-        let head_every = Duration::from_secs_f64(self.config.head_every_s.max(0.0));
-        self.catch_up();
-        let mut asked_at: Option<Instant> = None;
         while !self.is_stopped() {
-            if let Ok(sample) = self.increments.recv_timeout(Duration::from_millis(50)) {
+            self.ask_what_is_due();
+            if let Ok(sample) = self.increments.recv_timeout(Duration::from_millis(10)) {
                 self.take_live(&sample);
                 while let Ok(sample) = self.increments.try_recv() {
                     self.take_live(&sample);
@@ -197,29 +232,12 @@ impl Worker {
             }
             if let Ok(Some(sample)) = self.heads.try_recv() {
                 match read_head(&sample.payload().to_bytes(), &self.map) {
-                    Ok(head) => self.follow.published(&head),
+                    Ok(head) => self.sync.head_published(&head),
                     Err(error) => self.refuse(&error),
                 }
             }
-            if asked_at.is_none_or(|asked| asked.elapsed() >= head_every) {
-                asked_at = Some(Instant::now());
-                self.ask_head();
-            }
-            let step = {
-                let replica = self.shared.read();
-                self.follow.step(replica.vector(), || replica.state().digest(), Instant::now())
-            };
-            match step {
-                Step::Wait => {}
-                Step::CatchUp => {
-                    let brought = self.catch_up();
-                    self.follow.caught_up(brought, Instant::now());
-                }
-                Step::Refetch => {
-                    tracing::warn!(map = %self.map, "this copy of the map is not the server's; fetching it anew");
-                    let is_whole = self.refetch();
-                    self.follow.refetched(is_whole, Instant::now());
-                }
+            while let Ok(event) = self.events.try_recv() {
+                self.take_event(event);
             }
         }
     }
@@ -233,85 +251,114 @@ impl Worker {
         tracing::warn!("message refused: {reason}");
     }
 
-    fn ask_head(&mut self) {
-        let timeout = Duration::from_secs_f64(self.config.timeout_s.clamp(0.0, 1.0));
-        match ask_head(&self.session, &self.map, timeout) {
-            Ok(head) => self.follow.answered(head, self.shared.read().vector(), Instant::now()),
-            Err(error) => tracing::debug!(%error, "the head is not known"),
+    fn note_changes(&self, applied: usize) {
+        if applied > 0 {
+            self.shared.changes.fetch_add(1, Ordering::Release);
         }
     }
 
-    /// Asks for what a copy with `have` lacks: the first of it.
-    fn since(&self, have: &VersionVector) -> Option<Vec<Increment>> {
-        let timeout = Duration::from_secs_f64(self.config.timeout_s.max(0.0));
-        let selector = format!("{}?vector={have}", Key::topic(&self.map, Topic::Since));
-        let answers = match ask(&self.session, &selector, timeout) {
-            Ok(answers) => answers,
-            Err(error) => {
-                tracing::debug!(%error, "nothing fetched");
-                return None;
+    fn ask_what_is_due(&mut self) {
+        loop {
+            let was_trusted = !self.sync.is_refetching();
+            let Some(question) = self.sync.poll(&self.shared.read(), Instant::now()) else { return };
+            if was_trusted && self.sync.is_refetching() {
+                tracing::warn!(map = %self.map, "this copy of the map is not the server's; fetching it anew");
+            }
+            let asked = match &question {
+                Question::Head => self.ask_head(),
+                Question::Since(have) => self.ask_since(have),
+            };
+            if let Err(error) = asked {
+                tracing::debug!(%error, "a question cannot be put");
+                let ended = if question == Question::Head { Event::Head(None) } else { Event::PartEnded };
+                self.take_event(ended);
+                return;
+            }
+        }
+    }
+
+    fn ask_head(&self) -> Result<(), zenoh::Error> {
+        let timeout = Duration::from_secs_f64(self.config.timeout_s.clamp(0.0, 1.0));
+        // The first answer counts; the end of the question is told in any case.
+        let (answer, ended) = (self.to_events.clone(), self.to_events.clone());
+        let is_answered = Arc::new(AtomicBool::new(false));
+        let was_answered = Arc::clone(&is_answered);
+        let callback = move |reply: Reply| {
+            if let Ok(sample) = reply.result()
+                && !is_answered.swap(true, Ordering::AcqRel)
+            {
+                let _ = answer.send(Event::Head(Some(sample.payload().to_bytes().into_owned())));
             }
         };
-        let series = answers.iter().filter_map(|bytes| {
-            decode::<Snapshot>(bytes).map_err(|error| self.refuse(&error)).map(|series| series.increments).ok()
-        });
-        Some(series.flatten().collect())
+        let drop = move || {
+            if !was_answered.load(Ordering::Acquire) {
+                let _ = ended.send(Event::Head(None));
+            }
+        };
+        let key = Key::topic(&self.map, Topic::Head).to_string();
+        self.session.get(key).timeout(timeout).with(CallbackDrop { callback, drop }).wait()
     }
 
-    /// Asks for what is missing until an answer brings nothing new; returns how much came.
-    fn catch_up(&mut self) -> usize {
-        let mut brought = 0;
-        while !self.is_stopped() {
-            let have = self.shared.read().vector().clone();
-            let Some(increments) = self.since(&have) else { break };
-            let applied = self.take(increments);
-            if applied == 0 {
-                break;
+    /// Asks for a part of what a copy with `have` lacks. The answer waits behind live increments, and is dropped rather than that a
+    /// link is closed over it.
+    fn ask_since(&self, have: &VersionVector) -> Result<(), zenoh::Error> {
+        let timeout = Duration::from_secs_f64(self.config.timeout_s.max(0.0));
+        let ReplicaConfig { part_bytes, piece_bytes, .. } = self.config;
+        let key = Key::topic(&self.map, Topic::Since);
+        let selector = format!("{key}?vector={have};max_bytes={part_bytes};piece_bytes={piece_bytes}");
+        let (piece, ended, counting) = (self.to_events.clone(), self.to_events.clone(), Arc::clone(&self.shared));
+        let callback = move |reply: Reply| match reply.result() {
+            Ok(sample) => {
+                counting.fetched_bytes.fetch_add(sample.payload().len() as u64, Ordering::Relaxed);
+                let _ = piece.send(Event::Piece(sample.payload().to_bytes().into_owned()));
             }
-            brought += applied;
-        }
-        brought
+            Err(error) => tracing::debug!("nothing fetched: {}", String::from_utf8_lossy(&error.payload().to_bytes())),
+        };
+        let drop = move || _ = ended.send(Event::PartEnded);
+        self.session
+            .get(selector)
+            .timeout(timeout)
+            .priority(Priority::DataLow)
+            .congestion_control(CongestionControl::Drop)
+            // Every piece counts, although all come under one key.
+            .consolidation(ConsolidationMode::None)
+            .with(CallbackDrop { callback, drop })
+            .wait()
     }
 
-    /// Fetches the whole map; puts it in the copy's place when all of it has come.
-    fn refetch(&self) -> bool {
-        let mut fresh = Replica::default();
-        loop {
-            let Some(increments) = self.since(fresh.vector()).filter(|_| !self.is_stopped()) else { return false };
-            let outcomes = increments.into_iter().map(|increment| fresh.accept(increment));
-            if outcomes.filter(|outcome| matches!(outcome, Accepted::Applied(_))).count() == 0 {
-                break;
+    fn take_event(&mut self, event: Event) {
+        let now = Instant::now();
+        match event {
+            Event::Head(payload) => {
+                let head = payload.map(|payload| read_head(&payload, &self.map));
+                if let Some(Err(error)) = &head {
+                    self.refuse(error);
+                }
+                self.sync.head_answered(&self.shared.read(), head.and_then(Result::ok), now);
+            }
+            Event::Piece(bytes) => match decode::<Snapshot>(&bytes) {
+                Ok(series) => {
+                    let applied = self.sync.piece(&mut self.shared.write(), series);
+                    self.note_changes(applied);
+                }
+                Err(error) => self.refuse(&error),
+            },
+            Event::PartEnded => {
+                let is_replaced = self.sync.part_ended(&mut self.shared.write(), now);
+                self.note_changes(usize::from(is_replaced));
             }
         }
-        *self.shared.write() = fresh;
-        self.shared.changes.fetch_add(1, Ordering::Release);
-        true
     }
 
     /// Takes in what a writer has put.
     fn take_live(&mut self, sample: &Sample) {
         match live_increment(sample, &self.map) {
-            Ok(increment) => _ = self.take(vec![increment]),
+            Ok(increment) => {
+                let applied = self.sync.live(&mut self.shared.write(), increment);
+                self.note_changes(applied);
+            }
             Err(reason) => self.refuse(&reason),
         }
-    }
-
-    /// Takes in increments; returns how many were applied.
-    fn take(&mut self, increments: Vec<Increment>) -> usize {
-        let mut applied = 0;
-        let mut replica = self.shared.write();
-        for increment in increments {
-            match replica.accept(increment) {
-                Accepted::Applied(count) => applied += count,
-                Accepted::Conflict => self.follow.conflict(),
-                Accepted::Duplicate | Accepted::Early | Accepted::Dropped => {}
-            }
-        }
-        drop(replica);
-        if applied > 0 {
-            self.shared.changes.fetch_add(1, Ordering::Release);
-        }
-        applied
     }
 }
 

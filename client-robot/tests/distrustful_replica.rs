@@ -118,7 +118,10 @@ async fn what_is_under_a_wrong_key_is_refused() {
         let stranger = Increment { author: AuthorId(7), ..increment(1) };
         scene.put(10, bytes(9));
         scene.put(9, encode(&stranger).expect("bytes"));
-        scene.put(9, encode(&Snapshot { increments: vec![increment(9), increment(10)] }).expect("bytes"));
+        scene.put(
+            9,
+            encode(&Snapshot { increments: vec![increment(9), increment(10)], ..Snapshot::default() }).expect("bytes"),
+        );
         let deeper = format!("fht/m/inc/{}/9/9", AuthorId::of_robot("explorer"));
         scene.server.put(deeper, bytes(9)).wait().expect("put");
         scene.wait_until("all four are refused", |scene| scene.replica.refused() == 4);

@@ -4,7 +4,7 @@ mod fixture;
 
 use client_robot::landmarks::Landmarks;
 use client_robot::localize::{LocalizeConfig, Localizer};
-use fht_proto::query::LocalizationState;
+use fht_proto::fleet::LocalizationState;
 use fht_robot::frame::{SensorFrame, Twist};
 use fht_robot::pose::Pose2;
 use fht_sim::{SimConfig, Simulator, World};

@@ -70,8 +70,13 @@ async fn main() {
     let dir = tempfile::tempdir_in(".").unwrap();
     let endpoint = "tcp/127.0.0.1:17449".to_owned();
     let link = LinkConfig { listen: vec![endpoint.clone()], ..LinkConfig::default() };
-    let config =
-        ServerConfig { data: dir.path().to_owned(), link, limits: Limits::default(), answers: AnswerConfig::default() };
+    let config = ServerConfig {
+        data: dir.path().to_owned(),
+        link,
+        limits: Limits::default(),
+        answers: AnswerConfig::default(),
+        fleet: map_server::fleet::FleetConfig::default(),
+    };
     let (stop, stopped) = oneshot::channel::<()>();
     let server = tokio::spawn(run(config, async { _ = stopped.await }));
     tokio::time::sleep(Duration::from_millis(500)).await;

@@ -1,9 +1,10 @@
 //! What is wrong with an arriving increment: everything that can be said without knowing its map.
 
 use crate::config::Limits;
+use fht_proto::envelope::is_canonical;
 use fht_proto::keys::Key;
 use fht_proto::query::{ErrorCode, ErrorReply};
-use fht_proto::{CodecError, Increment, MapName, decode, encode};
+use fht_proto::{CodecError, Increment, MapName, decode};
 
 /// What arrived under a key, unread.
 #[derive(Clone, Debug)]
@@ -86,6 +87,9 @@ pub enum Refusal {
     /// Another increment of this author and number is stored.
     #[error("another increment with this author and number came before it")]
     Conflict,
+    /// A fold would come before increments that the map has, or leaves a gap.
+    #[error("folded increments go only into a new map: give another name")]
+    FoldBeside,
     /// Over one of [`Limits`], or the limit of authors.
     #[error("the limit of {0} is reached")]
     Full(&'static str),
@@ -96,7 +100,7 @@ impl Refusal {
     #[must_use]
     pub fn reply(&self) -> ErrorReply {
         let code = match self {
-            Self::Conflict => ErrorCode::Conflict,
+            Self::Conflict | Self::FoldBeside => ErrorCode::Conflict,
             Self::NotCanonical => ErrorCode::NotCanonical,
             Self::Full(_) => ErrorCode::Full,
             Self::Future { .. } => ErrorCode::Future,
@@ -128,7 +132,7 @@ pub fn check(arrival: Arrival, limits: &Limits, now_us: u64) -> Result<Checked, 
     if (increment.author, increment.number) != (author, number) {
         return Err(Refusal::OtherKey { author: increment.author.to_string(), number: increment.number });
     }
-    if encode(&increment)? != bytes {
+    if !is_canonical(&increment, &bytes)? {
         return Err(Refusal::NotCanonical);
     }
     let ahead_s = increment.hlc_us.saturating_sub(now_us) / 1_000_000;

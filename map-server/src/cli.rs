@@ -1,6 +1,8 @@
 //! The command line.
 
 use crate::config::{AnswerConfig, Limits, LinkConfig, ServerConfig};
+use crate::fleet::FleetConfig;
+use crate::operate::{OperateError, Operation, OperatorArgs};
 use crate::{ServerError, run};
 use clap::Parser;
 use std::ffi::OsString;
@@ -9,14 +11,33 @@ use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
 
 /// Where a server listens that was told nothing.
-const DEFAULT_LISTEN: &str = "tcp/127.0.0.1:7447";
+pub(crate) const DEFAULT_LISTEN: &str = "tcp/127.0.0.1:7447";
 
 /// Keeps the maps of explorer robots and answers questions about them over Zenoh.
 ///
 /// Explorers put increments; each is acknowledged once it is on the disk. Robots and people ask for maps, paths and nodes.
 #[derive(Debug, Parser)]
 #[command(name = "map-server", version, after_long_help = EXAMPLES)]
-struct Args {
+#[command(args_conflicts_with_subcommands = true)]
+struct Cli {
+    #[command(flatten)]
+    serve: ServeArgs,
+    #[command(flatten)]
+    link: LinkArgs,
+    #[command(flatten)]
+    operator: OperatorArgs,
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    #[command(flatten)]
+    Operate(Operation),
+}
+
+#[derive(Debug, clap::Args)]
+struct ServeArgs {
     /// Directory that keeps the maps; made if absent. One server at a time.
     #[arg(long, value_name = "DIR", default_value = "fht-data")]
     data: PathBuf,
@@ -27,15 +48,20 @@ struct Args {
     /// other machines.
     #[arg(long, value_name = "ENDPOINT")]
     listen: Vec<String>,
-    /// Connect to a Zenoh router, such as zenohd (repeatable). Without --listen the server is its client.
-    #[arg(long, value_name = "ENDPOINT")]
-    connect: Vec<String>,
-    /// A Zenoh configuration file (JSON5): endpoints, TLS, access control. --listen and --connect go before what it says.
-    #[arg(long, value_name = "FILE")]
-    zenoh_config: Option<PathBuf>,
     /// Say more: once for what is stored, twice for everything. RUST_LOG is obeyed, too.
     #[arg(short, long, action = clap::ArgAction::Count)]
     verbose: u8,
+}
+
+#[derive(Debug, clap::Args)]
+struct LinkArgs {
+    /// Connect to a Zenoh router, such as zenohd (repeatable). A server without --listen is its client; operators' commands go
+    /// to tcp/127.0.0.1:7447 if nothing else is said.
+    #[arg(long, global = true, value_name = "ENDPOINT")]
+    connect: Vec<String>,
+    /// A Zenoh configuration file (JSON5): endpoints, TLS, access control. --listen and --connect go before what it says.
+    #[arg(long, global = true, value_name = "FILE")]
+    zenoh_config: Option<PathBuf>,
 }
 
 const EXAMPLES: &str = "\
@@ -49,16 +75,31 @@ Examples:
   zenoh --connect tcp/127.0.0.1:7447 get -s 'fht/museum/nodes?near=0,0;radius=3' --decoder json
       ask a running server
 
-Topics of a map: head, path?from=X,Y;to=X,Y, nodes?near=X,Y;radius=R, since?vector=V, snapshot?version=N, match";
+  map-server release create museum        a name for the state as it is now
+  map-server release enable museum 2026-11-21.1
+  map-server place museum dock 1.5,-2,90
+  map-server zone museum wet-floor 1,1 3,1 3,2 1,2
+  map-server robots museum --watch
+      operate it, from any machine that reaches it (--connect)
 
-impl Args {
+Topics of a map: head, path?from=X,Y;to=NAME, nodes?near=X,Y;radius=R, since?vector=V, snapshot?version=N, match,
+releases, diff?from=A;to=B, rules, fleet";
+
+impl Cli {
     fn config(&self) -> ServerConfig {
-        let mut listen = self.listen.clone();
-        if listen.is_empty() && self.connect.is_empty() && self.zenoh_config.is_none() {
+        let LinkArgs { connect, zenoh_config } = &self.link;
+        let mut listen = self.serve.listen.clone();
+        if listen.is_empty() && connect.is_empty() && zenoh_config.is_none() {
             listen.push(DEFAULT_LISTEN.to_owned());
         }
-        let link = LinkConfig { listen, connect: self.connect.clone(), zenoh_config: self.zenoh_config.clone() };
-        ServerConfig { data: self.data.clone(), link, limits: Limits::default(), answers: AnswerConfig::default() }
+        let link = LinkConfig { listen, connect: connect.clone(), zenoh_config: zenoh_config.clone() };
+        ServerConfig {
+            data: self.serve.data.clone(),
+            link,
+            limits: Limits::default(),
+            answers: AnswerConfig::default(),
+            fleet: FleetConfig::default(),
+        }
     }
 }
 
@@ -88,8 +129,7 @@ async fn until_told() {
     let _ = tokio::signal::ctrl_c().await;
 }
 
-fn serve(args: &Args) -> Result<(), ServerError> {
-    let config = args.config();
+fn serve(config: ServerConfig) -> Result<(), ServerError> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(1)
         .max_blocking_threads(config.answers.threads.max(1))
@@ -99,22 +139,36 @@ fn serve(args: &Args) -> Result<(), ServerError> {
     runtime.block_on(run(config, until_told()))
 }
 
+/// Zenoh brings its own threads but wants to be opened from a multi-threaded runtime.
+fn operate(operation: Operation, args: &OperatorArgs, link: LinkArgs) -> Result<(), OperateError> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build();
+    let link = LinkConfig { listen: Vec::new(), connect: link.connect, zenoh_config: link.zenoh_config };
+    runtime.map_err(OperateError::Runtime)?.block_on(operation.carry_out(args, link))
+}
+
 /// Runs the program with the given arguments, the program's name first.
 pub fn main_with_args<I, T>(args: I) -> ExitCode
 where
     I: IntoIterator<Item = T>,
     T: Into<OsString> + Clone,
 {
-    let args = match Args::try_parse_from(args) {
-        Ok(args) => args,
+    let cli = match Cli::try_parse_from(args) {
+        Ok(cli) => cli,
         Err(error) => {
             let code = if error.use_stderr() { ExitCode::from(2) } else { ExitCode::SUCCESS };
             let _ = error.print();
             return code;
         }
     };
-    log(args.verbose);
-    match serve(&args) {
+    log(cli.serve.verbose);
+    let config = cli.config();
+    let outcome = match cli.command {
+        None => serve(config).map_err(|error| error.to_string()),
+        Some(Command::Operate(operation)) => {
+            operate(operation, &cli.operator, cli.link).map_err(|error| error.to_string())
+        }
+    };
+    match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("map-server: {error}");
@@ -128,7 +182,7 @@ mod tests {
     use super::*;
 
     fn link(args: &[&str]) -> LinkConfig {
-        Args::try_parse_from(["map-server"].iter().chain(args)).unwrap().config().link
+        Cli::try_parse_from(["map-server"].iter().chain(args)).unwrap().config().link
     }
 
     #[test]

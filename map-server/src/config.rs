@@ -1,5 +1,6 @@
 //! What a server is told at its start.
 
+use crate::fleet::FleetConfig;
 use fht_map::RouteConfig;
 use fht_map::sequence::SequenceConfig;
 use std::path::PathBuf;
@@ -15,6 +16,8 @@ pub struct ServerConfig {
     pub limits: Limits,
     /// How queries are answered.
     pub answers: AnswerConfig,
+    /// When robots count as late.
+    pub fleet: FleetConfig,
 }
 
 /// How the server is reached. With `listen` it is a Zenoh router that robots and tools connect to; with `connect` alone it

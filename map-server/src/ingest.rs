@@ -4,13 +4,15 @@
 use crate::catalog::{Catalog, MapView};
 use crate::check::{Arrival, Checked, Refusal, check, map_of};
 use crate::config::Limits;
+use crate::log::{Floor, FoldRecord, IncrementLog, Record, StoreError, Stored};
 use crate::nursery::Nursery;
 use crate::refusals::{Notice, Refusals};
-use crate::store::{Record, Store, StoreError};
+use crate::retention::{Retained, retain};
 use crate::throttle::Throttle;
 use fht_map::sequence::{Offered, Sequence};
 use fht_proto::keys::Key;
-use fht_proto::{AuthorId, Increment, MapName, VersionVector};
+use fht_proto::query::Snapshot;
+use fht_proto::{AuthorId, Fold, Increment, MapName, VersionVector, encode};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -20,15 +22,15 @@ const LOG_PERIOD: Duration = Duration::from_secs(1);
 /// A writer is told of a kind of refusal at most this often.
 const NOTICE_PERIOD: Duration = Duration::from_secs(1);
 
-/// The one writer of a store.
+/// The one writer of a log.
 #[derive(Debug)]
 pub struct Ingest {
-    store: Arc<Store>,
+    log: Arc<dyn IncrementLog>,
     catalog: Arc<Catalog>,
     limits: Limits,
     maps: BTreeMap<MapName, Intake>,
     nursery: Nursery,
-    log: Throttle,
+    throttle: Throttle,
     refusals: Refusals,
 }
 
@@ -73,9 +75,9 @@ struct Batch {
 }
 
 impl Ingest {
-    /// Goes on where store and catalog are; `catalog` must have been loaded from `store`.
+    /// Goes on where log and catalog are; `catalog` must have been loaded from the log.
     #[must_use]
-    pub fn new(store: Arc<Store>, catalog: Arc<Catalog>, limits: Limits) -> Self {
+    pub fn new(log: Arc<dyn IncrementLog>, catalog: Arc<Catalog>, limits: Limits) -> Self {
         let intake = |view: &MapView| Intake {
             sequence: Sequence::starting_at(view.head.vector.clone(), limits.early.clone()),
             bytes: view.head.bytes,
@@ -84,12 +86,12 @@ impl Ingest {
         let maps = catalog.views().iter().map(|view| (view.head.map.clone(), intake(view))).collect();
         let nursery = Nursery::new(limits.early.clone(), limits.max_nursery_bytes);
         Self {
-            store,
+            log,
             catalog,
             limits,
             maps,
             nursery,
-            log: Throttle::new(LOG_PERIOD),
+            throttle: Throttle::new(LOG_PERIOD),
             refusals: Refusals::new(NOTICE_PERIOD),
         }
     }
@@ -115,22 +117,101 @@ impl Ingest {
                 }
             }
         }
-        if !batch.records.is_empty() {
-            self.store.append(&batch.records)?;
-        }
-        for (map, increments) in &batch.increments {
-            let Some(intake) = self.maps.get_mut(map) else { continue }; // nothing is in a batch without one
-            let bytes = batch.added_bytes.get(map).copied().unwrap_or(0);
-            intake.elements = self.catalog.apply(map, increments, intake.sequence.vector().clone(), bytes);
-        }
+        self.commit(&batch)?;
         for (map, count) in batch.refused {
             self.catalog.count_refused(&map, count);
         }
         Ok(batch.taken)
     }
 
+    /// Folds all of a map but its newest `keep` versions ([`retain`]).
+    ///
+    /// # Errors
+    /// [`StoreError`]: nothing has changed.
+    pub fn retain(&mut self, map: &MapName, keep: u64) -> Result<Option<Retained>, StoreError> {
+        let retained = retain(map, keep, &self.catalog, self.log.as_ref())?;
+        if let Some((intake, retained)) = self.maps.get_mut(map).zip(retained.as_ref()) {
+            intake.bytes = retained.bytes;
+        }
+        Ok(retained)
+    }
+
+    /// Takes in a part of a map from a file: as if its authors had sent it now. What was folded goes only into a map that has nothing but
+    /// what was folded.
+    ///
+    /// # Errors
+    /// [`StoreError`]: the log is not usable any more. The inner one: the first piece that was refused; those before it are in.
+    pub fn import(&mut self, map: &MapName, series: Snapshot, now_us: u64) -> Result<Result<(), Refusal>, StoreError> {
+        for fold in &series.folds {
+            if let Err(refusal) = self.import_fold(map, fold)? {
+                return Ok(Err(refusal));
+            }
+        }
+        let mut batch = Batch::default();
+        let mut outcome = Ok(());
+        for increment in series.increments {
+            let key = Key::increment(map, increment.author, increment.number).to_string();
+            let arrival = Arrival { key, payload: encode(&increment).map_err(Refusal::from) };
+            outcome = match check(arrival, &self.limits, now_us) {
+                Ok(checked) => self.sort(checked, &mut batch)?,
+                Err(refusal) => Err(refusal),
+            };
+            if outcome.is_err() {
+                break;
+            }
+        }
+        self.commit(&batch)?;
+        Ok(outcome)
+    }
+
+    fn import_fold(&mut self, map: &MapName, fold: &Fold) -> Result<Result<(), Refusal>, StoreError> {
+        let (vector, bytes_before) = self
+            .maps
+            .get(map)
+            .map_or((VersionVector::default(), 0), |intake| (intake.sequence.vector().clone(), intake.bytes));
+        if fold.last <= vector.get(fold.author) {
+            return Ok(Ok(()));
+        }
+        let floor = self.log.floor(map)?;
+        if floor.version != vector.version() || fold.first != vector.get(fold.author) + 1 {
+            return Ok(Err(Refusal::FoldBeside));
+        }
+        let bytes = match encode(fold) {
+            Ok(bytes) => bytes,
+            Err(error) => return Ok(Err(error.into())),
+        };
+        let elements = fold.rests.iter().map(|rest| rest.ops.len()).sum();
+        if let Err(refusal) = self.room(map, fold.author, bytes.len() as u64, elements) {
+            return Ok(Err(refusal));
+        }
+        let mut vector = vector;
+        vector.set(fold.author, fold.last);
+        let length = bytes.len() as u64;
+        let record = FoldRecord { author: fold.author, first: fold.first, last: fold.last, bytes };
+        self.log.add_folds(map, &Floor { version: vector.version(), vector: vector.clone() }, &[record])?;
+        let elements =
+            self.catalog.apply(map, std::slice::from_ref(fold), &[], vector.clone(), length, self.log.as_ref())?;
+        let sequence = Sequence::starting_at(vector, self.limits.early.clone());
+        self.maps.insert(map.clone(), Intake { sequence, bytes: bytes_before + length, elements });
+        Ok(Ok(()))
+    }
+
+    /// Makes a batch durable, then visible.
+    fn commit(&mut self, batch: &Batch) -> Result<(), StoreError> {
+        if !batch.records.is_empty() {
+            self.log.append(&batch.records)?;
+        }
+        for (map, increments) in &batch.increments {
+            let Some(intake) = self.maps.get_mut(map) else { continue }; // nothing is in a batch without one
+            let bytes = batch.added_bytes.get(map).copied().unwrap_or(0);
+            let vector = intake.sequence.vector().clone();
+            intake.elements = self.catalog.apply(map, &[], increments, vector, bytes, self.log.as_ref())?;
+        }
+        Ok(())
+    }
+
     fn log_refusal(&mut self, key: &str, refusal: &Refusal) {
-        if let Some(suppressed) = self.log.pass(Instant::now()) {
+        if let Some(suppressed) = self.throttle.pass(Instant::now()) {
             let key: String = key.chars().take(120).collect();
             tracing::warn!(%key, suppressed, "increment refused: {refusal}");
         }
@@ -143,10 +224,9 @@ impl Ingest {
         self.refusals.pass(&notice, Instant::now()).then_some(notice)
     }
 
-    fn room(&self, checked: &Checked) -> Result<(), Refusal> {
-        let (limits, bytes) = (&self.limits, checked.bytes.len() as u64);
-        // No operation makes more than one element.
-        let elements = checked.increment.ops.len();
+    /// Whether there is room for so many more bytes and elements by `author` in a map.
+    fn room(&self, map: &MapName, author: AuthorId, bytes: u64, elements: usize) -> Result<(), Refusal> {
+        let limits = &self.limits;
         let total = |of: fn(&Intake) -> u64| self.maps.values().map(of).fold(0, u64::saturating_add);
         if total(|intake| intake.bytes).saturating_add(bytes) > limits.max_total_bytes {
             return Err(Refusal::Full("bytes in all maps"));
@@ -154,12 +234,12 @@ impl Ingest {
         if total(|intake| intake.elements as u64) + elements as u64 > limits.max_total_elements as u64 {
             return Err(Refusal::Full("nodes and edges in all maps"));
         }
-        let (known_bytes, known_elements) = match self.maps.get(&checked.map) {
+        let (known_bytes, known_elements) = match self.maps.get(map) {
             None if self.maps.len() >= limits.max_maps => return Err(Refusal::Full("maps")),
             None => (0, 0),
             Some(intake) => {
                 let vector = intake.sequence.vector();
-                let is_new = vector.get(checked.increment.author) == 0;
+                let is_new = vector.get(author) == 0;
                 if is_new && vector.iter().count() >= VersionVector::MAX_AUTHORS {
                     return Err(Refusal::Full("authors of this map"));
                 }
@@ -181,13 +261,20 @@ impl Ingest {
         if self.maps.get(&map).is_some_and(|intake| number <= intake.sequence.vector().get(author)) {
             let same = match batch.by_key.get(&(map.clone(), author, number)) {
                 Some(&index) => batch.records.get(index).is_some_and(|record| record.bytes == checked.bytes),
-                None => self.store.get(&map, author, number)?.as_ref() == Some(&checked.bytes),
+                None => match self.log.stored(&map, author, number)? {
+                    Stored::Increment(bytes) => bytes == checked.bytes,
+                    // Nobody can tell any more.
+                    Stored::Folded => true,
+                    Stored::Absent => false,
+                },
             };
             // The writer has missed a head: it is told again.
             batch.taken.announce.insert(map);
             return Ok(if same { Ok(()) } else { Err(Refusal::Conflict) });
         }
-        if let Err(refusal) = self.room(&checked) {
+        // No operation makes more than one element.
+        let elements = checked.increment.ops.len();
+        if let Err(refusal) = self.room(&map, author, checked.bytes.len() as u64, elements) {
             return Ok(Err(refusal));
         }
         match self.offer(checked, batch) {

@@ -1,8 +1,9 @@
 //! The map-server: takes increments in, keeps them, answers questions.
 //!
 //! ```text
-//! Zenoh ── queue ── ingest ──→ store (redb)
+//! Zenoh ── queue ── ingest ──→ log (redb, or memory in front of storages)
 //!                     └──────→ catalog ──→ answer ── serve ── Zenoh
+//! Zenoh ── hear ──→ live, fleet ─────────────┘
 //! ```
 //!
 //! | module | idea |
@@ -15,26 +16,42 @@
 //! | [`ingest`] | check, order, commit, apply: the one writer |
 //! | [`refusals`] | what writers are told of refused increments |
 //! | [`nursery`] | increments that came before the first of their map |
-//! | [`store`] | the durable log |
+//! | [`log`] | what a log of increments is |
+//! | [`store`] | the log in a file |
+//! | [`memory`] | the log in memory |
+//! | [`retention`] | folding old increments |
 //! | [`catalog`] | the maps in memory, shared with the readers |
+//! | [`basis`] | a state that paths are planned on: the newest, or a release |
+//! | [`live`] | what is closed now |
+//! | [`fleet`] | the robots |
+//! | [`hear`] | what robots say of themselves |
 //! | [`request`] | queries as they come, to typed requests |
 //! | [`answer`] | typed requests to replies |
 //! | [`serve`] | queries over Zenoh |
+//! | [`operate`] | what operators do: another program that talks to the server |
 //! | [`throttle`] | at most one log line a period |
 //!
 //! An increment counts as acknowledged when the head that is published covers it, and a head covers only what a commit has
 //! brought to the disk. Whatever waits while a commit is under way goes into the next one together.
 
 pub mod answer;
+pub mod basis;
 pub mod catalog;
 pub mod check;
 pub mod cli;
 pub mod config;
+pub mod fleet;
+pub mod hear;
 pub mod ingest;
+pub mod live;
+pub mod log;
+pub mod memory;
 pub mod nursery;
+pub mod operate;
 pub mod queue;
 pub mod refusals;
 pub mod request;
+pub mod retention;
 pub mod serve;
 pub mod session;
 pub mod store;
@@ -43,17 +60,22 @@ pub mod throttle;
 pub use cli::main_with_args;
 pub use config::ServerConfig;
 
+use answer::Sources;
 use catalog::Catalog;
 use check::{Arrival, Refusal};
 use fht_proto::keys::{ALL_INCREMENTS, ALL_QUERIES, Key, Topic};
 use fht_proto::query::Head;
+use fleet::Fleet;
 use ingest::Ingest;
+use live::LiveRules;
+use log::{IncrementLog, StoreError};
 use queue::Queue;
 use refusals::Notice;
 use serve::Service;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
-use store::{Store, StoreError};
+use store::Store;
 use tokio::sync::oneshot;
 use zenoh::bytes::Encoding;
 use zenoh::qos::{CongestionControl, Priority};
@@ -63,7 +85,7 @@ use zenoh::{Session, Wait};
 /// Why a server ends that was not told to.
 #[derive(Debug, thiserror::Error)]
 pub enum ServerError {
-    /// The store cannot be opened, read or written.
+    /// The log cannot be opened, read or written.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The network cannot be used.
@@ -81,7 +103,7 @@ pub enum ServerError {
 }
 
 /// Microseconds since the Unix epoch.
-fn now_us() -> u64 {
+pub(crate) fn now_us() -> u64 {
     let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(since_epoch.as_micros()).unwrap_or(u64::MAX)
 }
@@ -137,7 +159,7 @@ fn write_all(
     session: &Session,
     max_batch: usize,
 ) -> Result<(), StoreError> {
-    while let Some(arrivals) = queue.take(max_batch) {
+    while let Some(queue::Work { arrivals, jobs }) = queue.take(max_batch) {
         let dropped = queue.take_dropped();
         if dropped > 0 {
             tracing::warn!(dropped, "more increments came than could be taken in; their writers will send them again");
@@ -151,6 +173,12 @@ fn write_all(
                 announce(session, &view.head);
             }
         }
+        if !jobs.is_empty() {
+            let before: BTreeMap<_, _> = catalog.heads().iter().map(|head| (head.map.clone(), head.version)).collect();
+            jobs.into_iter().for_each(|job| job(&mut ingest));
+            let grown = |head: &Arc<Head>| before.get(&head.map) != Some(&head.version);
+            catalog.heads().iter().filter(|head| grown(head)).for_each(|head| announce(session, head));
+        }
     }
     Ok(())
 }
@@ -160,14 +188,21 @@ fn write_all(
 /// # Errors
 /// [`ServerError`]: it could not start, or the store failed. Whatever was acknowledged is on the disk.
 pub async fn run(config: ServerConfig, shutdown: impl Future<Output = ()>) -> Result<(), ServerError> {
-    let store = Arc::new(Store::open(&config.data)?);
-    let catalog = Arc::new(Catalog::load(&store)?);
+    let log: Arc<dyn IncrementLog> = Arc::new(Store::open(&config.data)?);
+    let catalog = Arc::new(Catalog::load(log.as_ref())?);
     let session = session::open(&config.link).await?;
 
-    let service =
-        Service::new(Arc::clone(&catalog), Arc::clone(&store), config.answers, tokio::runtime::Handle::current());
-    let queryable = session.declare_queryable(ALL_QUERIES).callback(move |query| service.take(query)).await?;
+    let sources = Sources {
+        catalog: Arc::clone(&catalog),
+        log: Arc::clone(&log),
+        live: Arc::new(LiveRules::default()),
+        fleet: Arc::new(Fleet::new(config.fleet)),
+        config: Arc::new(config.answers),
+    };
     let queue = Arc::new(Queue::new(config.limits.max_queue_bytes));
+    let hearing = hear::hear(&session, &sources).await?;
+    let service = Service::new(sources, Arc::clone(&queue), tokio::runtime::Handle::current());
+    let queryable = session.declare_queryable(ALL_QUERIES).callback(move |query| service.take(query)).await?;
     let arriving = Arc::clone(&queue);
     let max_bytes = config.limits.max_increment_bytes;
     let arrive = move |sample: Sample| arriving.push(arrival(&sample, max_bytes));
@@ -175,7 +210,7 @@ pub async fn run(config: ServerConfig, shutdown: impl Future<Output = ()>) -> Re
 
     let (report, mut stopped) = oneshot::channel();
     let max_batch = config.limits.max_batch_bytes;
-    let ingest = Ingest::new(Arc::clone(&store), Arc::clone(&catalog), config.limits);
+    let ingest = Ingest::new(log, Arc::clone(&catalog), config.limits);
     let writer = {
         let (queue, catalog, session) = (Arc::clone(&queue), Arc::clone(&catalog), session.clone());
         let write = move || _ = report.send(write_all(ingest, &queue, &catalog, &session, max_batch));
@@ -198,6 +233,7 @@ pub async fn run(config: ServerConfig, shutdown: impl Future<Output = ()>) -> Re
         outcome = &mut stopped => outcome,
     };
     let _ = writer.join(); // it has reported, or panicked and said so
+    drop(hearing);
     queryable.undeclare().await?;
     session.close().await?;
     outcome.map_err(|_| ServerError::WriterLost)??;

@@ -1,8 +1,8 @@
 //! Queries as they come: parameters to typed requests. Every complaint says what was expected.
 
-use fht_proto::keys::{Key, Topic};
-use fht_proto::query::{ErrorCode, ErrorReply, Place, parse_point};
-use fht_proto::{Descriptor, FixedPoint, MapName, VersionVector, decode};
+use fht_proto::keys::{AdminAction, Key, Topic};
+use fht_proto::query::{ErrorCode, ErrorReply, Place, Snapshot, parse_point};
+use fht_proto::{Descriptor, FixedPoint, MapName, ReleaseId, ReleaseName, VersionVector, decode};
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
@@ -22,8 +22,45 @@ pub enum Moment {
     Version(u64),
     /// These increments.
     Vector(VersionVector),
+    /// A release, by its name or `name@author`.
+    Release(String),
     /// Everything now.
     Now,
+}
+
+impl Moment {
+    /// Reads `head`, a version, a vector or the name of a release.
+    fn parse(text: &str) -> Result<Self, ErrorReply> {
+        if text == "head" {
+            Ok(Self::Now)
+        } else if text.contains(':') {
+            text.parse()
+                .map(Self::Vector)
+                .map_err(|error| bad_request(format!("{} is no vector: {error}", shown(text))))
+        } else if text.bytes().all(|byte| byte.is_ascii_digit()) {
+            text.parse().map(Self::Version).map_err(|_| bad_request(format!("{} is no version", shown(text))))
+        } else {
+            release_name(text).map(Self::Release)
+        }
+    }
+}
+
+/// What could be the name of a release.
+fn release_name(text: &str) -> Result<String, ErrorReply> {
+    let is_one = text.parse::<ReleaseName>().is_ok() || text.parse::<ReleaseId>().is_ok();
+    let complaint = || bad_request(format!("{} is neither head, a version, a vector nor a release", shown(text)));
+    is_one.then(|| text.to_owned()).ok_or_else(complaint)
+}
+
+/// Which state a path is planned on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum PathOn {
+    /// The release that is enabled, or else the newest state.
+    Enabled,
+    /// The newest state.
+    Head,
+    /// This release, by its name or `name@author`.
+    Release(String),
 }
 
 /// A question about one map.
@@ -39,6 +76,8 @@ pub enum Question {
         have: VersionVector,
         /// About how long the reply may be, bytes.
         max_bytes: usize,
+        /// If given, it comes in several replies of about this length each.
+        piece_bytes: Option<usize>,
     },
     /// A path.
     Path {
@@ -46,6 +85,8 @@ pub enum Question {
         from: Place,
         /// The goal.
         to: Place,
+        /// The state to plan on.
+        on: PathOn,
         /// Of the reply.
         format: Format,
     },
@@ -60,6 +101,19 @@ pub enum Question {
         /// Of the reply.
         format: Format,
     },
+    /// The releases.
+    Releases,
+    /// What has changed.
+    Diff {
+        /// From this state …
+        from: Moment,
+        /// … to this.
+        to: Moment,
+    },
+    /// Named places, zones, closed edges, what is blocked.
+    Rules,
+    /// The robots.
+    Fleet,
     /// Nodes that look like a descriptor.
     Match {
         /// The descriptor.
@@ -78,6 +132,21 @@ pub enum Request {
     Maps,
     /// A question about one map.
     Map(MapName, Question),
+}
+
+/// What an operator wants done.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Order {
+    /// Fold all but the newest so many versions.
+    Retain {
+        /// How many versions stay.
+        keep: u64,
+    },
+    /// Take in a part of a map.
+    Import {
+        /// The part.
+        series: Snapshot,
+    },
 }
 
 /// Default and greatest length of a series of increments, bytes. Short enough to share a thin link with live increments.
@@ -126,6 +195,10 @@ impl<'a> Parameters<'a> {
         self.values.get(name).copied().filter(|value| !value.is_empty()).ok_or_else(missing)
     }
 
+    fn text(&self, name: &str) -> Option<&'a str> {
+        self.values.get(name).copied().filter(|value| !value.is_empty())
+    }
+
     fn parsed<T: FromStr>(&self, name: &str, expected: &str) -> Result<Option<T>, ErrorReply> {
         let parse = |value: &&str| {
             value.trim().parse().map_err(|_| bad_request(format!("{name}={} is not {expected}", shown(value))))
@@ -136,6 +209,10 @@ impl<'a> Parameters<'a> {
     fn limit(&self, name: &str, (default, most): (usize, usize)) -> Result<usize, ErrorReply> {
         let limit = self.parsed(name, &format!("a number from 1 to {most}"))?.unwrap_or(default);
         if (1..=most).contains(&limit) { Ok(limit) } else { Err(bad_request(format!("{name} must be 1 to {most}"))) }
+    }
+
+    fn piece_bytes(&self) -> Result<Option<usize>, ErrorReply> {
+        self.text("piece_bytes").map(|_| self.limit("piece_bytes", SERIES_BYTES)).transpose()
     }
 
     fn format(&self) -> Result<Format, ErrorReply> {
@@ -164,8 +241,36 @@ pub fn parse<'a>(
     match key {
         Key::Maps => Parameters::of(parameters, &[]).map(|_| Request::Maps),
         Key::Topic { map, topic } => Ok(Request::Map(map, question(topic, parameters, payload)?)),
-        Key::Increment { .. } | Key::Refused { .. } | Key::Robot { .. } | Key::RobotPose { .. } => {
-            Err(bad_request(format!("{key} is not a topic")))
+        Key::Increment { .. }
+        | Key::Refused { .. }
+        | Key::Robot { .. }
+        | Key::RobotTopic { .. }
+        | Key::Admin { .. } => Err(bad_request(format!("{key} is not a topic"))),
+    }
+}
+
+/// Reads an operator's order.
+///
+/// # Errors
+/// `BAD_REQUEST` with a sentence that says what was expected.
+pub fn parse_order<'a>(
+    action: AdminAction,
+    parameters: impl Iterator<Item = (&'a str, &'a str)>,
+    payload: Option<&[u8]>,
+) -> Result<Order, ErrorReply> {
+    match action {
+        AdminAction::Retain => {
+            let given = Parameters::of(parameters, &["keep"])?;
+            let keep = given.parsed("keep", "a number of versions")?;
+            let missing = || bad_request("say how many versions are to stay, such as retain?keep=1000".to_owned());
+            keep.map(|keep| Order::Retain { keep }).ok_or_else(missing)
+        }
+        AdminAction::Import => {
+            Parameters::of(parameters, &[])?;
+            let missing = || bad_request("import needs a series of increments in the payload".to_owned());
+            let series = decode(payload.ok_or_else(missing)?)
+                .map_err(|error| bad_request(format!("the payload is not a series of increments: {error}")))?;
+            Ok(Order::Import { series })
         }
     }
 }
@@ -178,29 +283,35 @@ fn question<'a>(
     match topic {
         Topic::Head => Parameters::of(parameters, &[]).map(|_| Question::Head),
         Topic::Since => {
-            let given = Parameters::of(parameters, &["vector", "max_bytes"])?;
+            let given = Parameters::of(parameters, &["vector", "max_bytes", "piece_bytes"])?;
             let have = given.vector("vector")?.unwrap_or_default();
             let max_bytes = given.limit("max_bytes", SERIES_BYTES)?;
-            Ok(Question::Increments { moment: Moment::Now, have, max_bytes })
+            Ok(Question::Increments { moment: Moment::Now, have, max_bytes, piece_bytes: given.piece_bytes()? })
         }
         Topic::Snapshot => {
-            let given = Parameters::of(parameters, &["version", "vector", "have", "max_bytes"])?;
-            let version = given.parsed("version", "a whole number")?;
-            let moment = match (version, given.vector("vector")?) {
-                (Some(_), Some(_)) => {
-                    return Err(bad_request("give version or vector, not both".to_owned()));
-                }
-                (Some(version), None) => Moment::Version(version),
-                (None, Some(vector)) => Moment::Vector(vector),
-                (None, None) => Moment::Now,
-            };
+            let given =
+                Parameters::of(parameters, &["version", "vector", "release", "have", "max_bytes", "piece_bytes"])?;
+            let version = given.parsed("version", "a whole number")?.map(Moment::Version);
+            let vector = given.vector("vector")?.map(Moment::Vector);
+            let release = given.text("release").map(release_name).transpose()?.map(Moment::Release);
+            let mut moments = version.into_iter().chain(vector).chain(release);
+            let moment = moments.next().unwrap_or(Moment::Now);
+            if moments.next().is_some() {
+                return Err(bad_request("give only one of version, vector and release".to_owned()));
+            }
             let have = given.vector("have")?.unwrap_or_default();
-            Ok(Question::Increments { moment, have, max_bytes: given.limit("max_bytes", SERIES_BYTES)? })
+            let max_bytes = given.limit("max_bytes", SERIES_BYTES)?;
+            Ok(Question::Increments { moment, have, max_bytes, piece_bytes: given.piece_bytes()? })
         }
         Topic::Path => {
-            let given = Parameters::of(parameters, &["from", "to", "fmt"])?;
+            let given = Parameters::of(parameters, &["from", "to", "release", "fmt"])?;
             let place = |name| given.required(name, "path?from=0,0;to=5,3").and_then(str::parse);
-            Ok(Question::Path { from: place("from")?, to: place("to")?, format: given.format()? })
+            let on = match given.text("release") {
+                None => PathOn::Enabled,
+                Some("head") => PathOn::Head,
+                Some(name) => PathOn::Release(release_name(name)?),
+            };
+            Ok(Question::Path { from: place("from")?, to: place("to")?, on, format: given.format()? })
         }
         Topic::Nodes => {
             let given = Parameters::of(parameters, &["near", "radius", "limit", "fmt"])?;
@@ -210,6 +321,15 @@ fn question<'a>(
                 return Err(bad_request(format!("radius must be 0 to {} m", RADIUS_M.1)));
             }
             Ok(Question::Nodes { near, radius_m, limit: given.limit("limit", NODES_LIMIT)?, format: given.format()? })
+        }
+        Topic::Releases => Parameters::of(parameters, &[]).map(|_| Question::Releases),
+        Topic::Rules => Parameters::of(parameters, &[]).map(|_| Question::Rules),
+        Topic::Fleet => Parameters::of(parameters, &[]).map(|_| Question::Fleet),
+        Topic::Diff => {
+            let given = Parameters::of(parameters, &["from", "to"])?;
+            let from = Moment::parse(given.required("from", "diff?from=2026-11-21.1;to=head")?)?;
+            let to = given.text("to").map_or(Ok(Moment::Now), Moment::parse)?;
+            Ok(Question::Diff { from, to })
         }
         Topic::Match => {
             let given = Parameters::of(parameters, &["limit", "fmt"])?;

@@ -1,10 +1,10 @@
 //! Queries over Zenoh: which are ours, who answers them, and how replies leave.
 
-use crate::answer::{Answer, answer};
-use crate::catalog::Catalog;
-use crate::config::AnswerConfig;
-use crate::request::{Format, bad_request, parse, shown};
-use crate::store::Store;
+use crate::answer::{Answer, Sources, answer, internal, json, unknown_map};
+use crate::ingest::Ingest;
+use crate::now_us;
+use crate::queue::Queue;
+use crate::request::{Format, Order, bad_request, parse, parse_order, shown};
 use fht_proto::MapName;
 use fht_proto::keys::{ALL_INCREMENTS, Key, PREFIX, Topic};
 use fht_proto::query::{ErrorCode, ErrorReply};
@@ -19,9 +19,8 @@ use zenoh::query::Query;
 /// Answers queries on threads of its own, so many at a time.
 #[derive(Clone, Debug)]
 pub struct Service {
-    catalog: Arc<Catalog>,
-    store: Arc<Store>,
-    config: Arc<AnswerConfig>,
+    sources: Sources,
+    queue: Arc<Queue>,
     permits: Arc<Semaphore>,
     runtime: Handle,
 }
@@ -42,8 +41,8 @@ enum Addressed {
 fn addressed(expression: &str, maps: impl Iterator<Item = MapName>) -> Addressed {
     if !expression.contains('*') {
         return match expression.parse::<Key>() {
-            Ok(key @ (Key::Maps | Key::Topic { .. })) => Addressed::One(key),
-            Ok(Key::Increment { .. } | Key::Robot { .. } | Key::RobotPose { .. }) => Addressed::Others,
+            Ok(key @ (Key::Maps | Key::Topic { .. } | Key::Admin { .. })) => Addressed::One(key),
+            Ok(Key::Increment { .. } | Key::Robot { .. } | Key::RobotTopic { .. }) => Addressed::Others,
             Ok(Key::Refused { .. }) => Addressed::Unknown,
             Err(_) if matches!(expression.split('/').nth(2), Some("inc" | "robots")) => Addressed::Others,
             Err(_) => Addressed::Unknown,
@@ -63,11 +62,11 @@ fn addressed(expression: &str, maps: impl Iterator<Item = MapName>) -> Addressed
 }
 
 impl Service {
-    /// Answers from `catalog` and `store`, on the blocking threads of `runtime`.
+    /// Answers from `sources`, on the blocking threads of `runtime`; what operators order goes through `queue`.
     #[must_use]
-    pub fn new(catalog: Arc<Catalog>, store: Arc<Store>, config: AnswerConfig, runtime: Handle) -> Self {
-        let permits = Arc::new(Semaphore::new(config.max_queries));
-        Self { catalog, store, config: Arc::new(config), permits, runtime }
+    pub fn new(sources: Sources, queue: Arc<Queue>, runtime: Handle) -> Self {
+        let permits = Arc::new(Semaphore::new(sources.config.max_queries));
+        Self { sources, queue, permits, runtime }
     }
 
     /// Takes a query. Never waits: one too many is told that the server is busy.
@@ -85,7 +84,7 @@ impl Service {
     }
 
     fn reply(&self, query: &Query) {
-        let maps = self.catalog.heads().into_iter().map(|head| head.map.clone());
+        let maps = self.sources.catalog.heads().into_iter().map(|head| head.map.clone());
         match addressed(query.key_expr().as_str(), maps) {
             Addressed::One(key) => self.reply_to(query, key),
             Addressed::Several(keys) => keys.into_iter().for_each(|key| self.reply_to(query, key)),
@@ -105,16 +104,55 @@ impl Service {
     fn reply_to(&self, query: &Query, key: Key) {
         let name = key.to_string();
         let payload = query.payload().map(|payload| payload.to_bytes());
+        if let Key::Admin { map, action } = key {
+            match parse_order(action, query.parameters().iter(), payload.as_deref()) {
+                Ok(order) => self.carry_out(query.clone(), name, map, order),
+                Err(error) => reply_error(query, &error),
+            }
+            return;
+        }
         let outcome = parse(key, query.parameters().iter(), payload.as_deref())
-            .and_then(|request| answer(request, &self.catalog, &self.store, &self.config));
-        match outcome {
-            Ok(answer) => reply_answer(query, name, answer),
-            Err(error) => reply_error(query, &error),
+            .and_then(|request| answer(request, &self.sources, now_us()));
+        reply(query, &name, outcome);
+    }
+
+    /// Has the thread that writes do what an operator wants; it replies when that is durable.
+    fn carry_out(&self, query: Query, name: String, map: MapName, order: Order) {
+        let asked = query.clone();
+        let catalog = Arc::clone(&self.sources.catalog);
+        let job = Box::new(move |ingest: &mut Ingest| {
+            let outcome = match order {
+                Order::Retain { keep } => match ingest.retain(&map, keep) {
+                    Ok(Some(retained)) => json(&retained),
+                    Ok(None) => Err(unknown_map(&map, &catalog)),
+                    Err(cause) => Err(internal(cause)),
+                },
+                Order::Import { series } => match ingest.import(&map, series, now_us()) {
+                    Ok(Ok(())) => match catalog.view(&map) {
+                        Some(view) => json(view.head.as_ref()),
+                        None => Err(bad_request("nothing was imported: the series is empty".to_owned())),
+                    },
+                    Ok(Err(refusal)) => Err(refusal.reply()),
+                    Err(cause) => Err(internal(cause)),
+                },
+            };
+            reply(&query, &name, outcome.map(|answer| vec![answer]));
+        });
+        if self.queue.push_job(job).is_err() {
+            let text = "the server is busy; ask again".to_owned();
+            reply_error(&asked, &ErrorReply { code: ErrorCode::Internal, message: text });
         }
     }
 }
 
-fn reply_answer(query: &Query, key: String, answer: Answer) {
+fn reply(query: &Query, key: &str, outcome: Result<Vec<Answer>, ErrorReply>) {
+    match outcome {
+        Ok(answers) => answers.into_iter().for_each(|answer| reply_answer(query, key, answer)),
+        Err(error) => reply_error(query, &error),
+    }
+}
+
+fn reply_answer(query: &Query, key: &str, answer: Answer) {
     let encoding = match answer.format {
         Format::Json => Encoding::APPLICATION_JSON,
         Format::Postcard => Encoding::APPLICATION_OCTET_STREAM,

@@ -1,24 +1,31 @@
-//! The durable log: every increment that was ever acknowledged, in one `redb` file.
+//! The durable log in one `redb` file.
 //!
 //! | table | key | value |
 //! | --- | --- | --- |
 //! | `increments` | map, author, number | the increment in its envelope |
 //! | `log` | map, sequence number from 1 | author, number: the order in which the server stored them |
+//! | `folds` | map, author, last number | first number, what is left of the increments in between, in its envelope |
+//! | `floors` | map, author | number up to which this author's increments are folded |
+//! | `floor versions` | map | the version up to which the log is folded |
 //! | `meta` | `format` | version of this layout |
 //!
-//! A map's scalar version is the length of its log, so that version N of a map is what its first N entries add up to.
+//! The log of a folded map begins after its floor.
 
-use fht_proto::envelope::FORMAT_VERSION;
+use crate::log::{Floor, FoldRecord, IncrementLog, Lacking, Piece, Record, StoreError, Stored};
 use fht_proto::{AuthorId, MapName, VersionVector};
-use redb::{Database, ReadableDatabase, ReadableTable, TableDefinition, TableError};
+use redb::{Database, ReadableDatabase, TableDefinition, TableError};
 use std::fs::{File, TryLockError};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const INCREMENTS: TableDefinition<'_, (&str, u32, u64), &[u8]> = TableDefinition::new("increments");
 const LOG: TableDefinition<'_, (&str, u64), (u32, u64)> = TableDefinition::new("log");
+const FOLDS: TableDefinition<'_, (&str, u32, u64), (u64, &[u8])> = TableDefinition::new("folds");
+const FLOORS: TableDefinition<'_, (&str, u32), u64> = TableDefinition::new("floors");
+const FLOOR_VERSIONS: TableDefinition<'_, &str, u64> = TableDefinition::new("floor versions");
 const META: TableDefinition<'_, &str, u64> = TableDefinition::new("meta");
 const FORMAT_KEY: &str = "format";
-const FORMAT: u64 = 1;
+/// Format 1 had no folds.
+const FORMAT: u64 = 2;
 /// The file in the data directory.
 pub const FILE_NAME: &str = "maps.redb";
 /// The file while it is made.
@@ -26,81 +33,12 @@ const UNFINISHED_NAME: &str = "maps.redb.new";
 /// Locked by the server that uses the directory.
 const LOCK_NAME: &str = "lock";
 
-/// Why the store failed.
-#[derive(Debug, thiserror::Error)]
-pub enum StoreError {
-    /// Another process has it open.
-    #[error("the data directory {} is in use by another map-server", dir.display())]
-    InUse {
-        /// The data directory.
-        dir: PathBuf,
-    },
-    /// The directory cannot be made or the file not be opened.
-    #[error("the data directory {} cannot be used: {reason}", dir.display())]
-    Open {
-        /// The data directory.
-        dir: PathBuf,
-        /// What the system says.
-        reason: String,
-    },
-    /// Written by another version of this program.
-    #[error("the data directory {} has format {found}; this program reads format {FORMAT}", dir.display())]
-    Format {
-        /// The data directory.
-        dir: PathBuf,
-        /// The format found.
-        found: u64,
-    },
-    /// Reading or writing failed.
-    #[error("the store cannot be {action}: {reason}")]
-    Disk {
-        /// `read` or `written`.
-        action: &'static str,
-        /// What the system says.
-        reason: String,
-    },
-    /// A later version of this program has stored increments.
-    #[error(
-        "the store has increments of format {found} in map {map}; this program reads format {FORMAT_VERSION}: use the \
-         map-server that wrote them"
-    )]
-    IncrementFormat {
-        /// The map.
-        map: String,
-        /// The format found.
-        found: u8,
-    },
-    /// What was read is not what was written.
-    #[error("the store is damaged: map {map}: {reason}")]
-    Damaged {
-        /// The map.
-        map: String,
-        /// What is wrong.
-        reason: String,
-    },
-}
-
 fn reading(error: impl Into<redb::Error>) -> StoreError {
     StoreError::Disk { action: "read", reason: error.into().to_string() }
 }
 
 fn writing(error: impl Into<redb::Error>) -> StoreError {
     StoreError::Disk { action: "written", reason: error.into().to_string() }
-}
-
-/// An increment to be stored.
-#[derive(Clone, Debug)]
-pub struct Record {
-    /// The map.
-    pub map: MapName,
-    /// Its place in the map's log, from 1.
-    pub sequence: u64,
-    /// Who wrote it.
-    pub author: AuthorId,
-    /// Its place in the author's sequence, from 1.
-    pub number: u64,
-    /// The increment in its envelope.
-    pub bytes: Vec<u8>,
 }
 
 /// The open store.
@@ -112,7 +50,7 @@ pub struct Store {
 }
 
 impl Store {
-    /// Opens the store in `dir`, making both if absent. After a crash the file is repaired here.
+    /// Opens the store in `dir`, making both if absent. After a crash the file is repaired here, and an older layout is brought up to date.
     ///
     /// # Errors
     /// [`StoreError::InUse`], [`StoreError::Open`], [`StoreError::Format`], [`StoreError::Disk`].
@@ -150,8 +88,9 @@ impl Store {
         let store = Self { database, _lock: lock };
         match store.format()? {
             Some(FORMAT) => Ok(store),
-            Some(found) => Err(StoreError::Format { dir: dir.to_owned(), found }),
-            None => store.make_tables().map(|()| store),
+            // Format 2 only adds tables.
+            None | Some(1) => store.make_tables().map(|()| store),
+            Some(found) => Err(StoreError::Format { dir: dir.to_owned(), found, known: FORMAT }),
         }
     }
 
@@ -169,17 +108,50 @@ impl Store {
         let write = self.database.begin_write().map_err(writing)?;
         write.open_table(INCREMENTS).map_err(writing)?;
         write.open_table(LOG).map_err(writing)?;
+        write.open_table(FOLDS).map_err(writing)?;
+        write.open_table(FLOORS).map_err(writing)?;
+        write.open_table(FLOOR_VERSIONS).map_err(writing)?;
         let mut meta = write.open_table(META).map_err(writing)?;
         meta.insert(FORMAT_KEY, FORMAT).map_err(writing)?;
         drop(meta);
         write.commit().map_err(writing)
     }
+}
 
-    /// Stores all records in one commit. When this returns they are on the disk; if it fails, none is.
-    ///
-    /// # Errors
-    /// [`StoreError::Disk`].
-    pub fn append(&self, records: &[Record]) -> Result<(), StoreError> {
+fn floor_of(read: &redb::ReadTransaction, map: &MapName) -> Result<Floor, StoreError> {
+    let versions = read.open_table(FLOOR_VERSIONS).map_err(reading)?;
+    let version = versions.get(map.as_str()).map_err(reading)?.map_or(0, |version| version.value());
+    let floors = read.open_table(FLOORS).map_err(reading)?;
+    let mut vector = VersionVector::default();
+    for entry in floors.range((map.as_str(), 0)..=(map.as_str(), u32::MAX)).map_err(reading)? {
+        let (key, number) = entry.map_err(reading)?;
+        vector.set(AuthorId(key.value().1), number.value());
+    }
+    Ok(Floor { version, vector })
+}
+
+fn put_folds(
+    write: &redb::WriteTransaction,
+    map: &MapName,
+    floor: &Floor,
+    new: &[FoldRecord],
+) -> Result<(), StoreError> {
+    let name = map.as_str();
+    let mut folds = write.open_table(FOLDS).map_err(writing)?;
+    for fold in new {
+        folds.insert((name, fold.author.0, fold.last), (fold.first, fold.bytes.as_slice())).map_err(writing)?;
+    }
+    let mut floors = write.open_table(FLOORS).map_err(writing)?;
+    for (author, last) in floor.vector.iter() {
+        floors.insert((name, author.0), last).map_err(writing)?;
+    }
+    let mut versions = write.open_table(FLOOR_VERSIONS).map_err(writing)?;
+    versions.insert(name, floor.version).map_err(writing)?;
+    Ok(())
+}
+
+impl IncrementLog for Store {
+    fn append(&self, records: &[Record]) -> Result<(), StoreError> {
         let mut write = self.database.begin_write().map_err(writing)?;
         // Commits in two phases and keeps what a repair needs: recovery after a crash takes no longer for a large file, and
         // does not rest on checksums over bytes that strangers chose.
@@ -195,77 +167,121 @@ impl Store {
         write.commit().map_err(writing)
     }
 
-    /// The bytes of one increment, if it is stored.
-    ///
-    /// # Errors
-    /// [`StoreError::Disk`].
-    pub fn get(&self, map: &MapName, author: AuthorId, number: u64) -> Result<Option<Vec<u8>>, StoreError> {
+    fn stored(&self, map: &MapName, author: AuthorId, number: u64) -> Result<Stored, StoreError> {
         let read = self.database.begin_read().map_err(reading)?;
         let increments = read.open_table(INCREMENTS).map_err(reading)?;
-        let found = increments.get((map.as_str(), author.0, number)).map_err(reading)?;
-        Ok(found.map(|bytes| bytes.value().to_vec()))
+        if let Some(bytes) = increments.get((map.as_str(), author.0, number)).map_err(reading)? {
+            return Ok(Stored::Increment(bytes.value().to_vec()));
+        }
+        let floor = floor_of(&read, map)?;
+        Ok(if (1..=floor.vector.get(author)).contains(&number) { Stored::Folded } else { Stored::Absent })
     }
 
-    /// Shows every stored increment to `visit`: by map, author, number.
-    ///
-    /// # Errors
-    /// [`StoreError::Disk`], and whatever `visit` returns.
-    pub fn for_each(
+    fn for_each(
         &self,
-        mut visit: impl FnMut(&str, AuthorId, u64, &[u8]) -> Result<(), StoreError>,
+        of: Option<&MapName>,
+        visit: &mut dyn FnMut(&str, AuthorId, u64, Piece<'_>) -> Result<(), StoreError>,
     ) -> Result<(), StoreError> {
         let read = self.database.begin_read().map_err(reading)?;
+        let folds = read.open_table(FOLDS).map_err(reading)?;
+        let first = (of.map_or("", MapName::as_str), 0, 0);
+        let is_other = |map: &str| of.is_some_and(|of| of.as_str() != map);
+        for entry in folds.range(first..).map_err(reading)? {
+            let (key, value) = entry.map_err(reading)?;
+            let (map, author, last) = key.value();
+            if is_other(map) {
+                break;
+            }
+            visit(map, AuthorId(author), last, Piece::Fold(value.value().1))?;
+        }
         let increments = read.open_table(INCREMENTS).map_err(reading)?;
-        for entry in increments.iter().map_err(reading)? {
+        for entry in increments.range(first..).map_err(reading)? {
             let (key, bytes) = entry.map_err(reading)?;
             let (map, author, number) = key.value();
-            visit(map, AuthorId(author), number, bytes.value())?;
+            if is_other(map) {
+                break;
+            }
+            visit(map, AuthorId(author), number, Piece::Increment(bytes.value()))?;
         }
         Ok(())
     }
 
-    /// The increments that `upto` contains and `have` does not, each author's in order, until they exceed `max_bytes`. At
-    /// least one, if any is lacking.
-    ///
-    /// # Errors
-    /// [`StoreError::Disk`].
-    pub fn lacking(
+    fn lacking(
         &self,
         map: &MapName,
         have: &VersionVector,
         upto: &VersionVector,
         max_bytes: usize,
-    ) -> Result<Vec<Vec<u8>>, StoreError> {
+    ) -> Result<Lacking, StoreError> {
         let read = self.database.begin_read().map_err(reading)?;
         let increments = read.open_table(INCREMENTS).map_err(reading)?;
-        let (mut found, mut total) = (Vec::new(), 0);
+        let folds = read.open_table(FOLDS).map_err(reading)?;
+        let (mut found, mut total) = (Lacking::default(), 0);
         for (author, last) in upto.iter() {
             let Some(first) = have.get(author).checked_add(1).filter(|&first| first <= last) else { continue };
             let range = (map.as_str(), author.0, first)..=(map.as_str(), author.0, last);
+            for entry in folds.range(range.clone()).map_err(reading)? {
+                let value = entry.map_err(reading)?.1;
+                let bytes = value.value().1;
+                total += bytes.len();
+                if total > max_bytes && total > bytes.len() {
+                    return Ok(Lacking { is_cut: true, ..found });
+                }
+                found.folds.push(bytes.to_vec());
+            }
             for entry in increments.range(range).map_err(reading)? {
                 let (_, bytes) = entry.map_err(reading)?;
                 total += bytes.value().len();
-                if total > max_bytes && !found.is_empty() {
-                    return Ok(found);
+                if total > max_bytes && total > bytes.value().len() {
+                    return Ok(Lacking { is_cut: true, ..found });
                 }
-                found.push(bytes.value().to_vec());
+                found.increments.push(bytes.value().to_vec());
             }
         }
         Ok(found)
     }
 
-    /// The vector of version `version`: what the first so many log entries contain.
-    ///
-    /// # Errors
-    /// [`StoreError::Disk`].
-    pub fn vector_at(&self, map: &MapName, version: u64) -> Result<VersionVector, StoreError> {
+    fn vector_at(&self, map: &MapName, version: u64) -> Result<Option<VersionVector>, StoreError> {
         let read = self.database.begin_read().map_err(reading)?;
+        let floor = floor_of(&read, map)?;
+        if version < floor.version {
+            return Ok(None);
+        }
         let log = read.open_table(LOG).map_err(reading)?;
-        let mut vector = VersionVector::default();
-        for entry in log.range((map.as_str(), 1)..=(map.as_str(), version)).map_err(reading)? {
+        let mut vector = floor.vector;
+        for entry in log.range((map.as_str(), floor.version + 1)..=(map.as_str(), version)).map_err(reading)? {
             let (author, number) = entry.map_err(reading)?.1.value();
             vector.set(AuthorId(author), number);
         }
-        Ok(vector)
+        Ok(Some(vector))
+    }
+
+    fn floor(&self, map: &MapName) -> Result<Floor, StoreError> {
+        let read = self.database.begin_read().map_err(reading)?;
+        floor_of(&read, map)
+    }
+
+    fn add_folds(&self, map: &MapName, floor: &Floor, folds: &[FoldRecord]) -> Result<(), StoreError> {
+        let mut write = self.database.begin_write().map_err(writing)?;
+        write.set_quick_repair(true);
+        put_folds(&write, map, floor, folds)?;
+        write.commit().map_err(writing)
+    }
+
+    fn replace_folded(&self, map: &MapName, floor: &Floor, new: &[FoldRecord]) -> Result<(), StoreError> {
+        let name = map.as_str();
+        let mut write = self.database.begin_write().map_err(writing)?;
+        write.set_quick_repair(true);
+        let mut increments = write.open_table(INCREMENTS).map_err(writing)?;
+        let mut folds = write.open_table(FOLDS).map_err(writing)?;
+        for (author, last) in floor.vector.iter() {
+            increments.retain_in((name, author.0, 0)..=(name, author.0, last), |_, _| false).map_err(writing)?;
+            folds.retain_in((name, author.0, 0)..=(name, author.0, last), |_, _| false).map_err(writing)?;
+        }
+        let mut log = write.open_table(LOG).map_err(writing)?;
+        log.retain_in((name, 0)..=(name, floor.version), |_, _| false).map_err(writing)?;
+        drop((increments, folds, log));
+        put_folds(&write, map, floor, new)?;
+        write.commit().map_err(writing)
     }
 }

@@ -10,8 +10,9 @@ use map_server::catalog::Catalog;
 use map_server::check::{Arrival, Refusal, check};
 use map_server::config::Limits;
 use map_server::ingest::Ingest;
+use map_server::log::{IncrementLog, Record, StoreError, Stored};
 use map_server::queue::Queue;
-use map_server::store::{FILE_NAME, Record, Store, StoreError};
+use map_server::store::{FILE_NAME, Store};
 use proptest::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
@@ -36,8 +37,9 @@ struct Bench {
 impl Bench {
     fn open(dir: &Path, limits: Limits) -> Self {
         let store = Arc::new(Store::open(dir).unwrap());
-        let catalog = Arc::new(Catalog::load(&store).unwrap());
-        let ingest = Ingest::new(Arc::clone(&store), Arc::clone(&catalog), limits);
+        let catalog = Arc::new(Catalog::load(store.as_ref()).unwrap());
+        let log: Arc<dyn IncrementLog> = Arc::clone(&store) as _;
+        let ingest = Ingest::new(log, Arc::clone(&catalog), limits);
         Self { store, catalog, ingest }
     }
 
@@ -91,7 +93,7 @@ fn repetitions_are_answered_with_the_head_and_conflicts_are_refused() {
     bench.take(vec![arrival_of(&forged)]);
     let head = bench.head();
     assert_eq!((head.version, head.refused, head.digest), (1, 2, digest));
-    assert_eq!(bench.store.get(&museum(), ANA, 1).unwrap(), Some(bytes(ANA, 1)));
+    assert_eq!(bench.store.stored(&museum(), ANA, 1).unwrap(), Stored::Increment(bytes(ANA, 1)));
 }
 
 #[test]
@@ -295,10 +297,10 @@ fn the_queue_is_bounded_and_ends() {
     let arrival = |size| Arrival { key: "k".to_owned(), payload: Ok(vec![0; size]) };
     (0..4).for_each(|_| queue.push(arrival(1000)));
     assert_eq!(queue.take_dropped(), 2);
-    assert_eq!(queue.take(1).unwrap().len(), 1);
+    assert_eq!(queue.take(1).unwrap().arrivals.len(), 1);
     queue.close();
     queue.push(arrival(1));
-    assert_eq!(queue.take(usize::MAX).unwrap().len(), 1);
+    assert_eq!(queue.take(usize::MAX).unwrap().arrivals.len(), 1);
     assert!(queue.take(usize::MAX).is_none());
 }
 

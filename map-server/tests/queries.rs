@@ -36,6 +36,7 @@ impl Running {
             link,
             limits: map_server::config::Limits::default(),
             answers: map_server::config::AnswerConfig::default(),
+            fleet: map_server::fleet::FleetConfig::default(),
         };
         let (stop, stopped) = oneshot::channel::<()>();
         let server = tokio::spawn(run(config, async { _ = stopped.await }));
@@ -166,7 +167,7 @@ async fn a_late_replica_catches_up_in_pieces() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn wrong_questions_get_a_reason() {
     let server = Running::with(3, 0).await;
-    use ErrorCode::{BadRequest, NoPath, OutOfMap, UnknownMap, UnknownNode};
+    use ErrorCode::{BadRequest, NoPath, OutOfMap, UnknownMap, UnknownNode, UnknownPlace, UnknownVersion};
     server.session.put(key(BEN, 1), encode(&far_node()).unwrap()).await.unwrap();
     head_when(&server.session, |head| head.version == 4).await;
     for (selector, code) in [
@@ -174,7 +175,13 @@ async fn wrong_questions_get_a_reason() {
         ("fht/nowhere/head", UnknownMap),
         ("fht/museum/path", BadRequest),
         ("fht/museum/path?from=0,0", BadRequest),
-        ("fht/museum/path?from=0,0;to=north", BadRequest),
+        ("fht/museum/path?from=0,0;to=north", UnknownPlace),
+        ("fht/museum/path?from=0,0;to=no/th", BadRequest),
+        ("fht/museum/path?from=0,0;to=1,0;release=x", UnknownVersion),
+        ("fht/museum/diff", BadRequest),
+        ("fht/museum/diff?from=99", UnknownVersion),
+        ("fht/museum/admin/retain", BadRequest),
+        ("fht/museum/admin/import", BadRequest),
         ("fht/museum/path?from=0,0;to=nan,1", BadRequest),
         ("fht/museum/path?from=0,0;to=1,0;via=2,0", BadRequest),
         ("fht/museum/path?from=0,0;to=1,0;fmt=xml", BadRequest),

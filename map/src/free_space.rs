@@ -36,6 +36,10 @@ pub struct SpaceConfig {
     pub blocked: BTreeSet<FixedPoint>,
     /// It reaches this far around such a place, millimetres. Default 300.
     pub blocked_radius_mm: u16,
+    /// Polygons that no robot's centre may enter. Default none.
+    pub keep_out: Vec<Vec<FixedPoint>>,
+    /// Edges that nobody may use. Default none.
+    pub closed: BTreeSet<EdgeKey>,
     /// How places outside join it.
     pub approach: ApproachConfig,
 }
@@ -47,6 +51,8 @@ impl Default for SpaceConfig {
             corridor_mm: 165,
             blocked: BTreeSet::new(),
             blocked_radius_mm: 300,
+            keep_out: Vec::new(),
+            closed: BTreeSet::new(),
             approach: ApproachConfig::default(),
         }
     }

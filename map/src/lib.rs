@@ -14,24 +14,37 @@
 //! | `view` | what a main node's scanner saw: ends of beams, and ground that they passed over |
 //! | `seen_walls` | walls that a way into the mesh must keep away from |
 //! | [`taut`] | the shortest path between two places through free space |
+//! | [`annotations`] | what a map says beside nodes and edges: places, zones, releases |
+//! | [`blocked`] | what robots found blocked, while it lasts |
+//! | [`rules`] | what operators and robots have closed, and paths that obey |
+//! | [`diff`] | what has changed between two states |
+//! | [`fold`] | which operations nobody needs any more |
 //! | [`lookup`] | nodes by place and by appearance |
 
+pub mod annotations;
 mod any_angle;
 mod approach;
+pub mod blocked;
+pub mod diff;
+pub mod fold;
 pub mod free_space;
 pub mod graph;
+mod leaf;
 pub mod lookup;
 mod register;
 pub mod replica;
 pub mod route;
+pub mod rules;
 mod seen_walls;
 pub mod sequence;
 pub mod state;
 pub mod taut;
 mod view;
 
+pub use annotations::{Annotations, ReleaseRef};
 pub use approach::ApproachConfig;
 pub use free_space::{FreeSpace, SpaceConfig};
 pub use replica::{Accepted, Replica};
 pub use route::{Route, RouteConfig, RouteError};
-pub use state::{Counts, MapState, NodeRef};
+pub use rules::{PlanError, Rules};
+pub use state::{Counts, FULL_TRUST, MapState, NodeRef};

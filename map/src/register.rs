@@ -8,7 +8,7 @@ use std::io::BufWriter;
 pub(crate) type ContentHash = [u8; 32];
 
 /// Hashes a value of this crate or of `fht-proto`.
-pub(crate) fn content_hash<T: Serialize>(value: &T) -> ContentHash {
+pub(crate) fn content_hash<T: Serialize + ?Sized>(value: &T) -> ContentHash {
     // Neither the hasher nor the types here (structures, and sequences of known length) have a way to fail. Were one to
     // appear, the empty hash would still be the same on every machine.
     // Through a buffer: one byte at a time, as `postcard` writes them, the hash takes many times as long.
@@ -17,23 +17,20 @@ pub(crate) fn content_hash<T: Serialize>(value: &T) -> ContentHash {
     *hasher.finalize().as_bytes()
 }
 
-/// A value, when it was written, and the hash of the value.
+/// A value and when it was written.
 ///
-/// The hash decides between different values with one stamp. An honest author never writes those, but a hostile or broken
-/// one may, and the copies of a map must not come apart over it. Only stamp and hash enter a map's digest, so that a
-/// digest does not have to read all descriptors and scans again.
+/// Between different values with one stamp the hash decides. An honest author never writes those, but a hostile or broken
+/// one may, and the copies of a map must not come apart over it.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Register<T> {
     stamp: Stamp,
-    hash: ContentHash,
-    #[serde(skip)]
     value: T,
 }
 
 impl<T: Serialize> Register<T> {
     /// A value as written at `stamp`.
     pub(crate) fn new(stamp: Stamp, value: T) -> Self {
-        Self { stamp, hash: content_hash(&value), value }
+        Self { stamp, value }
     }
 
     /// When it was written.
@@ -48,7 +45,12 @@ impl<T: Serialize> Register<T> {
 
     /// Keeps the newer of this and `other`: the join of two registers.
     pub(crate) fn join(&mut self, other: Self) {
-        if (other.stamp, other.hash) > (self.stamp, self.hash) {
+        let is_newer = match other.stamp.cmp(&self.stamp) {
+            std::cmp::Ordering::Less => false,
+            std::cmp::Ordering::Equal => content_hash(&other.value) > content_hash(&self.value),
+            std::cmp::Ordering::Greater => true,
+        };
+        if is_newer {
             *self = other;
         }
     }

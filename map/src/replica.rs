@@ -3,7 +3,7 @@
 use crate::register::{ContentHash, content_hash};
 use crate::sequence::{Offered, Sequence, SequenceConfig};
 use crate::state::MapState;
-use fht_proto::{AuthorId, Increment, VersionVector};
+use fht_proto::{AuthorId, Fold, Increment, VersionVector};
 use std::collections::BTreeMap;
 
 /// What became of an increment.
@@ -40,8 +40,17 @@ impl PartialEq for Hashed {
 pub struct Replica {
     state: MapState,
     sequence: Sequence<Hashed>,
-    // Hashes of what was applied, by author and number - 1: what tells a repetition from a conflict.
-    applied: BTreeMap<AuthorId, Vec<ContentHash>>,
+    // What tells a repetition from a conflict.
+    applied: BTreeMap<AuthorId, Applied>,
+}
+
+/// Hashes of what was applied of one author.
+#[derive(Clone, Debug, Default)]
+struct Applied {
+    /// How many came as folds before the first one hashed: of those only the rest is known.
+    folded: u64,
+    /// Those after them, by number.
+    hashes: Vec<ContentHash>,
 }
 
 impl Default for Replica {
@@ -84,11 +93,7 @@ impl Replica {
         let waited = self.sequence.waiting();
         match self.sequence.offer(author, number, bytes, Hashed { hash, increment }) {
             Offered::Ready(ready) => {
-                let hashes = self.applied.entry(author).or_default();
-                for item in &ready {
-                    self.state.apply(&item.increment);
-                    hashes.push(item.hash);
-                }
+                self.apply(author, &ready);
                 Accepted::Applied(ready.len())
             }
             Offered::Past => self.compare_with_applied(author, number, hash),
@@ -99,9 +104,36 @@ impl Replica {
         }
     }
 
+    /// Takes what is left of old increments (everything from [`fht_proto::decode`] has passed validation). It is applied if it goes
+    /// on where its author's sequence is, or overlaps it; otherwise it is dropped, to be asked for again.
+    pub fn accept_fold(&mut self, fold: &Fold) -> Accepted {
+        let have = self.vector().get(fold.author);
+        if fold.last <= have {
+            return Accepted::Duplicate;
+        }
+        if fold.first > have + 1 {
+            return Accepted::Dropped;
+        }
+        self.state.apply_fold(fold);
+        let applied = self.applied.entry(fold.author).or_default();
+        *applied = Applied { folded: fold.last, hashes: Vec::new() };
+        let ready = self.sequence.skip(fold.author, fold.last);
+        self.apply(fold.author, &ready);
+        Accepted::Applied(usize::try_from(fold.last - have).unwrap_or(usize::MAX).saturating_add(ready.len()))
+    }
+
+    fn apply(&mut self, author: AuthorId, ready: &[Hashed]) {
+        let applied = self.applied.entry(author).or_default();
+        for item in ready {
+            self.state.apply(&item.increment);
+            applied.hashes.push(item.hash);
+        }
+    }
+
     fn compare_with_applied(&self, author: AuthorId, number: u64, hash: ContentHash) -> Accepted {
-        let index = usize::try_from(number.saturating_sub(1)).ok();
-        let applied = index.and_then(|index| self.applied.get(&author)?.get(index));
-        if number >= 1 && applied == Some(&hash) { Accepted::Duplicate } else { Accepted::Conflict }
+        let Some(applied) = self.applied.get(&author).filter(|_| number >= 1) else { return Accepted::Conflict };
+        let Some(behind) = number.checked_sub(applied.folded + 1) else { return Accepted::Duplicate };
+        let known = usize::try_from(behind).ok().and_then(|index| applied.hashes.get(index));
+        if known == Some(&hash) { Accepted::Duplicate } else { Accepted::Conflict }
     }
 }

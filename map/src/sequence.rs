@@ -79,15 +79,32 @@ impl<T: PartialEq> Sequence<T> {
             return self.keep(author, number, bytes, item);
         }
         let mut ready = vec![item];
-        let mut last = number;
-        // The one that waited under this number, if any, gives way; after it come those that the gap held back.
+        // The one that waited under this number, if any, gives way.
         self.take(author, number);
+        ready.extend(self.follow(author, number));
+        Offered::Ready(ready)
+    }
+
+    /// Everything of `author` up to `last` has come another way. Returns what is next, in order, of what waited.
+    pub fn skip(&mut self, author: AuthorId, last: u64) -> Vec<T> {
+        if last <= self.vector.get(author) {
+            return Vec::new();
+        }
+        while let Some(&(_, number)) = self.waiting.range((author, 0)..=(author, last)).next().map(|(key, _)| key) {
+            self.take(author, number);
+        }
+        self.follow(author, last)
+    }
+
+    /// What waited behind `last`, which was passed on.
+    fn follow(&mut self, author: AuthorId, mut last: u64) -> Vec<T> {
+        let mut ready = Vec::new();
         while let Some(next) = last.checked_add(1).and_then(|next| self.take(author, next)) {
             ready.push(next);
             last += 1;
         }
         self.vector.set(author, last);
-        Offered::Ready(ready)
+        ready
     }
 
     fn take(&mut self, author: AuthorId, number: u64) -> Option<T> {

@@ -6,69 +6,21 @@
 //! * A node is shown if its newest `PutNode` is newer than its newest `RemoveNode`. Its kind comes from the newest
 //!   `PutNode`, its pose from the newest of `PutNode` and `SetPose`, free space and signature from their own writes.
 //! * Writes to a node that are not newer than its newest removal do not count, whether they arrive before or after it.
-//! * An edge is shown if its newest write is a `PutEdge` and both its nodes are shown. It comes back with them.
+//! * An edge is shown if its newest write is a `PutEdge` and both its nodes are shown. It comes back with them. Whether it is
+//!   closed is a write of its own, which no put or removal of the edge touches.
+//!
+//! Nodes and edges are kept in leaves ([`crate::leaf`]) that copies of a map share until one of them changes: a copy costs as many
+//! pointers as there are leaves, and digest and counts follow from what has changed since they were last asked for.
 
+use crate::annotations::Annotations;
+use crate::leaf::{EdgeState, Leaf, LeafKey, NodeState, Shared, leaf_of};
 use crate::register::{ContentHash, Register, content_hash, join_into};
 use fht_proto::{
-    Descriptor, DescriptorModel, Digest, EdgeKey, FixedPose, Increment, ModelId, NodeId, NodeKind, Op, Rect, Signature,
+    Descriptor, DescriptorModel, Digest, EdgeKey, FixedPose, Fold, Increment, NodeId, NodeKind, Op, Rect, Signature,
     Stamp,
 };
-use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
-
-/// What is known of one node, shown or not.
-#[derive(Clone, Debug, Default, Serialize)]
-struct NodeState {
-    removed: Option<Stamp>,
-    kind: Option<Register<NodeKind>>,
-    pose: Option<Register<FixedPose>>,
-    free_space: Option<Register<Option<Rect>>>,
-    // Shared, so that a copy of a map does not copy its descriptors and scans.
-    signature: Option<Register<Shared<Signature>>>,
-}
-
-/// A value behind an `Arc` that is serialised like the value itself.
-#[derive(Clone, Debug)]
-struct Shared<T>(Arc<T>);
-
-impl<T: Serialize> Serialize for Shared<T> {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        self.0.serialize(serializer)
-    }
-}
-
-fn clear_up_to<T: Serialize>(slot: &mut Option<Register<T>>, removed: Stamp) {
-    if slot.as_ref().is_some_and(|register| register.stamp() <= removed) {
-        *slot = None;
-    }
-}
-
-impl NodeState {
-    fn outlives_removal(&self, stamp: Stamp) -> bool {
-        self.removed.is_none_or(|removed| stamp > removed)
-    }
-
-    fn remove(&mut self, stamp: Stamp) {
-        let removed = self.removed.map_or(stamp, |removed| removed.max(stamp));
-        self.removed = Some(removed);
-        clear_up_to(&mut self.kind, removed);
-        clear_up_to(&mut self.pose, removed);
-        clear_up_to(&mut self.free_space, removed);
-        clear_up_to(&mut self.signature, removed);
-    }
-
-    /// The node if it is shown. A node with a kind has a pose too: `PutNode` writes both.
-    fn shown(&self, id: NodeId) -> Option<NodeRef<'_>> {
-        Some(NodeRef {
-            id,
-            kind: *self.kind.as_ref()?.value(),
-            pose: *self.pose.as_ref()?.value(),
-            free_space: self.free_space.as_ref().and_then(|register| *register.value()),
-            signature: self.signature.as_ref().map(|register| register.value().0.as_ref()),
-        })
-    }
-}
 
 /// A node that is shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,6 +35,23 @@ pub struct NodeRef<'a> {
     pub free_space: Option<Rect>,
     /// Descriptor and scan (main nodes).
     pub signature: Option<&'a Signature>,
+    /// How far it is believed, 0 to 100.
+    pub trust: u8,
+}
+
+/// Trust in what nobody has doubted.
+pub const FULL_TRUST: u8 = 100;
+
+/// The node if it is shown. A node with a kind has a pose too: `PutNode` writes both.
+fn shown(id: NodeId, node: &NodeState) -> Option<NodeRef<'_>> {
+    Some(NodeRef {
+        id,
+        kind: node.shown_kind()?,
+        pose: *node.pose.as_ref()?.value(),
+        free_space: node.free_space.as_ref().and_then(|register| *register.value()),
+        signature: node.signature.as_ref().map(|register| register.value().signature()),
+        trust: node.trust.as_ref().map_or(FULL_TRUST, |register| *register.value()),
+    })
 }
 
 impl<'a> NodeRef<'a> {
@@ -104,15 +73,15 @@ pub struct Counts {
     pub edges: usize,
 }
 
-/// A map: what a set of increments adds up to. Copies share the descriptors and scans.
+/// A map: what a set of increments adds up to. Copies share what neither has changed.
 #[derive(Clone, Debug, Default)]
 pub struct MapState {
-    nodes: BTreeMap<NodeId, NodeState>,
-    edges: BTreeMap<EdgeKey, Register<bool>>,
-    models: BTreeMap<ModelId, Register<DescriptorModel>>,
+    leaves: BTreeMap<LeafKey, Arc<Leaf>>,
+    annotations: Arc<Annotations>,
     max_hlc_us: u64,
-    // Follows from `edges`: the nodes that a put edge joins to each node, shown or not.
-    adjacent: BTreeMap<NodeId, BTreeSet<NodeId>>,
+    // Follow from the leaves.
+    counts: Counts,
+    elements: usize,
 }
 
 impl MapState {
@@ -127,17 +96,25 @@ impl MapState {
     pub fn apply(&mut self, increment: &Increment) {
         self.max_hlc_us = self.max_hlc_us.max(increment.hlc_us);
         for (stamp, op) in increment.stamped() {
-            self.apply_op(stamp, op);
+            self.apply_op(increment.number, stamp, op);
         }
     }
 
-    fn apply_op(&mut self, stamp: Stamp, op: &Op) {
+    /// Joins what is left of old increments into the map: like [`apply`](Self::apply).
+    pub fn apply_fold(&mut self, fold: &Fold) {
+        for (stamp, number, op) in fold.stamped() {
+            self.max_hlc_us = self.max_hlc_us.max(stamp.hlc_us);
+            self.apply_op(number, stamp, op);
+        }
+    }
+
+    fn apply_op(&mut self, number: u64, stamp: Stamp, op: &Op) {
         match op {
             Op::PutNode { id, kind, pose } => self.write(*id, stamp, |node| {
                 join_into(&mut node.kind, Register::new(stamp, *kind));
                 join_into(&mut node.pose, Register::new(stamp, *pose));
             }),
-            Op::RemoveNode { id } => self.nodes.entry(*id).or_default().remove(stamp),
+            Op::RemoveNode { id } => self.change_node(*id, |node| node.remove(stamp)),
             Op::SetPose { id, pose } => {
                 self.write(*id, stamp, |node| join_into(&mut node.pose, Register::new(stamp, *pose)));
             }
@@ -145,54 +122,87 @@ impl MapState {
                 self.write(*id, stamp, |node| join_into(&mut node.free_space, Register::new(stamp, *rect)));
             }
             Op::SetSignature { id, signature } => self.write(*id, stamp, |node| {
-                let shared = Shared(Arc::new(signature.clone()));
-                join_into(&mut node.signature, Register::new(stamp, shared));
+                join_into(&mut node.signature, Register::new(stamp, Shared::new(signature.clone())));
             }),
-            Op::PutEdge { edge } => self.write_edge(*edge, Register::new(stamp, true)),
-            Op::RemoveEdge { edge } => self.write_edge(*edge, Register::new(stamp, false)),
-            Op::PutModel { model } => {
-                let register = Register::new(stamp, model.clone());
-                match self.models.get_mut(&model.id) {
-                    Some(current) => current.join(register),
-                    None => _ = self.models.insert(model.id, register),
-                }
+            Op::SetTrust { id, percent } => {
+                self.write(*id, stamp, |node| node.set_trust(Register::new(stamp, *percent)));
             }
+            Op::PutEdge { edge } => self.change_edge(*edge, |state| state.put(Register::new(stamp, true))),
+            Op::RemoveEdge { edge } => self.change_edge(*edge, |state| state.put(Register::new(stamp, false))),
+            Op::SetClosed { edge, closed } => {
+                self.change_edge(*edge, |state| state.close(Register::new(stamp, *closed)));
+            }
+            Op::PutModel { .. }
+            | Op::SetPlace { .. }
+            | Op::SetZone { .. }
+            | Op::PutRelease { .. }
+            | Op::RemoveRelease { .. }
+            | Op::Enable { .. } => Arc::make_mut(&mut self.annotations).apply(number, stamp, op),
         }
     }
 
     fn write(&mut self, id: NodeId, stamp: Stamp, write: impl FnOnce(&mut NodeState)) {
-        let node = self.nodes.entry(id).or_default();
-        if node.outlives_removal(stamp) {
-            write(node);
-        }
+        self.change_node(id, |node| {
+            if node.outlives_removal(stamp) {
+                write(node);
+            }
+        });
     }
 
-    fn write_edge(&mut self, edge: EdgeKey, register: Register<bool>) {
-        let is_put = match self.edges.get_mut(&edge) {
-            Some(current) => {
-                current.join(register);
-                *current.value()
-            }
-            None => *self.edges.entry(edge).or_insert(register).value(),
+    fn leaf_mut(&mut self, id: NodeId) -> &mut Leaf {
+        Arc::make_mut(self.leaves.entry(leaf_of(id)).or_default())
+    }
+
+    fn change_node(&mut self, id: NodeId, change: impl FnOnce(&mut NodeState)) {
+        let (node, is_new) = self.leaf_mut(id).node_mut(id.number);
+        let before = node.shown_kind();
+        change(node);
+        let after = node.shown_kind();
+        self.elements += usize::from(is_new);
+        if before == after {
+            return;
+        }
+        let count = |counts: &mut Counts, kind: NodeKind, by: isize| {
+            let of_kind = if kind == NodeKind::Main { &mut counts.main_nodes } else { &mut counts.support_nodes };
+            *of_kind = of_kind.saturating_add_signed(by);
         };
-        for (end, other) in [(edge.low(), edge.high()), (edge.high(), edge.low())] {
-            let adjacent = self.adjacent.entry(end).or_default();
-            if is_put {
-                adjacent.insert(other);
-            } else {
-                adjacent.remove(&other);
-            }
+        before.into_iter().for_each(|kind| count(&mut self.counts, kind, -1));
+        after.into_iter().for_each(|kind| count(&mut self.counts, kind, 1));
+        if before.is_some() != after.is_some() {
+            // Its edges come and go with it.
+            let others = self.adjacent(id).filter(|&other| self.is_shown(other)).count().cast_signed();
+            let by = if after.is_some() { others } else { -others };
+            self.counts.edges = self.counts.edges.saturating_add_signed(by);
         }
     }
 
-    /// BLAKE3 hash of the canonical form: stamps and content hashes of all nodes, edges and models in the order of their
-    /// ids, tombstones included. Maps with equal digests are equal now, and stay equal under equal increments.
+    fn change_edge(&mut self, edge: EdgeKey, change: impl FnOnce(&mut EdgeState)) {
+        let (state, is_new) = self.leaf_mut(edge.low()).edge_mut(edge);
+        let was_put = state.is_put();
+        change(state);
+        let is_put = state.is_put();
+        self.elements += usize::from(is_new);
+        if was_put == is_put {
+            return;
+        }
+        for (end, other) in [(edge.low(), edge.high()), (edge.high(), edge.low())] {
+            self.leaf_mut(end).set_adjacent(end.number, other, is_put);
+        }
+        if self.is_shown(edge.low()) && self.is_shown(edge.high()) {
+            self.counts.edges = self.counts.edges.saturating_add_signed(if is_put { 1 } else { -1 });
+        }
+    }
+
+    /// BLAKE3 hash of the canonical form: all that was written to nodes, edges and annotations, with stamps, tombstones
+    /// included, leaf by leaf. Maps with equal digests are equal now, and stay equal under equal increments.
     #[must_use]
     pub fn digest(&self) -> Digest {
         /// Format of the canonical form, so that a later one cannot be mistaken for this one.
-        const FORMAT: &str = "fht-map state 1";
-        let hash: ContentHash = content_hash(&(FORMAT, &self.nodes, &self.edges, &self.models));
-        Digest(hash)
+        const FORMAT: &str = "fht-map state 2";
+        // A leaf that only knows of edges which begin elsewhere says nothing that those do not say.
+        let leaves: Vec<(&LeafKey, ContentHash)> =
+            self.leaves.iter().filter(|(_, leaf)| !leaf.is_empty()).map(|(key, leaf)| (key, leaf.digest())).collect();
+        Digest(content_hash(&(FORMAT, leaves, self.annotations.digest())))
     }
 
     /// The newest hybrid logical clock that was applied, microseconds; 0 in the empty map. A writer stamps with more.
@@ -201,9 +211,15 @@ impl MapState {
         self.max_hlc_us
     }
 
+    fn all_nodes(&self) -> impl Iterator<Item = (NodeId, &NodeState)> {
+        self.leaves
+            .iter()
+            .flat_map(|(&(author, _), leaf)| leaf.nodes().map(move |(number, node)| (NodeId { author, number }, node)))
+    }
+
     /// The nodes shown, in the order of their ids.
     pub fn nodes(&self) -> impl Iterator<Item = NodeRef<'_>> {
-        self.nodes.iter().filter_map(|(&id, node)| node.shown(id))
+        self.all_nodes().filter_map(|(id, node)| shown(id, node))
     }
 
     /// The main nodes shown, in the order of their ids.
@@ -211,49 +227,75 @@ impl MapState {
         self.nodes().filter(|node| node.kind == NodeKind::Main)
     }
 
+    fn node_state(&self, id: NodeId) -> Option<&NodeState> {
+        self.leaves.get(&leaf_of(id)).and_then(|leaf| leaf.node(id.number))
+    }
+
     /// The node, if it is shown.
     #[must_use]
     pub fn node(&self, id: NodeId) -> Option<NodeRef<'_>> {
-        self.nodes.get(&id).and_then(|node| node.shown(id))
+        self.node_state(id).and_then(|node| shown(id, node))
+    }
+
+    fn all_edges(&self) -> impl Iterator<Item = (EdgeKey, &EdgeState)> {
+        self.leaves.iter().flat_map(|(&(author, _), leaf)| {
+            leaf.edges().map(move |(number, high, edge)| (EdgeKey::new(NodeId { author, number }, high), edge))
+        })
     }
 
     /// The edges shown, in the order of their keys.
     pub fn edges(&self) -> impl Iterator<Item = EdgeKey> + '_ {
-        let is_put = self.edges.iter().filter(|(_, register)| *register.value());
-        is_put.map(|(&edge, _)| edge).filter(|edge| self.is_shown(edge.low()) && self.is_shown(edge.high()))
+        let put = self.all_edges().filter(|(_, state)| state.is_put()).map(|(edge, _)| edge);
+        put.filter(|edge| self.is_shown(edge.low()) && self.is_shown(edge.high()))
+    }
+
+    /// The edges shown that an operator has closed, in the order of their keys.
+    pub fn closed_edges(&self) -> impl Iterator<Item = EdgeKey> + '_ {
+        let closed = self.all_edges().filter(|(_, state)| state.is_put() && state.is_closed()).map(|(edge, _)| edge);
+        closed.filter(|edge| self.is_shown(edge.low()) && self.is_shown(edge.high()))
+    }
+
+    /// Whether an edge is shown.
+    #[must_use]
+    pub fn has_edge(&self, edge: EdgeKey) -> bool {
+        let state = self.leaves.get(&leaf_of(edge.low())).and_then(|leaf| leaf.edge(edge));
+        state.is_some_and(EdgeState::is_put) && self.is_shown(edge.low()) && self.is_shown(edge.high())
+    }
+
+    fn adjacent(&self, id: NodeId) -> impl Iterator<Item = NodeId> + '_ {
+        self.leaves.get(&leaf_of(id)).into_iter().flat_map(move |leaf| leaf.adjacent(id.number))
     }
 
     /// The nodes shown that an edge joins to `id`, in the order of their ids; none if `id` is not shown.
     pub fn neighbours(&self, id: NodeId) -> impl Iterator<Item = NodeRef<'_>> {
-        let adjacent = self.is_shown(id).then(|| self.adjacent.get(&id)).flatten();
-        adjacent.into_iter().flatten().filter_map(|&other| self.node(other))
+        let adjacent = self.is_shown(id).then(|| self.adjacent(id));
+        adjacent.into_iter().flatten().filter_map(|other| self.node(other))
+    }
+
+    /// Named places, zones, releases, descriptor models.
+    #[must_use]
+    pub fn annotations(&self) -> &Annotations {
+        &self.annotations
     }
 
     /// The descriptor models used, in the order of their ids.
     pub fn models(&self) -> impl Iterator<Item = &DescriptorModel> {
-        self.models.values().map(Register::value)
+        self.annotations.models()
     }
 
     /// How many nodes and edges are shown.
     #[must_use]
     pub fn counts(&self) -> Counts {
-        let mut counts = Counts { edges: self.edges().count(), ..Counts::default() };
-        for node in self.nodes() {
-            match node.kind {
-                NodeKind::Main => counts.main_nodes += 1,
-                NodeKind::Support => counts.support_nodes += 1,
-            }
-        }
-        counts
+        self.counts
     }
 
-    /// How many nodes, edges and models take up memory, removed ones included.
+    /// How many nodes, edges and annotations take up memory, removed ones included.
     #[must_use]
     pub fn elements(&self) -> usize {
-        self.nodes.len() + self.edges.len() + self.models.len()
+        self.elements + self.annotations.count()
     }
 
     fn is_shown(&self, id: NodeId) -> bool {
-        self.nodes.get(&id).is_some_and(|node| node.kind.is_some())
+        self.node_state(id).is_some_and(|node| node.kind.is_some())
     }
 }

@@ -1,6 +1,9 @@
 //! Any order, repetition and interleaving of increments ends in the same map; a replica with gaps gets there, too.
 #![allow(clippy::unwrap_used)] // tests may panic
 
+mod drawn;
+
+use drawn::{increments, shown, state_of};
 use fht_map::sequence::SequenceConfig;
 use fht_map::{Accepted, MapState, Replica};
 use fht_proto::{
@@ -8,65 +11,6 @@ use fht_proto::{
     Rect, ScanRecord, Signature,
 };
 use proptest::prelude::*;
-
-/// Few ids, poses and clocks, so that writes meet: equal stamps with different contents, removals older and newer.
-fn id() -> impl Strategy<Value = NodeId> {
-    (0..2_u32, 0..4_u32).prop_map(|(author, number)| NodeId { author: AuthorId(author), number })
-}
-
-fn pose() -> impl Strategy<Value = FixedPose> {
-    (0..3_i32, 0..3_i32).prop_map(|(x, y)| FixedPose { position: FixedPoint { x_mm: x, y_mm: y }, yaw_e4: 0 })
-}
-
-fn signature() -> impl Strategy<Value = Signature> {
-    (0..3_i8).prop_map(|value| Signature {
-        descriptor: Some(Descriptor { model: ModelId(1), scale: 1.0, values: vec![value; 4] }),
-        scan: ScanRecord {
-            base_from_sensor: FixedPose::default(),
-            angle_min: 0.0,
-            angle_increment: 0.1,
-            ranges_mm: vec![1000; 4],
-        },
-    })
-}
-
-fn edge() -> impl Strategy<Value = EdgeKey> {
-    (id(), id()).prop_filter("two ends", |(a, b)| a != b).prop_map(|(a, b)| EdgeKey::new(a, b))
-}
-
-fn op() -> impl Strategy<Value = Op> {
-    let kind = prop_oneof![Just(NodeKind::Main), Just(NodeKind::Support)];
-    let rect = prop::option::of((0..3_u16).prop_map(|east_mm| Rect { east_mm, ..Rect::default() }));
-    let model = (0..2_u32, 1..4_u16).prop_map(|(id, dimension)| DescriptorModel {
-        id: ModelId(id),
-        name: "model".to_owned(),
-        dimension,
-        match_threshold_e3: 700,
-    });
-    prop_oneof![
-        4 => (id(), kind, pose()).prop_map(|(id, kind, pose)| Op::PutNode { id, kind, pose }),
-        2 => id().prop_map(|id| Op::RemoveNode { id }),
-        2 => (id(), pose()).prop_map(|(id, pose)| Op::SetPose { id, pose }),
-        2 => (id(), rect).prop_map(|(id, rect)| Op::SetFreeSpace { id, rect }),
-        2 => (id(), signature()).prop_map(|(id, signature)| Op::SetSignature { id, signature }),
-        3 => edge().prop_map(|edge| Op::PutEdge { edge }),
-        1 => edge().prop_map(|edge| Op::RemoveEdge { edge }),
-        1 => model.prop_map(|model| Op::PutModel { model }),
-    ]
-}
-
-/// Up to three authors with contents and clocks of any kind, hostile ones too, numbered without gaps.
-fn increments() -> impl Strategy<Value = Vec<Increment>> {
-    let one = (0..3_u32, 0..4_u64, prop::collection::vec(op(), 1..5));
-    prop::collection::vec(one, 1..12).prop_map(|drawn| {
-        let mut counts = [0; 3];
-        let number = |(author, hlc_us, ops): (u32, u64, Vec<Op>)| {
-            counts[author as usize] += 1;
-            Increment { author: AuthorId(author), number: counts[author as usize], hlc_us, ops }
-        };
-        drawn.into_iter().map(number).collect()
-    })
-}
 
 /// The increments, and the same in any order with some of them repeated.
 fn two_deliveries() -> impl Strategy<Value = (Vec<Increment>, Vec<Increment>)> {
@@ -78,22 +22,6 @@ fn two_deliveries() -> impl Strategy<Value = (Vec<Increment>, Vec<Increment>)> {
         });
         (Just(increments), delivery)
     })
-}
-
-fn state_of<'a>(increments: impl IntoIterator<Item = &'a Increment>) -> MapState {
-    let mut state = MapState::new();
-    increments.into_iter().for_each(|increment| state.apply(increment));
-    state
-}
-
-/// All that can be seen of a map, as text.
-fn shown(state: &MapState) -> String {
-    let nodes: Vec<_> = state.nodes().collect();
-    let neighbours: Vec<Vec<NodeId>> =
-        nodes.iter().map(|node| state.neighbours(node.id).map(|other| other.id).collect()).collect();
-    let edges: Vec<_> = state.edges().collect();
-    let models: Vec<_> = state.models().collect();
-    format!("{nodes:?} {neighbours:?} {edges:?} {models:?} {}", state.max_hlc_us())
 }
 
 proptest! {

@@ -9,6 +9,7 @@
 //! descriptors as streams of bits ([`crate::packed`]).
 
 use crate::compact::{CompactNodes, CompactPath};
+use crate::fold::{Fold, Rest};
 use crate::ids::AuthorId;
 use crate::increment::{Increment, Op};
 use crate::query::Snapshot;
@@ -20,8 +21,11 @@ use serde::{Deserialize, Serialize};
 
 /// First bytes of every message.
 pub const MAGIC: [u8; 3] = *b"FHT";
-/// The format that this crate writes and the only one that it reads so far.
-pub const FORMAT_VERSION: u8 = 2;
+/// The format that this crate writes.
+pub const FORMAT_VERSION: u8 = 3;
+/// The oldest format that this crate reads. Increments of format 2 are those of format 3 without the operations that
+/// came with it.
+pub const OLDEST_FORMAT_VERSION: u8 = 2;
 /// Longest body that is read, bytes. Increments are some kilobytes; snapshots travel in chunks of this at most.
 pub const MAX_BODY_BYTES: usize = 4 << 20;
 
@@ -32,7 +36,9 @@ pub enum CodecError {
     #[error("not an FHT message: it does not start with the bytes FHT")]
     Magic,
     /// Written by a newer (or broken) program.
-    #[error("format version {found} is not known here (this program reads version {FORMAT_VERSION})")]
+    #[error(
+        "format version {found} is not known here (this program reads {OLDEST_FORMAT_VERSION} to {FORMAT_VERSION})"
+    )]
     Version {
         /// The version byte.
         found: u8,
@@ -117,14 +123,44 @@ impl Message for Descriptor {
     }
 }
 
-impl Message for Snapshot {
-    const KIND: u8 = 3;
-    type Wire = Vec<WireIncrement>;
-    fn to_wire(&self) -> Self::Wire {
-        self.increments.iter().map(Message::to_wire).collect()
+/// [`Fold`] with node ids as in [`WireIncrement`].
+#[derive(Debug, Serialize, Deserialize)]
+pub struct WireFold {
+    author: AuthorId,
+    first: u64,
+    last: u64,
+    rests: Vec<Rest<WireId>>,
+}
+
+impl Message for Fold {
+    const KIND: u8 = 7;
+    type Wire = WireFold;
+
+    fn to_wire(&self) -> WireFold {
+        let mut names = Names::of(self.author);
+        let rests = self.rests.iter().map(|rest| rest.clone().map_ids(&mut |id| names.shorten(id))).collect();
+        WireFold { author: self.author, first: self.first, last: self.last, rests }
     }
-    fn from_wire(wire: Self::Wire) -> Self {
-        Self { increments: wire.into_iter().map(Message::from_wire).collect() }
+
+    fn from_wire(wire: WireFold) -> Self {
+        let mut names = Names::of(wire.author);
+        let rests = wire.rests.into_iter().map(|rest| rest.map_ids(&mut |id| names.expand(id))).collect();
+        Self { author: wire.author, first: wire.first, last: wire.last, rests }
+    }
+}
+
+impl Message for Snapshot {
+    // 3 was a series without folds (format 2).
+    const KIND: u8 = 6;
+    type Wire = (Vec<WireFold>, Vec<WireIncrement>);
+    fn to_wire(&self) -> Self::Wire {
+        (self.folds.iter().map(Message::to_wire).collect(), self.increments.iter().map(Message::to_wire).collect())
+    }
+    fn from_wire((folds, increments): Self::Wire) -> Self {
+        Self {
+            folds: folds.into_iter().map(Message::from_wire).collect(),
+            increments: increments.into_iter().map(Message::from_wire).collect(),
+        }
     }
 }
 
@@ -155,6 +191,19 @@ impl Message for CompactNodes {
 /// # Errors
 /// [`CodecError::Invalid`] if the message would be refused on arrival, [`CodecError::TooLong`] if it is too large.
 pub fn encode<M: Message>(message: &M) -> Result<Vec<u8>, CodecError> {
+    encode_as(FORMAT_VERSION, message)
+}
+
+/// Whether `bytes`, which `message` was decoded from, are those that it is encoded to in their format.
+///
+/// # Errors
+/// As [`encode`].
+pub fn is_canonical<M: Message>(message: &M, bytes: &[u8]) -> Result<bool, CodecError> {
+    let version = bytes.get(MAGIC.len()).copied().unwrap_or(FORMAT_VERSION);
+    Ok(encode_as(version, message)? == bytes)
+}
+
+fn encode_as<M: Message>(version: u8, message: &M) -> Result<Vec<u8>, CodecError> {
     message.validate()?;
     let body = postcard::to_stdvec(&message.to_wire()).map_err(|error| CodecError::Body(error.to_string()))?;
     if body.len() > MAX_BODY_BYTES {
@@ -162,7 +211,7 @@ pub fn encode<M: Message>(message: &M) -> Result<Vec<u8>, CodecError> {
     }
     let mut bytes = Vec::with_capacity(body.len() + 14);
     bytes.extend_from_slice(&MAGIC);
-    bytes.extend_from_slice(&[FORMAT_VERSION, M::KIND]);
+    bytes.extend_from_slice(&[version, M::KIND]);
     let length = u32::try_from(body.len()).map_err(|_| CodecError::TooLong { bytes: body.len() })?;
     let mut varint = [0; 5];
     let varint = postcard::to_slice(&length, &mut varint).map_err(|error| CodecError::Body(error.to_string()))?;
@@ -170,6 +219,23 @@ pub fn encode<M: Message>(message: &M) -> Result<Vec<u8>, CodecError> {
     bytes.extend_from_slice(&body);
     bytes.extend_from_slice(&crc32fast::hash(&bytes).to_le_bytes());
     Ok(bytes)
+}
+
+/// Cuts the first message off a row of them; its body is not looked at.
+///
+/// # Errors
+/// When the bytes do not begin with a whole message.
+pub fn split_first(bytes: &[u8]) -> Result<(&[u8], &[u8]), CodecError> {
+    let length_error = || CodecError::Length { bytes: bytes.len() };
+    let rest = bytes.strip_prefix(&MAGIC).ok_or(CodecError::Magic)?;
+    let rest = rest.get(2..).ok_or_else(length_error)?;
+    let (length, rest) = postcard::take_from_bytes::<u32>(rest).map_err(|_| length_error())?;
+    let length = usize::try_from(length).map_err(|_| length_error())?;
+    if length > MAX_BODY_BYTES {
+        return Err(CodecError::TooLong { bytes: length });
+    }
+    let end = bytes.len() - rest.len() + length + size_of::<u32>();
+    bytes.split_at_checked(end).ok_or_else(length_error)
 }
 
 /// Takes a message out of its envelope and validates it. Never panics, whatever the bytes.
@@ -180,7 +246,7 @@ pub fn decode<M: Message>(bytes: &[u8]) -> Result<M, CodecError> {
     let rest = bytes.strip_prefix(&MAGIC).ok_or(CodecError::Magic)?;
     let length_error = || CodecError::Length { bytes: bytes.len() };
     let [version, kind, rest @ ..] = rest else { return Err(length_error()) };
-    if *version != FORMAT_VERSION {
+    if !(OLDEST_FORMAT_VERSION..=FORMAT_VERSION).contains(version) {
         return Err(CodecError::Version { found: *version });
     }
     if *kind != M::KIND {

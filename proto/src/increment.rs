@@ -3,7 +3,8 @@
 //! Every operation carries the stamp of its increment, refined by its place in it. For each element the newest stamp
 //! wins, so increments can be applied in any order and any number of times (`fht-map` does it).
 
-use crate::geometry::{FixedPose, Rect};
+use crate::annotation::{Label, Release, ReleaseId, ReleaseName, Zone};
+use crate::geometry::{FixedPoint, FixedPose, Rect};
 use crate::ids::{AuthorId, NodeId};
 use crate::signature::{DescriptorModel, Signature};
 use serde::{Deserialize, Serialize};
@@ -110,6 +111,51 @@ pub enum Op<Id = NodeId> {
         /// The description.
         model: DescriptorModel,
     },
+    /// Says how far a node is still believed, because robots saw what contradicts it, or confirms it.
+    SetTrust {
+        /// Which node.
+        id: Id,
+        /// From 0 to 100; what nobody has doubted has 100.
+        percent: u8,
+    },
+    /// Closes an edge, or opens it again: an operator's word, whatever robots find.
+    SetClosed {
+        /// Its ends.
+        edge: EdgeKey<Id>,
+        /// Whether no path may use it.
+        closed: bool,
+    },
+    /// Names a place, moves it, or takes the name away.
+    SetPlace {
+        /// The name.
+        name: Label,
+        /// The pose to stop at.
+        pose: Option<FixedPose>,
+    },
+    /// Draws a zone, changes it, or takes it away.
+    SetZone {
+        /// The name.
+        name: Label,
+        /// Its rule and border.
+        zone: Option<Zone>,
+    },
+    /// Makes a release. The first one that an author makes under a name stays; later ones under this name count for nothing.
+    PutRelease {
+        /// The name.
+        name: ReleaseName,
+        /// The state named.
+        release: Release,
+    },
+    /// Deletes a release, for ever.
+    RemoveRelease {
+        /// Which release.
+        id: ReleaseId,
+    },
+    /// Says which release robots are to use; none: the newest state.
+    Enable {
+        /// Which release.
+        release: Option<ReleaseId>,
+    },
 }
 
 impl<A: Copy + Ord> Op<A> {
@@ -130,7 +176,40 @@ impl<A: Copy + Ord> Op<A> {
             Self::PutEdge { edge } => Op::PutEdge { edge: edge_of(edge) },
             Self::RemoveEdge { edge } => Op::RemoveEdge { edge: edge_of(edge) },
             Self::PutModel { model } => Op::PutModel { model },
+            Self::SetTrust { id, percent } => Op::SetTrust { id: f(id), percent },
+            Self::SetClosed { edge, closed } => Op::SetClosed { edge: edge_of(edge), closed },
+            Self::SetPlace { name, pose } => Op::SetPlace { name, pose },
+            Self::SetZone { name, zone } => Op::SetZone { name, zone },
+            Self::PutRelease { name, release } => Op::PutRelease { name, release },
+            Self::RemoveRelease { id } => Op::RemoveRelease { id },
+            Self::Enable { release } => Op::Enable { release },
         }
+    }
+}
+
+impl Op {
+    /// What it takes up in memory, about, bytes.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        let beyond = match self {
+            Self::SetSignature { signature, .. } => {
+                let descriptor = signature.descriptor.as_ref().map_or(0, |descriptor| descriptor.values.len());
+                descriptor + size_of::<u16>() * signature.scan.ranges_mm.len()
+            }
+            Self::PutModel { model } => model.name.len(),
+            Self::SetPlace { name, .. } => name.as_str().len(),
+            Self::SetZone { name, zone } => {
+                let corners = zone.as_ref().map_or(0, |zone| zone.corners.len());
+                name.as_str().len() + corners * size_of::<FixedPoint>()
+            }
+            Self::PutRelease { name, release } => {
+                name.as_str().len() + release.vector.iter().count() * 2 * size_of::<(AuthorId, u64)>()
+            }
+            Self::RemoveRelease { id } => id.name.as_str().len(),
+            Self::Enable { release } => release.as_ref().map_or(0, |id| id.name.as_str().len()),
+            _ => 0,
+        };
+        size_of::<Self>() + beyond
     }
 }
 
@@ -154,15 +233,7 @@ impl Increment {
     /// What it takes up in memory, about, bytes: some ten times what it takes up on the wire if its operations are small.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        let of_op = |op: &Op| match op {
-            Op::SetSignature { signature, .. } => {
-                let descriptor = signature.descriptor.as_ref().map_or(0, |descriptor| descriptor.values.len());
-                descriptor + size_of::<u16>() * signature.scan.ranges_mm.len()
-            }
-            Op::PutModel { model } => model.name.len(),
-            _ => 0,
-        };
-        size_of::<Self>() + self.ops.iter().map(|op| size_of::<Op>() + of_op(op)).sum::<usize>()
+        size_of::<Self>() + self.ops.iter().map(Op::memory_bytes).sum::<usize>()
     }
 
     /// The operations with their stamps.

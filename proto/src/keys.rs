@@ -6,13 +6,21 @@
 //! | `fht/{map}/head` | server puts, answers | version, vector, digest, counts, bytes |
 //! | `fht/{map}/since?vector=…` | server answers | the increments that a replica lacks |
 //! | `fht/{map}/snapshot?version=…` | server answers | the map then, or at `vector=…`; without what `have=…` contains |
-//! | `fht/{map}/path?from=x,y;to=x,y` | server answers | a path |
+//! | `fht/{map}/path?from=x,y;to=x,y` | server answers | a path, on the release that is enabled |
 //! | `fht/{map}/nodes?near=x,y;radius=r` | server answers | nodes |
 //! | `fht/{map}/match` | server answers | nodes that look like the descriptor in the payload |
+//! | `fht/{map}/releases` | server answers | the releases, and which is enabled |
+//! | `fht/{map}/diff?from=…;to=…` | server answers | what has changed between two states |
+//! | `fht/{map}/rules` | server answers | named places, zones, closed edges, what robots found blocked |
+//! | `fht/{map}/fleet` | server answers | the robots, and what they run |
+//! | `fht/{map}/admin/{action}` | server does it, answers | for operators: `retain`, `import` |
 //! | `fht/{map}/refused/{author}` | server puts | why it refused an increment of this author, at most once a second |
 //! | `fht/maps` | server answers | the maps there are |
 //! | `fht/{map}/robots/{robot}` | liveliness token | who is here |
 //! | `fht/{map}/robots/{robot}/pose` | robot puts | where it is |
+//! | `fht/{map}/robots/{robot}/status` | robot puts | what it runs |
+//! | `fht/{map}/robots/{robot}/blocked` | robot puts | what it could not pass |
+//! | `fht/{map}/robots/{robot}/goal` | explorer puts | where it is going |
 
 use crate::ids::{AuthorId, MapName, is_name};
 use std::fmt;
@@ -23,6 +31,10 @@ pub const PREFIX: &str = "fht";
 
 /// Matches the increments of every map (a server subscribes to it).
 pub const ALL_INCREMENTS: &str = "fht/*/inc/**";
+/// Matches what robots say of themselves on every map, but not their tokens (a server subscribes to it).
+pub const ALL_ROBOT_TOPICS: &str = "fht/*/robots/*/*";
+/// Matches the tokens of all robots on every map.
+pub const ALL_ROBOTS: &str = "fht/*/robots/*";
 /// Matches every query to every map.
 pub const ALL_QUERIES: &str = "fht/**";
 
@@ -41,11 +53,30 @@ pub enum Topic {
     Nodes,
     /// Nodes that look like a descriptor.
     Match,
+    /// The releases.
+    Releases,
+    /// What has changed between two states.
+    Diff,
+    /// Named places, zones, closed edges, what is blocked.
+    Rules,
+    /// The robots.
+    Fleet,
 }
 
 impl Topic {
     /// All of them.
-    pub const ALL: [Self; 6] = [Self::Head, Self::Since, Self::Snapshot, Self::Path, Self::Nodes, Self::Match];
+    pub const ALL: [Self; 10] = [
+        Self::Head,
+        Self::Since,
+        Self::Snapshot,
+        Self::Path,
+        Self::Nodes,
+        Self::Match,
+        Self::Releases,
+        Self::Diff,
+        Self::Rules,
+        Self::Fleet,
+    ];
 
     /// The chunk that names it.
     #[must_use]
@@ -57,6 +88,62 @@ impl Topic {
             Self::Path => "path",
             Self::Nodes => "nodes",
             Self::Match => "match",
+            Self::Releases => "releases",
+            Self::Diff => "diff",
+            Self::Rules => "rules",
+            Self::Fleet => "fleet",
+        }
+    }
+}
+
+/// What a robot puts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum RobotTopic {
+    /// Where it is: [`crate::fleet::RobotPose`].
+    Pose,
+    /// What it runs: [`crate::fleet::RobotStatus`].
+    Status,
+    /// What it could not pass: [`crate::fleet::BlockedReport`].
+    Blocked,
+    /// Where an explorer is going: [`crate::fleet::ExplorerGoal`].
+    Goal,
+}
+
+impl RobotTopic {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Pose, Self::Status, Self::Blocked, Self::Goal];
+
+    /// The chunk that names it.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Pose => "pose",
+            Self::Status => "status",
+            Self::Blocked => "blocked",
+            Self::Goal => "goal",
+        }
+    }
+}
+
+/// What an operator may have the server do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum AdminAction {
+    /// Fold old increments.
+    Retain,
+    /// Take in a series of increments from a file.
+    Import,
+}
+
+impl AdminAction {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Retain, Self::Import];
+
+    /// The chunk that names it.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Retain => "retain",
+            Self::Import => "import",
         }
     }
 }
@@ -96,12 +183,21 @@ pub enum Key {
         /// The robot's name.
         robot: String,
     },
-    /// `fht/{map}/robots/{robot}/pose`
-    RobotPose {
+    /// `fht/{map}/robots/{robot}/{topic}`
+    RobotTopic {
         /// The map that the robot uses.
         map: MapName,
         /// The robot's name.
         robot: String,
+        /// What it says.
+        topic: RobotTopic,
+    },
+    /// `fht/{map}/admin/{action}`
+    Admin {
+        /// The map.
+        map: MapName,
+        /// What is to be done.
+        action: AdminAction,
     },
 }
 
@@ -118,6 +214,12 @@ impl Key {
         Self::Refused { map: map.clone(), author }
     }
 
+    /// The key under which a robot says something.
+    #[must_use]
+    pub fn robot(map: &MapName, robot: &str, topic: RobotTopic) -> Self {
+        Self::RobotTopic { map: map.clone(), robot: robot.to_owned(), topic }
+    }
+
     /// The key of a topic of a map.
     #[must_use]
     pub fn topic(map: &MapName, topic: Topic) -> Self {
@@ -131,6 +233,12 @@ pub fn increments_of(map: &MapName) -> String {
     format!("{PREFIX}/{map}/inc/**")
 }
 
+/// The expression that matches what all robots of a map say of one topic.
+#[must_use]
+pub fn robots_of(map: &MapName, topic: RobotTopic) -> String {
+    format!("{PREFIX}/{map}/robots/*/{}", topic.as_str())
+}
+
 impl fmt::Display for Key {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -139,7 +247,8 @@ impl fmt::Display for Key {
             Self::Topic { map, topic } => write!(f, "{PREFIX}/{map}/{}", topic.as_str()),
             Self::Refused { map, author } => write!(f, "{PREFIX}/{map}/refused/{author}"),
             Self::Robot { map, robot } => write!(f, "{PREFIX}/{map}/robots/{robot}"),
-            Self::RobotPose { map, robot } => write!(f, "{PREFIX}/{map}/robots/{robot}/pose"),
+            Self::RobotTopic { map, robot, topic } => write!(f, "{PREFIX}/{map}/robots/{robot}/{}", topic.as_str()),
+            Self::Admin { map, action } => write!(f, "{PREFIX}/{map}/admin/{}", action.as_str()),
         }
     }
 }
@@ -173,7 +282,14 @@ impl FromStr for Key {
                 Ok(Self::Refused { map: map(name)?, author: author.parse().map_err(|_| error())? })
             }
             [PREFIX, name, "robots", who] => Ok(Self::Robot { map: map(name)?, robot: robot(who)? }),
-            [PREFIX, name, "robots", who, "pose"] => Ok(Self::RobotPose { map: map(name)?, robot: robot(who)? }),
+            [PREFIX, name, "robots", who, topic] => {
+                let topic = RobotTopic::ALL.into_iter().find(|t| t.as_str() == *topic).ok_or_else(error)?;
+                Ok(Self::RobotTopic { map: map(name)?, robot: robot(who)?, topic })
+            }
+            [PREFIX, name, "admin", action] => {
+                let action = AdminAction::ALL.into_iter().find(|a| a.as_str() == *action).ok_or_else(error)?;
+                Ok(Self::Admin { map: map(name)?, action })
+            }
             [PREFIX, name, topic] => {
                 let topic = Topic::ALL.into_iter().find(|t| t.as_str() == *topic).ok_or_else(error)?;
                 Ok(Self::Topic { map: map(name)?, topic })

@@ -2,6 +2,8 @@
 //! [`crate::compact`].
 //! Errors are error replies with an [`ErrorReply`] as JSON, never silence.
 
+use crate::annotation::{Label, ZoneRule};
+use crate::fold::Fold;
 use crate::geometry::{FixedPoint, Rect};
 use crate::ids::{MapName, NodeId};
 use crate::increment::{Increment, NodeKind};
@@ -24,6 +26,10 @@ pub enum ErrorCode {
     UnknownVersion,
     /// There is no such node.
     UnknownNode,
+    /// There is no place of this name.
+    UnknownPlace,
+    /// The goal lies in a zone that no robot may enter, or the start does and there is no way out.
+    KeepOut,
     /// The descriptor is of a model that this map does not use.
     IncompatibleModel,
     /// The request cannot be read.
@@ -63,13 +69,15 @@ pub struct ErrorReply {
     pub message: String,
 }
 
-/// A place in a request: `x,y` in metres or a node id.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A place in a request: `x,y` in metres, a node id, or the name of a place.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
     /// Coordinates in the map frame.
     Point(FixedPoint),
     /// The place of a node.
     Node(NodeId),
+    /// A place that an operator has named.
+    Named(Label),
 }
 
 impl FromStr for Place {
@@ -77,6 +85,9 @@ impl FromStr for Place {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         if let Ok(id) = text.parse() {
             return Ok(Self::Node(id));
+        }
+        if let Ok(name) = text.parse() {
+            return Ok(Self::Named(name));
         }
         parse_point(text).map(Self::Point)
     }
@@ -90,7 +101,9 @@ pub fn parse_point(text: &str) -> Result<FixedPoint, ErrorReply> {
     let shown: String = text.chars().take(80).collect();
     let bad = || ErrorReply {
         code: ErrorCode::BadRequest,
-        message: format!("{shown} is not a place: give x,y in metres, such as 1.5,-2, or a node id"),
+        message: format!(
+            "{shown} is not a place: give x,y in metres, such as 1.5,-2, a node id or the name of a place"
+        ),
     };
     let (x, y) = text.split_once(',').ok_or_else(bad)?;
     let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite() && v.abs() <= 100_000.0);
@@ -111,6 +124,12 @@ pub struct Head {
     pub vector: VersionVector,
     /// Hash of the canonical map.
     pub digest: Digest,
+    /// The newest clock in it, microseconds: whoever writes stamps with more.
+    #[serde(default)]
+    pub clock_us: u64,
+    /// The release that robots are to use, as `name@author`; none: this state.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub enabled: Option<String>,
     /// Main nodes shown.
     pub main_nodes: usize,
     /// Support nodes shown.
@@ -140,8 +159,10 @@ impl Head {
 /// takes them in and asks again with its new vector (`since?vector=…`, `snapshot?version=…;have=…`), until a reply is empty.
 /// Both vectors are of the form that [`VersionVector`] is shown in; without them the asker has nothing yet. (One sample an increment would not do: of
 /// several replies under one key, a Zenoh query delivers one by default.)
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Snapshot {
+    /// What is left of increments that were folded; they come before all others of their author.
+    pub folds: Vec<Fold>,
     /// The increments, in an order in which each author's numbers ascend.
     pub increments: Vec<Increment>,
 }
@@ -158,6 +179,38 @@ pub struct Waypoint {
     pub node: Option<String>,
 }
 
+/// What a path obeys.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(tag = "rule", rename_all = "snake_case")]
+pub enum Obeyed {
+    /// A zone that no robot may enter.
+    KeepOut {
+        /// Its name.
+        zone: String,
+    },
+    /// An edge that an operator has closed.
+    ClosedEdge {
+        /// Its ends.
+        edge: [String; 2],
+    },
+    /// Something that a robot found blocked.
+    Blocked {
+        /// The robot.
+        robot: String,
+    },
+}
+
+/// A part of a path where robots drive slowly.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SpeedLimit {
+    /// The zone's name.
+    pub zone: String,
+    /// Metres per second.
+    pub max_mps: f64,
+    /// Where the path enters and leaves it, metres along the path.
+    pub along_m: [f64; 2],
+}
+
 /// The reply to `path`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathReply {
@@ -165,10 +218,19 @@ pub struct PathReply {
     pub map: MapName,
     /// The version that the path was planned on.
     pub version: u64,
+    /// The release that it was planned on, as `name@author`; none: the newest state.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub release: Option<String>,
     /// Its length over all waypoints, metres.
     pub length_m: f64,
     /// From start to goal.
     pub waypoints: Vec<Waypoint>,
+    /// What operators and robots have closed, and the path keeps out of.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub obeyed: Vec<Obeyed>,
+    /// Zones of limited speed that it leads through, in the order in which they are entered.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub speed_limits: Vec<SpeedLimit>,
 }
 
 /// One node as `nodes` and `match` show it.
@@ -192,6 +254,9 @@ pub struct NodeView {
     /// Cosine to the descriptor asked for (`match` only).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub similarity: Option<f32>,
+    /// How far it is believed, 0 to 100; absent if nobody has doubted it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trust: Option<u8>,
 }
 
 impl NodeView {
@@ -221,47 +286,137 @@ pub struct MapsReply {
     pub maps: Vec<Head>,
 }
 
-/// What a robot says of where it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
-pub enum LocalizationState {
-    /// Nothing fits yet.
-    NotLocalized,
-    /// Something fits, but too little or too ambiguously.
-    Candidates,
-    /// It knows.
-    Localized,
-    /// It knew, and what it senses no longer fits.
-    Lost,
-}
-
-impl std::fmt::Display for LocalizationState {
-    /// As it is written in JSON.
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.write_str(match self {
-            Self::NotLocalized => "NOT_LOCALIZED",
-            Self::Candidates => "CANDIDATES",
-            Self::Localized => "LOCALIZED",
-            Self::Lost => "LOST",
-        })
-    }
-}
-
-/// What a robot puts under its `pose` key.
+/// A release in the reply to `releases`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct RobotPose {
-    /// The robot's name.
-    pub robot: String,
-    /// Whether it knows where it is; if not, the pose is absent.
-    pub localized: bool,
-    /// The same, told apart.
-    pub state: LocalizationState,
-    /// Probability that the pose, or the likeliest candidate, is right, as the robot sees it: 0 to 1.
-    pub confidence: f64,
-    /// Where it may be, likeliest first, at most five: `[x, y, yaw]` in the map frame, metres and radians. Empty once it knows.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub candidates: Vec<[f64; 3]>,
+pub struct ReleaseView {
+    /// Its name.
+    pub name: String,
+    /// Who made it.
+    pub author: String,
+    /// The version that it names.
+    pub version: u64,
+    /// The increments that it consists of.
+    pub vector: VersionVector,
+    /// Hash of the map that they add up to.
+    pub digest: Digest,
+    /// When it was made, microseconds since the Unix epoch by its author's clock.
+    pub made_us: u64,
+    /// Whether robots are to use it.
+    pub enabled: bool,
+    /// Whether this server has all of it.
+    pub available: bool,
+}
+
+/// The reply to `releases`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReleasesReply {
+    /// The map.
+    pub map: MapName,
+    /// Its newest version.
+    pub version: u64,
+    /// Oldest first.
+    pub releases: Vec<ReleaseView>,
+}
+
+/// A named place.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlaceView {
+    /// Its name.
+    pub name: String,
     /// `[x, y, yaw]` in the map frame, metres and radians.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub map_from_base: Option<[f64; 3]>,
+    pub pose: [f64; 3],
+}
+
+/// A zone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ZoneView {
+    /// Its name.
+    pub name: String,
+    /// What holds there.
+    pub rule: ZoneRule,
+    /// Its corners `[x, y]` in the map frame, metres.
+    pub corners: Vec<[f64; 2]>,
+}
+
+/// Something that a robot found blocked.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BlockedView {
+    /// The robot.
+    pub robot: String,
+    /// For how much longer it is avoided, seconds.
+    pub for_s: f64,
+    /// Edges, each by the ids of its ends.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub edges: Vec<[String; 2]>,
+    /// Places, `[x, y]` in the map frame, metres.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub places: Vec<[f64; 2]>,
+}
+
+/// The reply to `rules`: what operators and robots have added to the map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RulesReply {
+    /// The map.
+    pub map: MapName,
+    /// Its version.
+    pub version: u64,
+    /// Named places.
+    pub places: Vec<PlaceView>,
+    /// Zones.
+    pub zones: Vec<ZoneView>,
+    /// Edges that operators have closed, each by the ids of its ends.
+    pub closed_edges: Vec<[String; 2]>,
+    /// What robots found blocked, and for how long yet.
+    pub blocked: Vec<BlockedView>,
+}
+
+/// A state in a `diff`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StateView {
+    /// Sum of the vector.
+    pub version: u64,
+    /// The increments.
+    pub vector: VersionVector,
+    /// Hash of the map.
+    pub digest: Digest,
+}
+
+/// A node that moved.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MovedNode {
+    /// Its id.
+    pub id: String,
+    /// How far, metres.
+    pub by_m: f64,
+}
+
+/// The reply to `diff`: what has to be done to one state to get the other.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DiffReply {
+    /// The map.
+    pub map: MapName,
+    /// The state compared with.
+    pub from: StateView,
+    /// The state that is compared.
+    pub to: StateView,
+    /// Nodes that are new.
+    pub added_nodes: Vec<String>,
+    /// Nodes that are gone.
+    pub removed_nodes: Vec<String>,
+    /// Nodes that lie elsewhere.
+    pub moved_nodes: Vec<MovedNode>,
+    /// Nodes whose kind, rectangle, signature or trust is another.
+    pub changed_nodes: Vec<String>,
+    /// Edges that are new.
+    pub added_edges: Vec<[String; 2]>,
+    /// Edges that are gone.
+    pub removed_edges: Vec<[String; 2]>,
+    /// Edges that are closed now.
+    pub closed_edges: Vec<[String; 2]>,
+    /// Edges that are open again.
+    pub opened_edges: Vec<[String; 2]>,
+    /// Named places, zones and releases that are new, gone or other: `place dock`, `zone lab`, `release 2026-11-21.1@1a2b3c4d`.
+    pub annotations: Vec<String>,
+    /// The same in a sentence.
+    pub words: String,
 }

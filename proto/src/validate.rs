@@ -1,6 +1,8 @@
 //! What is refused although it decodes: numbers out of range, sizes over the limits, self-edges.
 
+use crate::annotation::{Zone, ZoneRule};
 use crate::compact::{CompactNodes, CompactPath};
+use crate::fold::Fold;
 use crate::geometry::{FixedPoint, FixedPose};
 use crate::increment::{EdgeKey, Increment, NodeKind, Op};
 use crate::query::{Head, Snapshot};
@@ -12,6 +14,12 @@ use std::f32::consts::TAU;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Invalid(String);
+
+impl Invalid {
+    pub(crate) fn new(message: String) -> Self {
+        Self(message)
+    }
+}
 
 /// Checks a decoded value before use.
 pub trait Validate {
@@ -108,7 +116,16 @@ impl Validate for Op {
             Self::SetSignature { signature, .. } => signature.validate(),
             Self::PutEdge { edge } | Self::RemoveEdge { edge } => edge.validate(),
             Self::PutModel { model } => model.validate(),
-            Self::RemoveNode { .. } | Self::SetFreeSpace { .. } => Ok(()),
+            Self::SetTrust { percent, .. } => {
+                check(*percent <= 100, || format!("a trust of {percent} % (at most 100 are there)"))
+            }
+            Self::SetClosed { edge, .. } => edge.validate(),
+            Self::SetPlace { pose, .. } => pose.as_ref().map_or(Ok(()), Validate::validate),
+            Self::SetZone { zone, .. } => zone.as_ref().map_or(Ok(()), Validate::validate),
+            Self::PutRelease { release, .. } => release.vector.validate(),
+            Self::RemoveNode { .. } | Self::SetFreeSpace { .. } | Self::RemoveRelease { .. } | Self::Enable { .. } => {
+                Ok(())
+            }
         }
     }
 }
@@ -124,8 +141,53 @@ impl Validate for Increment {
     }
 }
 
+impl Validate for VersionVector {
+    fn validate(&self) -> Result<(), Invalid> {
+        let authors = self.iter().count();
+        check(authors <= Self::MAX_AUTHORS, || format!("a vector of {authors} authors"))?;
+        check(self.iter().all(|(_, count)| count > 0), || "a vector that counts an author's nothing".to_owned())
+    }
+}
+
+impl Validate for Zone {
+    fn validate(&self) -> Result<(), Invalid> {
+        let corners = self.corners.len();
+        check((3..=Self::MAX_CORNERS).contains(&corners), || {
+            format!("a zone of {corners} corners (3 to {} are allowed)", Self::MAX_CORNERS)
+        })?;
+        self.corners.iter().try_for_each(Validate::validate)?;
+        check(self.rule != ZoneRule::SpeedLimit(0), || "a speed limit of 0: that is a zone to keep out of".to_owned())
+    }
+}
+
+impl Validate for Fold {
+    fn validate(&self) -> Result<(), Invalid> {
+        check(1 <= self.first && self.first <= self.last, || {
+            format!("a fold of increments {} to {}", self.first, self.last)
+        })?;
+        let mut before = 0;
+        for rest in &self.rests {
+            let number = rest.number;
+            check((self.first..=self.last).contains(&number) && number > before, || {
+                format!("increment {number} out of place in a fold of {} to {}", self.first, self.last)
+            })?;
+            before = number;
+            check(rest.hlc_us <= MAX_HLC_US, || format!("clock of {} µs (at most {MAX_HLC_US})", rest.hlc_us))?;
+            check((1..=Increment::MAX_OPS).contains(&rest.ops.len()), || format!("{} operations", rest.ops.len()))?;
+            let indices = rest.ops.iter().map(|(index, _)| usize::from(*index));
+            let is_ascending = rest.ops.windows(2).all(|pair| pair[0].0 < pair[1].0);
+            check(is_ascending && indices.max() < Some(Increment::MAX_OPS), || {
+                format!("operations of increment {number} out of order")
+            })?;
+            rest.ops.iter().try_for_each(|(_, op)| op.validate())?;
+        }
+        Ok(())
+    }
+}
+
 impl Validate for Snapshot {
     fn validate(&self) -> Result<(), Invalid> {
+        self.folds.iter().try_for_each(Validate::validate)?;
         self.increments.iter().try_for_each(Validate::validate)
     }
 }

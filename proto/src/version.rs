@@ -1,7 +1,8 @@
 //! Version vectors and digests: the names of a map's states.
 
 use crate::ids::{AuthorId, ParseIdError};
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
@@ -58,6 +59,16 @@ impl VersionVector {
         }
         joined
     }
+
+    /// The greatest vector that both cover.
+    #[must_use]
+    pub fn meet(&self, other: &Self) -> Self {
+        let mut met = Self::default();
+        for (author, count) in self.iter() {
+            met.set(author, count.min(other.get(author)));
+        }
+        met
+    }
 }
 
 impl fmt::Display for VersionVector {
@@ -107,10 +118,26 @@ impl FromStr for VersionVector {
     }
 }
 
-/// A BLAKE3 hash of the canonical form of a map's state. Equal digests mean equal maps. Shown as 64 hexadecimal digits.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
+/// A BLAKE3 hash of the canonical form of a map's state. Equal digests mean equal maps. Shown as 64 hexadecimal digits, in JSON
+/// too.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Digest(pub [u8; 32]);
+
+impl Serialize for Digest {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if serializer.is_human_readable() { serializer.collect_str(self) } else { self.0.serialize(serializer) }
+    }
+}
+
+impl<'de> Deserialize<'de> for Digest {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        if deserializer.is_human_readable() {
+            String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
+        } else {
+            <[u8; 32]>::deserialize(deserializer).map(Self)
+        }
+    }
+}
 
 impl fmt::Display for Digest {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -124,15 +151,9 @@ impl fmt::Debug for Digest {
     }
 }
 
-impl From<Digest> for String {
-    fn from(digest: Digest) -> Self {
-        digest.to_string()
-    }
-}
-
-impl TryFrom<String> for Digest {
-    type Error = blake3::HexError;
-    fn try_from(text: String) -> Result<Self, Self::Error> {
+impl FromStr for Digest {
+    type Err = blake3::HexError;
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
         blake3::Hash::from_hex(text).map(|hash| Self(*hash.as_bytes()))
     }
 }

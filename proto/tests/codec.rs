@@ -1,16 +1,19 @@
 //! The codec: what is encoded decodes to itself, no bytes make a decoder panic, messages are small, and format version 2
+//! is still read, and version 3
 //! stays what it is.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 mod arbitrary;
 
-use arbitrary::{descriptor, increment, scan};
+use arbitrary::{descriptor, fold, increment, scan};
 use fht_proto::compact::{CompactNode, CompactNodes, CompactPath, CompactWaypoint};
-use fht_proto::envelope::{FORMAT_VERSION, MAGIC, MAX_BODY_BYTES, Message};
+use fht_proto::envelope::{FORMAT_VERSION, MAGIC, MAX_BODY_BYTES, Message, OLDEST_FORMAT_VERSION, is_canonical};
+use fht_proto::fold::Rest;
 use fht_proto::query::Snapshot;
 use fht_proto::{
-    AuthorId, CodecError, Descriptor, DescriptorModel, EdgeKey, FixedPoint, FixedPose, Increment, ModelId, NodeId,
-    NodeKind, Op, Rect, Signature, decode, encode,
+    AuthorId, CodecError, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Fold, Increment,
+    ModelId, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, Signature, VersionVector, Zone, ZoneRule,
+    decode, encode,
 };
 use proptest::prelude::*;
 
@@ -18,6 +21,7 @@ fn decode_all(bytes: &[u8]) {
     let _ = decode::<Increment>(bytes);
     let _ = decode::<Descriptor>(bytes);
     let _ = decode::<Snapshot>(bytes);
+    let _ = decode::<Fold>(bytes);
     let _ = decode::<CompactPath>(bytes);
     let _ = decode::<CompactNodes>(bytes);
 }
@@ -47,9 +51,27 @@ proptest! {
     }
 
     #[test]
-    fn a_series_survives_the_wire(increments in prop::collection::vec(increment(), 0..4)) {
-        let series = Snapshot { increments };
+    fn a_series_survives_the_wire(
+        folds in prop::collection::vec(fold(), 0..4), increments in prop::collection::vec(increment(), 0..4)
+    ) {
+        let series = Snapshot { folds, increments };
         prop_assert_eq!(decode::<Snapshot>(&encode(&series).unwrap()).unwrap(), series);
+    }
+
+    #[test]
+    fn a_fold_survives_the_wire(fold in fold()) {
+        prop_assert_eq!(decode::<Fold>(&encode(&fold).unwrap()).unwrap(), fold);
+    }
+
+    #[test]
+    fn increments_of_the_format_before_are_read(increment in increment()) {
+        let mut bytes = encode(&increment).unwrap();
+        bytes[3] = OLDEST_FORMAT_VERSION;
+        let end = bytes.len() - 4;
+        let checksum = crc32fast::hash(&bytes[..end]).to_le_bytes();
+        bytes[end..].copy_from_slice(&checksum);
+        prop_assert_eq!(&decode::<Increment>(&bytes).unwrap(), &increment);
+        prop_assert!(is_canonical(&increment, &bytes).unwrap());
     }
 
     #[test]
@@ -84,7 +106,7 @@ proptest! {
     }
 
     #[test]
-    fn random_bodies_do_not_panic(kind in 0_u8..7, body in prop::collection::vec(any::<u8>(), 0..300)) {
+    fn random_bodies_do_not_panic(kind in 0_u8..9, body in prop::collection::vec(any::<u8>(), 0..300)) {
         decode_all(&envelope(kind, &body));
     }
 
@@ -241,27 +263,6 @@ fn a_support_node_takes_at_most_40_bytes_alone_and_24_among_others() {
     assert!(each <= 24, "{each} bytes");
 }
 
-#[test]
-fn format_version_2_is_unchanged() {
-    let increment = Increment {
-        author: AuthorId(0x1a2b_3c4d),
-        number: 2,
-        hlc_us: 1_000_000,
-        ops: vec![
-            Op::PutNode { id: node(1), kind: NodeKind::Support, pose: FixedPose::from_metres(1.5, -2.0, 0.5) },
-            Op::SetFreeSpace { id: node(1), rect: Some(Rect { west_mm: 1, south_mm: 2, east_mm: 3, north_mm: 300 }) },
-            Op::PutEdge { edge: EdgeKey::new(node(1), NodeId { author: AuthorId(9), number: 4 }) },
-            Op::RemoveNode { id: node(0) },
-        ],
-    };
-    let bytes = encode(&increment).unwrap();
-    let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-    assert_eq!(hex, GOLDEN, "bytes of format version 2 have changed: increase FORMAT_VERSION instead");
-    assert_eq!(decode::<Increment>(&bytes).unwrap(), increment);
-}
-
-const GOLDEN: &str = "464854020121cdf8acd10102c0843d04000401b8179f1f904e030001010203ac02050909000102491e20ae";
-
 fn hex<M: Message>(message: &M) -> String {
     encode(message).unwrap().iter().map(|byte| format!("{byte:02x}")).collect()
 }
@@ -296,39 +297,90 @@ fn one_of_each() -> Increment {
     }
 }
 
+/// The operations that came with format 3, with small contents.
+fn one_of_each_since_3() -> Increment {
+    let edge = EdgeKey::new(node(1), NodeId { author: AuthorId(9), number: 4 });
+    let pose = FixedPose::from_metres(1.5, -2.0, 0.5);
+    let corners = [(0, 0), (1000, 0), (0, -1000)].map(|(x_mm, y_mm)| FixedPoint { x_mm, y_mm }).to_vec();
+    let mut vector = VersionVector::default();
+    vector.set(node(1).author, 300);
+    let name: ReleaseName = "2026-11-21.1".parse().unwrap();
+    let id = ReleaseId { author: AuthorId(9), name: name.clone() };
+    Increment {
+        ops: vec![
+            Op::SetTrust { id: node(1), percent: 40 },
+            Op::SetClosed { edge, closed: true },
+            Op::SetPlace { name: "dock".parse().unwrap(), pose: Some(pose) },
+            Op::SetPlace { name: "dock".parse().unwrap(), pose: None },
+            Op::SetZone { name: "lab".parse().unwrap(), zone: Some(Zone { rule: ZoneRule::SpeedLimit(300), corners }) },
+            Op::SetZone { name: "lab".parse().unwrap(), zone: None },
+            Op::PutRelease { name, release: Release { vector, digest: Digest([7; 32]) } },
+            Op::RemoveRelease { id: id.clone() },
+            Op::Enable { release: Some(id) },
+            Op::Enable { release: None },
+        ],
+        ..one_of_each()
+    }
+}
+
+fn from_hex(hex: &str) -> Vec<u8> {
+    (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap()).collect()
+}
+
 #[test]
-fn every_message_of_format_version_2_is_unchanged() {
-    let increment = one_of_each();
+fn every_message_of_format_version_3_is_unchanged() {
+    let (before, since) = (one_of_each(), one_of_each_since_3());
     let descriptor = Descriptor { model: ModelId(3), scale: 0.5, values: vec![-1, 2, 0, 127, -128] };
-    let series = Snapshot { increments: vec![increment.clone(), Increment { number: 3, ..increment.clone() }] };
+    let rests = vec![Rest { number: 4, hlc_us: 9, ops: vec![(1, Op::RemoveNode { id: node(1) })] }];
+    let fold = Fold { author: node(1).author, first: 3, last: 300, rests };
+    let series = Snapshot { folds: vec![fold.clone()], increments: vec![before.clone(), since.clone()] };
     for (bytes, golden) in [
-        (hex(&increment), GOLDEN_INCREMENT),
+        (hex(&before), GOLDEN_INCREMENT),
+        (hex(&since), GOLDEN_INCREMENT_SINCE_3),
         (hex(&descriptor), GOLDEN_DESCRIPTOR),
+        (hex(&fold), GOLDEN_FOLD),
         (hex(&Snapshot::default()), GOLDEN_EMPTY_SERIES),
         (hex(&series), GOLDEN_SERIES),
     ] {
-        assert_eq!(bytes, golden, "bytes of format version 2 have changed: increase FORMAT_VERSION instead");
+        assert_eq!(bytes, golden, "bytes of format version 3 have changed: increase FORMAT_VERSION instead");
     }
-    let bytes = |hex: &str| -> Vec<u8> {
-        (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap()).collect()
-    };
-    assert_eq!(decode::<Increment>(&bytes(GOLDEN_INCREMENT)).unwrap(), increment);
-    assert_eq!(decode::<Descriptor>(&bytes(GOLDEN_DESCRIPTOR)).unwrap(), descriptor);
-    assert_eq!(decode::<Snapshot>(&bytes(GOLDEN_SERIES)).unwrap(), series);
+    assert_eq!(decode::<Increment>(&from_hex(GOLDEN_INCREMENT)).unwrap(), before);
+    assert_eq!(decode::<Increment>(&from_hex(GOLDEN_INCREMENT_SINCE_3)).unwrap(), since);
+    assert_eq!(decode::<Descriptor>(&from_hex(GOLDEN_DESCRIPTOR)).unwrap(), descriptor);
+    assert_eq!(decode::<Fold>(&from_hex(GOLDEN_FOLD)).unwrap(), fold);
+    assert_eq!(decode::<Snapshot>(&from_hex(GOLDEN_SERIES)).unwrap(), series);
 }
 
-const GOLDEN_INCREMENT: &str = "\
+#[test]
+fn increments_stored_in_format_version_2_are_read() {
+    let bytes = from_hex(GOLDEN_INCREMENT_2);
+    assert_eq!(decode::<Increment>(&bytes).unwrap(), one_of_each());
+    assert!(is_canonical(&one_of_each(), &bytes).unwrap());
+}
+
+const GOLDEN_INCREMENT_2: &str = "\
     464854020161cdf8acd10102c0843d08000400b8179f1f904e01020204b8179f1f904e030000040001030000003f0508181f\
     fe0d2fff0a703f0000000080bf0000803e0509100025fff02002017ff81bf083ffe058d005090900060909000703036e6574\
     05f70a806411d3";
-const GOLDEN_DESCRIPTOR: &str = "46485402020f030000003f0508181ffe0d2fff0a700b6926f1";
-const GOLDEN_EMPTY_SERIES: &str = "46485402030100a4397b25";
+const GOLDEN_INCREMENT: &str = "\
+    464854030161cdf8acd10102c0843d08000400b8179f1f904e01020204b8179f1f904e030000040001030000003f0508181f\
+    fe0d2fff0a703f0000000080bf0000803e0509100025fff02002017ff81bf083ffe058d005090900060909000703036e6574\
+    05f70a1da28ea6";
+const GOLDEN_INCREMENT_SINCE_3: &str = "\
+    46485403019501cdf8acd10102c0843d0a08042809090900010a04646f636b01b8179f1f904e0a04646f636b000b036c6162\
+    0101ac02030000d00f0000cf0f0b036c6162000c0c323032362d31312d32312e3101cdf8acd101ac02070707070707070707\
+    07070707070707070707070707070707070707070707070d090c323032362d31312d32312e310e01090c323032362d31312d\
+    32312e310e0089902467";
+const GOLDEN_DESCRIPTOR: &str = "46485403020f030000003f0508181ffe0d2fff0a70eadf741e";
+const GOLDEN_FOLD: &str = "46485403070fcdf8acd10103ac020104090101010495335589";
+const GOLDEN_EMPTY_SERIES: &str = "46485403060200009e94640b";
 const GOLDEN_SERIES: &str = "\
-    4648540203c30102cdf8acd10102c0843d08000400b8179f1f904e01020204b8179f1f904e030000040001030000003f0508\
-    181ffe0d2fff0a703f0000000080bf0000803e0509100025fff02002017ff81bf083ffe058d005090900060909000703036e\
-    657405f70acdf8acd10103c0843d08000400b8179f1f904e01020204b8179f1f904e030000040001030000003f0508181ffe\
-    0d2fff0a703f0000000080bf0000803e0509100025fff02002017ff81bf083ffe058d005090900060909000703036e657405\
-    f70a7a1fc270";
+    4648540306870201cdf8acd10103ac020104090101010402cdf8acd10102c0843d08000400b8179f1f904e01020204b8179f\
+    1f904e030000040001030000003f0508181ffe0d2fff0a703f0000000080bf0000803e0509100025fff02002017ff81bf083\
+    ffe058d005090900060909000703036e657405f70acdf8acd10102c0843d0a08042809090900010a04646f636b01b8179f1f\
+    904e0a04646f636b000b036c61620101ac02030000d00f0000cf0f0b036c6162000c0c323032362d31312d32312e3101cdf8\
+    acd101ac0207070707070707070707070707070707070707070707070707070707070707070d090c323032362d31312d3231\
+    2e310e01090c323032362d31312d32312e310e00574b0be3";
 
 #[test]
 fn foreign_bytes_are_named() {

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)] // tests may panic
 
 use fht_proto::compact::CompactPath;
-use fht_proto::keys::{Key, Topic};
+use fht_proto::keys::{AdminAction, Key, RobotTopic, Topic};
 use fht_proto::query::{ErrorCode, ErrorReply, Head, Place, parse_point};
 use fht_proto::{AuthorId, Digest, FixedPoint, FixedPose, MapName, NodeId, Rect, VersionVector, decode};
 use proptest::prelude::*;
@@ -19,7 +19,9 @@ fn key() -> impl Strategy<Value = Key> {
         (map(), prop::sample::select(Topic::ALL.to_vec())).prop_map(|(map, topic)| Key::topic(&map, topic)),
         (map(), any::<u32>()).prop_map(|(map, author)| Key::refused(&map, AuthorId(author))),
         (map(), robot()).prop_map(|(map, robot)| Key::Robot { map, robot }),
-        (map(), robot()).prop_map(|(map, robot)| Key::RobotPose { map, robot }),
+        (map(), robot(), prop::sample::select(RobotTopic::ALL.to_vec()))
+            .prop_map(|(map, robot, topic)| Key::robot(&map, &robot, topic)),
+        (map(), prop::sample::select(AdminAction::ALL.to_vec())).prop_map(|(map, action)| Key::Admin { map, action }),
     ]
 }
 
@@ -30,7 +32,7 @@ proptest! {
     }
 
     #[test]
-    fn a_key_has_one_spelling(text in "fht/[a-z*$]{0,3}/(inc|head|robots|path|refused)?(/[0-9a-f]{0,9}){0,3}") {
+    fn a_key_has_one_spelling(text in "fht/[a-z*$]{0,3}/(inc|head|robots|path|refused|admin)?(/[0-9a-f]{0,9}){0,3}") {
         if let Ok(key) = text.parse::<Key>() {
             prop_assert_eq!(key.to_string(), text);
         }
@@ -42,7 +44,7 @@ proptest! {
         let _ = text.parse::<NodeId>();
         let _ = text.parse::<VersionVector>();
         let _ = text.parse::<Place>();
-        let _ = Digest::try_from(text.clone());
+        let _ = text.parse::<Digest>();
         let _ = decode::<CompactPath>(text.as_bytes());
     }
 
@@ -115,6 +117,8 @@ fn wrong_keys_are_refused() {
         "fht/a/inc/1a2b3c4d/99999999999999999999",
         "fht/a/inc/1a2b3c4d/",
         "fht/a/robots/r/p",
+        "fht/a/admin/x",
+        "fht/a/admin",
         "fht/a/refused",
         "fht/a/refused/x",
         "fht/a/refused/1a2b3c4d/1",
@@ -128,7 +132,7 @@ fn wrong_vectors_and_places_are_refused() {
     for wrong in ["1a2b3c4d", "1a2b3c4d:", "1a2b3c4d:-1", "x:1", "1a2b3c4d:1,1a2b3c4d:2"] {
         assert!(wrong.parse::<VersionVector>().is_err(), "{wrong}");
     }
-    for wrong in ["", "1", "1,", "a,b", "nan,0", "inf,0", "1e9,0", "1,2,3", "1a2b3c4d.", "1a2b3c4d.x"] {
+    for wrong in ["", "1", "1,", "a,b", "nan,0", "inf,0", "1e9,0", "1,2,3", "1a2b3c4d.", "1a2b3c4d.x", "-dock"] {
         let error = wrong.parse::<Place>().unwrap_err();
         assert_eq!(error.code, ErrorCode::BadRequest, "{wrong}");
     }
@@ -139,6 +143,7 @@ fn a_head_is_readable() {
     let json = concat!(
         r#"{"map":"museum","version":19,"vector":{"0000000a":2,"1a2b3c4d":17},"#,
         r#""digest":"0707070707070707070707070707070707070707070707070707070707070707","#,
+        r#""clock_us":9,"enabled":"2026-11-21.1@1a2b3c4d","#,
         r#""main_nodes":3,"support_nodes":4,"edges":5,"bytes":6,"refused":0}"#
     );
     let head = Head {
@@ -146,6 +151,8 @@ fn a_head_is_readable() {
         version: 19,
         vector: "0000000a:2,1a2b3c4d:17".parse().unwrap(),
         digest: Digest([7; 32]),
+        clock_us: 9,
+        enabled: Some("2026-11-21.1@1a2b3c4d".to_owned()),
         main_nodes: 3,
         support_nodes: 4,
         edges: 5,
@@ -166,6 +173,8 @@ fn only_heads_that_make_sense_pass() {
         version: u64::MAX,
         vector: VersionVector::default(),
         digest: Digest([0; 32]),
+        clock_us: 0,
+        enabled: None,
         main_nodes: 0,
         support_nodes: 0,
         edges: 0,

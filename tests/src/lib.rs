@@ -12,6 +12,7 @@
 //! | [`grid_map`] | the explorer's occupancy grid, kept and counted |
 //! | [`drive`] | a recorded drive of a robot that does not know where it is |
 //! | [`systems`] | the systems that are compared: ours, AMCL, MR-TopoMap |
+//! | [`simulation`] | a fleet on a bad network, in simulated time |
 //! | [`trial`] | one system on one drive |
 //! | [`ledger`] | results that cost minutes, kept as they come |
 
@@ -23,6 +24,7 @@ pub mod ledger;
 pub mod picture;
 pub mod process;
 pub mod python;
+pub mod simulation;
 pub mod storage;
 pub mod survey;
 pub mod systems;

@@ -88,8 +88,17 @@ impl Storage {
                 self.scans += more.saturating_sub(descriptor);
             }
             Op::PutEdge { .. } => self.edges += more,
-            Op::SetPose { .. } | Op::RemoveNode { .. } | Op::RemoveEdge { .. } => self.corrections += more,
+            Op::SetPose { .. } | Op::RemoveNode { .. } | Op::RemoveEdge { .. } | Op::SetTrust { .. } => {
+                self.corrections += more;
+            }
             Op::PutModel { .. } => self.models += more,
+            // What operators write is no part of an exploration.
+            Op::SetClosed { .. }
+            | Op::SetPlace { .. }
+            | Op::SetZone { .. }
+            | Op::PutRelease { .. }
+            | Op::RemoveRelease { .. }
+            | Op::Enable { .. } => {}
         }
     }
 }

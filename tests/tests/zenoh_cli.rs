@@ -87,7 +87,8 @@ fn a_path_is_printed_and_a_bad_request_prints_the_reason() {
 
     for (selector, code, reason) in [
         ("fht/museum/path?from=0,0", "BAD_REQUEST", "parameter to is missing"),
-        ("fht/museum/path?from=0,0;to=upstairs", "BAD_REQUEST", "upstairs is not a place"),
+        ("fht/museum/path?from=0,0;to=upstairs", "UNKNOWN_PLACE", "there is no place upstairs"),
+        ("fht/museum/path?from=0,0;to=1,x", "BAD_REQUEST", "1,x is not a place"),
         ("fht/museum/path?from=0,0;to=99,99", "OUT_OF_MAP", "is not on the map"),
         ("fht/louvre/path?from=0,0;to=5,3", "UNKNOWN_MAP", "there is no map louvre"),
         ("fht/museum/route?from=0,0;to=5,3", "BAD_REQUEST", "TOPIC one of head"),

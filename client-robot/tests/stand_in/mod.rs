@@ -33,6 +33,8 @@ pub fn head(map: &MapName, log: &[Increment]) -> Vec<u8> {
         version: vector.version(),
         vector,
         digest: state.digest(),
+        clock_us: state.max_hlc_us(),
+        enabled: None,
         main_nodes: 0,
         support_nodes: log.len(),
         edges: 0,
@@ -63,7 +65,7 @@ pub fn serve(session: &Session, map: &MapName, log: &Arc<Mutex<Vec<Increment>>>)
             // Three at most: a replica has to ask again.
             let held = held.lock().expect("log");
             let lacking = held.iter().filter(|increment| increment.number > known.get(increment.author));
-            let series = Snapshot { increments: lacking.take(3).cloned().collect() };
+            let series = Snapshot { increments: lacking.take(3).cloned().collect(), ..Snapshot::default() };
             let _ = query.reply(query.key_expr().clone(), encode(&series).expect("bytes")).wait();
         })
         .background()

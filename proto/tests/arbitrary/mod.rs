@@ -1,8 +1,9 @@
 //! Valid values of all types, over their whole ranges.
 
+use fht_proto::fold::{Fold, Rest};
 use fht_proto::{
-    AuthorId, Descriptor, DescriptorModel, EdgeKey, FixedPoint, FixedPose, Increment, ModelId, NodeId, NodeKind, Op,
-    Rect, ScanRecord, Signature,
+    AuthorId, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Increment, Label, ModelId, NodeId,
+    NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, ScanRecord, Signature, VersionVector, Zone, ZoneRule,
 };
 use proptest::prelude::*;
 
@@ -67,7 +68,59 @@ fn op() -> impl Strategy<Value = Op> {
         edge().prop_map(|edge| Op::PutEdge { edge }),
         edge().prop_map(|edge| Op::RemoveEdge { edge }),
         model().prop_map(|model| Op::PutModel { model }),
+        (node_id(), 0..=100_u8).prop_map(|(id, percent)| Op::SetTrust { id, percent }),
+        (edge(), any::<bool>()).prop_map(|(edge, closed)| Op::SetClosed { edge, closed }),
+        (label(), prop::option::of(pose())).prop_map(|(name, pose)| Op::SetPlace { name, pose }),
+        (label(), prop::option::of(zone())).prop_map(|(name, zone)| Op::SetZone { name, zone }),
+        (release_name(), vector(), any::<[u8; 32]>()).prop_map(|(name, vector, hash)| {
+            let release = Release { vector, digest: Digest(hash) };
+            Op::PutRelease { name, release }
+        }),
+        release_id().prop_map(|id| Op::RemoveRelease { id }),
+        prop::option::of(release_id()).prop_map(|release| Op::Enable { release }),
     ]
+}
+
+pub fn label() -> impl Strategy<Value = Label> {
+    "[a-zA-Z][a-zA-Z0-9_-]{0,63}".prop_map(|text| text.parse().unwrap())
+}
+
+fn release_name() -> impl Strategy<Value = ReleaseName> {
+    "[a-zA-Z_-][a-zA-Z0-9_-]{4,20}(\\.[a-zA-Z0-9_-]{1,20}){0,2}".prop_map(|text| text.parse().unwrap())
+}
+
+fn release_id() -> impl Strategy<Value = ReleaseId> {
+    (author(), release_name()).prop_map(|(author, name)| ReleaseId { author, name })
+}
+
+pub fn zone() -> impl Strategy<Value = Zone> {
+    let rule = prop_oneof![Just(ZoneRule::KeepOut), (1..=u16::MAX).prop_map(ZoneRule::SpeedLimit)];
+    (rule, prop::collection::vec(pose(), 3..20))
+        .prop_map(|(rule, corners)| Zone { rule, corners: corners.into_iter().map(|pose| pose.position).collect() })
+}
+
+pub fn vector() -> impl Strategy<Value = VersionVector> {
+    prop::collection::vec((any::<u32>(), 1..u64::MAX), 0..5).prop_map(|counts| {
+        let mut vector = VersionVector::default();
+        counts.into_iter().for_each(|(author, count)| vector.set(AuthorId(author), count));
+        vector
+    })
+}
+
+/// What is left of some increments: any part of their operations.
+pub fn fold() -> impl Strategy<Value = Fold> {
+    let rest = (1..5_u64, 0..=1_u64 << 53, prop::collection::btree_map(0..4096_u16, op(), 1..4));
+    (author(), 1..=u64::MAX >> 8, 0..20_u64, prop::collection::vec(rest, 0..5)).prop_map(
+        |(author, first, more, rests)| {
+            let mut number = first - 1;
+            let mut placed = Vec::new();
+            for (step, hlc_us, ops) in rests {
+                number += step;
+                placed.push(Rest { number, hlc_us, ops: ops.into_iter().collect() });
+            }
+            Fold { author, first, last: number.max(first) + more, rests: placed }
+        },
+    )
 }
 
 pub fn increment() -> impl Strategy<Value = Increment> {

@@ -1,0 +1,206 @@
+//! How a copy of a map keeps up, without a network and a clock of its own: what came in, what to ask for next.
+//!
+//! Increments are applied as their writers put them. Whenever the server's head shows more than has come, the rest is asked for, in parts of
+//! limited size and one question at a time, so that live increments get through on a thin link. Each part comes in pieces, and each piece counts at once: a
+//! question that breaks off is put again with what is lacking then. When the copy turns out not to be what the server has ([`crate::follow`]), the map
+//! is fetched anew and takes the copy's place in one step.
+
+use crate::follow::{Follow, FollowConfig, Step};
+use fht_map::{Accepted, Replica};
+use fht_proto::query::{Head, Snapshot};
+use fht_proto::{Increment, VersionVector};
+use std::time::{Duration, Instant};
+
+/// How a copy keeps up.
+#[derive(Clone, Debug)]
+pub struct SyncConfig {
+    /// When it asks and when it does not trust itself any more.
+    pub follow: FollowConfig,
+    /// The head is asked for this often, in case its publication was lost. Default 2 s.
+    pub head_every: Duration,
+}
+
+impl Default for SyncConfig {
+    fn default() -> Self {
+        Self { follow: FollowConfig::default(), head_every: Duration::from_secs(2) }
+    }
+}
+
+/// What to ask the server for. Every question ends with one call that says so, whether it was answered or not.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Question {
+    /// The head; ends with [`Sync::head_answered`].
+    Head,
+    /// A part of what a copy with these increments lacks; ends with [`Sync::part_ended`].
+    Since(VersionVector),
+}
+
+/// What is being fetched.
+#[derive(Debug)]
+enum Fetch {
+    /// What the copy lacks; so many increments came.
+    Rest { brought: usize },
+    /// The whole map again.
+    Whole { fresh: Box<Replica> },
+}
+
+/// A part under way.
+#[derive(Debug)]
+struct Part {
+    fetch: Fetch,
+    /// Whether the question was put and has not ended.
+    is_asked: bool,
+    /// Whether the part has brought anything so far.
+    has_news: bool,
+    /// Whether the server has said that nothing is lacking.
+    is_complete: bool,
+}
+
+impl Part {
+    fn of(fetch: Fetch) -> Self {
+        Self { fetch, is_asked: false, has_news: false, is_complete: false }
+    }
+}
+
+/// The state of keeping up.
+#[derive(Debug)]
+pub struct Sync {
+    config: SyncConfig,
+    follow: Follow,
+    part: Option<Part>,
+    /// A map that was being fetched again when the server fell silent: the next attempt goes on there.
+    begun: Option<Box<Replica>>,
+    head_asked_at: Option<Instant>,
+    is_head_under_way: bool,
+}
+
+/// Whether anything was applied.
+fn count(outcomes: &[Accepted]) -> usize {
+    outcomes.iter().map(|outcome| if let Accepted::Applied(count) = outcome { *count } else { 0 }).sum()
+}
+
+/// Feeds a replica; says what became of each piece.
+fn feed(replica: &mut Replica, series: Snapshot) -> Vec<Accepted> {
+    let mut outcomes: Vec<Accepted> = series.folds.iter().map(|fold| replica.accept_fold(fold)).collect();
+    outcomes.extend(series.increments.into_iter().map(|increment| replica.accept(increment)));
+    outcomes
+}
+
+impl Sync {
+    /// Before anything is known: the first thing is to ask.
+    #[must_use]
+    pub fn new(config: SyncConfig) -> Self {
+        Self {
+            follow: Follow::new(config.follow.clone()),
+            config,
+            part: Some(Part::of(Fetch::Rest { brought: 0 })),
+            begun: None,
+            head_asked_at: None,
+            is_head_under_way: false,
+        }
+    }
+
+    /// What to ask for at `now`, if anything. Call it until it has no more.
+    pub fn poll(&mut self, copy: &Replica, now: Instant) -> Option<Question> {
+        let is_due = self.head_asked_at.is_none_or(|at| now.duration_since(at) >= self.config.head_every);
+        if is_due && !self.is_head_under_way {
+            self.head_asked_at = Some(now);
+            self.is_head_under_way = true;
+            return Some(Question::Head);
+        }
+        if self.part.is_none() {
+            let fetch = match self.follow.step(copy.vector(), || copy.state().digest(), now) {
+                Step::Wait => return None,
+                Step::CatchUp => Fetch::Rest { brought: 0 },
+                Step::Refetch => Fetch::Whole { fresh: self.begun.take().unwrap_or_default() },
+            };
+            self.part = Some(Part::of(fetch));
+        }
+        let part = self.part.as_mut().filter(|part| !part.is_asked)?;
+        (part.is_asked, part.has_news, part.is_complete) = (true, false, false);
+        let have = match &part.fetch {
+            Fetch::Rest { .. } => copy.vector().clone(),
+            Fetch::Whole { fresh } => fresh.vector().clone(),
+        };
+        Some(Question::Since(have))
+    }
+
+    /// Whether the map is being fetched anew, because the copy cannot be trusted.
+    #[must_use]
+    pub fn is_refetching(&self) -> bool {
+        self.part.as_ref().is_some_and(|part| matches!(part.fetch, Fetch::Whole { .. }))
+    }
+
+    /// A writer has put an increment. Returns how many were applied.
+    pub fn live(&mut self, copy: &mut Replica, increment: Increment) -> usize {
+        let outcome = copy.accept(increment);
+        self.note(std::slice::from_ref(&outcome));
+        count(&[outcome])
+    }
+
+    /// A head was published; it may come from anybody.
+    pub fn head_published(&mut self, head: &Head) {
+        self.follow.published(head);
+    }
+
+    /// The question for the head has ended.
+    pub fn head_answered(&mut self, copy: &Replica, head: Option<Head>, now: Instant) {
+        self.is_head_under_way = false;
+        if let Some(head) = head {
+            self.follow.answered(head, copy.vector(), now);
+        }
+    }
+
+    /// A piece of the part asked for. Returns how many increments were applied to the copy.
+    pub fn piece(&mut self, copy: &mut Replica, series: Snapshot) -> usize {
+        let Some(part) = self.part.as_mut().filter(|part| part.is_asked) else { return 0 };
+        part.is_complete |= series == Snapshot::default();
+        match &mut part.fetch {
+            Fetch::Whole { fresh } => {
+                part.has_news |= count(&feed(fresh, series)) > 0;
+                0
+            }
+            Fetch::Rest { brought } => {
+                let outcomes = feed(copy, series);
+                let applied = count(&outcomes);
+                part.has_news |= applied > 0;
+                *brought += applied;
+                self.note(&outcomes);
+                applied
+            }
+        }
+    }
+
+    /// The question for a part has ended at `now`, answered or not. Returns whether the copy was replaced.
+    pub fn part_ended(&mut self, copy: &mut Replica, now: Instant) -> bool {
+        let Some(mut part) = self.part.take() else { return false };
+        part.is_asked = false;
+        if part.has_news {
+            // Perhaps there is more.
+            self.part = Some(part);
+            return false;
+        }
+        match part.fetch {
+            Fetch::Rest { brought } => {
+                self.follow.caught_up(brought, now);
+                false
+            }
+            Fetch::Whole { fresh } => {
+                if part.is_complete {
+                    self.follow.refetched(now);
+                    *copy = *fresh;
+                } else {
+                    self.follow.interrupted(now);
+                    self.begun = Some(fresh);
+                }
+                part.is_complete
+            }
+        }
+    }
+
+    fn note(&mut self, outcomes: &[Accepted]) {
+        if outcomes.contains(&Accepted::Conflict) {
+            self.follow.conflict();
+        }
+    }
+}

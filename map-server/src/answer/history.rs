@@ -1,0 +1,143 @@
+//! `since`, `snapshot`, `releases` and `diff`: states of a map that were.
+
+use super::{Answer, error, internal, json, postcard};
+use crate::basis::state_at;
+use crate::catalog::{MapView, find_release};
+use crate::log::{IncrementLog, Lacking};
+use crate::request::Moment;
+use fht_map::MapState;
+use fht_proto::query::{DiffReply, ErrorCode, ErrorReply, MovedNode, ReleaseView, ReleasesReply, Snapshot, StateView};
+use fht_proto::{EdgeKey, VersionVector, decode};
+use std::sync::Arc;
+
+/// The vector of a moment that the log can still show.
+fn vector_of(view: &MapView, log: &dyn IncrementLog, moment: &Moment) -> Result<VersionVector, ErrorReply> {
+    let (head, map) = (&view.head, &view.head.map);
+    let unknown = |what: String| {
+        let text = format!("map {map} has no {what}; it is at version {}, vector {}", head.version, head.vector);
+        error(ErrorCode::UnknownVersion, text)
+    };
+    let folded = |floor: u64| {
+        let text = format!("map {map} is folded up to version {floor}: of older ones there are only releases");
+        error(ErrorCode::UnknownVersion, text)
+    };
+    match moment {
+        Moment::Now => Ok(head.vector.clone()),
+        Moment::Vector(vector) if !head.vector.covers(vector) => Err(unknown(format!("vector {vector}"))),
+        Moment::Vector(vector) => {
+            let floor = log.floor(map).map_err(internal)?;
+            let is_kept = || view.state.annotations().releases().any(|release| release.release.vector == *vector);
+            if vector.covers(&floor.vector) || is_kept() { Ok(vector.clone()) } else { Err(folded(floor.version)) }
+        }
+        Moment::Version(version) if *version > head.version => Err(unknown(format!("version {version}"))),
+        Moment::Version(version) => match log.vector_at(map, *version).map_err(internal)? {
+            Some(vector) => Ok(vector),
+            None => Err(folded(log.floor(map).map_err(internal)?.version)),
+        },
+        Moment::Release(name) => {
+            let id = find_release(&view.state, name).map_err(|text| error(ErrorCode::UnknownVersion, text))?;
+            let release = view.state.annotations().release(&id);
+            let vector = release.map(|release| release.release.vector.clone());
+            let vector = vector.filter(|vector| head.vector.covers(vector));
+            vector.ok_or_else(|| {
+                error(ErrorCode::UnknownVersion, format!("this server does not have all of release {id} yet"))
+            })
+        }
+    }
+}
+
+pub(super) fn increments(
+    view: &MapView,
+    log: &dyn IncrementLog,
+    moment: &Moment,
+    have: &VersionVector,
+    (max_bytes, piece_bytes): (usize, Option<usize>),
+) -> Result<Vec<Answer>, ErrorReply> {
+    let upto = vector_of(view, log, moment)?;
+    let Lacking { folds, increments, .. } = log.lacking(&view.head.map, have, &upto, max_bytes).map_err(internal)?;
+    let piece_bytes = piece_bytes.unwrap_or(usize::MAX);
+    let (mut pieces, mut length) = (vec![Snapshot::default()], 0_usize);
+    let messages = folds.iter().map(|bytes| (true, bytes)).chain(increments.iter().map(|bytes| (false, bytes)));
+    for (is_fold, bytes) in messages {
+        length = length.saturating_add(bytes.len());
+        if length > piece_bytes && length > bytes.len() {
+            pieces.push(Snapshot::default());
+            length = bytes.len();
+        }
+        let Some(piece) = pieces.last_mut() else { continue };
+        if is_fold {
+            piece.folds.push(decode(bytes).map_err(internal)?);
+        } else {
+            piece.increments.push(decode(bytes).map_err(internal)?);
+        }
+    }
+    pieces.iter().map(postcard).collect()
+}
+
+pub(super) fn releases(view: &MapView, log: &dyn IncrementLog) -> Result<Answer, ErrorReply> {
+    let annotations = view.state.annotations();
+    let enabled = annotations.enabled().map(|release| release.id.clone());
+    let floor = log.floor(&view.head.map).map_err(internal)?;
+    let mut releases: Vec<ReleaseView> = annotations
+        .releases()
+        .map(|release| ReleaseView {
+            name: release.id.name.to_string(),
+            author: release.id.author.to_string(),
+            version: release.release.vector.version(),
+            vector: release.release.vector.clone(),
+            digest: release.release.digest,
+            made_us: release.made_us,
+            enabled: enabled.as_ref() == Some(release.id),
+            available: view.head.vector.covers(&release.release.vector)
+                && (release.release.vector.covers(&floor.vector) || is_intact(view, log, release.release)),
+        })
+        .collect();
+    releases.sort_by(|a, b| (a.made_us, &a.name, &a.author).cmp(&(b.made_us, &b.name, &b.author)));
+    json(&ReleasesReply { map: view.head.map.clone(), version: view.head.version, releases })
+}
+
+/// Whether what is left of a release below the floor adds up to it.
+fn is_intact(view: &MapView, log: &dyn IncrementLog, release: &fht_proto::Release) -> bool {
+    let state = state_at(&view.head.map, &release.vector, log).unwrap_or_else(|cause| {
+        tracing::error!("a release could not be read: {cause}");
+        None
+    });
+    state.is_some_and(|state| state.digest() == release.digest)
+}
+
+pub(super) fn diff(view: &MapView, log: &dyn IncrementLog, from: &Moment, to: &Moment) -> Result<Answer, ErrorReply> {
+    let state_of = |moment: &Moment| -> Result<(Arc<MapState>, StateView), ErrorReply> {
+        let vector = vector_of(view, log, moment)?;
+        let state = if vector == view.head.vector {
+            Arc::clone(&view.state)
+        } else {
+            let state = state_at(&view.head.map, &vector, log).map_err(internal)?;
+            Arc::new(state.ok_or_else(|| internal(format!("the log lacks a part of {vector}")))?)
+        };
+        let shown = StateView { version: vector.version(), vector, digest: state.digest() };
+        Ok((state, shown))
+    };
+    let ((from_state, from), (to_state, to)) = (state_of(from)?, state_of(to)?);
+    let diff = fht_map::diff::diff(&from_state, &to_state);
+    let ends = |edges: &[EdgeKey]| edges.iter().map(|e| [e.low().to_string(), e.high().to_string()]).collect();
+    let ids = |ids: &[fht_proto::NodeId]| ids.iter().map(ToString::to_string).collect();
+    json(&DiffReply {
+        map: view.head.map.clone(),
+        from,
+        to,
+        added_nodes: ids(&diff.added),
+        removed_nodes: ids(&diff.removed),
+        moved_nodes: diff
+            .moved
+            .iter()
+            .map(|(id, by_m)| MovedNode { id: id.to_string(), by_m: (by_m * 1000.0).round() / 1000.0 })
+            .collect(),
+        changed_nodes: ids(&diff.changed),
+        added_edges: ends(&diff.added_edges),
+        removed_edges: ends(&diff.removed_edges),
+        closed_edges: ends(&diff.closed_edges),
+        opened_edges: ends(&diff.opened_edges),
+        words: diff.in_words(),
+        annotations: diff.annotations,
+    })
+}

@@ -1,0 +1,92 @@
+//! `nodes` and `match`: nodes by place and by appearance.
+
+use super::{Answer, error, json, postcard};
+use crate::catalog::MapView;
+use crate::request::Format;
+use fht_map::{FULL_TRUST, MapState, NodeRef, lookup};
+use fht_proto::compact::{CompactNode, CompactNodes};
+use fht_proto::query::{ErrorCode, ErrorReply, NodeView, NodesReply};
+use fht_proto::{Descriptor, FixedPoint};
+
+pub(super) fn near(
+    view: &MapView,
+    near: FixedPoint,
+    radius_m: f64,
+    limit: usize,
+    format: Format,
+) -> Result<Answer, ErrorReply> {
+    let near = lookup::nearest(&view.state, near, radius_m);
+    let nodes = near.into_iter().take(limit).map(|(node, _)| (node, None)).collect();
+    reply(view, nodes, format, false)
+}
+
+pub(super) fn alike(
+    view: &MapView,
+    descriptor: &Descriptor,
+    limit: usize,
+    format: Format,
+) -> Result<Answer, ErrorReply> {
+    let nodes = matching(&view.state, descriptor, limit)?;
+    reply(view, nodes, format, true)
+}
+
+/// The most similar nodes with their cosines.
+fn matching<'a>(
+    map: &'a MapState,
+    descriptor: &Descriptor,
+    limit: usize,
+) -> Result<Vec<(NodeRef<'a>, Option<f32>)>, ErrorReply> {
+    let similar = lookup::most_similar(map, descriptor, limit);
+    if similar.is_empty() && map.main_nodes().any(|node| node.descriptor().is_some()) {
+        let used: Vec<String> = map.models().map(|model| format!("{} ({:08x})", model.name, model.id.0)).collect();
+        let text = format!(
+            "the descriptor is of model {:08x} with {} numbers; this map uses: {}",
+            descriptor.model.0,
+            descriptor.values.len(),
+            used.join(", ")
+        );
+        return Err(error(ErrorCode::IncompatibleModel, text));
+    }
+    Ok(similar.into_iter().filter_map(|(id, cosine)| Some((map.node(id)?, Some(cosine)))).collect())
+}
+
+fn reply(
+    view: &MapView,
+    nodes: Vec<(NodeRef<'_>, Option<f32>)>,
+    format: Format,
+    with_signatures: bool,
+) -> Result<Answer, ErrorReply> {
+    let (map, version) = (view.head.map.clone(), view.head.version);
+    match format {
+        Format::Json => {
+            let nodes = nodes.iter().map(|(node, similarity)| node_view(&view.state, node, *similarity)).collect();
+            json(&NodesReply { map, version, nodes })
+        }
+        Format::Postcard => {
+            let compact = |(node, similarity): (NodeRef<'_>, Option<f32>)| CompactNode {
+                id: node.id,
+                kind: node.kind,
+                pose: node.pose,
+                free_space: node.free_space,
+                signature: node.signature.filter(|_| with_signatures).cloned(),
+                similarity,
+            };
+            postcard(&CompactNodes { map, version, nodes: nodes.into_iter().map(compact).collect() })
+        }
+    }
+}
+
+fn node_view(map: &MapState, node: &NodeRef<'_>, similarity: Option<f32>) -> NodeView {
+    let position = node.pose.position;
+    NodeView {
+        id: node.id.to_string(),
+        kind: node.kind,
+        x: position.x(),
+        y: position.y(),
+        yaw: node.pose.yaw(),
+        free_space: node.free_space.map(|rect| NodeView::corners(position, &rect)),
+        neighbours: map.neighbours(node.id).map(|other| other.id.to_string()).collect(),
+        similarity,
+        trust: (node.trust != FULL_TRUST).then_some(node.trust),
+    }
+}

@@ -1,0 +1,33 @@
+//! `rules` and `fleet`: what operators look after.
+
+use super::{Answer, json};
+use crate::catalog::MapView;
+use crate::fleet::Fleet;
+use crate::live::LiveRules;
+use fht_proto::query::{ErrorReply, PlaceView, RulesReply, ZoneView};
+
+pub(super) fn rules(view: &MapView, live: &LiveRules, now_us: u64) -> Result<Answer, ErrorReply> {
+    let annotations = view.state.annotations();
+    let places = annotations.places().map(|(name, pose)| PlaceView {
+        name: name.to_string(),
+        pose: [pose.position.x(), pose.position.y(), pose.yaw()],
+    });
+    let zones = annotations.zones().map(|(name, zone)| ZoneView {
+        name: name.to_string(),
+        rule: zone.rule,
+        corners: zone.corners.iter().map(|corner| [corner.x(), corner.y()]).collect(),
+    });
+    let closed = view.state.closed_edges().map(|edge| [edge.low().to_string(), edge.high().to_string()]);
+    json(&RulesReply {
+        map: view.head.map.clone(),
+        version: view.head.version,
+        places: places.collect(),
+        zones: zones.collect(),
+        closed_edges: closed.collect(),
+        blocked: live.blocked(&view.head.map, now_us),
+    })
+}
+
+pub(super) fn fleet(view: &MapView, fleet: &Fleet, now_us: u64) -> Result<Answer, ErrorReply> {
+    json(&fleet.reply(&view.head, now_us))
+}

@@ -1,0 +1,115 @@
+//! `path`: the shortest way that obeys what operators and robots have closed.
+
+use super::{Answer, Sources, error, internal, json, postcard};
+use crate::basis::Basis;
+use crate::catalog::{MapView, find_release};
+use crate::request::{Format, PathOn};
+use fht_map::route::{Route, RouteError};
+use fht_map::{MapState, PlanError, Rules};
+use fht_proto::compact::{CompactPath, CompactWaypoint};
+use fht_proto::query::{ErrorCode, ErrorReply, PathReply, Place, Waypoint};
+use fht_proto::{FixedPoint, Label};
+use std::sync::Arc;
+
+pub(super) fn path(
+    view: &MapView,
+    sources: &Sources,
+    (from, to): (&Place, &Place),
+    on: &PathOn,
+    format: Format,
+    now_us: u64,
+) -> Result<Answer, ErrorReply> {
+    let basis = basis(view, sources, on)?;
+    let place = |place| locate(view, basis.state(), place);
+    let (from, to) = (place(from)?, place(to)?);
+    let rules = sources.live.rules(view, now_us);
+    let space = basis.free_space(&rules);
+    let route = rules.plan(basis.state(), &space, from, to, &sources.config.route).map_err(|cause| no_route(&cause))?;
+    reply(view, &basis, &rules, &route, format)
+}
+
+/// The state to plan on.
+fn basis(view: &MapView, sources: &Sources, on: &PathOn) -> Result<Arc<Basis>, ErrorReply> {
+    let unknown = |message: String| error(ErrorCode::UnknownVersion, message);
+    match on {
+        PathOn::Enabled => Ok(Arc::clone(&view.running)),
+        PathOn::Head if view.running.release().is_none() => Ok(Arc::clone(&view.running)),
+        PathOn::Head => sources.live.other(view.head.digest, || Ok(Basis::of_head(&view.state, view.head.version))),
+        PathOn::Release(name) => {
+            let id = find_release(&view.state, name).map_err(unknown)?;
+            if view.running.release() == Some(&id) {
+                return Ok(Arc::clone(&view.running));
+            }
+            let release = view.state.annotations().release(&id).map(|release| release.release.clone());
+            let release = release.ok_or_else(|| unknown(format!("there is no release {id}")))?;
+            sources.live.other(release.digest, || {
+                let basis = Basis::of_release(&view.head.map, &id, &release, sources.log.as_ref()).map_err(internal)?;
+                basis.ok_or_else(|| unknown(format!("this server does not have all of release {id}")))
+            })
+        }
+    }
+}
+
+/// Where a place is. Names are those of now: operators name places for robots on every release.
+fn locate(view: &MapView, map: &MapState, place: &Place) -> Result<FixedPoint, ErrorReply> {
+    match place {
+        Place::Point(point) => Ok(*point),
+        Place::Node(id) => {
+            let position = map.node(*id).map(|node| node.pose.position);
+            position.ok_or_else(|| error(ErrorCode::UnknownNode, format!("there is no node {id} on this map")))
+        }
+        Place::Named(name) => {
+            let annotations = view.state.annotations();
+            let known = || annotations.places().map(|(name, _)| name.clone()).take(10).collect::<Vec<Label>>();
+            let pose = annotations.place(name);
+            pose.map(|pose| pose.position).ok_or_else(|| no_place(name, &known()))
+        }
+    }
+}
+
+fn no_place(name: &Label, known: &[Label]) -> ErrorReply {
+    let known: Vec<&str> = known.iter().map(Label::as_str).collect();
+    let known =
+        if known.is_empty() { "none has a name yet".to_owned() } else { format!("there is: {}", known.join(", ")) };
+    error(ErrorCode::UnknownPlace, format!("there is no place {name} on this map ({known})"))
+}
+
+fn no_route(cause: &PlanError) -> ErrorReply {
+    let of_route = |route: &RouteError| match route {
+        RouteError::NoPath { .. } => ErrorCode::NoPath,
+        RouteError::OutOfMap { .. } => ErrorCode::OutOfMap,
+    };
+    let code = match cause {
+        PlanError::Route(route) | PlanError::Closed { route, .. } => of_route(route),
+        PlanError::GoalKeptOut { .. } => ErrorCode::KeepOut,
+    };
+    error(code, cause.to_string())
+}
+
+fn reply(view: &MapView, basis: &Basis, rules: &Rules, route: &Route, format: Format) -> Result<Answer, ErrorReply> {
+    let (map, version) = (view.head.map.clone(), basis.version());
+    match format {
+        Format::Json => {
+            let waypoints = route.waypoints.iter().map(|waypoint| Waypoint {
+                x: waypoint.point.x(),
+                y: waypoint.point.y(),
+                node: waypoint.node.map(|id| id.to_string()),
+            });
+            json(&PathReply {
+                map,
+                version,
+                release: basis.release().map(ToString::to_string),
+                // To the millimetre, like everything else.
+                length_m: (route.length_m * 1000.0).round() / 1000.0,
+                waypoints: waypoints.collect(),
+                obeyed: rules.obeyed(),
+                speed_limits: rules.speed_limits(route),
+            })
+        }
+        Format::Postcard => {
+            let waypoints = route.waypoints.iter();
+            let waypoints = waypoints.map(|waypoint| CompactWaypoint { point: waypoint.point, node: waypoint.node });
+            postcard(&CompactPath { map, version, waypoints: waypoints.collect() })
+        }
+    }
+}

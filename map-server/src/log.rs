@@ -1,0 +1,196 @@
+//! The log that a server stands on: every increment that was ever acknowledged, or what is left of it. What keeps it is behind a trait:
+//! a `redb` file ([`crate::store`]), memory in front of storages elsewhere ([`crate::memory`]), or a disk that a test lets fail.
+
+use fht_proto::envelope::FORMAT_VERSION;
+use fht_proto::{AuthorId, MapName, VersionVector};
+use std::fmt::Debug;
+use std::path::PathBuf;
+
+/// Why the log failed.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// Another process has it open.
+    #[error("the data directory {} is in use by another map-server", dir.display())]
+    InUse {
+        /// The data directory.
+        dir: PathBuf,
+    },
+    /// The directory cannot be made or the file not be opened.
+    #[error("the data directory {} cannot be used: {reason}", dir.display())]
+    Open {
+        /// The data directory.
+        dir: PathBuf,
+        /// What the system says.
+        reason: String,
+    },
+    /// Written by another version of this program.
+    #[error("the data directory {} has format {found}; this program reads formats up to {known}", dir.display())]
+    Format {
+        /// The data directory.
+        dir: PathBuf,
+        /// The format found.
+        found: u64,
+        /// The newest format known.
+        known: u64,
+    },
+    /// Reading or writing failed.
+    #[error("the store cannot be {action}: {reason}")]
+    Disk {
+        /// `read` or `written`.
+        action: &'static str,
+        /// What the system says.
+        reason: String,
+    },
+    /// A later version of this program has stored increments.
+    #[error(
+        "the store has increments of format {found} in map {map}; this program reads formats up to {FORMAT_VERSION}: use the \
+         map-server that wrote them"
+    )]
+    IncrementFormat {
+        /// The map.
+        map: String,
+        /// The format found.
+        found: u8,
+    },
+    /// What was read is not what was written.
+    #[error("the store is damaged: map {map}: {reason}")]
+    Damaged {
+        /// The map.
+        map: String,
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+/// An increment to be stored.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// The map.
+    pub map: MapName,
+    /// Its place in the map's log, from 1.
+    pub sequence: u64,
+    /// Who wrote it.
+    pub author: AuthorId,
+    /// Its place in the author's sequence, from 1.
+    pub number: u64,
+    /// The increment in its envelope.
+    pub bytes: Vec<u8>,
+}
+
+/// What is left of an author's increments `first` to `last`.
+#[derive(Clone, Debug)]
+pub struct FoldRecord {
+    /// Who wrote them.
+    pub author: AuthorId,
+    /// Number of the first.
+    pub first: u64,
+    /// Number of the last.
+    pub last: u64,
+    /// The fold in its envelope.
+    pub bytes: Vec<u8>,
+}
+
+/// Up to where a map's log is folded.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Floor {
+    /// The scalar version.
+    pub version: u64,
+    /// The increments.
+    pub vector: VersionVector,
+}
+
+/// What a log has under an author and number.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Stored {
+    /// The increment, in its envelope.
+    Increment(Vec<u8>),
+    /// It was folded together with others.
+    Folded,
+    /// Nothing.
+    Absent,
+}
+
+/// One piece of a log.
+#[derive(Clone, Copy, Debug)]
+pub enum Piece<'a> {
+    /// An increment in its envelope.
+    Increment(&'a [u8]),
+    /// A fold in its envelope.
+    Fold(&'a [u8]),
+}
+
+/// A part of what somebody lacks: messages in their envelopes, each author's in order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Lacking {
+    /// Folds; they come before all increments of their authors.
+    pub folds: Vec<Vec<u8>>,
+    /// Increments.
+    pub increments: Vec<Vec<u8>>,
+    /// Whether there is more.
+    pub is_cut: bool,
+}
+
+/// The log of all maps of a server.
+///
+/// A map's scalar version is the number of increments in it, so that version N of a map is what the first N that were stored add up to.
+pub trait IncrementLog: Send + Sync + Debug {
+    /// Stores all records in one commit. When this returns they are durable; if it fails, none is.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn append(&self, records: &[Record]) -> Result<(), StoreError>;
+
+    /// What is stored under an author and number.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn stored(&self, map: &MapName, author: AuthorId, number: u64) -> Result<Stored, StoreError>;
+
+    /// Shows everything, or all of one map, to `visit`, with author and the last number that a piece stands for: the folds first, by map,
+    /// author and number; then the increments, by map, author and number.
+    ///
+    /// # Errors
+    /// [`StoreError`], and whatever `visit` returns.
+    fn for_each(
+        &self,
+        of: Option<&MapName>,
+        visit: &mut dyn FnMut(&str, AuthorId, u64, Piece<'_>) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError>;
+
+    /// What `upto` contains and `have` does not, each author's in order, until it exceeds `max_bytes`. At least one message, if any is
+    /// lacking. Folds that begin before `have` are whole.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn lacking(
+        &self,
+        map: &MapName,
+        have: &VersionVector,
+        upto: &VersionVector,
+        max_bytes: usize,
+    ) -> Result<Lacking, StoreError>;
+
+    /// The vector of version `version`: what the first so many increments contain. `None` if they were folded farther than that.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn vector_at(&self, map: &MapName, version: u64) -> Result<Option<VersionVector>, StoreError>;
+
+    /// Up to where a map is folded.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn floor(&self, map: &MapName) -> Result<Floor, StoreError>;
+
+    /// Adds folds to a map that has nothing but folds, in one commit; `floor` is up to where it is folded then.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn add_folds(&self, map: &MapName, floor: &Floor, folds: &[FoldRecord]) -> Result<(), StoreError>;
+
+    /// Puts folds in the place of a map's increments up to `floor` and of all folds before, in one commit.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn replace_folded(&self, map: &MapName, floor: &Floor, folds: &[FoldRecord]) -> Result<(), StoreError>;
+}

@@ -1,0 +1,130 @@
+//! What operators do, talking to a running server over Zenoh: look at maps, name places, draw zones, close edges, make and enable
+//! releases, fold, export and import.
+
+mod command;
+mod release;
+mod robots;
+mod rule;
+mod transfer;
+mod write;
+
+pub use command::{Operation, OperatorArgs};
+
+use crate::config::LinkConfig;
+use crate::session::{self, SessionError};
+use fht_proto::MapName;
+use fht_proto::keys::{Key, Topic};
+use fht_proto::query::{ErrorReply, Head};
+use serde::de::DeserializeOwned;
+use std::path::PathBuf;
+use std::time::Duration;
+use zenoh::Session;
+use zenoh::handlers::FifoChannel;
+
+/// How long the connection may take.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
+/// How long an answer may take. Folding a large map takes its time.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(60);
+
+/// Why an operator's command failed.
+#[derive(Debug, thiserror::Error)]
+pub enum OperateError {
+    /// No session.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// Nobody is there.
+    #[error("no server or router at {endpoints} within {} s", CONNECT_TIMEOUT.as_secs())]
+    NoRouter {
+        /// Where.
+        endpoints: String,
+    },
+    /// Zenoh refused.
+    #[error("Zenoh refuses: {0}")]
+    Zenoh(#[from] zenoh::Error),
+    /// Nobody answered in time.
+    #[error("no map-server answered")]
+    Silent,
+    /// The server refused, with its reason.
+    #[error("{0}")]
+    Refused(ErrorReply),
+    /// The answer is not what was asked for.
+    #[error("the server's answer cannot be read: {0}")]
+    Answer(String),
+    /// What was put was not stored.
+    #[error(
+        "the server has not stored it within {seconds} s; may this operator write? (access control drops silently)"
+    )]
+    NotStored {
+        /// How long was waited.
+        seconds: u64,
+    },
+    /// The command makes no sense.
+    #[error("{0}")]
+    Usage(String),
+    /// A file cannot be read or written.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A file is not a map.
+    #[error("{}: {source}", path.display())]
+    Archive {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: fht_proto::archive::ArchiveError,
+    },
+    /// The system gives no threads.
+    #[error("no threads: {0}")]
+    Runtime(std::io::Error),
+}
+
+impl OperateError {
+    fn json(error: &serde_json::Error) -> Self {
+        Self::Answer(error.to_string())
+    }
+}
+
+/// Opens a session as a client.
+async fn connect(link: &LinkConfig) -> Result<Session, OperateError> {
+    let opening = session::open(link);
+    tokio::time::timeout(CONNECT_TIMEOUT, opening)
+        .await
+        .map_err(|_| {
+            let file = link.zenoh_config.iter().map(|file| file.display().to_string());
+            OperateError::NoRouter {
+                endpoints: link.connect.iter().cloned().chain(file).collect::<Vec<_>>().join(", "),
+            }
+        })?
+        .map_err(OperateError::from)
+}
+
+/// Asks, with a payload if there is one; the first answer counts.
+async fn ask(session: &Session, selector: &str, payload: Option<Vec<u8>>) -> Result<Vec<u8>, OperateError> {
+    let mut get = session.get(selector).timeout(ANSWER_TIMEOUT);
+    if let Some(payload) = payload {
+        get = get.payload(payload);
+    }
+    let replies = get.with(FifoChannel::new(16)).await?;
+    let mut refusal = None;
+    while let Ok(reply) = replies.recv_async().await {
+        match reply.result() {
+            Ok(sample) => return Ok(sample.payload().to_bytes().into_owned()),
+            Err(error) => refusal = serde_json::from_slice::<ErrorReply>(&error.payload().to_bytes()).ok().or(refusal),
+        }
+    }
+    Err(refusal.map_or(OperateError::Silent, OperateError::Refused))
+}
+
+async fn ask_json<T: DeserializeOwned>(session: &Session, selector: &str) -> Result<T, OperateError> {
+    let bytes = ask(session, selector, None).await?;
+    serde_json::from_slice(&bytes).map_err(|error| OperateError::json(&error))
+}
+
+async fn head(session: &Session, map: &MapName) -> Result<Head, OperateError> {
+    let head: Head = ask_json(session, &Key::topic(map, Topic::Head).to_string()).await?;
+    head.checked(map).map_err(|error| OperateError::Answer(error.to_string()))
+}

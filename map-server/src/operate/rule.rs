@@ -1,0 +1,103 @@
+//! Named places, zones, closed edges.
+
+use super::{OperateError, ask_json};
+use fht_proto::keys::{Key, Topic};
+use fht_proto::query::{NodesReply, RulesReply, parse_point};
+use fht_proto::{EdgeKey, FixedPoint, FixedPose, Label, MapName, NodeId, Op, Zone, ZoneRule};
+use zenoh::Session;
+
+pub(super) async fn list(session: &Session, map: &MapName) -> Result<RulesReply, OperateError> {
+    ask_json(session, &Key::topic(map, Topic::Rules).to_string()).await
+}
+
+/// `x,y` or `x,y,yaw` in metres and degrees.
+pub(super) fn parse_pose(text: &str) -> Result<FixedPose, String> {
+    let (place, yaw_deg) = match text.match_indices(',').nth(1) {
+        Some((at, _)) => {
+            let yaw = text[at + 1..].trim().parse::<f64>().ok().filter(|yaw| yaw.is_finite());
+            (&text[..at], yaw.ok_or_else(|| format!("{text} is not x,y,yaw in metres and degrees"))?)
+        }
+        None => (text, 0.0),
+    };
+    let position = parse_point(place).map_err(|error| error.message)?;
+    Ok(FixedPose { position, ..FixedPose::from_metres(0.0, 0.0, yaw_deg.to_radians()) })
+}
+
+pub(super) fn parse_corner(text: &str) -> Result<FixedPoint, String> {
+    parse_point(text).map_err(|error| error.message)
+}
+
+pub(super) fn parse_speed(text: &str) -> Result<u16, String> {
+    let speed = text.parse::<f64>().ok().map(|mps| (mps * 1000.0).round()).filter(|mm| (1.0..=65_000.0).contains(mm));
+    speed.map(|mm| mm as u16).ok_or_else(|| format!("{text} is not a speed of 0.001 to 65 m/s"))
+}
+
+/// The operation that draws a zone, if its border makes sense.
+pub(super) fn zone(name: Label, rule: ZoneRule, corners: Vec<FixedPoint>) -> Result<Op, OperateError> {
+    let zone = Zone { rule, corners };
+    if crosses_itself(&zone) {
+        return Err(OperateError::Usage(format!(
+            "the border of zone {name} crosses itself: give its corners in order"
+        )));
+    }
+    Ok(Op::SetZone { name, zone: Some(zone) })
+}
+
+/// Whether any two sides that do not follow each other cross.
+fn crosses_itself(zone: &Zone) -> bool {
+    let sides: Vec<(FixedPoint, FixedPoint)> = zone.sides().collect();
+    let wide = |p: FixedPoint| (i64::from(p.x_mm), i64::from(p.y_mm));
+    let turn = |a: FixedPoint, b: FixedPoint, c: FixedPoint| {
+        let ((ax, ay), (bx, by), (cx, cy)) = (wide(a), wide(b), wide(c));
+        ((bx - ax) * (cy - ay) - (by - ay) * (cx - ax)).signum()
+    };
+    let cross = |(a, b): (FixedPoint, FixedPoint), (c, d): (FixedPoint, FixedPoint)| {
+        turn(a, b, c) * turn(a, b, d) < 0 && turn(c, d, a) * turn(c, d, b) < 0
+    };
+    sides.iter().enumerate().any(|(i, &one)| sides[i + 1..].iter().any(|&other| cross(one, other)))
+}
+
+/// The edge between two nodes, if the map has it.
+pub(super) async fn edge(session: &Session, map: &MapName, a: NodeId, b: NodeId) -> Result<EdgeKey, OperateError> {
+    /// More than any building.
+    const EVERYWHERE: &str = "near=0,0;radius=100000;limit=1000";
+    if a == b {
+        return Err(OperateError::Usage("an edge has two ends".to_owned()));
+    }
+    // A look at the nodes is cheaper than the whole map; on large maps the edge is believed.
+    let selector = format!("{}?{EVERYWHERE}", Key::topic(map, Topic::Nodes));
+    let nodes: NodesReply = ask_json(session, &selector).await?;
+    let (a_text, b_text) = (a.to_string(), b.to_string());
+    match nodes.nodes.iter().find(|node| node.id == a_text) {
+        Some(node) if !node.neighbours.contains(&b_text) => {
+            let known = node.neighbours.join(", ");
+            Err(OperateError::Usage(format!("no edge joins {a} and {b}; {a} is joined to: {known}")))
+        }
+        None if nodes.nodes.len() < 1000 => Err(OperateError::Usage(format!("map {map} has no node {a}"))),
+        _ => Ok(EdgeKey::new(a, b)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn borders_that_cross_themselves_are_refused() {
+        let draw = |corners: &[&str]| {
+            let corners = corners.iter().map(|text| parse_corner(text)).collect::<Result<Vec<_>, _>>();
+            let name = "z".parse().map_err(|error| format!("{error}"));
+            name.and_then(|name| zone(name, ZoneRule::KeepOut, corners?).map_err(|error| error.to_string()))
+        };
+        assert!(draw(&["0,0", "1,0", "1,1", "0,1"]).is_ok());
+        assert!(draw(&["0,0", "1,1", "1,0", "0,1"]).is_err_and(|text| text.contains("crosses itself")));
+    }
+
+    #[test]
+    fn poses_and_speeds_are_read() {
+        assert_eq!(parse_pose("1.5,-2"), Ok(FixedPose::from_metres(1.5, -2.0, 0.0)));
+        assert_eq!(parse_pose("1.5,-2,90"), Ok(FixedPose::from_metres(1.5, -2.0, std::f64::consts::FRAC_PI_2)));
+        assert!(parse_pose("1.5").is_err() && parse_pose("1,2,north").is_err() && parse_pose("1,2,3,4").is_err());
+        assert_eq!((parse_speed("0.3"), parse_speed("0").is_err(), parse_speed("nan").is_err()), (Ok(300), true, true));
+    }
+}

@@ -1,0 +1,196 @@
+//! What robots say of themselves, as JSON: where they are, what they run, what they found blocked, where they are going.
+
+use crate::ids::{MapName, NodeId};
+use crate::increment::EdgeKey;
+use crate::validate::{Invalid, Validate, check};
+use crate::version::VersionVector;
+use serde::{Deserialize, Serialize};
+
+/// What a robot says of where it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
+pub enum LocalizationState {
+    /// Nothing fits yet.
+    NotLocalized,
+    /// Something fits, but too little or too ambiguously.
+    Candidates,
+    /// It knows.
+    Localized,
+    /// It knew, and what it senses no longer fits.
+    Lost,
+}
+
+impl std::fmt::Display for LocalizationState {
+    /// As it is written in JSON.
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self {
+            Self::NotLocalized => "NOT_LOCALIZED",
+            Self::Candidates => "CANDIDATES",
+            Self::Localized => "LOCALIZED",
+            Self::Lost => "LOST",
+        })
+    }
+}
+
+/// What a robot puts under its `pose` key.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RobotPose {
+    /// The robot's name.
+    pub robot: String,
+    /// Whether it knows where it is; if not, the pose is absent.
+    pub localized: bool,
+    /// The same, told apart.
+    pub state: LocalizationState,
+    /// Probability that the pose, or the likeliest candidate, is right, as the robot sees it: 0 to 1.
+    pub confidence: f64,
+    /// Where it may be, likeliest first, at most five: `[x, y, yaw]` in the map frame, metres and radians. Empty once it knows.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub candidates: Vec<[f64; 3]>,
+    /// `[x, y, yaw]` in the map frame, metres and radians.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub map_from_base: Option<[f64; 3]>,
+}
+
+/// What a robot is there for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RobotRole {
+    /// It writes the map.
+    Explorer,
+    /// It uses the map.
+    Client,
+}
+
+/// What a robot puts under its `status` key, about once a second.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RobotStatus {
+    /// The robot's name.
+    pub robot: String,
+    /// What it is there for.
+    pub role: RobotRole,
+    /// The map that it uses.
+    pub map: MapName,
+    /// The increments that it has: the sum of the vector.
+    pub version: u64,
+    /// The increments that it has.
+    pub vector: VersionVector,
+    /// The release that it runs, as `name@author`; none when it runs the newest state that it has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub release: Option<String>,
+    /// Whether it knows where it is.
+    pub state: LocalizationState,
+    /// `[x, y, yaw]` in the map frame, metres and radians, if it knows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub map_from_base: Option<[f64; 3]>,
+}
+
+/// What a robot puts under its `blocked` key: what it could not pass. Everybody avoids it for the time stated, from when the report arrives.
+/// A report without edges and places takes the robot's earlier ones back.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BlockedReport {
+    /// For how long, seconds.
+    pub for_s: f64,
+    /// Edges, each by the ids of its ends.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub edges: Vec<[String; 2]>,
+    /// Places, `[x, y]` in the map frame, metres.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub places: Vec<[f64; 2]>,
+}
+
+impl BlockedReport {
+    /// Longest time, seconds: a day. What is closed for longer is for an operator to close.
+    pub const MAX_S: f64 = 86_400.0;
+    /// Most edges and places in one report.
+    pub const MAX_THINGS: usize = 64;
+
+    /// The edges by their keys.
+    ///
+    /// # Errors
+    /// The first that is not a pair of two nodes' ids.
+    pub fn edge_keys(&self) -> Result<Vec<EdgeKey>, Invalid> {
+        let key = |[a, b]: &[String; 2]| {
+            let ids = a.parse::<NodeId>().ok().zip(b.parse::<NodeId>().ok()).filter(|(a, b)| a != b);
+            ids.map(|(a, b)| EdgeKey::new(a, b)).ok_or_else(|| Invalid::new(format!("[{a}, {b}] is not an edge")))
+        };
+        self.edges.iter().map(key).collect()
+    }
+}
+
+impl Validate for BlockedReport {
+    fn validate(&self) -> Result<(), Invalid> {
+        check((0.0..=Self::MAX_S).contains(&self.for_s), || {
+            format!("blocked for {} s (0 to {} are allowed)", self.for_s, Self::MAX_S)
+        })?;
+        let things = self.edges.len() + self.places.len();
+        check(things <= Self::MAX_THINGS, || format!("a report of {things} blocked things"))?;
+        check(self.places.iter().flatten().all(|v| v.abs() <= 100_000.0), || {
+            "a blocked place over 100 km from the origin".to_owned()
+        })?;
+        self.edge_keys().map(|_| ())
+    }
+}
+
+/// What an explorer puts under its `goal` key, so that others go elsewhere.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ExplorerGoal {
+    /// Where it is, `[x, y]` in the map frame, metres.
+    pub at: [f64; 2],
+    /// What it is going to see, `[x, y]` in the map frame, metres; none when it has nothing left.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target: Option<[f64; 2]>,
+    /// How far that is along its path, metres.
+    pub remaining_m: f64,
+}
+
+/// One robot in the reply to `fleet`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RobotView {
+    /// What it said last.
+    pub status: RobotStatus,
+    /// Whether its session is there.
+    pub alive: bool,
+    /// How long ago it said that, seconds.
+    pub seen_s: f64,
+    /// How many increments it lacks of what it should have.
+    pub behind: u64,
+    /// For how long it has lacked any, seconds.
+    pub behind_s: f64,
+    /// Whether that is more than it should be, or it runs another release than the one enabled.
+    pub late: bool,
+}
+
+/// The reply to `fleet`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FleetReply {
+    /// The map.
+    pub map: MapName,
+    /// Its newest version.
+    pub version: u64,
+    /// The release enabled, as `name@author`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub enabled: Option<String>,
+    /// By name.
+    pub robots: Vec<RobotView>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reports_from_outside_are_checked() {
+        let read = |json: &str| serde_json::from_str::<BlockedReport>(json).map(|report| report.validate().is_ok());
+        assert!(read(r#"{"for_s":60,"edges":[["1a2b3c4d.17","1a2b3c4d.3"]],"places":[[1.5,-2]]}"#).unwrap_or(false));
+        assert!(read(r#"{"for_s":0}"#).unwrap_or(false));
+        for bad in [
+            r#"{"for_s":-1}"#,
+            r#"{"for_s":1e9}"#,
+            r#"{"for_s":1,"edges":[["1a2b3c4d.17","1a2b3c4d.17"]]}"#,
+            r#"{"for_s":1,"edges":[["a","b"]]}"#,
+            r#"{"for_s":1,"places":[[1e9,0]]}"#,
+        ] {
+            assert!(!read(bad).unwrap_or(false), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,290 @@
+//! A fleet on a bad network, in one thread and simulated time: explorers, an operator, a server and clients, each made of the parts that the
+//! programs are made of, over links that lose, delay, repeat, reorder and part. The server's machine may fail at every durable write.
+//!
+//! What a run must show: in the end all copies are one, nothing that was acknowledged is lost, and no release has changed. A seed
+//! decides everything.
+
+mod author;
+mod disk;
+mod follower;
+mod network;
+mod server;
+
+use author::Author;
+use disk::Disk;
+use fht_proto::query::{Head, Snapshot};
+use fht_proto::{Increment, MapName, VersionVector, decode};
+use follower::Follower;
+use network::{Network, NetworkConfig};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use server::Server;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How bad things are.
+#[derive(Clone, Debug)]
+pub struct SimulationConfig {
+    /// The network while there is trouble.
+    pub network: NetworkConfig,
+    /// Explorers, at most. Default 3.
+    pub explorers: usize,
+    /// Clients, at most. Default 3.
+    pub clients: usize,
+    /// Increments that an explorer writes, at most. Default 60.
+    pub increments: u64,
+    /// How long there is trouble, seconds. Default 60.
+    pub trouble_s: u64,
+    /// How long everything may take from then on, seconds. Default 300.
+    pub calm_s: u64,
+    /// Share of durable writes at which the server's machine fails. Default 0.05.
+    pub crash_share: f64,
+}
+
+impl Default for SimulationConfig {
+    fn default() -> Self {
+        Self {
+            network: NetworkConfig::default(),
+            explorers: 3,
+            clients: 3,
+            increments: 60,
+            trouble_s: 60,
+            calm_s: 300,
+            crash_share: 0.05,
+        }
+    }
+}
+
+/// What happened in a run that went well.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    /// Increments in the end.
+    pub increments: u64,
+    /// Failures of the server's machine.
+    pub crashes: u64,
+    /// Messages lost, and messages in all.
+    pub lost: u64,
+    /// Messages in all.
+    pub sent: u64,
+    /// Releases made.
+    pub releases: usize,
+    /// Foldings of the log.
+    pub folded: u64,
+    /// When all was calm, seconds.
+    pub seconds: u64,
+}
+
+/// What must not happen.
+#[derive(Debug, thiserror::Error)]
+pub enum Violation {
+    /// Some copies are still not the server's.
+    #[error("after {seconds} s {who} has {has}, and the server {server}")]
+    Apart {
+        /// How long it took.
+        seconds: u64,
+        /// Whose copy.
+        who: String,
+        /// What it has.
+        has: String,
+        /// What the server has.
+        server: String,
+    },
+    /// An acknowledged increment is not there, or another one is.
+    #[error("increment {0} was acknowledged and is not there")]
+    Lost(String),
+    /// A release is not what it was.
+    #[error("release {0} has changed")]
+    Release(String),
+    /// The map is not what its increments add up to.
+    #[error("the map is not what its increments add up to")]
+    Sum,
+    /// A part failed that must not.
+    #[error("{0}")]
+    Failed(String),
+}
+
+/// Who is where in the network. The server is 0.
+pub(crate) const SERVER: usize = 0;
+/// Everybody else.
+pub(crate) const EVERYBODY: usize = usize::MAX;
+
+/// What is sent.
+#[derive(Clone, Debug)]
+pub(crate) enum Message {
+    /// An increment in its envelope, from its author to everybody.
+    Put { key: String, bytes: Arc<Vec<u8>> },
+    /// A head, from the server to everybody.
+    Head(Arc<Head>),
+    /// A question for the head.
+    AskHead { id: u64 },
+    /// The answer; the server may have no such map.
+    HeadAnswer { id: u64, head: Option<Arc<Head>> },
+    /// A question for increments.
+    AskSince { id: u64, have: VersionVector },
+    /// A piece of the answer.
+    Piece { id: u64, series: Arc<Snapshot> },
+    /// There is no more.
+    End { id: u64 },
+}
+
+pub(crate) fn map() -> MapName {
+    // A constant that is a name.
+    "sim".parse().unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The world at one time.
+struct World {
+    rng: ChaCha8Rng,
+    /// What `Instant`s count from; nothing depends on it.
+    origin: Instant,
+    now_us: u64,
+    network: Network,
+    server: Server,
+    authors: Vec<Author>,
+    followers: Vec<Follower>,
+}
+
+impl World {
+    fn new(seed: u64, config: &SimulationConfig) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let explorers = rng.random_range(1..=config.explorers);
+        let clients = rng.random_range(1..=config.clients);
+        let writers: Vec<Author> = (0..=explorers)
+            .map(|index| {
+                let last = rng.random_range(1..=config.increments);
+                // The last one is the operator: it makes releases, and it does not die.
+                let is_operator = index == explorers;
+                let dies_us =
+                    (!is_operator && rng.random_bool(0.3)).then(|| rng.random_range(0..config.trouble_s * 1_000_000));
+                Author::new(1 + index, last, is_operator, dies_us)
+            })
+            .collect();
+        let followers = (0..clients).map(|index| Follower::new(2 + explorers + index)).collect();
+        let disk = Disk::new(config.crash_share, rng.random());
+        Self {
+            network: Network::new(config.network.clone(), 2 + explorers + clients),
+            server: Server::new(disk),
+            authors: writers,
+            followers,
+            rng,
+            origin: Instant::now(),
+            now_us: 0,
+        }
+    }
+
+    fn now(&self) -> Instant {
+        self.origin + Duration::from_micros(self.now_us)
+    }
+
+    /// Delivers what arrives now and lets everybody act.
+    fn step(&mut self) -> Result<(), Violation> {
+        let now = self.now();
+        for (from, to, message) in self.network.arriving(self.now_us) {
+            if to == SERVER {
+                self.server.receive(from, message, self.now_us);
+            } else if let Some(author) = self.authors.iter_mut().find(|author| author.place() == to) {
+                author.receive(message, now)?;
+            } else if let Some(follower) = self.followers.iter_mut().find(|follower| follower.place() == to) {
+                follower.receive(message, now);
+            }
+        }
+        let mut sent = self.server.act(self.now_us, &mut self.rng)?;
+        for author in &mut self.authors {
+            sent.extend(author.act(now, self.now_us, &mut self.rng, &self.server));
+        }
+        for follower in &mut self.followers {
+            sent.extend(follower.act(now, self.now_us, &mut self.rng));
+        }
+        self.network.weather(self.now_us, &mut self.rng);
+        for (from, to, message) in sent {
+            if to == EVERYBODY {
+                self.network.publish(from, &message, self.now_us, &mut self.rng);
+            } else {
+                self.network.send(from, to, message, self.now_us, &mut self.rng);
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether all is written, acknowledged and copied.
+    fn is_settled(&self) -> bool {
+        let Some(head) = self.server.head() else { return false };
+        let is_equal = |follower: &Follower| {
+            *follower.copy().vector() == head.vector && follower.copy().state().digest() == head.digest
+        };
+        self.authors.iter().all(Author::is_done) && self.followers.iter().all(is_equal)
+    }
+
+    fn check(&self, seconds: u64) -> Result<(), Violation> {
+        let head = self.server.head().ok_or_else(|| Violation::Failed("the server has no map".to_owned()))?;
+        let server = format!("{} ({})", head.vector, head.digest);
+        for author in self.authors.iter().filter(|author| !author.is_done()) {
+            let (who, has) = (format!("author {}", author.id()), author.progress());
+            return Err(Violation::Apart { seconds, who, has, server });
+        }
+        for follower in &self.followers {
+            let copy = follower.copy();
+            if *copy.vector() != head.vector || copy.state().digest() != head.digest {
+                let has = format!("{} ({})", copy.vector(), copy.state().digest());
+                return Err(Violation::Apart { seconds, who: format!("client {}", follower.place()), has, server });
+            }
+        }
+        // What is acknowledged is durable: it is asked of the disk alone.
+        let mut whole = fht_map::MapState::new();
+        for author in &self.authors {
+            for increment in author.written().iter().take(usize::try_from(author.acknowledged()).unwrap_or(usize::MAX))
+            {
+                if !self.server.disk().holds(increment) {
+                    return Err(Violation::Lost(format!("{}/{}", increment.author, increment.number)));
+                }
+            }
+            let stored = usize::try_from(head.vector.get(author.id())).unwrap_or(usize::MAX);
+            author.written().iter().take(stored).for_each(|increment: &Increment| whole.apply(increment));
+        }
+        if whole.digest() != head.digest {
+            return Err(Violation::Sum);
+        }
+        self.server.check_releases()
+    }
+}
+
+/// Runs one seed.
+///
+/// # Errors
+/// What went wrong.
+pub fn run(seed: u64, config: &SimulationConfig) -> Result<Outcome, Violation> {
+    /// A step, microseconds.
+    const STEP_US: u64 = 10_000;
+    let mut world = World::new(seed, config);
+    let trouble_us = config.trouble_s * 1_000_000;
+    let end_us = trouble_us + config.calm_s * 1_000_000;
+    while world.now_us < end_us {
+        if world.now_us == trouble_us {
+            world.network.calm();
+            world.server.calm();
+            world.followers.iter_mut().for_each(Follower::calm);
+        }
+        world.step()?;
+        world.now_us += STEP_US;
+        if world.now_us > trouble_us && world.is_settled() {
+            break;
+        }
+    }
+    let seconds = world.now_us / 1_000_000;
+    world.check(seconds)?;
+    let (sent, lost) = world.network.counts();
+    Ok(Outcome {
+        increments: world.server.head().map_or(0, |head| head.version),
+        crashes: world.server.crashes(),
+        lost,
+        sent,
+        releases: world.server.releases(),
+        folded: world.server.folded(),
+        seconds,
+    })
+}
+
+/// A piece of an answer as it travels.
+pub(crate) fn unpack(bytes: &[u8]) -> Result<Snapshot, Violation> {
+    decode(bytes).map_err(|error| Violation::Failed(error.to_string()))
+}

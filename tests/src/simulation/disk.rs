@@ -1,0 +1,116 @@
+//! A disk under a server whose machine fails at some writes: before the commit or after it, never in between, which is what `redb`
+//! promises. What was committed is there when the machine comes back.
+
+use fht_proto::{AuthorId, Increment, MapName, VersionVector, encode};
+use map_server::log::{Floor, FoldRecord, IncrementLog, Lacking, Piece, Record, StoreError, Stored};
+use map_server::memory::MemoryLog;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::sync::{Mutex, PoisonError};
+
+/// The disk.
+#[derive(Debug)]
+pub(super) struct Disk {
+    kept: MemoryLog,
+    fate: Mutex<Fate>,
+}
+
+#[derive(Debug)]
+struct Fate {
+    rng: ChaCha8Rng,
+    crash_share: f64,
+    crashes: u64,
+}
+
+fn crashed() -> StoreError {
+    StoreError::Disk { action: "written", reason: "the machine has failed".to_owned() }
+}
+
+impl Disk {
+    pub(super) fn new(crash_share: f64, seed: u64) -> Self {
+        let fate = Fate { rng: ChaCha8Rng::seed_from_u64(seed), crash_share, crashes: 0 };
+        Self { kept: MemoryLog::new(), fate: Mutex::new(fate) }
+    }
+
+    fn fate(&self) -> std::sync::MutexGuard<'_, Fate> {
+        self.fate.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn calm(&self) {
+        self.fate().crash_share = 0.0;
+    }
+
+    pub(super) fn crashes(&self) -> u64 {
+        self.fate().crashes
+    }
+
+    /// Does `write`, unless the machine fails before it; afterwards it may fail, too.
+    fn commit(&self, write: impl FnOnce() -> Result<(), StoreError>) -> Result<(), StoreError> {
+        let (before, after) = {
+            let mut fate = self.fate();
+            let (share, mut rng) = (fate.crash_share, fate.rng.clone());
+            let drawn = (rng.random_bool(share / 2.0), rng.random_bool(share / 2.0));
+            fate.rng = rng;
+            fate.crashes += u64::from(drawn.0 || drawn.1);
+            drawn
+        };
+        if before {
+            return Err(crashed());
+        }
+        write()?;
+        if after { Err(crashed()) } else { Ok(()) }
+    }
+
+    /// Whether an increment is there, or was folded.
+    pub(super) fn holds(&self, increment: &Increment) -> bool {
+        match self.kept.stored(&super::map(), increment.author, increment.number) {
+            Ok(Stored::Increment(bytes)) => encode(increment).is_ok_and(|expected| expected == bytes),
+            Ok(Stored::Folded) => true,
+            Ok(Stored::Absent) | Err(_) => false,
+        }
+    }
+}
+
+impl IncrementLog for Disk {
+    fn append(&self, records: &[Record]) -> Result<(), StoreError> {
+        self.commit(|| self.kept.append(records))
+    }
+
+    fn stored(&self, map: &MapName, author: AuthorId, number: u64) -> Result<Stored, StoreError> {
+        self.kept.stored(map, author, number)
+    }
+
+    fn for_each(
+        &self,
+        of: Option<&MapName>,
+        visit: &mut dyn FnMut(&str, AuthorId, u64, Piece<'_>) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        self.kept.for_each(of, visit)
+    }
+
+    fn lacking(
+        &self,
+        map: &MapName,
+        have: &VersionVector,
+        upto: &VersionVector,
+        max_bytes: usize,
+    ) -> Result<Lacking, StoreError> {
+        self.kept.lacking(map, have, upto, max_bytes)
+    }
+
+    fn vector_at(&self, map: &MapName, version: u64) -> Result<Option<VersionVector>, StoreError> {
+        self.kept.vector_at(map, version)
+    }
+
+    fn floor(&self, map: &MapName) -> Result<Floor, StoreError> {
+        self.kept.floor(map)
+    }
+
+    fn add_folds(&self, map: &MapName, floor: &Floor, folds: &[FoldRecord]) -> Result<(), StoreError> {
+        self.commit(|| self.kept.add_folds(map, floor, folds))
+    }
+
+    fn replace_folded(&self, map: &MapName, floor: &Floor, folds: &[FoldRecord]) -> Result<(), StoreError> {
+        self.commit(|| self.kept.replace_folded(map, floor, folds))
+    }
+}

@@ -1,0 +1,117 @@
+//! Links that lose, delay, repeat, reorder and part.
+
+use super::Message;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
+
+/// How bad the network is.
+#[derive(Clone, Debug)]
+pub struct NetworkConfig {
+    /// Share of messages lost. Default 0.1.
+    pub loss: f64,
+    /// Share of messages that come twice. Default 0.05.
+    pub repeated: f64,
+    /// Least and greatest delay, milliseconds; messages overtake each other. Default 1 to 400.
+    pub delay_ms: (u64, u64),
+    /// How often somebody is cut off, seconds between cuts of one place, on average. Default 20.
+    pub cut_every_s: f64,
+    /// For how long, seconds, at most. Default 15.
+    pub cut_for_s: u64,
+}
+
+impl Default for NetworkConfig {
+    fn default() -> Self {
+        Self { loss: 0.1, repeated: 0.05, delay_ms: (1, 400), cut_every_s: 20.0, cut_for_s: 15 }
+    }
+}
+
+/// All links.
+pub(super) struct Network {
+    config: NetworkConfig,
+    is_calm: bool,
+    /// By time of arrival and order of sending.
+    under_way: BTreeMap<(u64, u64), (usize, usize, Message)>,
+    /// Until when each place is cut off.
+    cut_until_us: Vec<u64>,
+    sent: u64,
+    lost: u64,
+}
+
+/// A thin link that is not cut, milliseconds.
+const CALM_DELAY_MS: (u64, u64) = (1, 20);
+/// Steps in a second.
+const STEPS_PER_S: f64 = 100.0;
+
+impl Network {
+    pub(super) fn new(config: NetworkConfig, places: usize) -> Self {
+        let cut_until_us = vec![0; places];
+        Self { config, is_calm: false, under_way: BTreeMap::new(), cut_until_us, sent: 0, lost: 0 }
+    }
+
+    /// From now on everything arrives.
+    pub(super) fn calm(&mut self) {
+        self.is_calm = true;
+        self.cut_until_us.fill(0);
+    }
+
+    pub(super) fn counts(&self) -> (u64, u64) {
+        (self.sent, self.lost)
+    }
+
+    fn is_cut(&self, place: usize, now_us: u64) -> bool {
+        self.cut_until_us.get(place).is_some_and(|until_us| *until_us > now_us)
+    }
+
+    /// What is sent between two places overtakes what was sent before; but the end of an answer comes last, as Zenoh sees to.
+    pub(super) fn send(&mut self, from: usize, to: usize, message: Message, now_us: u64, rng: &mut ChaCha8Rng) {
+        self.sent += 1;
+        let trouble = !self.is_calm;
+        if trouble && (self.is_cut(from, now_us) || self.is_cut(to, now_us) || rng.random_bool(self.config.loss)) {
+            self.lost += 1;
+            return;
+        }
+        let copies = 1 + usize::from(trouble && rng.random_bool(self.config.repeated));
+        let (least, greatest) = if trouble { self.config.delay_ms } else { CALM_DELAY_MS };
+        for _ in 0..copies {
+            let delay_ms =
+                if matches!(message, Message::End { .. }) { greatest } else { rng.random_range(least..=greatest) };
+            let at_us = now_us + 1000 * delay_ms;
+            let order = self.sent * 2 + self.under_way.len() as u64;
+            let mut key = (at_us, order);
+            while self.under_way.contains_key(&key) {
+                key.1 += 1;
+            }
+            self.under_way.insert(key, (from, to, message.clone()));
+        }
+    }
+
+    /// To everybody else; to each on its own link.
+    pub(super) fn publish(&mut self, from: usize, message: &Message, now_us: u64, rng: &mut ChaCha8Rng) {
+        for to in (0..self.cut_until_us.len()).filter(|&to| to != from) {
+            self.send(from, to, message.clone(), now_us, rng);
+        }
+    }
+
+    /// What arrives now; what is on its way to a place that is cut off is lost.
+    pub(super) fn arriving(&mut self, now_us: u64) -> Vec<(usize, usize, Message)> {
+        let later = self.under_way.split_off(&(now_us + 1, 0));
+        let due = std::mem::replace(&mut self.under_way, later);
+        let (arrived, lost): (Vec<_>, Vec<_>) = due.into_values().partition(|(_, to, _)| !self.is_cut(*to, now_us));
+        self.lost += lost.len() as u64;
+        arrived
+    }
+
+    /// Perhaps somebody is cut off now.
+    pub(super) fn weather(&mut self, now_us: u64, rng: &mut ChaCha8Rng) {
+        if self.is_calm {
+            return;
+        }
+        let chance = 1.0 / (self.config.cut_every_s * STEPS_PER_S);
+        for until_us in &mut self.cut_until_us {
+            if *until_us <= now_us && rng.random_bool(chance) {
+                *until_us = now_us + 1_000_000 * rng.random_range(1..=self.config.cut_for_s);
+            }
+        }
+    }
+}
