@@ -1,8 +1,9 @@
 //! The command line.
 
+use crate::access::command::AccessArgs;
 use crate::config::{AnswerConfig, Limits, LinkConfig, ServerConfig};
 use crate::{ServerError, run};
-use clap::Parser;
+use clap::{Parser, Subcommand};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -15,8 +16,10 @@ const DEFAULT_LISTEN: &str = "tcp/127.0.0.1:7447";
 ///
 /// Explorers put increments; each is acknowledged once it is on the disk. Robots and people ask for maps, paths and nodes.
 #[derive(Debug, Parser)]
-#[command(name = "map-server", version, after_long_help = EXAMPLES)]
+#[command(name = "map-server", version, after_long_help = EXAMPLES, args_conflicts_with_subcommands = true)]
 struct Args {
+    #[command(subcommand)]
+    command: Option<Command>,
     /// Directory that keeps the maps; made if absent. One server at a time.
     #[arg(long, value_name = "DIR", default_value = "fht-data")]
     data: PathBuf,
@@ -36,6 +39,11 @@ struct Args {
     /// Say more: once for what is stored, twice for everything. RUST_LOG is obeyed, too.
     #[arg(short, long, action = clap::ArgAction::Count)]
     verbose: u8,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    AccessControl(AccessArgs),
 }
 
 const EXAMPLES: &str = "\
@@ -114,7 +122,13 @@ where
         }
     };
     log(args.verbose);
-    match serve(&args) {
+    let outcome = match &args.command {
+        Some(Command::AccessControl(access)) => {
+            access.run().map(|text| print!("{text}")).map_err(|error| error.to_string())
+        }
+        None => serve(&args).map_err(|error| error.to_string()),
+    };
+    match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("map-server: {error}");

@@ -8,6 +8,7 @@
 //! | module | idea |
 //! | --- | --- |
 //! | [`cli`] | the command line |
+//! | [`access`] | who may do what: from roles to a router's access control |
 //! | [`config`] | what a server is told at its start |
 //! | [`session`] | the Zenoh session |
 //! | [`queue`] | what has arrived, bounded in bytes |
@@ -25,6 +26,7 @@
 //! An increment counts as acknowledged when the head that is published covers it, and a head covers only what a commit has
 //! brought to the disk. Whatever waits while a commit is under way goes into the next one together.
 
+pub mod access;
 pub mod answer;
 pub mod catalog;
 pub mod check;

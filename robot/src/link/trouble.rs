@@ -1,0 +1,68 @@
+//! Why a server cannot be reached. A Zenoh client that waits for its router keeps the reason to itself; a trial session that
+//! does not wait tells it.
+
+use std::time::Duration;
+use zenoh::Config;
+
+/// A trial takes no longer.
+const TRIAL: Duration = Duration::from_secs(5);
+
+/// What a look at the endpoints has found.
+pub(super) enum Found {
+    /// A server at the endpoint of this index.
+    Server(usize),
+    /// None, and what keeps us from each.
+    None(String),
+}
+
+/// Tries `endpoints` one after the other, with the credentials of `config`.
+pub(super) async fn survey(config: &Config, endpoints: &[String]) -> Found {
+    let mut reasons = Vec::new();
+    for (index, endpoint) in endpoints.iter().enumerate() {
+        let reason = match tokio::time::timeout(TRIAL, trial(config, endpoint)).await {
+            Ok(Ok(())) => return Found::Server(index),
+            Ok(Err(error)) => without_source_paths(&error.to_string()),
+            Err(_) => "no answer".to_owned(),
+        };
+        reasons.push(match hint(&reason) {
+            Some(hint) => format!("{endpoint}: {hint} ({reason})"),
+            None => format!("{endpoint}: {reason}"),
+        });
+    }
+    Found::None(reasons.join("; "))
+}
+
+/// Tries one endpoint once. Only a session that may have several connections ends with the reason of one that failed.
+async fn trial(config: &Config, endpoint: &str) -> Result<(), zenoh::Error> {
+    let mut config = config.clone();
+    for (key, value) in [
+        ("mode", "\"peer\""),
+        ("connect/endpoints", &serde_json::to_string(&[endpoint])?),
+        ("connect/timeout_ms", "0"),
+        ("connect/exit_on_failure", "true"),
+        ("listen/endpoints", "[]"),
+        ("scouting/multicast/enabled", "false"),
+        ("scouting/gossip/enabled", "false"),
+    ] {
+        config.insert_json5(key, value)?;
+    }
+    zenoh::open(config).await?.close().await
+}
+
+/// What to look at. Zenoh's errors are texts, and the best of them are those of rustls.
+fn hint(reason: &str) -> Option<&'static str> {
+    let contains = |text: &&str| reason.contains(*text);
+    let kinds: [(&[&str], &str); 5] = [
+        (&["UnknownIssuer", "BadSignature"], "its certificate is not from our authority (root_ca_certificate)"),
+        (&["NotValidForName", "not valid for name"], "its certificate does not name this host"),
+        (&["Expired", "NotValidYet"], "a certificate has expired, or a clock is wrong"),
+        (&["fatal alert", "peer closed connection"], "it refuses our certificate, or the lack of one"),
+        (&["Connection refused", "No route", "timed out", "failed to lookup"], "nobody listens there"),
+    ];
+    kinds.iter().find(|(texts, _)| texts.iter().any(|text| contains(text))).map(|(_, hint)| *hint)
+}
+
+/// Zenoh's errors end in the place in its source where they arose, which helps nobody here.
+pub(super) fn without_source_paths(text: &str) -> String {
+    text.split(" at /").next().unwrap_or(text).trim_end_matches(['.', ' ']).to_owned()
+}
