@@ -346,7 +346,7 @@ mod tests {
         let policies = section["policies"].as_array().unwrap();
         let mut used: Vec<&Value> = policies.iter().flat_map(|policy| policy["rules"].as_array().unwrap()).collect();
         for ids in [&mut known, &mut used] {
-            ids.sort_by_key(|id| id.to_string());
+            ids.sort_by_key(ToString::to_string);
             ids.dedup();
         }
         assert_eq!(known, used);

@@ -4,17 +4,20 @@ pub mod credentials;
 mod trouble;
 
 use credentials::CredentialError;
-use std::future::IntoFuture;
 use std::path::PathBuf;
-use std::pin::pin;
-use std::time::Duration;
-use zenoh::Config;
+use std::time::{Duration, Instant};
+use zenoh::{Config, Wait};
 
 /// A session that takes longer to open is remarked upon, with the reason.
 const PATIENCE: Duration = Duration::from_secs(3);
 /// … and again after this time, as long as there is none.
 const REMARK_EVERY: Duration = Duration::from_secs(30);
 
+/// Between two attempts to open a session, at first and at most.
+const FIRST_DELAY: Duration = Duration::from_millis(100);
+const LONGEST_DELAY: Duration = Duration::from_secs(2);
+/// `connect.timeout_ms` of a session that waits for its router.
+const FOREVER: &str = "-1";
 /// A lost router is tried again after a tenth of a second, and at least every two seconds from then on.
 const RETRY: &str = "{period_init_ms: 100, period_max_ms: 2000, period_increase_factor: 2}";
 /// Where a robot looks for a server that was told nothing.
@@ -88,64 +91,49 @@ pub enum LinkError {
 /// Opens the session. Waits until a server is there, without end, and says every half minute why it still waits (a log
 /// line, `WARN`): a Zenoh client is nothing without its router, and as a peer, which would not wait, a robot would not hear
 /// other robots through it. A certificate that is refused is waited out, too, since the router may be given another
-/// authority; one that cannot even be read is an error. Once open, the session outlives the server: it connects again, and
-/// its subscriptions, queryables and tokens are declared again. What is put meanwhile is lost, so whoever puts increments
-/// watches the head.
+/// authority; one that cannot even be read is an error. Only a file whose `connect.timeout_ms` is not −1 ends the waiting.
+/// Once open, the session outlives the server: it connects again, and its subscriptions, queryables and tokens are declared
+/// again. What is put meanwhile is lost, so whoever puts increments watches the head.
 ///
 /// # Errors
 /// [`LinkError`] when the configuration is no use or the session cannot be opened.
 pub async fn open(link: &LinkConfig) -> Result<zenoh::Session, LinkError> {
     let mut config = config(link)?;
-    let mut endpoints = endpoints(&config);
+    let endpoints = endpoints(&config);
     if endpoints.is_empty() {
         return Err(LinkError::NoEndpoint);
     }
     credentials::check(&config, &endpoints)?;
-    let reason = |error: zenoh::Error| trouble::without_source_paths(&error.to_string());
+    let is = |key: &str, value: &str| config.get_json(key).is_ok_and(|set| set == value);
+    let waits = is("mode", "\"client\"") && is("connect/timeout_ms", FOREVER);
+    let failed = |error: zenoh::Error| LinkError::Open {
+        endpoints: endpoints.clone(),
+        reason: trouble::without_source_paths(&error.to_string()),
+    };
+    if !waits {
+        return attempt(config).await.map_err(failed);
+    }
+    // A client that Zenoh lets wait asks the first endpoint for ever, and nobody else; one that does not wait asks each once.
+    config.insert_json5("connect/timeout_ms", "0").map_err(failed)?;
+    let (mut remark_at, mut delay) = (Instant::now() + PATIENCE, FIRST_DELAY);
     loop {
-        match open_first(&config, &endpoints).await {
-            Opened::Session(session) => return Ok(session),
-            Opened::Failed(error) => return Err(LinkError::Open { endpoints, reason: reason(error) }),
-            Opened::Elsewhere(index) => {
-                tracing::warn!("no server at {}; there is one at {}", endpoints[0], endpoints[index]);
-                endpoints.rotate_left(index);
-                let list = serde_json::to_string(&endpoints).unwrap_or_default(); // texts
-                if let Err(error) = config.insert_json5("connect/endpoints", &list) {
-                    return Err(LinkError::Config { endpoints, reason: reason(error) });
-                }
-            }
+        let error = match attempt(config.clone()).await {
+            Ok(session) => return Ok(session),
+            Err(error) => error,
+        };
+        tracing::debug!("no session yet: {error}");
+        if Instant::now() >= remark_at {
+            tracing::warn!("waiting for a server: {}", trouble::reasons(&config, &endpoints).await);
+            remark_at = Instant::now() + REMARK_EVERY;
         }
+        tokio::time::sleep(delay).await;
+        delay = (2 * delay).min(LONGEST_DELAY);
     }
 }
 
-/// What became of an attempt to open a session.
-enum Opened {
-    Session(zenoh::Session),
-    Failed(zenoh::Error),
-    /// The first endpoint is not there, but this one is. A Zenoh client would wait for the first for ever.
-    Elsewhere(usize),
-}
-
-async fn open_first(config: &Config, endpoints: &[String]) -> Opened {
-    let mut opening = pin!(zenoh::open(config.clone()).into_future());
-    let mut patience = PATIENCE;
-    let outcome = loop {
-        if let Ok(outcome) = tokio::time::timeout(patience, &mut opening).await {
-            break outcome;
-        }
-        tokio::select! {
-            outcome = &mut opening => break outcome,
-            found = trouble::survey(config, endpoints) => match found {
-                trouble::Found::Server(0) => {}
-                trouble::Found::Server(index) => return Opened::Elsewhere(index),
-                trouble::Found::None(reasons) => {
-                    tracing::warn!("waiting for a server: {reasons}");
-                    patience = REMARK_EVERY;
-                }
-            }
-        }
-    };
-    outcome.map_or_else(Opened::Failed, Opened::Session)
+/// Opens a session on a thread of its own: Zenoh's own future blocks the thread that asks for it.
+async fn attempt(config: Config) -> Result<zenoh::Session, zenoh::Error> {
+    tokio::task::spawn_blocking(|| zenoh::open(config).wait()).await?
 }
 
 /// The endpoints to connect to, as texts.
@@ -184,12 +172,12 @@ fn config(link: &LinkConfig) -> Result<Config, LinkError> {
         ("mode", "\"client\""),
         // Nobody listens who was not told to.
         ("listen/endpoints", NONE),
-        ("connect/timeout_ms", "-1"),
+        ("connect/timeout_ms", FOREVER),
         ("connect/exit_on_failure", "false"),
         ("connect/retry", RETRY),
         ("scouting/multicast/enabled", "false"),
     ] {
-        let json = |config: &Config| config.get_json(key).map_err(|error| refused(error.into()));
+        let json = |config: &Config| config.get_json(key).map_err(refused);
         if json(&config)? == json(&untouched)? {
             config.insert_json5(key, value).map_err(refused)?;
         }

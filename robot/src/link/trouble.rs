@@ -1,35 +1,22 @@
 //! Why a server cannot be reached. A Zenoh client that waits for its router keeps the reason to itself; a trial session that
 //! does not wait tells it.
 
-use std::time::Duration;
 use zenoh::Config;
 
-/// A trial takes no longer.
-const TRIAL: Duration = Duration::from_secs(5);
-
-/// What a look at the endpoints has found.
-pub(super) enum Found {
-    /// A server at the endpoint of this index.
-    Server(usize),
-    /// None, and what keeps us from each.
-    None(String),
-}
-
-/// Tries `endpoints` one after the other, with the credentials of `config`.
-pub(super) async fn survey(config: &Config, endpoints: &[String]) -> Found {
+/// What keeps a session with `config` from each of `endpoints`, tried one after the other.
+pub(super) async fn reasons(config: &Config, endpoints: &[String]) -> String {
     let mut reasons = Vec::new();
-    for (index, endpoint) in endpoints.iter().enumerate() {
-        let reason = match tokio::time::timeout(TRIAL, trial(config, endpoint)).await {
-            Ok(Ok(())) => return Found::Server(index),
-            Ok(Err(error)) => without_source_paths(&error.to_string()),
-            Err(_) => "no answer".to_owned(),
+    for endpoint in endpoints {
+        let reason = match trial(config, endpoint).await {
+            Ok(()) => "there is one now".to_owned(),
+            Err(error) => without_source_paths(&error.to_string()),
         };
         reasons.push(match hint(&reason) {
             Some(hint) => format!("{endpoint}: {hint} ({reason})"),
             None => format!("{endpoint}: {reason}"),
         });
     }
-    Found::None(reasons.join("; "))
+    reasons.join("; ")
 }
 
 /// Tries one endpoint once. Only a session that may have several connections ends with the reason of one that failed.
@@ -46,12 +33,11 @@ async fn trial(config: &Config, endpoint: &str) -> Result<(), zenoh::Error> {
     ] {
         config.insert_json5(key, value)?;
     }
-    zenoh::open(config).await?.close().await
+    super::attempt(config).await?.close().await
 }
 
 /// What to look at. Zenoh's errors are texts, and the best of them are those of rustls.
 fn hint(reason: &str) -> Option<&'static str> {
-    let contains = |text: &&str| reason.contains(*text);
     let kinds: [(&[&str], &str); 5] = [
         (&["UnknownIssuer", "BadSignature"], "its certificate is not from our authority (root_ca_certificate)"),
         (&["NotValidForName", "not valid for name"], "its certificate does not name this host"),
@@ -59,7 +45,7 @@ fn hint(reason: &str) -> Option<&'static str> {
         (&["fatal alert", "peer closed connection"], "it refuses our certificate, or the lack of one"),
         (&["Connection refused", "No route", "timed out", "failed to lookup"], "nobody listens there"),
     ];
-    kinds.iter().find(|(texts, _)| texts.iter().any(|text| contains(text))).map(|(_, hint)| *hint)
+    kinds.iter().find(|(texts, _)| texts.iter().any(|text| reason.contains(text))).map(|(_, hint)| *hint)
 }
 
 /// Zenoh's errors end in the place in its source where they arose, which helps nobody here.
