@@ -2,12 +2,14 @@
 
 use crate::access::command::AccessArgs;
 use crate::config::{AnswerConfig, Limits, LinkConfig, ServerConfig};
-use crate::{ServerError, run};
+use crate::{ServerError, denials, run};
 use clap::{Parser, Subcommand};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+use tracing_subscriber::{EnvFilter, Layer};
 
 /// Where a server listens that was told nothing.
 const DEFAULT_LISTEN: &str = "tcp/127.0.0.1:7447";
@@ -78,7 +80,8 @@ fn log(verbose: u8) {
     };
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
     // Fails only if the program that calls this has set up its own.
-    let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
+    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_filter(filter);
+    let _ = tracing_subscriber::registry().with(lines).with(denials::layer()).try_init();
 }
 
 async fn until_told() {

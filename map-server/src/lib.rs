@@ -11,6 +11,7 @@
 //! | [`access`] | who may do what: from roles to a router's access control |
 //! | [`config`] | what a server is told at its start |
 //! | [`session`] | the Zenoh session |
+//! | [`denials`] | what access control denies, counted |
 //! | [`queue`] | what has arrived, bounded in bytes |
 //! | [`check`] | what is wrong with an increment |
 //! | [`ingest`] | check, order, commit, apply: the one writer |
@@ -32,6 +33,7 @@ pub mod catalog;
 pub mod check;
 pub mod cli;
 pub mod config;
+pub mod denials;
 pub mod ingest;
 pub mod nursery;
 pub mod queue;

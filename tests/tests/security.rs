@@ -13,7 +13,8 @@ use site::{
     shipped, try_once,
 };
 use std::io::{BufRead, BufReader};
-use std::process::{Command, Stdio};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -74,6 +75,17 @@ async fn hears_nothing(subscriber: &Heard) -> bool {
     timeout(MOMENT, subscriber.recv_async()).await.is_err()
 }
 
+/// For as long as a message may take, whatever else comes.
+async fn hears_no_lies(subscriber: &Heard) -> bool {
+    let deadline = tokio::time::Instant::now() + MOMENT;
+    while let Ok(sample) = tokio::time::timeout_at(deadline, subscriber.recv_async()).await {
+        if *sample.unwrap().payload().to_bytes() == *b"lies" {
+            return false;
+        }
+    }
+    true
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn nobody_gets_in_without_a_certificate_of_this_site() {
     let endpoint = free_endpoint();
@@ -96,6 +108,12 @@ async fn nobody_gets_in_without_a_certificate_of_this_site() {
             let authority = certificates().join("elsewhere/ca.pem");
             let astray = ours.replace(certificates().join("ca.pem").to_str().unwrap(), authority.to_str().unwrap());
             assert!(try_once(config(&astray)).await.is_err(), "{file}: to a router of another authority");
+            // While the authority is being replaced, a file has both.
+            let both = tempfile::NamedTempFile::new().unwrap();
+            let read = |file: &Path| std::fs::read_to_string(file).unwrap();
+            std::fs::write(&both, read(&authority) + &read(&certificates().join("ca.pem"))).unwrap();
+            let between = astray.replace(authority.to_str().unwrap(), both.path().to_str().unwrap());
+            try_once(config(&between)).await.unwrap().close().await.unwrap();
             router.close().await.unwrap();
         }
     }
@@ -166,7 +184,9 @@ async fn a_client_can_ask_and_listen_but_not_play_the_server() {
     let tug = site.session("client.json5", "client-tug").await;
     write(&ana, "ana", 1).await;
     // Everything that a robot asks, wildcards and mistakes included: each is answered, at once.
-    for selector in ["fht/maps", "fht/*", "fht/*/head", "fht/museum/head", "fht/museum/nodes?near=0,0", "fht/museum/since"] {
+    for selector in
+        ["fht/maps", "fht/*", "fht/*/head", "fht/museum/head", "fht/museum/nodes?near=0,0", "fht/museum/since"]
+    {
         let replies = ask(&tug, selector).await;
         assert!(replies.iter().any(Result::is_ok), "{selector}: {replies:?}");
     }
@@ -196,7 +216,7 @@ async fn a_client_can_ask_and_listen_but_not_play_the_server() {
         .unwrap();
     tug.put("fht/museum/head", "lies").await.unwrap();
     tug.put(Key::refused(&museum(), author("ana")).to_string(), "lies").await.unwrap();
-    assert!(hears_nothing(&heads).await && hears_nothing(&refusals).await);
+    assert!(hears_no_lies(&heads).await && hears_no_lies(&refusals).await);
     for _ in 0..5 {
         assert_eq!(head(&ana).await.version, 2);
     }
@@ -267,7 +287,8 @@ async fn operators_give_orders_and_servers_answer_and_refuse() {
     let puts = server.declare_subscriber("fht/*/admin/**").await.unwrap();
     tokio::time::sleep(MOMENT).await;
     for session in [&ana, &tug] {
-        for selector in ["fht/museum/admin/release", "fht/museum/**", "fht/**", "fht/*/admin/*", "fht/museum/*/release"] {
+        for selector in ["fht/museum/admin/release", "fht/museum/**", "fht/**", "fht/*/admin/*", "fht/museum/*/release"]
+        {
             let replies = ask(session, selector).await;
             assert!(replies.iter().all(Result::is_err), "{selector}: {replies:?}");
         }
@@ -318,6 +339,46 @@ async fn a_map_server_alone_guards_itself() {
     server.await.unwrap().unwrap();
 }
 
+/// Reads what a process says until a line satisfies `wanted`; `false` when it ends before.
+fn says_until(child: &mut Child, said: &mut String, wanted: impl Fn(&str) -> bool) -> bool {
+    BufReader::new(child.stderr.take().unwrap()).lines().map_while(Result::ok).any(|line| {
+        *said += &format!("{line}\n");
+        wanted(&line)
+    })
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_is_denied_is_counted_and_told_to_the_operator() {
+    let dir = tempfile::tempdir().unwrap();
+    let endpoint = free_endpoint();
+    let file = in_file(dir.path(), "server", &guarded("server-alone.json5", "server-maps", &[&endpoint]));
+    let mut server = Command::new(env!("CARGO_BIN_EXE_handoff"))
+        .args(["role", "map-server", "--", "--data"])
+        .arg(dir.path().join("data"))
+        .arg("--zenoh-config")
+        .arg(file)
+        .env_remove("RUST_LOG")
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let file = in_file(dir.path(), "tug", &shipped("client.json5", "client-tug", &[], &[&endpoint]));
+    let tug = link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap();
+    assert!(timeout(PATIENCE, ask(&tug, "fht/maps")).await.is_ok(), "what is allowed is not counted");
+    put(&tug, "tug", "tug", 1).await;
+    let check = tokio::task::spawn_blocking(move || {
+        let mut said = String::new();
+        let key = Key::increment(&museum(), author("tug"), 1).to_string();
+        let found = says_until(&mut server, &mut said, |line| {
+            line.contains("denied 1 message(s)") && line.contains("client:tug") && line.contains(&key)
+        });
+        let _ = server.kill();
+        server.wait().unwrap();
+        assert!(found, "{said}");
+    });
+    timeout(PATIENCE, check).await.expect("not told").unwrap();
+    tug.close().await.unwrap();
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_robot_finds_the_router_that_is_there() {
     let (dead, alive) = (free_endpoint(), free_endpoint());
@@ -341,10 +402,7 @@ fn says(text: &str, expected: &str) {
         .spawn()
         .unwrap();
     let mut said = String::new();
-    let found = BufReader::new(robot.stderr.take().unwrap()).lines().map_while(Result::ok).any(|line| {
-        said += &format!("{line}\n");
-        line.contains(expected)
-    });
+    let found = says_until(&mut robot, &mut said, |line| line.contains(expected));
     let _ = robot.kill();
     robot.wait().unwrap();
     assert!(found, "not said: {expected}\n{said}");
