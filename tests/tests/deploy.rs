@@ -135,7 +135,7 @@ fn the_walk_through_makes_every_file_that_the_compose_file_mounts() {
                 assert_eq!(parts.len(), 3, "{name}: {file} is mounted for writing");
                 let there = file
                     .strip_prefix("certificates/")
-                    .map_or_else(|| file == "zenohd.json5" || deploy(file).exists(), |certificate| made(certificate));
+                    .map_or_else(|| file == "zenohd.json5" || deploy(file).exists(), made);
                 assert!(there, "{name}: {file} is nowhere");
                 // Where the configuration looks for it.
                 let target = parts[1].trim_end_matches(".json5");
