@@ -78,9 +78,12 @@ enum Command {
 
 #[derive(Debug, Args)]
 struct LinkArgs {
-    /// Where the map-server or a router listens.
-    #[arg(long, default_value = "tcp/127.0.0.1:7447")]
+    /// Where the map-server or a router listens (repeatable) [default: tcp/127.0.0.1:7447, unless --zenoh-config is given].
+    #[arg(long, value_name = "ENDPOINT")]
     connect: Vec<String>,
+    /// A Zenoh configuration file (JSON5): endpoints, TLS, credentials. --connect goes before what it says.
+    #[arg(long, value_name = "FILE")]
+    zenoh_config: Option<PathBuf>,
     /// The map.
     #[arg(long, default_value = "museum")]
     map: MapName,
@@ -201,7 +204,7 @@ pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
     };
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error"));
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error,fht_robot::link=warn"));
     // Another program may have set a logger in this process already.
     let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
     let outcome = match cli.command {
@@ -236,7 +239,7 @@ fn connect(link: &LinkArgs) -> Result<Session, CliError> {
         .enable_all()
         .build()
         .map_err(CliError::Runtime)?;
-    Ok(runtime.block_on(open(&LinkConfig { connect: link.connect.clone() }))?)
+    Ok(runtime.block_on(open(&LinkConfig::from_options(link.connect.clone(), link.zenoh_config.clone())))?)
 }
 
 fn path(link: &LinkArgs, from: &str, to: &str, json: bool) -> Result<ExitCode, CliError> {

@@ -18,7 +18,7 @@ async fn a_late_replica_catches_up_follows_and_recovers() {
     let (server, endpoint) = listen().await;
     let log: Arc<Mutex<Vec<Increment>>> = Arc::new(Mutex::new((1..=8).map(increment).collect()));
     serve(&server, &map, &log);
-    let client = open(&LinkConfig { connect: vec![endpoint] }).await.expect("a session");
+    let client = open(&LinkConfig::from_options(vec![endpoint], None)).await.expect("a session");
     let replica = LiveReplica::start(&client, &map, ReplicaConfig::default()).expect("a replica");
 
     tokio::task::spawn_blocking(move || {

@@ -1,14 +1,17 @@
 //! The command line.
 
+use crate::access::command::AccessArgs;
 use crate::config::{AnswerConfig, Limits, LinkConfig, ServerConfig};
 use crate::fleet::FleetConfig;
 use crate::operate::{OperateError, Operation, OperatorArgs};
-use crate::{ServerError, run};
+use crate::{ServerError, denials, run};
 use clap::Parser;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+use tracing_subscriber::{EnvFilter, Layer};
 
 /// Where a server listens that was told nothing.
 pub(crate) const DEFAULT_LISTEN: &str = "tcp/127.0.0.1:7447";
@@ -34,6 +37,7 @@ struct Cli {
 enum Command {
     #[command(flatten)]
     Operate(Operation),
+    AccessControl(AccessArgs),
 }
 
 #[derive(Debug, clap::Args)]
@@ -111,7 +115,8 @@ fn log(verbose: u8) {
     };
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
     // Fails only if the program that calls this has set up its own.
-    let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
+    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_filter(filter);
+    let _ = tracing_subscriber::registry().with(lines).with(denials::layer()).try_init();
 }
 
 async fn until_told() {
@@ -166,6 +171,9 @@ where
         None => serve(config).map_err(|error| error.to_string()),
         Some(Command::Operate(operation)) => {
             operate(operation, &cli.operator, cli.link).map_err(|error| error.to_string())
+        }
+        Some(Command::AccessControl(access)) => {
+            access.run().map(|text| print!("{text}")).map_err(|error| error.to_string())
         }
     };
     match outcome {

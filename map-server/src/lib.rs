@@ -9,8 +9,10 @@
 //! | module | idea |
 //! | --- | --- |
 //! | [`cli`] | the command line |
+//! | [`access`] | who may do what: from roles to a router's access control |
 //! | [`config`] | what a server is told at its start |
 //! | [`session`] | the Zenoh session |
+//! | [`denials`] | what access control denies, counted |
 //! | [`queue`] | what has arrived, bounded in bytes |
 //! | [`check`] | what is wrong with an increment |
 //! | [`ingest`] | check, order, commit, apply: the one writer |
@@ -34,12 +36,14 @@
 //! An increment counts as acknowledged when the head that is published covers it, and a head covers only what a commit has
 //! brought to the disk. Whatever waits while a commit is under way goes into the next one together.
 
+pub mod access;
 pub mod answer;
 pub mod basis;
 pub mod catalog;
 pub mod check;
 pub mod cli;
 pub mod config;
+pub mod denials;
 pub mod fleet;
 pub mod hear;
 pub mod ingest;

@@ -75,9 +75,8 @@ struct ExploreArgs {
     /// Name of this robot.
     #[arg(long, default_value = "explorer")]
     robot: String,
-    /// Where the map server (or a Zenoh router) listens.
-    #[arg(long, default_value = "tcp/127.0.0.1:7447")]
-    connect: Vec<String>,
+    #[command(flatten)]
+    link: LinkArgs,
     /// Map without a server.
     #[arg(long)]
     offline: bool,
@@ -126,6 +125,24 @@ struct ExploreArgs {
     quiet: bool,
 }
 
+/// How the server is reached: `explore` and `replay` share it.
+#[derive(Debug, Args)]
+struct LinkArgs {
+    /// Where the map server (or a Zenoh router) listens (repeatable) [default: tcp/127.0.0.1:7447, unless --zenoh-config is
+    /// given].
+    #[arg(long, value_name = "ENDPOINT")]
+    connect: Vec<String>,
+    /// A Zenoh configuration file (JSON5): endpoints, TLS, credentials. --connect goes before what it says.
+    #[arg(long, value_name = "FILE")]
+    zenoh_config: Option<PathBuf>,
+}
+
+impl LinkArgs {
+    fn config(&self) -> LinkConfig {
+        LinkConfig::from_options(self.connect.clone(), self.zenoh_config.clone())
+    }
+}
+
 fn number(text: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64, String> {
     let value = text.parse::<f64>().ok().filter(|value| range.contains(value));
     value.ok_or_else(|| format!("'{text}' is not a number from {} to {}", range.start(), range.end()))
@@ -159,7 +176,7 @@ impl ExploreArgs {
             seed: self.seed,
             map,
             robot: self.robot.clone(),
-            link: (!self.offline).then(|| LinkConfig { connect: self.connect.clone() }),
+            link: (!self.offline).then(|| self.link.config()),
             model: self.model.clone(),
             cameras: !self.no_cameras,
             rate: self.rate.or(self.real_time.then_some(1.0)),
@@ -202,7 +219,7 @@ where
         }
     };
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error"));
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error,fht_robot::link=warn"));
     // A second subscriber in one process (tests) is no harm.
     let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
     let outcome = match cli.command {

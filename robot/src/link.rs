@@ -1,33 +1,69 @@
 //! The robot's Zenoh session: a client of the map server or of any router, which keeps trying to connect.
 
-use std::future::IntoFuture;
-use std::pin::pin;
-use std::time::Duration;
-use zenoh::Config;
+pub mod credentials;
+mod trouble;
 
-/// A session that takes longer to open is remarked upon.
+use credentials::CredentialError;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+use zenoh::{Config, Wait};
+
+/// A session that takes longer to open is remarked upon, with the reason.
 const PATIENCE: Duration = Duration::from_secs(3);
+/// … and again after this time, as long as there is none.
+const REMARK_EVERY: Duration = Duration::from_secs(30);
 
+/// Between two attempts to open a session, at first and at most.
+const FIRST_DELAY: Duration = Duration::from_millis(100);
+const LONGEST_DELAY: Duration = Duration::from_secs(2);
+/// `connect.timeout_ms` of a session that waits for its router.
+const FOREVER: &str = "-1";
 /// A lost router is tried again after a tenth of a second, and at least every two seconds from then on.
 const RETRY: &str = "{period_init_ms: 100, period_max_ms: 2000, period_increase_factor: 2}";
+/// Where a robot looks for a server that was told nothing.
+const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
+/// No endpoints, as Zenoh's configuration shows them.
+const NONE: &str = "[]";
 
 /// How a robot reaches the others.
 #[derive(Clone, Debug)]
 pub struct LinkConfig {
-    /// Endpoints of the map server or of a router, such as `tcp/127.0.0.1:7447`. Zenoh waits for the first one; the others
-    /// are tried when a connection is lost.
+    /// Endpoints of the map server or of routers, such as `tcp/127.0.0.1:7447`. One connection is made: to the first one if it
+    /// is there, else to whichever is. When it is lost, all are tried.
     pub connect: Vec<String>,
+    /// A Zenoh configuration file (JSON5) to start from: endpoints, TLS, credentials. `connect` goes before what it says;
+    /// whatever it leaves open is set as without a file.
+    pub zenoh_config: Option<PathBuf>,
 }
 
 impl Default for LinkConfig {
     fn default() -> Self {
-        Self { connect: vec!["tcp/127.0.0.1:7447".to_owned()] }
+        Self::from_options(Vec::new(), None)
+    }
+}
+
+impl LinkConfig {
+    /// What `--connect` and `--zenoh-config` say. With neither the server is looked for on this machine.
+    #[must_use]
+    pub fn from_options(mut connect: Vec<String>, zenoh_config: Option<PathBuf>) -> Self {
+        if connect.is_empty() && zenoh_config.is_none() {
+            connect.push(DEFAULT_ENDPOINT.to_owned());
+        }
+        Self { connect, zenoh_config }
     }
 }
 
 /// Why there is no session.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
+    /// The configuration file cannot be read or is not understood.
+    #[error("the Zenoh configuration {} is not accepted: {reason}", file.display())]
+    File {
+        /// Which.
+        file: PathBuf,
+        /// What Zenoh says.
+        reason: String,
+    },
     /// An option that Zenoh refuses.
     #[error("the endpoints {endpoints:?} are not accepted: {reason}")]
     Config {
@@ -36,6 +72,12 @@ pub enum LinkError {
         /// What Zenoh says.
         reason: String,
     },
+    /// Nowhere to connect to.
+    #[error("no endpoint: give --connect, or a --zenoh-config with connect.endpoints")]
+    NoEndpoint,
+    /// A certificate or key that the configuration names is of no use.
+    #[error(transparent)]
+    Credentials(#[from] CredentialError),
     /// Zenoh opens no session.
     #[error("no session with {endpoints:?}: {reason}")]
     Open {
@@ -46,35 +88,148 @@ pub enum LinkError {
     },
 }
 
-/// Opens the session. Waits until the server is there, without end: a Zenoh client is nothing without its router, and as a
-/// peer, which would not wait, a robot would not hear other robots through it. Once open, the session outlives the server:
-/// it connects again, and its subscriptions, queryables and tokens are declared again. What is put meanwhile is lost, so
-/// whoever puts increments watches the head.
+/// Opens the session. Waits until a server is there, without end, and says every half minute why it still waits (a log
+/// line, `WARN`): a Zenoh client is nothing without its router, and as a peer, which would not wait, a robot would not hear
+/// other robots through it. A certificate that is refused is waited out, too, since the router may be given another
+/// authority; one that cannot even be read is an error. Only a file whose `connect.timeout_ms` is not −1 ends the waiting.
+/// Once open, the session outlives the server: it connects again, and its subscriptions, queryables and tokens are declared
+/// again. What is put meanwhile is lost, so whoever puts increments watches the head.
 ///
 /// # Errors
-/// [`LinkError`] when the endpoints are malformed or the session cannot be opened.
+/// [`LinkError`] when the configuration is no use or the session cannot be opened.
 pub async fn open(link: &LinkConfig) -> Result<zenoh::Session, LinkError> {
-    let config = config(link)
-        .map_err(|error| LinkError::Config { endpoints: link.connect.clone(), reason: error.to_string() })?;
-    let mut opening = pin!(zenoh::open(config).into_future());
-    let outcome = match tokio::time::timeout(PATIENCE, &mut opening).await {
-        Ok(outcome) => outcome,
-        Err(_) => {
-            tracing::warn!("waiting for a server at {}", link.connect.join(", "));
-            opening.await
-        }
+    let mut config = config(link)?;
+    let endpoints = endpoints(&config);
+    if endpoints.is_empty() {
+        return Err(LinkError::NoEndpoint);
+    }
+    credentials::check(&config, &endpoints)?;
+    let is = |key: &str, value: &str| config.get_json(key).is_ok_and(|set| set == value);
+    let waits = is("mode", "\"client\"") && is("connect/timeout_ms", FOREVER);
+    let failed = |error: zenoh::Error| LinkError::Open {
+        endpoints: endpoints.clone(),
+        reason: trouble::without_source_paths(&error.to_string()),
     };
-    outcome.map_err(|error| LinkError::Open { endpoints: link.connect.clone(), reason: error.to_string() })
+    if !waits {
+        return attempt(config).await.map_err(failed);
+    }
+    // A client that Zenoh lets wait asks the first endpoint for ever, and nobody else; one that does not wait asks each once.
+    config.insert_json5("connect/timeout_ms", "0").map_err(failed)?;
+    let (mut remark_at, mut delay) = (Instant::now() + PATIENCE, FIRST_DELAY);
+    loop {
+        let error = match attempt(config.clone()).await {
+            Ok(session) => return Ok(session),
+            Err(error) => error,
+        };
+        tracing::debug!("no session yet: {error}");
+        if Instant::now() >= remark_at {
+            tracing::warn!("waiting for a server: {}", trouble::reasons(&config, &endpoints).await);
+            remark_at = Instant::now() + REMARK_EVERY;
+        }
+        tokio::time::sleep(delay).await;
+        delay = (2 * delay).min(LONGEST_DELAY);
+    }
 }
 
-fn config(link: &LinkConfig) -> Result<Config, zenoh::Error> {
-    let mut config = Config::default();
-    let endpoints = serde_json::to_string(&link.connect)?;
-    config.insert_json5("mode", "\"client\"")?;
-    config.insert_json5("connect/endpoints", &endpoints)?;
-    config.insert_json5("connect/timeout_ms", "-1")?;
-    config.insert_json5("connect/exit_on_failure", "false")?;
-    config.insert_json5("connect/retry", RETRY)?;
-    config.insert_json5("scouting/multicast/enabled", "false")?;
+/// Opens a session on a thread of its own: Zenoh's own future blocks the thread that asks for it.
+async fn attempt(config: Config) -> Result<zenoh::Session, zenoh::Error> {
+    tokio::task::spawn_blocking(|| zenoh::open(config).wait()).await?
+}
+
+/// The endpoints to connect to, as texts.
+fn endpoints(config: &Config) -> Vec<String> {
+    let json = config.get_json("connect/endpoints").unwrap_or_default();
+    let mut found = Vec::new();
+    // A list, a list for each mode, or groups of links: whatever is a text with a slash is one.
+    let mut waiting: Vec<serde_json::Value> = serde_json::from_str(&json).into_iter().collect();
+    while let Some(value) = waiting.pop() {
+        match value {
+            serde_json::Value::String(text) if text.contains('/') => found.push(text),
+            serde_json::Value::Array(values) => waiting.extend(values.into_iter().rev()),
+            serde_json::Value::Object(fields) => waiting.extend(fields.into_iter().map(|(_, value)| value).rev()),
+            _ => {}
+        }
+    }
+    found
+}
+
+fn config(link: &LinkConfig) -> Result<Config, LinkError> {
+    let untouched = Config::default();
+    let mut config = match &link.zenoh_config {
+        None => Config::default(),
+        Some(file) => Config::from_file(file).map_err(|error| LinkError::File {
+            file: file.clone(),
+            reason: trouble::without_source_paths(&error.to_string()),
+        })?,
+    };
+    let refused =
+        |error: zenoh::Error| LinkError::Config { endpoints: link.connect.clone(), reason: error.to_string() };
+    if !link.connect.is_empty() {
+        let endpoints = serde_json::to_string(&link.connect).map_err(|error| refused(error.into()))?;
+        config.insert_json5("connect/endpoints", &endpoints).map_err(refused)?;
+    }
+    for (key, value) in [
+        ("mode", "\"client\""),
+        // Nobody listens who was not told to.
+        ("listen/endpoints", NONE),
+        ("connect/timeout_ms", FOREVER),
+        ("connect/exit_on_failure", "false"),
+        ("connect/retry", RETRY),
+        ("scouting/multicast/enabled", "false"),
+    ] {
+        let json = |config: &Config| config.get_json(key).map_err(refused);
+        if json(&config)? == json(&untouched)? {
+            config.insert_json5(key, value).map_err(refused)?;
+        }
+    }
     Ok(config)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with_file(text: &str, connect: &[&str]) -> Result<Config, LinkError> {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("zenoh.json5");
+        std::fs::write(&file, text).unwrap();
+        let connect = connect.iter().map(|&endpoint| endpoint.to_owned()).collect();
+        config(&LinkConfig::from_options(connect, Some(file)))
+    }
+
+    #[test]
+    fn a_robot_that_was_told_nothing_looks_on_this_machine() {
+        assert_eq!(endpoints(&config(&LinkConfig::default()).unwrap()), [DEFAULT_ENDPOINT]);
+    }
+
+    #[test]
+    fn a_configuration_file_is_obeyed_and_the_options_go_before_it() {
+        let text = r#"{connect: {endpoints: ["tls/hall:7447", "tls/stairs:7447"], timeout_ms: 5},
+            transport: {link: {tls: {root_ca_certificate: "ca.pem"}}}}"#;
+        let config = with_file(text, &[]).unwrap();
+        assert_eq!(endpoints(&config), ["tls/hall:7447", "tls/stairs:7447"]);
+        assert_eq!(config.get_json("connect/timeout_ms").unwrap(), "5");
+        assert!(config.get_json("transport/link/tls").unwrap().contains("ca.pem"));
+        let overridden = with_file(text, &["tls/annex:7447"]).unwrap();
+        assert_eq!(endpoints(&overridden), ["tls/annex:7447"]);
+        assert!(overridden.get_json("transport/link/tls").unwrap().contains("ca.pem"));
+        // What it leaves open.
+        let rest = with_file("{}", &["tcp/hall:7447"]).unwrap();
+        assert_eq!(rest.get_json("mode").unwrap(), "\"client\"");
+        assert_eq!(rest.get_json("listen/endpoints").unwrap(), NONE);
+        assert_eq!(rest.get_json("connect/timeout_ms").unwrap(), "-1");
+        assert_eq!(rest.get_json("scouting/multicast/enabled").unwrap(), "false");
+        assert!(endpoints(&with_file("{}", &[]).unwrap()).is_empty());
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_used_is_named() {
+        let missing = LinkConfig::from_options(Vec::new(), Some("nowhere/zenoh.json5".into()));
+        let error = config(&missing).unwrap_err().to_string();
+        assert!(error.contains("nowhere/zenoh.json5") && error.contains("No such file"), "{error}");
+        for text in ["{", "{mode: \"captain\"}", "{connect: {endpoints: [\"nonsense\"]}}"] {
+            let error = with_file(text, &[]).unwrap_err().to_string();
+            assert!(error.contains("zenoh.json5 is not accepted: ") && !error.contains(".rs:"), "{error}");
+        }
+    }
 }

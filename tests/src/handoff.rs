@@ -323,7 +323,7 @@ fn draw(
     client: &ClientReport,
 ) -> Result<bool, HandoffError> {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
-    let session = runtime.block_on(link::open(&LinkConfig { connect: vec![config.endpoint.clone()] }))?;
+    let session = runtime.block_on(link::open(&LinkConfig::from_options(vec![config.endpoint.clone()], None)))?;
     let replica = LiveReplica::start(&session, map, ReplicaConfig::default())?;
     let vector: VersionVector = client_robot::replica::ask_head(&session, map, PATIENCE)?.vector;
     if !replica.wait_for(&vector, PATIENCE) {

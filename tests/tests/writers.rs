@@ -54,7 +54,7 @@ impl Running {
         };
         let (stop, stopped) = oneshot::channel::<()>();
         let server = tokio::spawn(map_server::run(config, async { _ = stopped.await }));
-        let session = link::open(&LinkConfig { connect: vec![endpoint] }).await.unwrap();
+        let session = link::open(&LinkConfig::from_options(vec![endpoint], None)).await.unwrap();
         assert_eq!(find_head(&session, &museum(), PATIENCE).await.unwrap(), None);
         Self { session, stop, server, _data: data }
     }
@@ -112,7 +112,7 @@ async fn silence_is_not_taken_for_an_unknown_map() {
     config.insert_json5("listen/endpoints", &format!("[\"{endpoint}\"]")).unwrap();
     config.insert_json5("scouting/multicast/enabled", "false").unwrap();
     let router = zenoh::open(config).await.unwrap();
-    let robot = link::open(&LinkConfig { connect: vec![endpoint] }).await.unwrap();
+    let robot = link::open(&LinkConfig::from_options(vec![endpoint], None)).await.unwrap();
     let unknown = find_head(&robot, &museum(), Duration::from_millis(500)).await.unwrap_err();
     assert!(matches!(unknown, PublishError::NoAnswer { .. }), "{unknown}");
 

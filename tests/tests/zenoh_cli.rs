@@ -66,7 +66,7 @@ fn a_path_is_printed_and_a_bad_request_prints_the_reason() {
     server.wait_until_listening(&endpoint, PATIENCE).unwrap();
 
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-    let session = runtime.block_on(link::open(&LinkConfig { connect: vec![endpoint.clone()] })).unwrap();
+    let session = runtime.block_on(link::open(&LinkConfig::from_options(vec![endpoint.clone()], None))).unwrap();
     put(&session, &"museum".parse().unwrap(), &corridors());
 
     let get = |selector: &str, decoder: &[&str]| {

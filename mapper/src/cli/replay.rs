@@ -1,6 +1,6 @@
 //! `mapper replay` and `mapper info`: bags on the command line.
 
-use super::{rate, runtime, seconds, stop_on_signal};
+use super::{LinkArgs, rate, runtime, seconds, stop_on_signal};
 use crate::mapping::MapperConfig;
 use crate::replay::{ReplayReport, ReplaySnapshot, ReplayTask, replay};
 use clap::Args;
@@ -8,7 +8,6 @@ use fht_proto::MapName;
 use fht_robot::bag::odometry::OdometryConfig;
 use fht_robot::bag::scan::ScanConfig;
 use fht_robot::bag::{BagInfo, FrameConfig, TopicConfig, survey};
-use fht_robot::link::LinkConfig;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 
@@ -22,9 +21,8 @@ pub(super) struct ReplayArgs {
     /// Name of the robot that wrote the bag.
     #[arg(long, default_value = "explorer")]
     robot: String,
-    /// Where the map server (or a Zenoh router) listens.
-    #[arg(long, default_value = "tcp/127.0.0.1:7447")]
-    connect: Vec<String>,
+    #[command(flatten)]
+    link: LinkArgs,
     /// Map without a server.
     #[arg(long)]
     offline: bool,
@@ -137,7 +135,7 @@ impl ReplayArgs {
             frames: self.frames.config()?,
             map,
             robot: self.robot.clone(),
-            link: (!self.offline).then(|| LinkConfig { connect: self.connect.clone() }),
+            link: (!self.offline).then(|| self.link.config()),
             model: self.model.clone(),
             rate: self.rate,
             linger_s: self.linger,

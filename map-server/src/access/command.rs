@@ -1,0 +1,73 @@
+//! `map-server access-control`: the list of roles on the command line.
+
+use super::{AccessError, configuration, parse};
+use clap::Args;
+use std::path::{Path, PathBuf};
+
+/// Writes the access control section of a Zenoh router's configuration from a list of who has which role.
+#[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
+pub struct AccessArgs {
+    /// Who has which role (JSON5): routers, servers, explorers, clients, operators, each a list of names as in the
+    /// certificates.
+    #[arg(value_name = "ROLES.json5")]
+    roles: PathBuf,
+    /// A router's configuration (JSON5) to put the section into, in place of one that it has; its comments are lost. Without
+    /// it the section is written alone.
+    #[arg(long, value_name = "FILE")]
+    into: Option<PathBuf>,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  map-server access-control roles.json5 --into router.json5 > zenohd.json5
+      what a router needs: give all routers the same list
+
+A list of roles:
+  {
+    routers: ['hall', 'stairs'], servers: ['maps'],
+    explorers: ['ana'], clients: ['tug-1', 'tug-2'], operators: ['desk'],
+  }
+
+Everything that a role does not need is denied. Routers read this at their start only.";
+
+/// Why nothing was written.
+#[derive(Debug, thiserror::Error)]
+pub enum AccessCommandError {
+    /// A file cannot be read.
+    #[error("{} cannot be read: {source}", file.display())]
+    Read {
+        /// Which.
+        file: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A file makes no sense.
+    #[error("{}: {source}", file.display())]
+    Access {
+        /// Which.
+        file: PathBuf,
+        /// Why.
+        source: AccessError,
+    },
+}
+
+fn read(file: &Path) -> Result<String, AccessCommandError> {
+    std::fs::read_to_string(file).map_err(|source| AccessCommandError::Read { file: file.to_owned(), source })
+}
+
+impl AccessArgs {
+    /// The configuration's text.
+    ///
+    /// # Errors
+    /// [`AccessCommandError`], which names the file.
+    pub fn run(&self) -> Result<String, AccessCommandError> {
+        let roles_in = |source| AccessCommandError::Access { file: self.roles.clone(), source };
+        let roles = parse(&read(&self.roles)?).map_err(roles_in)?;
+        let Some(file) = &self.into else { return configuration("{}", &roles).map_err(roles_in) };
+        configuration(&read(file)?, &roles).map_err(|source| {
+            let is_of_the_list = !matches!(source, AccessError::Syntax(_) | AccessError::NotAnObject);
+            AccessCommandError::Access { file: if is_of_the_list { &self.roles } else { file }.clone(), source }
+        })
+    }
+}

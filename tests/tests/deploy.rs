@@ -1,0 +1,283 @@
+//! Every file of `deploy/`, as far as it can be tried without Docker and without the network.
+#![allow(clippy::unwrap_used)] // tests may panic
+
+mod site;
+
+use fht_proto::AuthorId;
+use map_server::access::{Roles, parse};
+use serde_json::Value;
+use site::{certificates, config, deploy, free_endpoint, make_certificates, read, shipped};
+use std::collections::BTreeSet;
+use std::net::TcpListener;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::process::{Command, Output};
+
+const HANDOFF: &str = env!("CARGO_BIN_EXE_handoff");
+
+fn map_server(args: &[&str]) -> Output {
+    Command::new(HANDOFF).args(["role", "map-server", "--"]).args(args).output().unwrap()
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn roles() -> Roles {
+    parse(&read("roles.json5")).unwrap()
+}
+
+/// Role and name of everybody, as in file names.
+fn members() -> Vec<String> {
+    let roles = roles();
+    let lists = [
+        ("router", &roles.routers),
+        ("server", &roles.servers),
+        ("explorer", &roles.explorers),
+        ("client", &roles.clients),
+        ("operator", &roles.operators),
+    ];
+    lists.iter().flat_map(|(role, names)| names.iter().map(move |name| format!("{role}-{name}"))).collect()
+}
+
+#[test]
+fn the_script_makes_what_its_help_says_and_overwrites_nothing() {
+    assert!(Command::new("sh").arg("-n").arg(deploy("make-certificates.sh")).status().unwrap().success());
+    let mode = |file: &Path| std::fs::metadata(file).unwrap().permissions().mode() & 0o777;
+    assert_eq!(mode(&deploy("make-certificates.sh")) & 0o111, 0o111);
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("new folder");
+    let make = |args: &str| make_certificates(&out, &args.split(' ').collect::<Vec<_>>());
+    assert!(said(&make("explorer ana")).contains("has no authority"));
+    assert!(make("authority").status.success() && make("--days 30 explorer ana").status.success());
+    let is_private = |name: &str| mode(&out.join(name)) == 0o600 && mode(&out) == 0o700;
+    assert!(is_private("ca.key") && is_private("explorer-ana.key"));
+
+    let openssl = |args: &[&str]| Command::new("openssl").args(args).current_dir(&out).output().unwrap();
+    let shown = openssl(&["x509", "-in", "explorer-ana.pem", "-noout", "-subject", "-ext", "extendedKeyUsage"]);
+    let shown = String::from_utf8(shown.stdout).unwrap();
+    assert!(shown.contains("explorer:ana") && !shown.contains("Server"), "{shown}");
+    assert!(
+        openssl(&["x509", "-in", "explorer-ana.pem", "-noout", "-checkend", "2505600"]).status.success(),
+        "29 days"
+    );
+    assert!(
+        !openssl(&["x509", "-in", "explorer-ana.pem", "-noout", "-checkend", "2678400"]).status.success(),
+        "31 days"
+    );
+    assert!(openssl(&["verify", "-CAfile", "ca.pem", "explorer-ana.pem"]).status.success());
+
+    let before = std::fs::read(out.join("explorer-ana.pem")).unwrap();
+    let long = format!("explorer {}", "a".repeat(56));
+    for (args, reason) in [
+        ("authority", "move ca.key and ca.pem away"),
+        ("explorer ana", "exists; move it away"),
+        ("client ana", "ana is explorer already"),
+        ("operator ana", "ana is explorer already"),
+        ("captain ana", "unknown role captain"),
+        ("explorer", "needs a NAME"),
+        ("explorer ana/../ben", "is not made of"),
+        ("explorer a:b", "is not made of"),
+        ("explorer ben host", "names no hosts"),
+        ("router hall", "needs at least one HOST"),
+        ("router hall a,b", "neither a DNS name nor"),
+        ("--days 0 explorer ben", "not a number of days"),
+        ("--days 1e3 explorer ben", "not a number of days"),
+        ("--nights 3 explorer ben", "unknown option"),
+        (&long, "longer than 55"),
+    ] {
+        let output = make(args);
+        assert!(!output.status.success() && said(&output).contains(reason), "{args}: {}", said(&output));
+    }
+    assert_eq!(std::fs::read(out.join("explorer-ana.pem")).unwrap(), before);
+    let files: BTreeSet<_> = std::fs::read_dir(&out).unwrap().map(|file| file.unwrap().file_name()).collect();
+    assert_eq!(files, ["ca.key", "ca.pem", "explorer-ana.key", "explorer-ana.pem"].map(Into::into).into());
+    let help = make("--help");
+    assert!(help.status.success() && String::from_utf8_lossy(&help.stdout).contains("ROLE:NAME"));
+}
+
+#[test]
+fn the_walk_through_makes_every_file_that_the_compose_file_mounts() {
+    let dir = tempfile::tempdir().unwrap();
+    // The commands of the README that make something, run as they stand there.
+    let readme = read("README.md");
+    let commands: Vec<&str> = readme.lines().filter(|line| line.starts_with("./make-certificates.sh ")).collect();
+    assert!(commands.len() >= 7, "{commands:?}");
+    for command in commands {
+        let mut words = command.split_whitespace();
+        let script = deploy(words.next().unwrap().trim_start_matches("./")).canonicalize().unwrap();
+        let output = Command::new("sh").arg(script).args(words).current_dir(dir.path()).output().unwrap();
+        assert!(output.status.success(), "{command}: {}", said(&output));
+    }
+    let made = |name: &str| dir.path().join("certificates").join(name).exists();
+    for member in members() {
+        assert!(made(&format!("{member}.pem")) && made(&format!("{member}.key")), "{member}");
+    }
+    assert!(readme.contains("map-server access-control roles.json5 --into router.json5 > zenohd.json5"));
+    let written = map_server(&[
+        "access-control",
+        deploy("roles.json5").to_str().unwrap(),
+        "--into",
+        deploy("router.json5").to_str().unwrap(),
+    ]);
+    assert!(written.status.success(), "{}", said(&written));
+    let zenohd = String::from_utf8(written.stdout).unwrap();
+    assert!(zenohd.contains(&AuthorId::of_robot(&roles().explorers[0]).to_string()));
+
+    let compose: Value = serde_saphyr::from_str(&read("compose.yaml")).unwrap();
+    let services = compose["services"].as_object().unwrap();
+    let volumes = compose["volumes"].as_object().unwrap();
+    let mut used = BTreeSet::new();
+    for (name, service) in services {
+        for mount in service["volumes"].as_array().unwrap() {
+            let parts: Vec<&str> = mount.as_str().unwrap().split(':').collect();
+            if let Some(file) = parts[0].strip_prefix("./") {
+                assert_eq!(parts.len(), 3, "{name}: {file} is mounted for writing");
+                let there = file
+                    .strip_prefix("certificates/")
+                    .map_or_else(|| file == "zenohd.json5" || deploy(file).exists(), made);
+                assert!(there, "{name}: {file} is nowhere");
+                // Where the configuration looks for it.
+                let target = parts[1].trim_end_matches(".json5");
+                assert!(["/etc/fht-map/zenohd", "/etc/fht-map/server"].contains(&target) || zenohd.contains(target));
+            } else {
+                assert!(volumes.contains_key(parts[0]) && used.insert(parts[0].to_owned()), "{name}: {mount}");
+            }
+        }
+    }
+    assert_eq!(used.len(), volumes.len());
+}
+
+#[test]
+fn the_compose_file_names_what_it_runs() {
+    let compose: Value = serde_saphyr::from_str(&read("compose.yaml")).unwrap();
+    let services = compose["services"].as_object().unwrap();
+    let lock = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.lock")).unwrap();
+    let zenoh = lock.split("[[package]]\nname = \"zenoh\"\nversion = \"").nth(1).unwrap().split('"').next().unwrap();
+    let (mut ports, mut routers) = (BTreeSet::new(), Vec::new());
+    for (name, service) in services {
+        let image = service["image"].as_str().unwrap();
+        let tag = image.split_once(':').map_or("latest", |(_, tag)| tag);
+        assert!(tag != "latest", "{image}");
+        assert_eq!(service["restart"], "always", "{name}");
+        assert!(service["healthcheck"]["test"].is_array() && service["read_only"] == true, "{name}");
+        if image.starts_with("eclipse/zenoh:") {
+            assert_eq!(tag, zenoh, "routers and programs have one version");
+            let port = service["ports"][0].as_str().unwrap().to_owned();
+            assert!(port.ends_with(":7447") && ports.insert(port), "{name}");
+            routers.push(name.as_str());
+        }
+    }
+    assert_eq!(routers.len(), 3);
+    for (name, service) in services {
+        let command: Vec<&str> =
+            service["command"].as_array().unwrap().iter().map(|word| word.as_str().unwrap()).collect();
+        if routers.contains(&name.as_str()) {
+            let others: BTreeSet<String> =
+                routers.iter().filter(|other| *other != name).map(|other| format!("tls/{other}:7447")).collect();
+            let connects = command.windows(2).filter(|pair| pair[0] == "-e").map(|pair| pair[1].to_owned());
+            assert_eq!(connects.collect::<BTreeSet<_>>(), others);
+            // Sessions look for the routers under these names.
+            assert!(read("explorer.json5").contains(&format!("tls/{name}:7447")));
+        } else {
+            // What the parser does not know comes before the help.
+            assert!(map_server(&[&command[..], &["--help"]].concat()).status.success(), "{command:?}");
+        }
+    }
+    assert!(!map_server(&["--nonsense", "--help"]).status.success());
+    let dockerfile = read("Dockerfile");
+    let images = dockerfile.lines().filter_map(|line| line.strip_prefix("FROM "));
+    assert!(
+        images.clone().count() == 2 && images.clone().all(|image| image.contains(':') && !image.contains(":latest"))
+    );
+    let manifest = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.toml")).unwrap();
+    let rust = manifest.split("rust-version = \"").nth(1).unwrap().split('"').next().unwrap();
+    assert!(dockerfile.contains(&format!("FROM rust:{rust}-")), "the toolchain that the workspace needs");
+}
+
+#[test]
+fn the_health_checks_see_a_listener_and_a_connection() {
+    let compose: Value = serde_saphyr::from_str(&read("compose.yaml")).unwrap();
+    let of = |service: &str| compose["services"][service]["healthcheck"]["test"][1].as_str().unwrap().to_owned();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let healthy = |test: &str| {
+        assert!(test.contains("1D17"), "7447");
+        let test = test.replace("1D17", &format!("{:04X}", address.port()));
+        Command::new("sh").args(["-c", &test]).status().unwrap().success()
+    };
+    assert!(healthy(&of("router-a")) && !healthy(&of("maps")));
+    let connection = std::net::TcpStream::connect(address).unwrap();
+    assert!(healthy(&of("maps")));
+    drop((listener, connection));
+    assert!(!healthy(&of("router-a")));
+}
+
+#[test]
+fn the_units_are_sound_and_start_what_there_is() {
+    let dir = tempfile::tempdir().unwrap();
+    for unit in ["fht-map-server.service", "fht-map-router.service"] {
+        let text = read(unit);
+        let values = |key: &str| -> Vec<String> {
+            let prefix = format!("{key}=");
+            text.lines().filter_map(|line| line.strip_prefix(&prefix)).map(str::to_owned).collect()
+        };
+        for (key, value) in [
+            ("ProtectSystem", "strict"),
+            ("NoNewPrivileges", "yes"),
+            ("Restart", "always"),
+            ("LimitNOFILE", "65536"),
+            ("User", "fht-map"),
+            ("CapabilityBoundingSet", ""),
+        ] {
+            assert_eq!(values(key), [value], "{unit}: {key}");
+        }
+        let start = values("ExecStart").remove(0);
+        let words: Vec<&str> = start.split(' ').collect();
+        if unit == "fht-map-server.service" {
+            assert!(map_server(&[&words[1..], &["--help"]].concat()).status.success(), "{start}");
+            let state = format!("/var/lib/{}", values("StateDirectory")[0]);
+            assert!(words.contains(&state.as_str()), "it may write there only");
+        } else {
+            assert!(words[1..].chunks(2).all(|pair| ["-c", "-e", "--rest-http-port"].contains(&pair[0])), "{start}");
+        }
+        // Where there is systemd, it is asked; the programs are not installed here.
+        let copy = dir.path().join(unit);
+        std::fs::write(&copy, text.replace(words[0], HANDOFF)).unwrap();
+        match Command::new("systemd-analyze").arg("verify").arg(&copy).output() {
+            Ok(output) => assert!(said(&output).lines().all(|line| !line.contains(unit)), "{}", said(&output)),
+            Err(_) => assert!(text.contains("[Service]") && text.contains("[Install]")),
+        }
+    }
+}
+
+#[test]
+fn configurations_without_access_control_say_so_and_lists_that_cannot_be_are_refused() {
+    for (file, own) in [("router.json5", "router-a"), ("server-alone.json5", "server-maps")] {
+        let text = shipped(file, own, &[&free_endpoint()], &[]);
+        assert!(config(&text).get_json("access_control").unwrap().contains("\"enabled\":false"));
+        assert!(read(file).contains("map-server access-control"), "{file}");
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let refused = |text: &str| {
+        let file = dir.path().join("roles.json5");
+        std::fs::write(&file, text).unwrap();
+        let output = map_server(&["access-control", file.to_str().unwrap()]);
+        assert!(!output.status.success() && output.stdout.is_empty(), "{text}");
+        said(&output)
+    };
+    assert!(refused("{explorers: ['ana'], clients: ['ana']}").contains("roles.json5: the name 'ana' is listed twice"));
+    assert!(refused("{").contains("roles.json5: not understood"));
+    assert!(said(&map_server(&["access-control", "nowhere.json5"])).contains("nowhere.json5 cannot be read"));
+}
+
+#[test]
+fn the_readme_knows_every_file() {
+    let readme = read("README.md");
+    for file in std::fs::read_dir(deploy("")).unwrap() {
+        let file = file.unwrap();
+        let name = file.file_name().into_string().unwrap();
+        assert!(file.file_type().unwrap().is_dir() || name == "README.md" || readme.contains(&name), "{name}");
+    }
+    assert!(certificates().exists());
+}

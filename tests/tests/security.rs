@@ -1,0 +1,440 @@
+//! Who gets in and who may do what, over real sessions with mutual TLS: the routers' and sessions' files of `deploy/`, the
+//! certificates of its script, and the access control that `map-server access-control` writes.
+#![allow(clippy::unwrap_used)] // tests may panic
+
+mod site;
+
+use fht_proto::encode;
+use fht_proto::keys::Key;
+use fht_proto::query::{ErrorReply, Head};
+use fht_robot::link::{self, LinkConfig};
+use site::{
+    MOMENT, PATIENCE, Site, author, certificates, config, free_endpoint, guarded, in_file, increment, museum, serve,
+    shipped, try_once,
+};
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::channel;
+use std::time::{Duration, Instant};
+use tokio::time::timeout;
+use zenoh::handlers::FifoChannelHandler;
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::Sample;
+use zenoh::{Session, Wait};
+
+type Heard = Subscriber<FifoChannelHandler<Sample>>;
+
+/// Puts `number` of `robot`'s increments under the key of `under`.
+async fn put(session: &Session, robot: &str, under: &str, number: u64) {
+    let key = Key::increment(&museum(), author(under), number).to_string();
+    session.put(key, encode(&increment(robot, number)).unwrap()).await.unwrap();
+}
+
+/// What came back: payloads, or the reason.
+async fn ask(session: &Session, selector: &str) -> Vec<Result<Vec<u8>, String>> {
+    let replies = session.get(selector).timeout(Duration::from_secs(3)).await.unwrap();
+    let mut found = Vec::new();
+    while let Ok(reply) = replies.recv_async().await {
+        found.push(match reply.result() {
+            Ok(sample) => Ok(sample.payload().to_bytes().into_owned()),
+            Err(error) => Err(String::from_utf8_lossy(&error.payload().to_bytes()).into_owned()),
+        });
+    }
+    found
+}
+
+async fn head(session: &Session) -> Head {
+    let payload = ask(session, "fht/museum/head").await.into_iter().find_map(Result::ok).expect("a head");
+    serde_json::from_slice(&payload).unwrap()
+}
+
+/// Puts as its own author until the head has it.
+async fn write(session: &Session, robot: &str, number: u64) -> Head {
+    let start = Instant::now();
+    loop {
+        put(session, robot, robot, number).await;
+        if let Some(Ok(payload)) = ask(session, "fht/museum/head").await.into_iter().next() {
+            let head: Head = serde_json::from_slice(&payload).unwrap();
+            if head.vector.get(author(robot)) >= number {
+                return head;
+            }
+        }
+        assert!(start.elapsed() < PATIENCE, "{robot} cannot write");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+}
+
+async fn hears(subscriber: &Heard) -> Option<(String, Vec<u8>)> {
+    let sample = timeout(PATIENCE, subscriber.recv_async()).await.ok()?.ok()?;
+    Some((sample.key_expr().to_string(), sample.payload().to_bytes().into_owned()))
+}
+
+async fn hears_nothing(subscriber: &Heard) -> bool {
+    timeout(MOMENT, subscriber.recv_async()).await.is_err()
+}
+
+/// For as long as a message may take, whatever else comes.
+async fn hears_no_lies(subscriber: &Heard) -> bool {
+    let deadline = tokio::time::Instant::now() + MOMENT;
+    while let Ok(sample) = tokio::time::timeout_at(deadline, subscriber.recv_async()).await {
+        if *sample.unwrap().payload().to_bytes() == *b"lies" {
+            return false;
+        }
+    }
+    true
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn nobody_gets_in_without_a_certificate_of_this_site() {
+    let endpoint = free_endpoint();
+    for (file, own) in [("router.json5", "router-a"), ("server-alone.json5", "server-maps")] {
+        // As shipped, and with access control.
+        for text in [shipped(file, own, &[&endpoint], &[]), guarded(file, own, &[&endpoint])] {
+            let router = zenoh::open(config(&text)).await.unwrap();
+            let ours = shipped("explorer.json5", "explorer-ana", &[], &[&endpoint]);
+            try_once(config(&ours)).await.unwrap().close().await.unwrap();
+
+            let without = ours.replace("enable_mtls: true", "enable_mtls: false");
+            assert!(try_once(config(&without)).await.is_err(), "{file}: without a certificate");
+            let elsewhere = certificates().join("elsewhere/explorer-ana");
+            let ana = certificates().join("explorer-ana");
+            let foreign = ours.replace(ana.to_str().unwrap(), elsewhere.to_str().unwrap());
+            assert!(try_once(config(&foreign)).await.is_err(), "{file}: with another authority's certificate");
+            let plain = ours.replace("tls/", "tcp/").replace("[\"tls\"]", "[\"tcp\"]");
+            assert!(try_once(config(&plain)).await.is_err(), "{file}: without TLS");
+            // The other way round: a robot does not speak to a router of another site.
+            let authority = certificates().join("elsewhere/ca.pem");
+            let astray = ours.replace(certificates().join("ca.pem").to_str().unwrap(), authority.to_str().unwrap());
+            assert!(try_once(config(&astray)).await.is_err(), "{file}: to a router of another authority");
+            // While the authority is being replaced, a file has both.
+            let both = tempfile::NamedTempFile::new().unwrap();
+            let read = |file: &Path| std::fs::read_to_string(file).unwrap();
+            std::fs::write(&both, read(&authority) + &read(&certificates().join("ca.pem"))).unwrap();
+            let between = astray.replace(authority.to_str().unwrap(), both.path().to_str().unwrap());
+            try_once(config(&between)).await.unwrap().close().await.unwrap();
+            router.close().await.unwrap();
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn sessions_speak_tls_only_and_robots_cannot_pose_as_routers() {
+    let endpoint = free_endpoint();
+    // A robot's certificate is no good for listening, whatever its owner makes of it.
+    let impostor = zenoh::open(config(&shipped("router.json5", "explorer-ana", &[&endpoint], &[]))).await.unwrap();
+    for (file, own) in [
+        ("explorer.json5", "explorer-ana"),
+        ("client.json5", "client-tug"),
+        ("operator.json5", "operator-desk"),
+        ("server.json5", "server-maps"),
+    ] {
+        let text = shipped(file, own, &[], &[&endpoint]);
+        assert!(try_once(config(&text)).await.is_err(), "{file}: to a robot that plays a router");
+        let mut plain = config(&text);
+        plain.insert_json5("connect/endpoints", &format!("[\"{}\"]", endpoint.replace("tls/", "tcp/"))).unwrap();
+        let refused = try_once(plain).await.err().map(|error| error.to_string()).unwrap_or_default();
+        assert!(!refused.is_empty(), "{file}: over TCP");
+    }
+    impostor.close().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn increments_are_written_under_the_name_of_the_certificate_and_by_no_client() {
+    let site = Site::start().await;
+    let ana = site.session("explorer.json5", "explorer-ana").await;
+    let tug = site.session("client.json5", "client-tug").await;
+    let desk = site.session("operator.json5", "operator-desk").await;
+    let stranger = site.session("explorer.json5", "explorer-stranger").await;
+    let live = tug.declare_subscriber("fht/museum/inc/**").await.unwrap();
+    write(&ana, "ana", 1).await;
+    assert!(hears(&live).await.is_some(), "a client hears increments as they are put");
+
+    for _ in 0..3 {
+        // As itself, and as others: the payload's author agrees with the key, so the server alone would take it.
+        put(&tug, "tug", "tug", 1).await;
+        put(&tug, "ana", "ana", 2).await;
+        put(&ana, "ben", "ben", 1).await;
+        put(&ana, "desk", "desk", 1).await;
+        put(&desk, "ana", "ana", 2).await;
+        put(&stranger, "stranger", "stranger", 1).await;
+        put(&stranger, "ana", "ana", 2).await;
+        // Wildcards are wider than what is allowed.
+        ana.put("fht/museum/inc/*/1", encode(&increment("ben", 1)).unwrap()).await.unwrap();
+        ana.delete(Key::increment(&museum(), author("ana"), 1).to_string()).await.unwrap();
+    }
+    tokio::time::sleep(MOMENT).await;
+    let after = head(&tug).await;
+    assert_eq!((after.version, after.refused), (1, 0), "none of these has come as far as the server");
+
+    assert_eq!(write(&desk, "desk", 1).await.version, 2);
+    let end = write(&ana, "ana", 2).await;
+    assert_eq!((end.version, end.vector.get(author("tug")), end.vector.get(author("ben"))), (3, 0, 0));
+    for session in [ana, tug, desk, stranger] {
+        session.close().await.unwrap();
+    }
+    site.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_client_can_ask_and_listen_but_not_play_the_server() {
+    let site = Site::start().await;
+    let ana = site.session("explorer.json5", "explorer-ana").await;
+    let tug = site.session("client.json5", "client-tug").await;
+    write(&ana, "ana", 1).await;
+    // Everything that a robot asks, wildcards and mistakes included: each is answered, at once.
+    for selector in
+        ["fht/maps", "fht/*", "fht/*/head", "fht/museum/head", "fht/museum/nodes?near=0,0", "fht/museum/since"]
+    {
+        let replies = ask(&tug, selector).await;
+        assert!(replies.iter().any(Result::is_ok), "{selector}: {replies:?}");
+    }
+    for selector in ["fht/museum/route", "fht/museum/path?from=0,0", "fht/louvre/head"] {
+        let replies = ask(&tug, selector).await;
+        let is_told = |reply: &Result<Vec<u8>, String>| {
+            reply.as_ref().is_err_and(|text| serde_json::from_str::<ErrorReply>(text).is_ok())
+        };
+        assert!(replies.iter().any(is_told), "{selector}: {replies:?}");
+    }
+
+    let heads = ana.declare_subscriber("fht/museum/head").await.unwrap();
+    let refusals = ana.declare_subscriber(Key::refused(&museum(), author("ana")).to_string()).await.unwrap();
+    write(&ana, "ana", 2).await;
+    assert!(hears(&heads).await.is_some(), "the server's");
+    while heads.try_recv().unwrap().is_some() {}
+    let asked = Arc::new(AtomicU64::new(0));
+    let counting = Arc::clone(&asked);
+    let _false_server = tug
+        .declare_queryable("fht/**")
+        .complete(true)
+        .callback(move |query| {
+            counting.fetch_add(1, Ordering::Relaxed);
+            let _ = query.reply(query.key_expr().clone(), "lies").wait();
+        })
+        .await
+        .unwrap();
+    tug.put("fht/museum/head", "lies").await.unwrap();
+    tug.put(Key::refused(&museum(), author("ana")).to_string(), "lies").await.unwrap();
+    assert!(hears_no_lies(&heads).await && hears_no_lies(&refusals).await);
+    for _ in 0..5 {
+        assert_eq!(head(&ana).await.version, 2);
+    }
+    assert_eq!(asked.load(Ordering::Relaxed), 0, "nobody asks a client");
+    for session in [ana, tug] {
+        session.close().await.unwrap();
+    }
+    site.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_robot_speaks_of_itself_only() {
+    let site = Site::start().await;
+    let ana = site.session("explorer.json5", "explorer-ana").await;
+    let tug = site.session("client.json5", "client-tug").await;
+    let robots = ana.declare_subscriber("fht/museum/robots/**").await.unwrap();
+    let tokens = ana.liveliness().declare_subscriber("fht/museum/robots/*").await.unwrap();
+    tokio::time::sleep(MOMENT).await;
+    for topic in ["pose", "status", "blocked", "goal"] {
+        tug.put(format!("fht/museum/robots/ana/{topic}"), "lies").await.unwrap();
+        tug.put(format!("fht/museum/robots/*/{topic}"), "lies").await.unwrap();
+        tug.put(format!("fht/museum/robots/tug/{topic}"), "truth").await.unwrap();
+        let heard = hears(&robots).await;
+        assert_eq!(heard, Some((format!("fht/museum/robots/tug/{topic}"), b"truth".to_vec())));
+    }
+    assert!(hears_nothing(&robots).await);
+    // A publisher asks first whether anybody listens; that must be answered, too.
+    let poses = tug.declare_publisher("fht/museum/robots/tug/pose").await.unwrap();
+    tokio::time::sleep(MOMENT).await;
+    poses.put("truth").await.unwrap();
+    assert!(hears(&robots).await.is_some());
+
+    let _as_another = tug.liveliness().declare_token("fht/museum/robots/ben").await.unwrap();
+    let _as_itself = tug.liveliness().declare_token("fht/museum/robots/tug").await.unwrap();
+    assert_eq!(hears(&tokens).await.unwrap().0, "fht/museum/robots/tug");
+    assert!(hears_nothing(&tokens).await);
+    let here = ana.liveliness().get("fht/museum/robots/*").await.unwrap();
+    let mut present = Vec::new();
+    while let Ok(reply) = here.recv_async().await {
+        present.push(reply.result().unwrap().key_expr().to_string());
+    }
+    assert_eq!(present, ["fht/museum/robots/tug"]);
+    for session in [ana, tug] {
+        session.close().await.unwrap();
+    }
+    site.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn operators_give_orders_and_servers_answer_and_refuse() {
+    let site = Site::start().await;
+    let ana = site.session("explorer.json5", "explorer-ana").await;
+    let ben = site.session("explorer.json5", "explorer-ben").await;
+    let tug = site.session("client.json5", "client-tug").await;
+    let desk = site.session("operator.json5", "operator-desk").await;
+    // A second server stands in for what the map-server cannot do yet.
+    let server = site.session("server.json5", "server-maps").await;
+    let orders = Arc::new(AtomicU64::new(0));
+    let counting = Arc::clone(&orders);
+    let _admin = server
+        .declare_queryable("fht/*/admin/**")
+        .callback(move |query| {
+            counting.fetch_add(1, Ordering::Relaxed);
+            query.reply(query.key_expr().clone(), "done").wait().unwrap();
+        })
+        .await
+        .unwrap();
+    let puts = server.declare_subscriber("fht/*/admin/**").await.unwrap();
+    tokio::time::sleep(MOMENT).await;
+    for session in [&ana, &tug] {
+        for selector in ["fht/museum/admin/release", "fht/museum/**", "fht/**", "fht/*/admin/*", "fht/museum/*/release"]
+        {
+            let replies = ask(session, selector).await;
+            assert!(replies.iter().all(Result::is_err), "{selector}: {replies:?}");
+        }
+        session.put("fht/museum/admin/release", "mine").await.unwrap();
+    }
+    assert!(hears_nothing(&puts).await && orders.load(Ordering::Relaxed) == 0);
+    assert!(ask(&desk, "fht/museum/admin/release").await.iter().any(|reply| reply == &Ok(b"done".to_vec())));
+    desk.put("fht/museum/admin/release", "so be it").await.unwrap();
+    assert!(hears(&puts).await.is_some() && orders.load(Ordering::Relaxed) == 1);
+
+    let (own, other) = (Key::refused(&museum(), author("ana")), Key::refused(&museum(), author("ben")));
+    let heard_by_ana = ana.declare_subscriber(own.to_string()).await.unwrap();
+    let of_another = ana.declare_subscriber(other.to_string()).await.unwrap();
+    let of_all = ben.declare_subscriber("fht/**").await.unwrap();
+    let heard_by_desk = desk.declare_subscriber("fht/museum/refused/*").await.unwrap();
+    tokio::time::sleep(MOMENT).await;
+    server.put(own.to_string(), "full").await.unwrap();
+    assert!(hears(&heard_by_ana).await.is_some() && hears(&heard_by_desk).await.is_some());
+    server.put(other.to_string(), "full").await.unwrap();
+    assert!(hears(&heard_by_desk).await.is_some());
+    assert!(hears_nothing(&of_another).await && hears_nothing(&of_all).await);
+    for session in [ana, ben, tug, desk, server] {
+        session.close().await.unwrap();
+    }
+    site.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_map_server_alone_guards_itself() {
+    let dir = tempfile::tempdir().unwrap();
+    let endpoint = free_endpoint();
+    let file = in_file(dir.path(), "server", &guarded("server-alone.json5", "server-maps", &[&endpoint]));
+    let (stop, server) = serve(&dir.path().join("data"), file);
+    let session = async |name: &str, file: &str, own: &str| {
+        let file = in_file(dir.path(), name, &shipped(file, own, &[], &[&endpoint]));
+        link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap()
+    };
+    let ana = session("ana", "explorer.json5", "explorer-ana").await;
+    let tug = session("tug", "client.json5", "client-tug").await;
+    write(&ana, "ana", 1).await;
+    put(&tug, "tug", "tug", 1).await;
+    put(&tug, "ana", "ana", 2).await;
+    tokio::time::sleep(MOMENT).await;
+    assert_eq!(head(&tug).await.version, 1);
+    ana.close().await.unwrap();
+    tug.close().await.unwrap();
+    stop.send(()).unwrap();
+    server.await.unwrap().unwrap();
+}
+
+/// Reads what a process says until a line satisfies `wanted`; `false` when it ends before, or is silent for long.
+fn says_until(child: &mut Child, said: &mut String, wanted: impl Fn(&str) -> bool) -> bool {
+    let (line_to, lines) = channel();
+    let stderr = BufReader::new(child.stderr.take().unwrap());
+    std::thread::spawn(move || stderr.lines().map_while(Result::ok).try_for_each(|line| line_to.send(line)));
+    while let Ok(line) = lines.recv_timeout(PATIENCE) {
+        *said += &format!("{line}\n");
+        if wanted(&line) {
+            return true;
+        }
+    }
+    false
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_is_denied_is_counted_and_told_to_the_operator() {
+    let dir = tempfile::tempdir().unwrap();
+    let endpoint = free_endpoint();
+    let file = in_file(dir.path(), "server", &guarded("server-alone.json5", "server-maps", &[&endpoint]));
+    let mut server = Command::new(env!("CARGO_BIN_EXE_handoff"))
+        .args(["role", "map-server", "--", "--data"])
+        .arg(dir.path().join("data"))
+        .arg("--zenoh-config")
+        .arg(file)
+        .env_remove("RUST_LOG")
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let file = in_file(dir.path(), "tug", &shipped("client.json5", "client-tug", &[], &[&endpoint]));
+    let tug = link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap();
+    assert!(timeout(PATIENCE, ask(&tug, "fht/maps")).await.is_ok(), "what is allowed is not counted");
+    put(&tug, "tug", "tug", 1).await;
+    let check = tokio::task::spawn_blocking(move || {
+        let mut said = String::new();
+        let key = Key::increment(&museum(), author("tug"), 1).to_string();
+        let found = says_until(&mut server, &mut said, |line| {
+            line.contains("denied 1 message(s)") && line.contains("client:tug") && line.contains(&key)
+        });
+        let _ = server.kill();
+        server.wait().unwrap();
+        assert!(found, "{said}");
+    });
+    check.await.unwrap();
+    tug.close().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_robot_finds_the_router_that_is_there() {
+    let (dead, alive) = (free_endpoint(), free_endpoint());
+    let router = zenoh::open(config(&shipped("router.json5", "router-a", &[&alive], &[]))).await.unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let file = in_file(dir.path(), "ana", &shipped("explorer.json5", "explorer-ana", &[], &[&dead, &alive]));
+    let link = LinkConfig::from_options(Vec::new(), Some(file));
+    timeout(PATIENCE, link::open(&link)).await.expect("no end").unwrap().close().await.unwrap();
+    router.close().await.unwrap();
+}
+
+/// Starts `client-robot path` with a configuration and reads what it says until a line contains `expected`.
+fn says(text: &str, expected: &str) {
+    let dir = tempfile::tempdir().unwrap();
+    let file = in_file(dir.path(), "robot", text);
+    let mut robot = Command::new(env!("CARGO_BIN_EXE_handoff"))
+        .args(["role", "client-robot", "--", "path", "--from", "0,0", "--to", "1,1", "--zenoh-config"])
+        .arg(file)
+        .env_remove("RUST_LOG")
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = String::new();
+    let found = says_until(&mut robot, &mut said, |line| line.contains(expected));
+    let _ = robot.kill();
+    robot.wait().unwrap();
+    assert!(found, "not said: {expected}\n{said}");
+    assert!(!said.contains(".rs:") && said.lines().count() == 1, "{said}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_robot_says_why_it_has_no_server() {
+    let endpoint = free_endpoint();
+    let router = zenoh::open(config(&shipped("router.json5", "router-a", &[&endpoint], &[]))).await.unwrap();
+    let ours = shipped("client.json5", "client-tug", &[], &[&endpoint]);
+    let path = |name: &str| certificates().join(name).to_str().unwrap().to_owned();
+    let cases = [
+        (ours.replace("enable_mtls: true", "enable_mtls: false"), "refuses our certificate, or the lack of one"),
+        (ours.replace(&path("client-tug"), &path("elsewhere/explorer-ana")), "refuses our certificate"),
+        (ours.replace(&path("ca.pem"), &path("elsewhere/ca.pem")), "is not from our authority"),
+        (ours.replace("127.0.0.1", "127.0.0.2"), "nobody listens there"),
+        (ours.replace(&path("client-tug"), &path("client-gone")), "client-gone.pem cannot be read"),
+        (ours.replace("client-tug.key", "client-tug.pem"), "holds no PRIVATE KEY"),
+        (ours.replace("connect_certificate:", "// connect_certificate:"), "connect_certificate is not"),
+        (ours.replace("protocols: [\"tls\"]", "protocols: [\"tcp\"]"), "Unsupported protocol"),
+    ];
+    let checks = cases.map(|(text, expected)| tokio::task::spawn_blocking(move || says(&text, expected)));
+    for check in checks {
+        check.await.unwrap();
+    }
+    router.close().await.unwrap();
+}

@@ -1,0 +1,188 @@
+//! A site for tests: certificates from the script, and the files of `deploy/` with their paths and endpoints replaced.
+#![allow(dead_code, clippy::unwrap_used)] // every test program uses a part of it; tests may panic
+
+use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op};
+use fht_robot::link::{self, LinkConfig};
+use map_server::access::{Roles, configuration, parse};
+use map_server::config::{AnswerConfig, Limits, LinkConfig as ServerLink};
+use map_server::{ServerConfig, ServerError};
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+use std::time::Duration;
+use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+use zenoh::{Config, Session};
+
+pub const PATIENCE: Duration = Duration::from_secs(20);
+/// Long enough on loopback for a message that is let through.
+pub const MOMENT: Duration = Duration::from_millis(400);
+/// How the files name what a machine has.
+const OWN: &str = "/etc/fht-map/tls/own";
+const AUTHORITY: &str = "/etc/fht-map/tls/ca.pem";
+const ROUTERS: &str = r#"["tls/router-a:7447", "tls/router-b:7447", "tls/router-c:7447"]"#;
+const LISTEN: &str = r#"["tls/[::]:7447"]"#;
+
+pub fn deploy(file: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../deploy").join(file)
+}
+
+pub fn read(file: &str) -> String {
+    std::fs::read_to_string(deploy(file)).unwrap_or_else(|error| panic!("{file}: {error}"))
+}
+
+/// Runs the script with `args` after `--out DIR`.
+pub fn make_certificates(out: &Path, args: &[&str]) -> Output {
+    Command::new("sh").arg(deploy("make-certificates.sh")).arg("--out").arg(out).args(args).output().unwrap()
+}
+
+fn made(out: &Path, args: &str) {
+    let output = make_certificates(out, &args.split(' ').collect::<Vec<_>>());
+    assert!(output.status.success(), "{args}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// An authority, and one certificate for each member of the fleet, once for all tests of a program.
+pub fn certificates() -> &'static Path {
+    static MADE: OnceLock<tempfile::TempDir> = OnceLock::new();
+    let dir = MADE.get_or_init(|| {
+        let dir = tempfile::tempdir().unwrap();
+        for args in [
+            "authority",
+            "router a localhost 127.0.0.1",
+            "router b localhost 127.0.0.1",
+            "server maps localhost 127.0.0.1",
+            "explorer ana",
+            "explorer ben",
+            "client tug",
+            "operator desk",
+        ] {
+            made(dir.path(), args);
+        }
+        // Another site's, and one of ours that is in nobody's list.
+        made(&dir.path().join("elsewhere"), "authority");
+        made(&dir.path().join("elsewhere"), "explorer ana");
+        made(dir.path(), "explorer stranger");
+        dir
+    });
+    dir.path()
+}
+
+pub fn fleet() -> Roles {
+    parse("{routers: ['a', 'b'], servers: ['maps'], explorers: ['ana', 'ben'], clients: ['tug'], operators: ['desk']}")
+        .unwrap()
+}
+
+/// A loopback endpoint that was free a moment ago.
+pub fn free_endpoint() -> String {
+    format!("tls/{}", TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap())
+}
+
+fn list(endpoints: &[&str]) -> String {
+    serde_json::to_string(endpoints).unwrap()
+}
+
+/// A file of `deploy/` as it is on the machine whose certificate is `own` (ROLE-NAME).
+pub fn shipped(file: &str, own: &str, listen: &[&str], connect: &[&str]) -> String {
+    let dir = certificates();
+    let mut text = read(file);
+    assert!(text.contains(OWN) && text.contains(AUTHORITY), "{file}");
+    text = text.replace(OWN, dir.join(own).to_str().unwrap());
+    text = text.replace(AUTHORITY, dir.join("ca.pem").to_str().unwrap());
+    text = text.replace(ROUTERS, &list(connect));
+    text.replace(LISTEN, &list(listen))
+}
+
+/// The same with the fleet's access control.
+pub fn guarded(file: &str, own: &str, listen: &[&str]) -> String {
+    configuration(&shipped(file, own, listen, &[]), &fleet()).unwrap()
+}
+
+pub fn in_file(dir: &Path, name: &str, text: &str) -> PathBuf {
+    let file = dir.join(format!("{name}.json5"));
+    std::fs::write(&file, text).unwrap();
+    file
+}
+
+pub fn config(text: &str) -> Config {
+    let dir = tempfile::tempdir().unwrap();
+    Config::from_file(in_file(dir.path(), "zenoh", text)).unwrap()
+}
+
+/// A session that gives up at once.
+pub async fn try_once(mut config: Config) -> Result<Session, zenoh::Error> {
+    config.insert_json5("connect/timeout_ms", "0").unwrap();
+    config.insert_json5("connect/exit_on_failure", "true").unwrap();
+    zenoh::open(config).await
+}
+
+/// Two routers and a map-server; the server is at the first, everybody else at the second.
+pub struct Site {
+    pub endpoint: String,
+    routers: Vec<Session>,
+    stop: oneshot::Sender<()>,
+    server: JoinHandle<Result<(), ServerError>>,
+    dir: tempfile::TempDir,
+}
+
+impl Site {
+    pub async fn start() -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        let (first, second) = (free_endpoint(), free_endpoint());
+        let mut routers = Vec::new();
+        for (own, listen, others) in [("router-a", &first, vec![]), ("router-b", &second, vec![first.as_str()])] {
+            let mut config = config(&guarded("router.json5", own, &[listen]));
+            // As `zenohd -e` does.
+            config.insert_json5("connect/endpoints", &list(&others)).unwrap();
+            routers.push(zenoh::open(config).await.unwrap());
+        }
+        let file = in_file(dir.path(), "server", &shipped("server.json5", "server-maps", &[], &[&first]));
+        let (stop, server) = serve(&dir.path().join("data"), file);
+        let site = Self { endpoint: second, routers, stop, server, dir };
+        let asking = site.session("explorer.json5", "explorer-ana").await;
+        assert_eq!(mapper::publish::find_head(&asking, &museum(), PATIENCE).await.unwrap(), None);
+        asking.close().await.unwrap();
+        site
+    }
+
+    /// A session with one of the files, as `own`.
+    pub async fn session(&self, file: &str, own: &str) -> Session {
+        let dir = tempfile::tempdir().unwrap();
+        let file = in_file(dir.path(), "session", &shipped(file, own, &[], &[&self.endpoint]));
+        link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap()
+    }
+
+    pub async fn end(self) {
+        self.stop.send(()).unwrap();
+        self.server.await.unwrap().unwrap();
+        for router in self.routers.into_iter().rev() {
+            router.close().await.unwrap();
+        }
+        drop(self.dir);
+    }
+}
+
+/// A map-server in this process.
+pub fn serve(data: &Path, file: PathBuf) -> (oneshot::Sender<()>, JoinHandle<Result<(), ServerError>>) {
+    let link = ServerLink { zenoh_config: Some(file), ..ServerLink::default() };
+    let (data, limits, answers) = (data.to_owned(), Limits::default(), AnswerConfig::default());
+    let (stop, stopped) = oneshot::channel::<()>();
+    let config = ServerConfig { data, link, limits, answers };
+    (stop, tokio::spawn(map_server::run(config, async { _ = stopped.await })))
+}
+
+pub fn museum() -> MapName {
+    "museum".parse().unwrap()
+}
+
+pub fn author(robot: &str) -> AuthorId {
+    AuthorId::of_robot(robot)
+}
+
+/// Increment `number` of a robot that drives along y = 0.
+pub fn increment(robot: &str, number: u64) -> Increment {
+    let author = author(robot);
+    let id = NodeId { author, number: number as u32 };
+    let pose = FixedPose::from_metres(number as f64, 0.0, 0.0);
+    Increment { author, number, hlc_us: number, ops: vec![Op::PutNode { id, kind: NodeKind::Support, pose }] }
+}
