@@ -5,7 +5,9 @@
 //! a grid around the place: away from what was seen, and sooner over ground that a beam passed than over ground that nobody
 //! saw, where anything may stand.
 
-use crate::free_space::{Corner, FreeSpace, Spot, between, corner_of, distance, nearest_on};
+use crate::free_space::FreeSpace;
+use crate::mesh::Spot;
+use crate::plane::{Corner, between, corner_of, distance};
 use crate::view::View;
 use fht_proto::FixedPoint;
 use pathfinding::directed::dijkstra::dijkstra_reach;
@@ -73,13 +75,13 @@ impl FreeSpace {
     /// way keeps away from what was seen, the straight one to the nearest point.
     pub(crate) fn approaches(&self, point: FixedPoint, reach_mm: f64) -> Vec<Approach> {
         let (place, config) = (corner_of(point), &self.approach);
-        if let Some(triangle) = self.triangle_at(place) {
-            return vec![Approach { joint: self.spot(triangle, place), way: Vec::new(), cost_mm: 0.0 }];
+        if let Some(triangle) = self.mesh.triangle_at(place) {
+            return vec![Approach { joint: self.mesh.spot(triangle, place), way: Vec::new(), cost_mm: 0.0 }];
         }
         let mut nearest: BTreeMap<u32, Approach> = BTreeMap::new();
         let mut borders = Vec::new();
-        for (triangle, ends) in self.borders() {
-            let joint = self.spot(triangle, nearest_on(ends, place));
+        for (triangle, ends, nearest_place) in self.mesh.borders_around(place, reach_mm) {
+            let joint = self.mesh.spot(triangle, nearest_place);
             let cost_mm = distance(joint.place, place);
             if cost_mm > reach_mm {
                 continue;
@@ -109,10 +111,6 @@ impl FreeSpace {
             nearest.entry(part).and_modify(|way| way.cost_mm *= 1.0 + config.near_factor + config.unseen_factor);
         }
         nearest.into_values().collect()
-    }
-
-    fn spot(&self, triangle: u32, place: Corner) -> Spot {
-        Spot { triangle, part: self.triangles[triangle as usize].part, place }
     }
 }
 
@@ -243,7 +241,7 @@ impl<'a> Ground<'a> {
             let Some(ends) = self.inside(*ends) else { continue };
             let steps = (distance(ends[0], ends[1]) / (0.5 * CELL_MM)).ceil().max(1.0);
             for step in 0..=steps as usize {
-                let spot = self.space.spot(*triangle, between(ends, step as f64 / steps));
+                let spot = self.space.mesh.spot(*triangle, between(ends, step as f64 / steps));
                 let cell = self.cell_of(spot.place);
                 let middle = self.middle(cell);
                 let spots = joints.entry(cell).or_default();

@@ -18,9 +18,14 @@
 
 mod any_angle;
 mod approach;
+mod cells;
+mod contours;
 pub mod free_space;
 pub mod graph;
+mod interval;
 pub mod lookup;
+mod mesh;
+mod plane;
 mod register;
 pub mod replica;
 pub mod route;

@@ -1,6 +1,6 @@
 //! Where main nodes saw walls: what a way into the mesh must keep away from, and what stands in free space after all.
 
-use crate::free_space::{Corner, between, distance, foot_share};
+use crate::plane::{Corner, between, distance, foot_share};
 use crate::view::View;
 use std::collections::{BTreeMap, HashMap};
 

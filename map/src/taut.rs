@@ -3,7 +3,8 @@
 
 use crate::any_angle::shortest_way;
 use crate::approach::Approach;
-use crate::free_space::{Corner, FreeSpace, fixed_point};
+use crate::free_space::FreeSpace;
+use crate::plane::{Corner, distance, fixed_point};
 use crate::route::{self, Route, RouteConfig, RouteError, RoutePoint};
 use crate::state::MapState;
 use fht_proto::FixedPoint;
@@ -31,7 +32,7 @@ pub fn plan(
         pairs.filter(|(start, goal)| start.joint.part == goal.joint.part).collect();
     pairs.sort_by(|a, b| outside_mm(a).total_cmp(&outside_mm(b)));
     let ways = pairs.into_iter().take(PARTS).filter_map(|(start, goal)| {
-        let way = shortest_way(space, &start.joint, &goal.joint)?;
+        let way = shortest_way(&space.mesh, &start.joint, &goal.joint)?;
         let cost = length_mm(&way) + config.unmapped_factor.max(1.0) * outside_mm(&(start, goal));
         let whole = start.way.iter().chain(&way).chain(goal.way.iter().rev());
         Some((cost, whole.copied().collect::<Vec<_>>()))
@@ -47,7 +48,7 @@ pub fn plan(
 }
 
 fn length_mm(way: &[Corner]) -> f64 {
-    way.windows(2).map(|pair| crate::free_space::distance(pair[0], pair[1])).sum()
+    way.windows(2).map(|pair| distance(pair[0], pair[1])).sum()
 }
 
 fn route_over(from: FixedPoint, way: &[Corner], to: FixedPoint) -> Route {

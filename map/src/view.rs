@@ -1,6 +1,6 @@
 //! What a main node's scanner saw, in the map frame: where its beams ended, and the ground that they passed over.
 
-use crate::free_space::{Corner, between, corner_of, distance};
+use crate::plane::{Corner, between, corner_of, distance};
 use crate::state::NodeRef;
 
 /// A beam passed over ground that is this much nearer than its end, millimetres.
