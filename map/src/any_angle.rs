@@ -6,9 +6,9 @@
 //! on a way longer than one that is known, to enter a block that neither end lies behind (`mesh.rs`). An interval that
 //! leads to one other only is followed at once, and so is the best of several while nothing that waits is better.
 
-use crate::interval::{Interval, least_way, meets, on_chain};
+use crate::interval::{Ray, View, least_way, meets};
 use crate::mesh::{Mesh, NONE, Spot, Triangle};
-use crate::plane::{Corner, cross, distance};
+use crate::plane::{Corner, distance};
 use std::cell::RefCell;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -16,25 +16,21 @@ use std::collections::BinaryHeap;
 /// Steps after which a search is given up: a way through a building takes some hundred.
 const MAX_STEPS: usize = 1_000_000;
 /// Places nearer than this are one, millimetres.
-pub(crate) const SAME_MM: f64 = 1e-6;
+const SAME_MM: f64 = 1e-6;
 /// A workspace with room for more than this is not kept for the next search.
 const KEPT_REACHES: usize = 1 << 14;
-/// An interval leads to at most so many: two sides as seen from its root, and both from either of its ends.
-const MOST_NEXT: usize = 6;
 
 /// What a search knows of one way into one triangle.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
+    /// What can be seen from the root. The rays meet the side that was crossed.
+    seen: View,
     /// The triangle behind the side; [`NONE`] once the goal is reached.
     triangle: u32,
-    /// The side of that triangle.
-    side: u8,
-    /// Whether the interval's left and right ends are corners of the mesh.
-    is_corner: [bool; 2],
-    /// The part of the side that can be seen from the root.
-    seen: Interval,
     /// The corner that was turned around last, by its number among the turns.
     root: u32,
+    /// The side of the triangle.
+    side: u8,
 }
 
 /// A corner that a way turns around.
@@ -82,6 +78,8 @@ struct Workspace {
     search: u32,
     queue: BinaryHeap<Waiting>,
     reaches: Vec<Reach>,
+    /// Where the reach that is looked at leads: at most two sides as seen from its root, and both from either end.
+    next: Vec<Reach>,
     turns: Vec<Turn>,
     /// The shortest way known to each corner.
     best: Vec<(u32, f64)>,
@@ -97,6 +95,7 @@ impl Workspace {
     fn begin(&mut self, mesh: &Mesh) {
         self.queue.clear();
         self.reaches.clear();
+        self.next.clear();
         self.turns.clear();
         self.search = self.search.wrapping_add(1);
         if self.search == 0 {
@@ -125,8 +124,7 @@ pub(crate) fn shortest_way(mesh: &Mesh, from: &Spot, to: &Spot) -> Option<Vec<Co
     }
     WORKSPACE.with_borrow_mut(|workspace| {
         workspace.begin(mesh);
-        let mut search = Search { mesh, goal: *to, workspace, next: [None; MOST_NEXT], next_count: 0 };
-        let way = search.run(from);
+        let way = Search { mesh, goal: *to, workspace }.run(from);
         workspace.end();
         way
     })
@@ -136,19 +134,17 @@ struct Search<'a> {
     mesh: &'a Mesh,
     goal: Spot,
     workspace: &'a mut Workspace,
-    /// Where the reach that is looked at leads.
-    next: [Option<Reach>; MOST_NEXT],
-    next_count: usize,
 }
 
 impl Search<'_> {
     fn run(&mut self, from: &Spot) -> Option<Vec<Corner>> {
         self.open_blocks(from);
         self.workspace.turns.push(Turn { place: from.place, length: 0.0, corner: NONE, before: NONE });
-        let mesh = self.mesh;
-        let first = &mesh.triangles[from.triangle as usize];
+        let first = &self.mesh.triangles[from.triangle as usize];
         for side in 0..3 {
-            self.cross_side(first, side, None, 0);
+            let ray = |corner: usize| Ray { through: first.places[corner], corner: first.corners[corner] };
+            // Counter-clockwise from inside: the first corner is on the right of one who leaves, the second on the left.
+            self.cross_side(first, side, View { left: ray((side + 1) % 3), right: ray(side) }, 0);
         }
         let mut at_hand = self.choose();
         for _ in 0..MAX_STEPS {
@@ -156,13 +152,21 @@ impl Search<'_> {
                 Some(reach) => reach,
                 None => {
                     let waiting = self.workspace.queue.pop()?;
-                    self.workspace.reaches[waiting.reach as usize]
+                    let reach = self.workspace.reaches[waiting.reach as usize];
+                    if self.is_outdone(&self.workspace.turns[reach.root as usize]) {
+                        continue;
+                    }
+                    reach
                 }
             };
             if reach.triangle == NONE {
                 return Some(self.way(reach.root));
             }
-            self.expand(&reach);
+            if reach.triangle == self.goal.triangle {
+                self.arrive(&reach);
+            } else {
+                self.expand(&reach);
+            }
             at_hand = self.choose();
         }
         None
@@ -172,15 +176,15 @@ impl Search<'_> {
     fn open_blocks(&mut self, from: &Spot) {
         let Workspace { open, search, .. } = self.workspace;
         let block_of = |spot: &Spot| self.mesh.triangles[spot.triangle as usize].block;
+        let depth = |block: u32| self.mesh.blocks[block as usize].depth;
         let (mut a, mut b) = (block_of(from), block_of(&self.goal));
         open[a as usize] = *search;
         open[b as usize] = *search;
         while a != b {
-            let deeper =
-                if self.mesh.blocks[a as usize].depth >= self.mesh.blocks[b as usize].depth { &mut a } else { &mut b };
+            let deeper = if depth(a) >= depth(b) { &mut a } else { &mut b };
             *deeper = self.mesh.blocks[*deeper as usize].parent;
             if *deeper == NONE {
-                return; // other parts: nothing joins them
+                return; // of other parts: nothing joins them
             }
             open[*deeper as usize] = *search;
         }
@@ -188,42 +192,53 @@ impl Search<'_> {
 
     /// Of where a reach leads, the best to go on with; the others wait. None if something that waits is better.
     fn choose(&mut self) -> Option<Reach> {
-        let count = std::mem::take(&mut self.next_count);
-        if count == 1 {
+        let mut next = std::mem::take(&mut self.workspace.next);
+        let best = match next[..] {
             // Nothing to choose, unless it is the goal.
-            if let Some(only) = self.next[0].filter(|only| only.triangle != NONE) {
-                return Some(only);
-            }
-        }
-        let (turns, goal) = (&self.workspace.turns, self.goal.place);
-        let estimate = |reach: &Reach| {
-            let root = &turns[reach.root as usize];
-            root.length
-                + if reach.triangle == NONE { distance(root.place, goal) } else { least_way(root.place, &reach.seen, goal) }
+            [only] if only.triangle != NONE => Some(only),
+            _ => self.best_of(&next),
         };
+        next.clear();
+        self.workspace.next = next;
+        best
+    }
+
+    fn best_of(&mut self, next: &[Reach]) -> Option<Reach> {
         let mut best: Option<(f64, Reach)> = None;
-        let mut wait = |estimate: f64, reach: Reach| {
-            self.workspace.reaches.push(reach);
-            self.workspace.queue.push(Waiting { estimate, reach: (self.workspace.reaches.len() - 1) as u32 });
-        };
-        for reach in self.next[..count].iter().flatten() {
-            let estimate = estimate(reach);
+        for reach in next {
+            let estimate = self.estimate(reach);
             match &mut best {
                 Some(best) if estimate < best.0 => {
                     let (worse, reach) = std::mem::replace(best, (estimate, *reach));
-                    wait(worse, reach);
+                    self.wait(worse, reach);
                 }
-                Some(_) => wait(estimate, *reach),
+                Some(_) => self.wait(estimate, *reach),
                 None => best = Some((estimate, *reach)),
             }
         }
         let (estimate, reach) = best?;
         if self.workspace.queue.peek().is_some_and(|first| first.estimate < estimate) {
-            self.workspace.reaches.push(reach);
-            self.workspace.queue.push(Waiting { estimate, reach: (self.workspace.reaches.len() - 1) as u32 });
+            self.wait(estimate, reach);
             return None;
         }
         Some(reach)
+    }
+
+    fn wait(&mut self, estimate: f64, reach: Reach) {
+        self.workspace.queue.push(Waiting { estimate, reach: self.workspace.reaches.len() as u32 });
+        self.workspace.reaches.push(reach);
+    }
+
+    /// The least length of a way through a reach to the goal.
+    fn estimate(&self, reach: &Reach) -> f64 {
+        let root = &self.workspace.turns[reach.root as usize];
+        if reach.triangle == NONE {
+            return root.length + distance(root.place, self.goal.place);
+        }
+        let triangle = &self.mesh.triangles[reach.triangle as usize];
+        let side = usize::from(reach.side);
+        let ends = [triangle.places[side], triangle.places[(side + 1) % 3]];
+        root.length + least_way(root.place, &reach.seen, ends, self.goal.place)
     }
 
     fn way(&self, last: u32) -> Vec<Corner> {
@@ -239,35 +254,16 @@ impl Search<'_> {
         way
     }
 
-    fn lead_to(&mut self, reach: Reach) {
-        self.next[self.next_count] = Some(reach);
-        self.next_count += 1;
-    }
-
-    /// Leads beyond a side of a triangle; `seen` is the visible part of it, all of it if absent.
-    fn cross_side(&mut self, here: &Triangle, side: usize, seen: Option<Interval>, root: u32) {
+    /// Leads beyond a side of a triangle, as far as it is seen from a root.
+    fn cross_side(&mut self, here: &Triangle, side: usize, seen: View, root: u32) {
         let next = here.beyond[side];
         if next == NONE {
             return;
         }
-        let there = &self.mesh.triangles[next as usize];
-        if self.workspace.open[there.block as usize] != self.workspace.search {
-            return;
+        let block = self.mesh.triangles[next as usize].block;
+        if self.workspace.open[block as usize] == self.workspace.search {
+            self.workspace.next.push(Reach { seen, triangle: next, root, side: here.entered[side] });
         }
-        // Counter-clockwise from inside: the first corner is on the right of one who leaves, the second on the left.
-        let (right_end, left_end) = (here.places[side], here.places[(side + 1) % 3]);
-        let seen = seen.unwrap_or(Interval { left: left_end, right: right_end });
-        let is_at = |a: Corner, b: Corner| (a[0] - b[0]).abs() <= SAME_MM && (a[1] - b[1]).abs() <= SAME_MM;
-        if is_at(seen.left, seen.right) {
-            return;
-        }
-        self.lead_to(Reach {
-            triangle: next,
-            side: here.entered[side],
-            is_corner: [is_at(seen.left, left_end), is_at(seen.right, right_end)],
-            seen,
-            root,
-        });
     }
 
     /// A new root at a corner, unless a shorter way to it is known.
@@ -292,72 +288,83 @@ impl Search<'_> {
         turn.corner != NONE && turn.length > self.workspace.best[turn.corner as usize].1 + SAME_MM
     }
 
+    /// Goes on through a triangle. It was entered through the side from its left corner to its right one; where the far corner
+    /// lies decides which of the other two sides are seen. What lies beyond a ray is seen from the corner that the ray
+    /// passes, if that is an end of the side: there the way turns.
     fn expand(&mut self, reach: &Reach) {
-        let root = self.workspace.turns[reach.root as usize];
-        if self.is_outdone(&root) {
-            return;
-        }
-        if reach.triangle == self.goal.triangle {
-            return self.arrive(reach, root.place);
-        }
-        let mesh = self.mesh;
-        let triangle = &mesh.triangles[reach.triangle as usize];
-        let side = usize::from(reach.side);
-        // Entered through the side from the left corner to the right one; the far corner sees both other sides.
-        let (left_end, right_end, far) = (side, (side + 1) % 3, (side + 2) % 3);
-        let chain = [left_end, far, right_end].map(|corner| triangle.places[corner]);
-        let is_at = |end: Corner| distance(root.place, end) <= SAME_MM;
-        let Interval { left, right } = reach.seen;
-        let left = if is_at(left) { 0.0 } else { meets(root.place, left, &chain) };
-        let right = if is_at(right) { 2.0 } else { meets(root.place, right, &chain) };
-        let right = right.max(left);
+        let triangle = &self.mesh.triangles[reach.triangle as usize];
+        let left_end = usize::from(reach.side);
+        let (right_end, far_end) = ((left_end + 1) % 3, (left_end + 2) % 3);
         // The sides beyond: from the far corner to the left one, and from the right one to the far one.
-        let look = |search: &mut Self, from: f64, to: f64, root: u32| {
-            if from < 1.0 {
-                let seen = Interval { left: on_chain(&chain, from), right: on_chain(&chain, to.min(1.0)) };
-                search.cross_side(triangle, far, Some(seen), root);
+        let (left_side, right_side) = (far_end, right_end);
+        let root = self.workspace.turns[reach.root as usize].place;
+        let View { left, right } = reach.seen;
+        let far = Ray { through: triangle.places[far_end], corner: triangle.corners[far_end] };
+        let left_of = reach.seen.left_of(root, far.through);
+        let right_of = reach.seen.right_of(root, far.through);
+        if left_of > 0.0 {
+            self.cross_side(triangle, right_side, reach.seen, reach.root);
+        } else if right_of > 0.0 {
+            self.cross_side(triangle, left_side, reach.seen, reach.root);
+        } else {
+            if left_of < 0.0 {
+                self.cross_side(triangle, left_side, View { left, right: far }, reach.root);
             }
-            if to > 1.0 {
-                let seen = Interval { left: on_chain(&chain, from.max(1.0)), right: on_chain(&chain, to) };
-                search.cross_side(triangle, right_end, Some(seen), root);
+            if right_of < 0.0 {
+                self.cross_side(triangle, right_side, View { left: far, right }, reach.root);
             }
-        };
-        if right > left {
-            look(self, left, right, reach.root);
         }
-        for (which, corner, from, to) in [(0, left_end, 0.0, left), (1, right_end, right, 2.0)] {
-            if to > from
-                && reach.is_corner[which]
-                && triangle.turns[corner]
-                && let Some(root) = self.turn(reach.root, triangle.corners[corner], triangle.places[corner])
-            {
-                look(self, from, to, root);
+        if left_of >= 0.0
+            && left.corner == triangle.corners[left_end]
+            && triangle.turns[left_end]
+            && let Some(turn) = self.turn(reach.root, left.corner, left.through)
+        {
+            self.cross_side(triangle, left_side, View { left, right: far }, turn);
+            if left_of > 0.0 {
+                let through = meets(root, left.through, [far.through, triangle.places[right_end]]);
+                let right = Ray { through, corner: NONE };
+                self.cross_side(triangle, right_side, View { left: far, right }, turn);
+            }
+        }
+        if right_of >= 0.0
+            && right.corner == triangle.corners[right_end]
+            && triangle.turns[right_end]
+            && let Some(turn) = self.turn(reach.root, right.corner, right.through)
+        {
+            self.cross_side(triangle, right_side, View { left: far, right }, turn);
+            if right_of > 0.0 {
+                let through = meets(root, right.through, [far.through, triangle.places[left_end]]);
+                let left = Ray { through, corner: NONE };
+                self.cross_side(triangle, left_side, View { left, right: far }, turn);
             }
         }
     }
 
-    /// The goal's triangle is entered: the last turns.
-    fn arrive(&mut self, reach: &Reach, root: Corner) {
-        let (goal, Interval { left, right }) = (self.goal.place, reach.seen);
-        let is_seen = cross(root, left, goal) <= SAME_MM && cross(root, right, goal) >= -SAME_MM;
-        let is_on = distance(root, left) <= SAME_MM || distance(root, right) <= SAME_MM;
-        let root = if is_on || is_seen {
-            reach.root
+    /// The goal's triangle is entered: the last turn, if there is one.
+    fn arrive(&mut self, reach: &Reach) {
+        let root = self.workspace.turns[reach.root as usize].place;
+        let triangle = &self.mesh.triangles[reach.triangle as usize];
+        let left_end = usize::from(reach.side);
+        let beyond = if reach.seen.left_of(root, self.goal.place) > 0.0 {
+            Some((left_end, reach.seen.left))
+        } else if reach.seen.right_of(root, self.goal.place) > 0.0 {
+            Some(((left_end + 1) % 3, reach.seen.right))
         } else {
-            let is_left = cross(root, left, goal) > 0.0;
-            let which = usize::from(!is_left);
-            // An end that is no corner: another interval sees the goal.
-            if !reach.is_corner[which] {
-                return;
-            }
-            let triangle = &self.mesh.triangles[reach.triangle as usize];
-            let corner = (usize::from(reach.side) + which) % 3;
-            if !triangle.turns[corner] {
-                return;
-            }
-            let Some(root) = self.turn(reach.root, triangle.corners[corner], triangle.places[corner]) else { return };
-            root
+            None
         };
-        self.lead_to(Reach { triangle: NONE, root, ..*reach });
+        let root = match beyond {
+            None => Some(reach.root),
+            Some((end, ray)) if ray.corner == triangle.corners[end] && triangle.turns[end] => {
+                self.turn(reach.root, ray.corner, ray.through)
+            }
+            // Another reach, with a root nearer by, sees the goal.
+            Some(_) => None,
+        };
+        if let Some(root) = root {
+            self.workspace.next.push(Reach { triangle: NONE, root, ..*reach });
+        }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,37 +1,57 @@
-//! What is seen of a triangle's side, and of what lies beyond it.
+//! What is seen of a triangle's sides from a corner that a way turned around.
 
 use crate::mesh::{Mesh, NONE, Spot};
 use crate::plane::{Corner, between, cross, distance, foot_share};
 
-/// A part of a triangle's side, from left to right as seen from where it is entered.
+/// A ray that bounds what is seen: from the root through a place.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Interval {
-    pub(crate) left: Corner,
-    pub(crate) right: Corner,
+pub(crate) struct Ray {
+    pub(crate) through: Corner,
+    /// The number of the mesh's corner there, or [`NONE`].
+    pub(crate) corner: u32,
 }
 
-/// A root nearer to an interval's line than this has no side of it, square millimetres (twice the area between them).
+/// What is seen from a root: all between two rays. A ray that passes through the root itself bounds nothing.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct View {
+    pub(crate) left: Ray,
+    pub(crate) right: Ray,
+}
+
+impl View {
+    /// How far left of the left ray a place is, as a signed area; negative inside.
+    pub(crate) fn left_of(&self, root: Corner, place: Corner) -> f64 {
+        if self.left.through == root { -1.0 } else { cross(root, self.left.through, place) }
+    }
+
+    /// How far right of the right ray a place is, as a signed area; negative inside.
+    pub(crate) fn right_of(&self, root: Corner, place: Corner) -> f64 {
+        if self.right.through == root { -1.0 } else { -cross(root, self.right.through, place) }
+    }
+}
+
+/// A root nearer to a side's line than this is on it, square millimetres (twice the area between them).
 const ON_LINE_MM2: f64 = 1e-3;
 
-/// The least length of a way from a root through an interval to a goal, were nothing else in the way.
-pub(crate) fn least_way(root: Corner, seen: &Interval, goal: Corner) -> f64 {
-    let Interval { left, right } = *seen;
+/// The least length of a way from a root to a goal through what is seen of a side, were nothing else in the way. The side by its
+/// left and right end, as seen from where it is crossed.
+pub(crate) fn least_way(root: Corner, seen: &View, [left, right]: [Corner; 2], goal: Corner) -> f64 {
     let root_side = cross(right, left, root);
     if root_side.abs() <= ON_LINE_MM2 {
         return distance(root, goal);
     }
-    // A goal on the root's side of the interval is as far as its mirror image.
+    // A goal on the root's side is as far as its mirror image.
     let is_same_side = root_side * cross(right, left, goal) > 0.0;
     let goal = if is_same_side { mirrored(right, left, goal) } else { goal };
-    let is_left_of_left = cross(root, left, goal) > 0.0;
-    let is_right_of_right = cross(root, right, goal) < 0.0;
-    if is_left_of_left {
-        distance(root, left) + distance(left, goal)
-    } else if is_right_of_right {
-        distance(root, right) + distance(right, goal)
+    let end = if seen.left_of(root, goal) > 0.0 {
+        seen.left
+    } else if seen.right_of(root, goal) > 0.0 {
+        seen.right
     } else {
-        distance(root, goal)
-    }
+        return distance(root, goal);
+    };
+    let end = meets(root, end.through, [left, right]);
+    distance(root, end) + distance(end, goal)
 }
 
 fn mirrored(a: Corner, b: Corner, point: Corner) -> Corner {
@@ -39,27 +59,11 @@ fn mirrored(a: Corner, b: Corner, point: Corner) -> Corner {
     [2.0 * foot[0] - point[0], 2.0 * foot[1] - point[1]]
 }
 
-/// Where the ray from `root` through `through` meets the chain left, far, right: 0 to 1 on its first part, to 2 on the second.
-pub(crate) fn meets(root: Corner, through: Corner, chain: &[Corner; 3]) -> f64 {
-    let side = cross(root, through, chain[1]);
-    // The far corner is on the left of the ray: the ray passes it on the right.
-    let (first, other) = if side > 0.0 { (1.0, chain[2]) } else { (0.0, chain[0]) };
-    let end = cross(root, through, other);
-    let (a, b) = if side > 0.0 { (side, end) } else { (end, side) };
-    let share = if (a - b).abs() > f64::MIN_POSITIVE { a / (a - b) } else { 0.0 };
-    first + share.clamp(0.0, 1.0)
-}
-
-pub(crate) fn on_chain(chain: &[Corner; 3], at: f64) -> Corner {
-    let (from, to, share) = if at <= 1.0 { (chain[0], chain[1], at) } else { (chain[1], chain[2], at - 1.0) };
-    // The corners themselves exactly: they are told by their places.
-    if share <= 0.0 {
-        from
-    } else if share >= 1.0 {
-        to
-    } else {
-        between([from, to], share)
-    }
+/// Where the ray from `root` through `through` meets a line whose ends lie on either side of it.
+pub(crate) fn meets(root: Corner, through: Corner, ends: [Corner; 2]) -> Corner {
+    let (a, b) = (cross(root, through, ends[0]), cross(root, through, ends[1]));
+    let share = if a == b { 0.0 } else { a / (a - b) };
+    between(ends, share.clamp(0.0, 1.0))
 }
 
 impl Mesh {
