@@ -9,6 +9,7 @@ use crate::free_space::FreeSpace;
 use crate::mesh::Spot;
 use crate::plane::{Corner, between, corner_of, distance};
 use crate::view::View;
+use crate::zones::Zone;
 use fht_proto::FixedPoint;
 use pathfinding::directed::dijkstra::dijkstra_reach;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -50,6 +51,8 @@ impl Default for ApproachConfig {
     }
 }
 
+/// So many main nodes, the nearest, are asked what they saw.
+const MOST_VIEWS: usize = 256;
 /// Side of a cell of the grid, millimetres.
 const CELL_MM: f64 = 50.0;
 
@@ -78,7 +81,9 @@ impl FreeSpace {
         if let Some(triangle) = self.mesh.triangle_at(place) {
             return vec![Approach { joint: self.mesh.spot(triangle, place), way: Vec::new(), cost_mm: 0.0 }];
         }
+        let zones: Vec<&Zone> = self.screens_around(place, 2.0 * reach_mm).collect();
         let mut nearest: BTreeMap<u32, Approach> = BTreeMap::new();
+        let mut parts = BTreeSet::new();
         let mut borders = Vec::new();
         for (triangle, ends, nearest_place) in self.mesh.borders_around(place, reach_mm) {
             let joint = self.mesh.spot(triangle, nearest_place);
@@ -87,6 +92,10 @@ impl FreeSpace {
                 continue;
             }
             borders.push((triangle, ends));
+            parts.insert(joint.part);
+            if zones.iter().any(|zone| zone.is_met([place, joint.place])) {
+                continue;
+            }
             if nearest.get(&joint.part).is_none_or(|kept| kept.cost_mm > cost_mm) {
                 nearest.insert(joint.part, Approach { joint, way: vec![place], cost_mm });
             }
@@ -94,10 +103,10 @@ impl FreeSpace {
         let is_straight = |way: &Approach| {
             way.cost_mm <= config.straight_mm && self.walls.is_clear([place, way.joint.place], config.straight_room_mm)
         };
-        let mut others: BTreeSet<u32> =
-            nearest.values().filter(|way| !is_straight(way)).map(|way| way.joint.part).collect();
+        let is_joined = |part: &u32| nearest.get(part).is_some_and(is_straight);
+        let mut others: BTreeSet<u32> = parts.into_iter().filter(|part| !is_joined(part)).collect();
         if !others.is_empty() {
-            let mut ground = Ground::new(self, place, reach_mm);
+            let mut ground = Ground::new(self, place, reach_mm, zones);
             let joints = ground.joints(&borders);
             for room_mm in config.room_mm {
                 for way in ground.ways(&joints, others.clone(), room_mm) {
@@ -126,23 +135,26 @@ struct Ground<'a> {
     views: Vec<&'a View>,
     /// What nodes say is free.
     rectangles: Vec<[Corner; 2]>,
+    /// What no way may lead over.
+    zones: Vec<&'a Zone>,
     seen: HashMap<Cell, bool>,
     /// What a millimetre in a cell counts for; none where a wall is too near.
     factors: HashMap<Cell, Option<f64>>,
 }
 
 impl<'a> Ground<'a> {
-    fn new(space: &'a FreeSpace, place: Corner, reach_mm: f64) -> Self {
+    fn new(space: &'a FreeSpace, place: Corner, reach_mm: f64, zones: Vec<&'a Zone>) -> Self {
         let away_mm = |view: &&View| distance(view.from, place);
         let mut views: Vec<&View> = space.views.iter().filter(|view| away_mm(view) < space.approach.view_mm).collect();
         views.sort_by(|a, b| away_mm(a).total_cmp(&away_mm(b)));
+        views.truncate(MOST_VIEWS);
         let is_near = |[low, high]: &[Corner; 2]| {
             (0..2).all(|axis| low[axis] <= place[axis] + reach_mm && high[axis] >= place[axis] - reach_mm)
         };
         let rectangles = space.rectangles.iter().copied().filter(is_near).collect();
         let reach = (reach_mm / CELL_MM).ceil() as i32;
         let (seen, factors) = (HashMap::new(), HashMap::new());
-        Self { space, place, reach, room_mm: 0.0, views, rectangles, seen, factors }
+        Self { space, place, reach, room_mm: 0.0, views, rectangles, zones, seen, factors }
     }
 
     fn cell_of(&self, at: Corner) -> Cell {
@@ -230,6 +242,9 @@ impl<'a> Ground<'a> {
 
     /// What the way from a cell to one beside it costs.
     fn step_mm(&mut self, from: Cell, to: Cell) -> Option<f64> {
+        if !self.is_open([self.middle(from), self.middle(to)]) {
+            return None;
+        }
         let length_mm = CELL_MM * f64::from(from.0 - to.0).hypot(f64::from(from.1 - to.1));
         Some(0.5 * (self.factor(from)? + self.factor(to)?) * length_mm)
     }
@@ -305,8 +320,15 @@ impl<'a> Ground<'a> {
         Approach { joint, way, cost_mm }
     }
 
+    fn is_open(&self, ends: [Corner; 2]) -> bool {
+        !self.zones.iter().any(|zone| zone.is_met(ends))
+    }
+
     /// What a straight way costs; none where a wall is too near.
     fn straight_mm(&mut self, ends: [Corner; 2]) -> Option<f64> {
+        if !self.is_open(ends) {
+            return None;
+        }
         let length_mm = distance(ends[0], ends[1]);
         let steps = (length_mm / (0.5 * CELL_MM)).ceil().max(1.0);
         let mut sum = 0.0;

@@ -28,6 +28,11 @@ pub(crate) fn union(mut contours: Vec<IntContour<i32>>) -> IntShapes<i32> {
     Overlay::from_subj_and_clip(&union(contours), &union(others)).overlay(OverlayRule::Union, FillRule::NonZero)
 }
 
+/// What of some shapes lies outside of others.
+pub(crate) fn difference(shapes: &IntShapes<i32>, less: &IntShapes<i32>) -> IntShapes<i32> {
+    Overlay::from_subj_and_clip(shapes, less).overlay(OverlayRule::Difference, FillRule::NonZero)
+}
+
 /// So many contours are put together at once.
 const UNION_AT_ONCE: usize = 8;
 
@@ -70,4 +75,3 @@ fn corner_at(centre: FixedPoint, radius_mm: f64, angle: f64) -> IntPoint<i32> {
 pub(crate) fn octagon(centre: FixedPoint, radius_mm: f64) -> impl Iterator<Item = IntPoint<i32>> {
     (0..8).map(move |k| corner_at(centre, radius_mm, (f64::from(k) + 0.5) * std::f64::consts::FRAC_PI_4))
 }
-

@@ -5,19 +5,20 @@
 //! Everything is counted in whole millimetres, so that robot and server get the same mesh of the same map.
 
 use crate::approach::ApproachConfig;
-use crate::contours::{corridor, octagon, rectangle, union};
+use crate::cells::Extent;
+use crate::contours::{corridor, difference, octagon, rectangle, union};
+use crate::inner::Inner;
+use crate::limits::{Looks, OverBudget, SpaceLimits, check_overlaps, collect_outlines};
 use crate::mesh::Mesh;
 use crate::plane::{Corner, corner_of, cross, fixed_point, from_segment_m};
 use crate::seen_walls::SeenWalls;
 use crate::state::MapState;
 use crate::view::View;
+use crate::zones::{Zone, barriers};
 use fht_proto::{EdgeKey, FixedPoint};
-use i_overlay::core::fill_rule::FillRule;
-use i_overlay::core::overlay::Overlay;
-use i_overlay::core::overlay_rule::OverlayRule;
 use i_overlay::i_float::int::angle::Angle;
 use i_overlay::i_float::int::point::IntPoint;
-use i_overlay::i_shape::int::shape::{IntContour, IntShapes};
+use i_overlay::i_shape::int::shape::IntShapes;
 use i_overlay::mesh::int::arc::ArcOptions;
 use i_overlay::mesh::int::outline::offset::IntOutlineOffset;
 use i_overlay::mesh::int::style::{IntLineJoin, IntOutlineStyle};
@@ -38,8 +39,18 @@ pub struct SpaceConfig {
     pub blocked: BTreeSet<FixedPoint>,
     /// It reaches this far around such a place, millimetres. Default 300.
     pub blocked_radius_mm: u16,
+    /// Ground that operators keep robots out of: simple polygons, map frame, in either sense. What lies in them is no free space; a
+    /// robot that stands in one may leave it, none is led into it. Fewer than three corners are none. Default none.
+    pub keep_out: Vec<Vec<FixedPoint>>,
+    /// Edges that operators closed. Every passage that such an edge leads through is closed from wall to wall, also for ways
+    /// over other edges and through rectangles that overlap there; in the open it loses its corridor only. Default none.
+    pub closed: BTreeSet<EdgeKey>,
+    /// What is at most this wide across an edge is a passage, millimetres. Default 2500: a hallway, a wide door.
+    pub passage_mm: u16,
     /// How places outside join it.
     pub approach: ApproachConfig,
+    /// Maps beyond these get no mesh: paths are planned over their nodes.
+    pub limits: SpaceLimits,
 }
 
 impl Default for SpaceConfig {
@@ -49,7 +60,11 @@ impl Default for SpaceConfig {
             corridor_mm: 165,
             blocked: BTreeSet::new(),
             blocked_radius_mm: 300,
+            keep_out: Vec::new(),
+            closed: BTreeSet::new(),
+            passage_mm: 2500,
             approach: ApproachConfig::default(),
+            limits: SpaceLimits::default(),
         }
     }
 }
@@ -58,8 +73,14 @@ impl Default for SpaceConfig {
 #[derive(Clone, Debug, Default)]
 pub struct FreeSpace {
     pub(crate) mesh: Mesh,
-    /// Edges that something stands on.
+    /// Edges that something stands on, or that operators closed.
     pub(crate) closed: BTreeSet<EdgeKey>,
+    /// What no way may lead over: first what operators keep out, then barriers across closed edges.
+    pub(crate) zones: Vec<Zone>,
+    keep_out_count: usize,
+    /// The same for ways into the mesh, over ground that no rectangle covers.
+    screens: Vec<Zone>,
+    over_budget: Option<OverBudget>,
     /// What the ways from places outside must keep away from.
     pub(crate) walls: SeenWalls,
     /// The ground that they had better lead over: what scanners saw, and rectangles, least and greatest corner.
@@ -68,39 +89,100 @@ pub struct FreeSpace {
     pub(crate) approach: ApproachConfig,
 }
 
+/// Where an edge's nodes stand, if both are shown.
+fn ends_of(map: &MapState, edge: EdgeKey) -> Option<[FixedPoint; 2]> {
+    let place = |id| map.node(id).map(|node| node.pose.position);
+    Some([place(edge.low())?, place(edge.high())?])
+}
+
+/// The edges that make corridors.
+fn short_edges(map: &MapState) -> impl Iterator<Item = [FixedPoint; 2]> + '_ {
+    map.edges().filter_map(|edge| ends_of(map, edge)).filter(|[a, b]| a.distance(*b) <= LONGEST_EDGE_M)
+}
+
 impl FreeSpace {
     /// The free space of a map.
     #[must_use]
     pub fn of(map: &MapState, config: &SpaceConfig) -> Self {
-        let rectangles: Vec<IntContour<i32>> = map.nodes().filter_map(|node| rectangle(&node)).collect();
-        let views: Vec<View> = map.main_nodes().filter_map(|node| View::of(&node)).collect();
-        let walls = SeenWalls::of(&views);
-        let place = |id| map.node(id).map(|node| node.pose.position);
-        let ends = |edge: EdgeKey| Some((place(edge.low())?, place(edge.high())?));
-        let short = |edge: EdgeKey| ends(edge).filter(|(a, b)| a.distance(*b) <= LONGEST_EDGE_M);
-        let lines = map.edges().filter_map(short).map(|(a, b)| [corner_of(a), corner_of(b)]);
+        let keep_out: Vec<Zone> = config.keep_out.iter().filter_map(|corners| Zone::of(corners)).collect();
+        let keep_out_count = keep_out.len();
+        let made = Self::within_limits(map, config, keep_out.clone());
+        let mut space = made.unwrap_or_else(|over_budget| Self {
+            screens: keep_out.clone(),
+            zones: keep_out,
+            over_budget: Some(over_budget),
+            approach: config.approach.clone(),
+            ..Self::default()
+        });
+        space.keep_out_count = keep_out_count;
+        space.closed = space.closed_edges(map, config);
+        space
+    }
+
+    fn within_limits(map: &MapState, config: &SpaceConfig, mut zones: Vec<Zone>) -> Result<Self, OverBudget> {
+        let SpaceLimits { outlines: most_outlines, overlaps, beams, looks, corners } = config.limits;
+        let rectangles = collect_outlines(map.nodes().filter_map(|node| rectangle(&node)), most_outlines)?;
         let as_corner = |it: IntPoint<i32>| [f64::from(it.x), f64::from(it.y)];
-        let low_and_high: Vec<[Corner; 2]> =
+        let low_and_high: Vec<Extent> =
             rectangles.iter().filter_map(|it| Some([as_corner(*it.first()?), as_corner(*it.get(2)?)])).collect();
-        let is_inside = |place: Corner| is_deep_inside(&low_and_high, place);
-        let things = walls.things(&views, is_inside, lines, EDGE_ROOM_MM);
-        let corridors = map.edges().filter_map(short).filter_map(|(a, b)| corridor(a, b, config.corridor_mm));
-        let contours: Vec<IntContour<i32>> = rectangles.into_iter().chain(corridors).collect();
-        let mut free = union(contours);
+        let corridors = short_edges(map).filter_map(|[a, b]| corridor(a, b, config.corridor_mm));
+        let outlines = collect_outlines(rectangles.into_iter().chain(corridors), most_outlines)?;
+        check_overlaps(&outlines, overlaps)?;
+        let mut views = Vec::new();
+        let mut beam_count = 0;
+        for view in map.main_nodes().filter_map(|node| View::of(&node)) {
+            beam_count += view.beams();
+            if beam_count > beams {
+                return Err(OverBudget::Beams(beams));
+            }
+            views.push(view);
+        }
+        let mut walls = SeenWalls::of(&views);
+        let inner = Inner::of(&low_and_high);
+        let is_inside = |place: Corner, looks: &mut Looks| inner.contains(place, looks);
+        let lines = short_edges(map).map(|ends| ends.map(corner_of));
+        let things = walls.things(&views, is_inside, lines, EDGE_ROOM_MM, &mut Looks::new(looks))?;
+        walls.thin_out();
+        let mut free = union(outlines);
+        check_corners(&free, corners)?;
+        let mut screens = zones.clone();
+        for ends in config.closed.iter().filter_map(|edge| ends_of(map, *edge)) {
+            if ends[0].distance(ends[1]) <= LONGEST_EDGE_M {
+                for [barrier, screen] in barriers(&free, ends, config.corridor_mm.into(), config.passage_mm.into()) {
+                    zones.push(barrier);
+                    screens.push(screen);
+                }
+            }
+        }
         let radius_mm = f64::from(config.blocked_radius_mm);
         let blocked = config.blocked.iter().map(|at| octagon(*at, radius_mm).collect());
         let things = things.into_iter().map(|place| octagon(fixed_point(place), THING_MM).collect());
-        let obstacles: Vec<IntContour<i32>> = blocked.chain(things).collect();
+        // Each by itself first, and all in one sense: where two overlap, neither must open what the other closes.
+        let closed = zones.iter().flat_map(|zone| union(vec![zone.outline()]));
+        let closed = closed.filter_map(|shape| shape.into_iter().next());
+        let obstacles = collect_outlines(blocked.chain(things).chain(closed), most_outlines)?;
+        check_overlaps(&obstacles, overlaps)?;
         if !obstacles.is_empty() {
-            let obstacles = union(obstacles);
-            free = Overlay::from_subj_and_clip(&free, &obstacles).overlay(OverlayRule::Difference, FillRule::NonZero);
+            free = difference(&free, &union(obstacles));
         }
-        let reach_m = (radius_mm + f64::from(config.half_width_mm)) * 1e-3;
-        let is_blocked =
-            |a: FixedPoint, b: FixedPoint| config.blocked.iter().any(|at| from_segment_m(*at, a, b) < reach_m);
-        let closed = map.edges().filter(|edge| ends(*edge).is_some_and(|(a, b)| is_blocked(a, b))).collect();
+        check_corners(&free, corners)?;
         let mesh = mesh_of(&free, config.half_width_mm);
-        Self { mesh, closed, walls, views, rectangles: low_and_high, approach: config.approach.clone() }
+        let approach = config.approach.clone();
+        Ok(Self { mesh, walls, views, rectangles: low_and_high, zones, screens, approach, ..Self::default() })
+    }
+
+    /// Edges that no way may lead over, if one is planned over nodes.
+    fn closed_edges(&self, map: &MapState, config: &SpaceConfig) -> BTreeSet<EdgeKey> {
+        if config.blocked.is_empty() && self.zones.is_empty() {
+            return config.closed.clone();
+        }
+        let reach_m = (f64::from(config.blocked_radius_mm) + f64::from(config.half_width_mm)) * 1e-3;
+        let is_blocked = |[a, b]: [FixedPoint; 2]| {
+            config.blocked.iter().any(|at| from_segment_m(*at, a, b) < reach_m)
+                || self.zones.iter().any(|zone| zone.is_met([a, b].map(corner_of)))
+        };
+        let blocked = map.edges().filter(|edge| ends_of(map, *edge).is_some_and(is_blocked));
+        blocked.chain(config.closed.iter().copied()).collect()
     }
 
     /// Number of triangles.
@@ -109,11 +191,33 @@ impl FreeSpace {
         self.mesh.triangles.len()
     }
 
+    /// Why there is no mesh, if the map is beyond [`SpaceConfig::limits`]: paths then lead over nodes and edges.
+    #[must_use]
+    pub fn over_budget(&self) -> Option<OverBudget> {
+        self.over_budget
+    }
+
     /// Whether a place lies in it: a robot's centre may be there.
     #[must_use]
     pub fn contains(&self, place: FixedPoint) -> bool {
         self.mesh.triangle_at(corner_of(place)).is_some()
     }
+
+    /// Whether operators keep robots out of a place.
+    #[must_use]
+    pub fn is_kept_out(&self, place: FixedPoint) -> bool {
+        self.zones[..self.keep_out_count].iter().any(|zone| zone.contains(corner_of(place)))
+    }
+
+    /// What may not be crossed on a way from a place. What it lies in itself may be left.
+    pub(crate) fn screens_around(&self, place: Corner, reach_mm: f64) -> impl Iterator<Item = &Zone> {
+        self.screens.iter().filter(move |zone| zone.is_within(place, reach_mm) && !zone.contains(place))
+    }
+}
+
+fn check_corners(shapes: &IntShapes<i32>, most: usize) -> Result<(), OverBudget> {
+    let count: usize = shapes.iter().flatten().map(Vec::len).sum();
+    if count > most { Err(OverBudget::Corners(most)) } else { Ok(()) }
 }
 
 /// Edges that are longer make no corridors, metres: no explorer sees so far, and a corridor costs by its length.
@@ -122,24 +226,6 @@ const LONGEST_EDGE_M: f64 = 100.0;
 const THING_MM: f64 = 30.0;
 /// What is nearer than this to an edge's line cannot be there, as the edge says, millimetres.
 const EDGE_ROOM_MM: f64 = 110.0;
-/// What is nearer than this to the border of all rectangles together is the wall behind it, millimetres.
-const BORDER_MM: f64 = 50.0;
-
-/// Whether a place lies inside rectangles, least and greatest corner, well away from the border of all of them together.
-fn is_deep_inside(rectangles: &[[Corner; 2]], place: Corner) -> bool {
-    let contains = |[low, high]: &[Corner; 2], at: Corner, margin_mm: f64| {
-        (0..2).all(|axis| at[axis] > low[axis] + margin_mm && at[axis] < high[axis] - margin_mm)
-    };
-    if rectangles.iter().any(|it| contains(it, place, BORDER_MM)) {
-        return true;
-    }
-    let near: Vec<&[Corner; 2]> = rectangles.iter().filter(|it| contains(it, place, -BORDER_MM)).collect();
-    (0..8).all(|eighth| {
-        let (sin, cos) = (f64::from(eighth) * std::f64::consts::FRAC_PI_4).sin_cos();
-        let beside = [place[0] + BORDER_MM * cos, place[1] + BORDER_MM * sin];
-        near.iter().any(|it| contains(it, beside, 0.0))
-    })
-}
 
 fn mesh_of(free: &IntShapes<i32>, half_width_mm: u16) -> Mesh {
     // Corners of walls are rounded by steps of 11.25°: at most 0.5 % nearer than asked for.

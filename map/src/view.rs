@@ -45,6 +45,11 @@ impl View {
         })
     }
 
+    /// How many beams it has.
+    pub(crate) fn beams(&self) -> usize {
+        self.ranges_mm.len()
+    }
+
     /// The ends of its beams that returned, with the beams' numbers.
     pub(crate) fn ends(&self) -> impl Iterator<Item = (usize, Corner)> + '_ {
         (0..self.ranges_mm.len()).filter_map(|beam| Some((beam, self.end(beam)?)))
