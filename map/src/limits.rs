@@ -11,19 +11,19 @@ use i_overlay::i_shape::int::shape::IntContour;
 pub struct SpaceLimits {
     /// Outlines: rectangles, corridors of edges, places where something stands. Default 100,000.
     pub outlines: usize,
-    /// Pairs of outlines whose bounding boxes meet: each may cross the other. Default 1,000,000.
+    /// Pairs of outlines whose bounding boxes meet: each may cross the other. Default 400,000.
     pub overlaps: usize,
     /// Beams of all main nodes' scans. Default 2,000,000.
     pub beams: usize,
-    /// Comparisons of a beam's end with other beams, rectangles and edges. Default 100,000,000.
+    /// Comparisons of a beam's end with other beams, rectangles and edges. Default 50,000,000.
     pub looks: usize,
-    /// Corners of free space once all outlines are put together. Default 200,000.
+    /// Corners of free space once all outlines are put together. Default 40,000.
     pub corners: usize,
 }
 
 impl Default for SpaceLimits {
     fn default() -> Self {
-        Self { outlines: 100_000, overlaps: 1_000_000, beams: 2_000_000, looks: 100_000_000, corners: 200_000 }
+        Self { outlines: 100_000, overlaps: 400_000, beams: 2_000_000, looks: 50_000_000, corners: 40_000 }
     }
 }
 
