@@ -5,8 +5,8 @@
 use i_overlay::i_float::int::point::IntPoint;
 use i_overlay::i_shape::int::shape::IntContour;
 
-/// The most that a mesh is made of. The defaults are some thirty times what a hospital of 860 nodes takes; at any of them
-/// making the mesh takes about two seconds and a few hundred megabytes on one core.
+/// The most that a mesh is made of. At any of the defaults making it takes about two seconds and a few hundred megabytes on one
+/// core.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SpaceLimits {
     /// Outlines: rectangles, corridors of edges, places where something stands. Default 100,000.
