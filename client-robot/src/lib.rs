@@ -24,6 +24,7 @@
 //! | [`blockages`] | ways found blocked, for a while |
 //! | [`steering`] | driving to a point on the live grid |
 //! | [`pilot`] | all of it: the paper's Algorithm 2 |
+//! | [`free_space`] | where it may drive, made of the replica beside the robot's loop |
 //! | [`paths`] | paths from the server, or from the replica |
 //! | [`mission`] | a task in a simulated world, scored |
 //! | [`report`] | what happened, as figures |
@@ -36,6 +37,7 @@ pub mod cli;
 pub mod consensus;
 pub mod estimate;
 pub mod follow;
+pub mod free_space;
 pub mod hypotheses;
 pub mod inquiry;
 pub mod known_space;

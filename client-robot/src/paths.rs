@@ -1,11 +1,12 @@
 //! Where paths come from: the robot's own replica at once, and the server's `path` query when its answer comes. The loop
 //! that drives the robot never waits for the network.
 
+use crate::free_space::FreeSpaceCache;
 use crate::inquiry::{Inquiry, Taking};
 use crate::pilot::PathSource;
 use crate::replica::{AskError, LiveReplica, ask};
 use crate::route::{PlannedPath, Planner, RoutePoint};
-use fht_map::{FreeSpace, MapState, RouteConfig, RouteError, SpaceConfig, lookup, taut};
+use fht_map::{FreeSpace, MapState, RouteConfig, RouteError, lookup, taut};
 use fht_proto::keys::{Key, Topic};
 use fht_proto::query::{ErrorCode, ErrorReply, PathReply};
 use fht_proto::{FixedPoint, MapName};
@@ -21,41 +22,12 @@ fn fixed(point: Point2) -> FixedPoint {
     FixedPoint::from_metres(point.x, point.y)
 }
 
-/// The free space of the newest map that was planned on: it is made when the map or what is blocked has changed.
-#[derive(Default)]
-pub struct FreeSpaceCache {
-    made: Option<(u64, BTreeSet<FixedPoint>, FreeSpace)>,
-}
-
-impl FreeSpaceCache {
-    /// Plans on a map at hand; `changes` is a number that changes whenever the map does.
-    ///
-    /// # Errors
-    /// Why there is no path, in the server's words.
-    pub fn plan(
-        &mut self,
-        map: &MapState,
-        changes: u64,
-        from: Point2,
-        to: Point2,
-        blocked: &BTreeSet<FixedPoint>,
-    ) -> Result<PlannedPath, ErrorReply> {
-        let entry = nearest_node(map, from);
-        let space = self.of(map, changes, blocked);
-        with_entry(from, entry, |start| plan_inside(map, space, start, to))
-    }
-
-    fn of(&mut self, map: &MapState, changes: u64, blocked: &BTreeSet<FixedPoint>) -> &FreeSpace {
-        let made = self.made.take().filter(|made| made.0 == changes && made.1 == *blocked);
-        let made = made.unwrap_or_else(|| {
-            let config = SpaceConfig { blocked: blocked.clone(), ..SpaceConfig::default() };
-            (changes, blocked.clone(), FreeSpace::of(map, &config))
-        });
-        &self.made.insert(made).2
-    }
-}
-
-fn plan_inside(map: &MapState, space: &FreeSpace, from: Point2, to: Point2) -> Result<PlannedPath, ErrorReply> {
+pub(crate) fn plan_inside(
+    map: &MapState,
+    space: &FreeSpace,
+    from: Point2,
+    to: Point2,
+) -> Result<PlannedPath, ErrorReply> {
     let found = taut::plan(map, space, fixed(from), fixed(to), &RouteConfig::default()).map_err(|error| {
         let code = match error {
             RouteError::NoPath { .. } => ErrorCode::NoPath,
@@ -70,14 +42,14 @@ fn plan_inside(map: &MapState, space: &FreeSpace, from: Point2, to: Point2) -> R
     Ok(PlannedPath { points: points.collect(), length_m: found.length_m, planner: Planner::Replica })
 }
 
-fn nearest_node(map: &MapState, from: Point2) -> Option<RoutePoint> {
+pub(crate) fn nearest_node(map: &MapState, from: Point2) -> Option<RoutePoint> {
     let near = lookup::nearest(map, fixed(from), NEAREST_NODE_M);
     let (node, _) = near.first()?;
     Some(RoutePoint { position: Point2::new(node.pose.position.x(), node.pose.position.y()), node: Some(node.id) })
 }
 
 /// Section III-C-2: a robot outside of the mapped space goes to the nearest node first. `plan` plans from where it is told.
-fn with_entry(
+pub(crate) fn with_entry(
     from: Point2,
     entry: Option<RoutePoint>,
     mut plan: impl FnMut(Point2) -> Result<PlannedPath, ErrorReply>,
@@ -118,7 +90,8 @@ pub fn ask_path(
 pub struct ServerPathsConfig {
     /// How long the server may take. Default 5 s.
     pub timeout: Duration,
-    /// When its answer is taken. Default two frames after the question, for simulated time.
+    /// When its answer is taken, and free space that is made beside the loop. Default two frames after the question, for
+    /// simulated time.
     pub taking: Taking,
 }
 
@@ -161,7 +134,7 @@ impl<'a> ServerPaths<'a> {
         let ask = move |question: Question| answer(&session, &map, question, timeout);
         // With an entry the server is asked twice.
         let inquiry = Inquiry::start(config.taking, 3 * timeout, ask)?;
-        Ok(Self { replica, inquiry, free_space: FreeSpaceCache::default(), fallbacks: 0 })
+        Ok(Self { replica, inquiry, free_space: FreeSpaceCache::beside(config.taking), fallbacks: 0 })
     }
 
     /// How often the server was silent, or answered with what is no path, and the robot kept its own.
@@ -278,22 +251,26 @@ impl PathSource for ServerPaths<'_> {
     }
 
     fn is_pending(&self) -> bool {
-        self.inquiry.is_pending()
+        self.inquiry.is_pending() || self.free_space.is_pending()
     }
 
-    fn revised(&mut self) -> Option<PlannedPath> {
-        match self.inquiry.take()? {
-            Ok(Ok(path)) => Some(path),
-            Ok(Err(refusal)) => {
-                tracing::info!(%refusal, "the server has no path");
-                None
+    fn revised(&mut self) -> Option<Result<PlannedPath, ErrorReply>> {
+        // Both are taken each frame; of two that come together the server's counts.
+        let answer = self.inquiry.take();
+        let own = self.free_space.revised(self.replica.read().state());
+        match answer {
+            Some(Ok(Ok(path))) => {
+                self.free_space.forget_wish();
+                return Some(Ok(path));
             }
-            Err(error) => {
+            Some(Ok(Err(refusal))) => tracing::info!(%refusal, "the server has no path"),
+            Some(Err(error)) => {
                 tracing::warn!(%error, "no path from the server: planning on the robot's own copy of the map");
                 self.fallbacks += 1;
-                None
             }
+            None => {}
         }
+        own
     }
 }
 

@@ -120,8 +120,8 @@ pub trait PathSource {
         false
     }
 
-    /// Asked once per frame: the better answer to the last question, when it has come.
-    fn revised(&mut self) -> Option<PlannedPath> {
+    /// Asked once per frame: the better answer to the last question, when it has come; a refusal, if there is no path after all.
+    fn revised(&mut self) -> Option<Result<PlannedPath, ErrorReply>> {
         None
     }
 }
@@ -311,7 +311,10 @@ impl Pilot {
         if self.blockages.is_waiting(now_us) {
             return (LOOK_AROUND, None);
         }
-        if let Some(path) = paths.revised() {
+        let revised = paths.revised();
+        if let Some(Err(refusal)) = revised {
+            self.refusal = Some(refusal);
+        } else if let Some(Ok(path)) = revised {
             tracing::info!(length_m = path.length_m, points = path.points.len(), planner = ?path.planner, "path revised");
             self.refusal = None;
             self.route = Some(Route::new(self.config.route.clone(), path, *map_from_odom));

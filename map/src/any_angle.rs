@@ -1,51 +1,56 @@
 //! The shortest way through free space, at any angle (Cui, Harabor and Grastien, "Compromise-free pathfinding on a navigation
 //! mesh", IJCAI 2017): a search over intervals of the triangles' sides, each seen from the last corner that the way turned
 //! around. The result is exact on the mesh.
+//!
+//! Left out is what no shortest way does: to turn around a corner that free space does not go round, to come to a corner
+//! on a way longer than one that is known, to enter a block that neither end lies behind (`mesh.rs`). An interval that
+//! leads to one other only is followed at once, and so is the best of several while nothing that waits is better.
 
-use crate::free_space::{Corner, FreeSpace, Spot, between, cross, distance, foot_share};
+use crate::interval::{Ray, View, least_way, meets};
+use crate::mesh::{Mesh, NONE, Spot, Triangle};
+use crate::plane::{Corner, distance};
+use std::cell::RefCell;
 use std::cmp::Ordering;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::BinaryHeap;
 
 /// Steps after which a search is given up: a way through a building takes some hundred.
 const MAX_STEPS: usize = 1_000_000;
 /// Places nearer than this are one, millimetres.
 const SAME_MM: f64 = 1e-6;
+/// A workspace with room for more than this is not kept for the next search.
+const KEPT_REACHES: usize = 1 << 14;
 
 /// What a search knows of one way into one triangle.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
-    /// The triangle behind the side.
+    /// What can be seen from the root. The rays meet the side that was crossed.
+    seen: View,
+    /// The triangle behind the side; [`NONE`] once the goal is reached.
     triangle: u32,
-    /// The side of that triangle.
+    /// The corner that was turned around last, by its number among the turns.
+    root: u32,
+    /// The side of the triangle.
     side: u8,
-    /// The part of the side that can be seen, left and right as seen from the root.
-    left: Corner,
-    right: Corner,
-    /// The corner of the mesh at `left` and at `right`, if there is one.
-    left_corner: Option<u32>,
-    right_corner: Option<u32>,
-    /// The last corner that was turned around.
-    root: Corner,
-    /// Length of the way to the root, millimetres.
-    to_root: f64,
-    /// Which way led to the root.
-    before: u32,
 }
 
 /// A corner that a way turns around.
 #[derive(Clone, Copy, Debug)]
 struct Turn {
     place: Corner,
+    /// Length of the way to it, millimetres.
+    length: f64,
+    /// The corner's number; [`NONE`] for the start.
+    corner: u32,
+    /// The turn before it, or [`NONE`].
     before: u32,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
+    /// Least length of a way to the goal; its length, if the goal is reached.
     estimate: f64,
-    order: u32,
-    reach: Reach,
-    /// Whether the goal is seen from the root: the estimate is the length.
-    is_goal: bool,
+    /// Which reach, in the order in which they were found.
+    reach: u32,
 }
 
 impl PartialEq for Waiting {
@@ -62,49 +67,184 @@ impl PartialOrd for Waiting {
 impl Ord for Waiting {
     fn cmp(&self, other: &Self) -> Ordering {
         // The least first; among equals the one found first.
-        other.estimate.total_cmp(&self.estimate).then(other.order.cmp(&self.order))
+        other.estimate.total_cmp(&self.estimate).then(other.reach.cmp(&self.reach))
     }
 }
 
-struct Search<'a> {
-    space: &'a FreeSpace,
-    goal: Spot,
+/// What a search writes down. Kept from one search to the next, since most of what planning costs is to get memory; entries count
+/// if they bear the number of the search.
+#[derive(Default)]
+struct Workspace {
+    search: u32,
     queue: BinaryHeap<Waiting>,
+    reaches: Vec<Reach>,
+    /// Where the reach that is looked at leads: at most two sides as seen from its root, and both from either end.
+    next: Vec<Reach>,
     turns: Vec<Turn>,
     /// The shortest way known to each corner.
-    best: BTreeMap<u32, f64>,
-    order: u32,
+    best: Vec<(u32, f64)>,
+    /// Blocks that ways may lead through.
+    open: Vec<u32>,
+}
+
+thread_local! {
+    static WORKSPACE: RefCell<Workspace> = RefCell::default();
+}
+
+impl Workspace {
+    fn begin(&mut self, mesh: &Mesh) {
+        self.queue.clear();
+        self.reaches.clear();
+        self.next.clear();
+        self.turns.clear();
+        self.search = self.search.wrapping_add(1);
+        if self.search == 0 {
+            // After four billion searches.
+            *self = Self { search: 1, ..Self::default() };
+        }
+        // Of another mesh there may be more: the number of the search tells them apart.
+        self.best.resize(self.best.len().max(mesh.corner_count), (0, f64::INFINITY));
+        self.open.resize(self.open.len().max(mesh.blocks.len()), 0);
+    }
+
+    fn end(&mut self) {
+        if self.reaches.capacity() > KEPT_REACHES {
+            (self.queue, self.reaches, self.turns) = Default::default();
+        }
+    }
 }
 
 /// The corners of the shortest way between two spots of one part of the mesh, both included; `None` if there is none.
-pub(crate) fn shortest_way(space: &FreeSpace, from: &Spot, to: &Spot) -> Option<Vec<Corner>> {
+pub(crate) fn shortest_way(mesh: &Mesh, from: &Spot, to: &Spot) -> Option<Vec<Corner>> {
     if from.part != to.part {
         return None;
     }
-    if from.triangle == to.triangle {
+    if from.triangle == to.triangle || mesh.is_straight_free(from, to) {
         return Some(vec![from.place, to.place]);
     }
-    let start = Turn { place: from.place, before: u32::MAX };
-    let mut search =
-        Search { space, goal: *to, queue: BinaryHeap::new(), turns: vec![start], best: BTreeMap::new(), order: 0 };
-    for side in 0..3 {
-        search.cross_side(from.triangle, side, None, from.place, 0.0, 0);
-    }
-    for _ in 0..MAX_STEPS {
-        let waiting = search.queue.pop()?;
-        if waiting.is_goal {
-            return Some(search.way(waiting.reach.before));
-        }
-        search.expand(&waiting.reach);
-    }
-    None
+    WORKSPACE.with_borrow_mut(|workspace| {
+        workspace.begin(mesh);
+        let way = Search { mesh, goal: *to, workspace }.run(from);
+        workspace.end();
+        way
+    })
+}
+
+struct Search<'a> {
+    mesh: &'a Mesh,
+    goal: Spot,
+    workspace: &'a mut Workspace,
 }
 
 impl Search<'_> {
+    fn run(&mut self, from: &Spot) -> Option<Vec<Corner>> {
+        self.open_blocks(from);
+        self.workspace.turns.push(Turn { place: from.place, length: 0.0, corner: NONE, before: NONE });
+        let first = &self.mesh.triangles[from.triangle as usize];
+        for side in 0..3 {
+            let ray = |corner: usize| Ray { through: first.places[corner], corner: first.corners[corner] };
+            // Counter-clockwise from inside: the first corner is on the right of one who leaves, the second on the left.
+            self.cross_side(first, side, View { left: ray((side + 1) % 3), right: ray(side) }, 0);
+        }
+        let mut at_hand = self.choose();
+        for _ in 0..MAX_STEPS {
+            let reach = match at_hand {
+                Some(reach) => reach,
+                None => {
+                    let waiting = self.workspace.queue.pop()?;
+                    let reach = self.workspace.reaches[waiting.reach as usize];
+                    if self.is_outdone(&self.workspace.turns[reach.root as usize]) {
+                        continue;
+                    }
+                    reach
+                }
+            };
+            if reach.triangle == NONE {
+                return Some(self.way(reach.root));
+            }
+            if reach.triangle == self.goal.triangle {
+                self.arrive(&reach);
+            } else {
+                self.expand(&reach);
+            }
+            at_hand = self.choose();
+        }
+        None
+    }
+
+    /// Opens the blocks between the ends.
+    fn open_blocks(&mut self, from: &Spot) {
+        let Workspace { open, search, .. } = self.workspace;
+        let block_of = |spot: &Spot| self.mesh.triangles[spot.triangle as usize].block;
+        let depth = |block: u32| self.mesh.blocks[block as usize].depth;
+        let (mut a, mut b) = (block_of(from), block_of(&self.goal));
+        open[a as usize] = *search;
+        open[b as usize] = *search;
+        while a != b {
+            let deeper = if depth(a) >= depth(b) { &mut a } else { &mut b };
+            *deeper = self.mesh.blocks[*deeper as usize].parent;
+            if *deeper == NONE {
+                return; // of other parts: nothing joins them
+            }
+            open[*deeper as usize] = *search;
+        }
+    }
+
+    /// Of where a reach leads, the best to go on with; the others wait. None if something that waits is better.
+    fn choose(&mut self) -> Option<Reach> {
+        let mut next = std::mem::take(&mut self.workspace.next);
+        let best = match next[..] {
+            // Nothing to choose, unless it is the goal.
+            [only] if only.triangle != NONE => Some(only),
+            _ => self.best_of(&next),
+        };
+        next.clear();
+        self.workspace.next = next;
+        best
+    }
+
+    fn best_of(&mut self, next: &[Reach]) -> Option<Reach> {
+        let mut best: Option<(f64, Reach)> = None;
+        for reach in next {
+            let estimate = self.estimate(reach);
+            match &mut best {
+                Some(best) if estimate < best.0 => {
+                    let (worse, reach) = std::mem::replace(best, (estimate, *reach));
+                    self.wait(worse, reach);
+                }
+                Some(_) => self.wait(estimate, *reach),
+                None => best = Some((estimate, *reach)),
+            }
+        }
+        let (estimate, reach) = best?;
+        if self.workspace.queue.peek().is_some_and(|first| first.estimate < estimate) {
+            self.wait(estimate, reach);
+            return None;
+        }
+        Some(reach)
+    }
+
+    fn wait(&mut self, estimate: f64, reach: Reach) {
+        self.workspace.queue.push(Waiting { estimate, reach: self.workspace.reaches.len() as u32 });
+        self.workspace.reaches.push(reach);
+    }
+
+    /// The least length of a way through a reach to the goal.
+    fn estimate(&self, reach: &Reach) -> f64 {
+        let root = &self.workspace.turns[reach.root as usize];
+        if reach.triangle == NONE {
+            return root.length + distance(root.place, self.goal.place);
+        }
+        let triangle = &self.mesh.triangles[reach.triangle as usize];
+        let side = usize::from(reach.side);
+        let ends = [triangle.places[side], triangle.places[(side + 1) % 3]];
+        root.length + least_way(root.place, &reach.seen, ends, self.goal.place)
+    }
+
     fn way(&self, last: u32) -> Vec<Corner> {
         let mut way = vec![self.goal.place];
         let mut at = last;
-        while let Some(turn) = self.turns.get(at as usize) {
+        while let Some(turn) = self.workspace.turns.get(at as usize) {
             if distance(turn.place, way[way.len() - 1]) > SAME_MM {
                 way.push(turn.place);
             }
@@ -114,163 +254,117 @@ impl Search<'_> {
         way
     }
 
-    /// Queues what lies beyond a side of a triangle; `part` is the visible part of it as (left, right), all of it if absent.
-    fn cross_side(
-        &mut self,
-        triangle: u32,
-        side: usize,
-        part: Option<(Corner, Corner)>,
-        root: Corner,
-        to_root: f64,
-        before: u32,
-    ) {
-        let here = &self.space.triangles[triangle as usize];
-        let Some(next) = here.beyond[side] else { return };
-        // Counter-clockwise from inside: the first corner is on the right of one who leaves, the second on the left.
-        let (right_corner, left_corner) = (here.corners[side], here.corners[(side + 1) % 3]);
-        let (right_end, left_end) = (self.space.corner(right_corner), self.space.corner(left_corner));
-        let (left, right) = part.unwrap_or((left_end, right_end));
-        if distance(left, right) <= SAME_MM {
+    /// Leads beyond a side of a triangle, as far as it is seen from a root.
+    fn cross_side(&mut self, here: &Triangle, side: usize, seen: View, root: u32) {
+        let next = here.beyond[side];
+        if next == NONE {
             return;
         }
-        let there = &self.space.triangles[next as usize];
-        let Some(entered) = (0..3).find(|&side| there.corners[side] == left_corner) else { return };
-        self.push(Reach {
-            triangle: next,
-            side: entered as u8,
-            left,
-            right,
-            left_corner: (distance(left, left_end) <= SAME_MM).then_some(left_corner),
-            right_corner: (distance(right, right_end) <= SAME_MM).then_some(right_corner),
-            root,
-            to_root,
-            before,
-        });
-    }
-
-    fn push(&mut self, reach: Reach) {
-        let estimate = reach.to_root + least_way(&reach, self.goal.place);
-        self.order += 1;
-        self.queue.push(Waiting { estimate, order: self.order, reach, is_goal: false });
+        let block = self.mesh.triangles[next as usize].block;
+        if self.workspace.open[block as usize] == self.workspace.search {
+            self.workspace.next.push(Reach { seen, triangle: next, root, side: here.entered[side] });
+        }
     }
 
     /// A new root at a corner, unless a shorter way to it is known.
-    fn turn(&mut self, reach: &Reach, corner: u32) -> Option<(Corner, f64, u32)> {
-        let place = self.space.corner(corner);
-        let length = reach.to_root + distance(reach.root, place);
-        let best = self.best.entry(corner).or_insert(f64::INFINITY);
-        if length > *best + SAME_MM {
+    fn turn(&mut self, root: u32, corner: u32, place: Corner) -> Option<u32> {
+        let Workspace { search, turns, best, .. } = self.workspace;
+        let before = &turns[root as usize];
+        let length = before.length + distance(before.place, place);
+        let known = &mut best[corner as usize];
+        if known.0 != *search {
+            *known = (*search, f64::INFINITY);
+        }
+        if length > known.1 + SAME_MM {
             return None;
         }
-        *best = length.min(*best);
-        self.turns.push(Turn { place, before: reach.before });
-        Some((place, length, (self.turns.len() - 1) as u32))
+        known.1 = length.min(known.1);
+        turns.push(Turn { place, length, corner, before: root });
+        Some((turns.len() - 1) as u32)
     }
 
+    /// Whether a shorter way to a turn was found since.
+    fn is_outdone(&self, turn: &Turn) -> bool {
+        turn.corner != NONE && turn.length > self.workspace.best[turn.corner as usize].1 + SAME_MM
+    }
+
+    /// Goes on through a triangle. It was entered through the side from its left corner to its right one; where the far corner
+    /// lies decides which of the other two sides are seen. What lies beyond a ray is seen from the corner that the ray
+    /// passes, if that is an end of the side: there the way turns.
     fn expand(&mut self, reach: &Reach) {
-        if reach.triangle == self.goal.triangle {
-            return self.arrive(reach);
-        }
-        let triangle = self.space.triangles[reach.triangle as usize];
-        let side = usize::from(reach.side);
-        // Entered through the side from the left corner to the right one; the far corner sees both other sides.
-        let (left_end, right_end, far) = (
-            self.space.corner(triangle.corners[side]),
-            self.space.corner(triangle.corners[(side + 1) % 3]),
-            self.space.corner(triangle.corners[(side + 2) % 3]),
-        );
-        let is_at = |end: Corner| distance(reach.root, end) <= SAME_MM;
-        let chain = [left_end, far, right_end];
-        let left = if is_at(reach.left) { 0.0 } else { meets(reach.root, reach.left, &chain) };
-        let right = if is_at(reach.right) { 2.0 } else { meets(reach.root, reach.right, &chain) };
-        let right = right.max(left);
+        let triangle = &self.mesh.triangles[reach.triangle as usize];
+        let left_end = usize::from(reach.side);
+        let (right_end, far_end) = ((left_end + 1) % 3, (left_end + 2) % 3);
         // The sides beyond: from the far corner to the left one, and from the right one to the far one.
-        let (left_side, right_side) = ((side + 2) % 3, (side + 1) % 3);
-        let spans = |from: f64, to: f64| {
-            let on_left = (from < 1.0).then(|| (on_chain(&chain, from), on_chain(&chain, to.min(1.0))));
-            let on_right = (to > 1.0).then(|| (on_chain(&chain, from.max(1.0)), on_chain(&chain, to)));
-            [(left_side, on_left), (right_side, on_right)]
-        };
-        for (side, span) in spans(left, right) {
-            if let Some((l, r)) = span.filter(|_| right > left) {
-                self.cross_side(reach.triangle, side, Some((l, r)), reach.root, reach.to_root, reach.before);
-            }
-        }
-        let around = [(reach.left_corner, 0.0, left), (reach.right_corner, right, 2.0)];
-        for (corner, from, to) in around {
-            if to <= from {
-                continue;
-            }
-            let Some((root, to_root, before)) = corner.and_then(|corner| self.turn(reach, corner)) else { continue };
-            for (side, span) in spans(from, to) {
-                if let Some((l, r)) = span {
-                    self.cross_side(reach.triangle, side, Some((l, r)), root, to_root, before);
-                }
-            }
-        }
-    }
-
-    /// The goal's triangle is entered: the last turns.
-    fn arrive(&mut self, reach: &Reach) {
-        let goal = self.goal.place;
-        let seen =
-            |root: Corner| cross(root, reach.left, goal) <= SAME_MM && cross(root, reach.right, goal) >= -SAME_MM;
-        let is_on = distance(reach.root, reach.left) <= SAME_MM || distance(reach.root, reach.right) <= SAME_MM;
-        let (length, before) = if is_on || seen(reach.root) {
-            (reach.to_root + distance(reach.root, goal), reach.before)
+        let (left_side, right_side) = (far_end, right_end);
+        let root = self.workspace.turns[reach.root as usize].place;
+        let View { left, right } = reach.seen;
+        let far = Ray { through: triangle.places[far_end], corner: triangle.corners[far_end] };
+        let left_of = reach.seen.left_of(root, far.through);
+        let right_of = reach.seen.right_of(root, far.through);
+        if left_of > 0.0 {
+            self.cross_side(triangle, right_side, reach.seen, reach.root);
+        } else if right_of > 0.0 {
+            self.cross_side(triangle, left_side, reach.seen, reach.root);
         } else {
-            let is_left = cross(reach.root, reach.left, goal) > 0.0;
-            let corner = if is_left { reach.left_corner } else { reach.right_corner };
-            // An end that is no corner: another interval sees the goal.
-            let Some((place, to_corner, before)) = corner.and_then(|corner| self.turn(reach, corner)) else { return };
-            (to_corner + distance(place, goal), before)
+            if left_of < 0.0 {
+                self.cross_side(triangle, left_side, View { left, right: far }, reach.root);
+            }
+            if right_of < 0.0 {
+                self.cross_side(triangle, right_side, View { left: far, right }, reach.root);
+            }
+        }
+        if left_of >= 0.0
+            && left.corner == triangle.corners[left_end]
+            && triangle.turns[left_end]
+            && let Some(turn) = self.turn(reach.root, left.corner, left.through)
+        {
+            self.cross_side(triangle, left_side, View { left, right: far }, turn);
+            if left_of > 0.0 {
+                let through = meets(root, left.through, [far.through, triangle.places[right_end]]);
+                let right = Ray { through, corner: NONE };
+                self.cross_side(triangle, right_side, View { left: far, right }, turn);
+            }
+        }
+        if right_of >= 0.0
+            && right.corner == triangle.corners[right_end]
+            && triangle.turns[right_end]
+            && let Some(turn) = self.turn(reach.root, right.corner, right.through)
+        {
+            self.cross_side(triangle, right_side, View { left: far, right }, turn);
+            if right_of > 0.0 {
+                let through = meets(root, right.through, [far.through, triangle.places[left_end]]);
+                let left = Ray { through, corner: NONE };
+                self.cross_side(triangle, left_side, View { left, right: far }, turn);
+            }
+        }
+    }
+
+    /// The goal's triangle is entered: the last turn, if there is one.
+    fn arrive(&mut self, reach: &Reach) {
+        let root = self.workspace.turns[reach.root as usize].place;
+        let triangle = &self.mesh.triangles[reach.triangle as usize];
+        let left_end = usize::from(reach.side);
+        let beyond = if reach.seen.left_of(root, self.goal.place) > 0.0 {
+            Some((left_end, reach.seen.left))
+        } else if reach.seen.right_of(root, self.goal.place) > 0.0 {
+            Some(((left_end + 1) % 3, reach.seen.right))
+        } else {
+            None
         };
-        self.order += 1;
-        let reach = Reach { before, ..*reach };
-        self.queue.push(Waiting { estimate: length, order: self.order, reach, is_goal: true });
+        let root = match beyond {
+            None => Some(reach.root),
+            Some((end, ray)) if ray.corner == triangle.corners[end] && triangle.turns[end] => {
+                self.turn(reach.root, ray.corner, ray.through)
+            }
+            // Another reach, with a root nearer by, sees the goal.
+            Some(_) => None,
+        };
+        if let Some(root) = root {
+            self.workspace.next.push(Reach { triangle: NONE, root, ..*reach });
+        }
     }
 }
 
-/// The least length of a way from a root through an interval to a goal.
-fn least_way(reach: &Reach, goal: Corner) -> f64 {
-    let (left, right, root) = (reach.left, reach.right, reach.root);
-    // A goal on the root's side of the interval is as far as its mirror image.
-    let is_same_side = cross(right, left, root) * cross(right, left, goal) > 0.0;
-    let goal = if is_same_side { mirrored(right, left, goal) } else { goal };
-    let is_left_of_left = cross(root, left, goal) > 0.0;
-    let is_right_of_right = cross(root, right, goal) < 0.0;
-    if is_left_of_left {
-        distance(root, left) + distance(left, goal)
-    } else if is_right_of_right {
-        distance(root, right) + distance(right, goal)
-    } else {
-        distance(root, goal)
-    }
-}
-
-fn mirrored(a: Corner, b: Corner, point: Corner) -> Corner {
-    let foot = between([a, b], foot_share([a, b], point));
-    [2.0 * foot[0] - point[0], 2.0 * foot[1] - point[1]]
-}
-
-/// Where the ray from `root` through `through` meets the chain left, far, right: 0 to 1 on its first part, to 2 on the second.
-fn meets(root: Corner, through: Corner, chain: &[Corner; 3]) -> f64 {
-    let side = cross(root, through, chain[1]);
-    // The far corner is on the left of the ray: the ray passes it on the right.
-    let (first, from, to) = if side > 0.0 { (1.0, chain[1], chain[2]) } else { (0.0, chain[0], chain[1]) };
-    let (a, b) = (cross(root, through, from), cross(root, through, to));
-    let share = if (a - b).abs() > f64::MIN_POSITIVE { a / (a - b) } else { 0.0 };
-    first + share.clamp(0.0, 1.0)
-}
-
-fn on_chain(chain: &[Corner; 3], at: f64) -> Corner {
-    let (from, to, share) = if at <= 1.0 { (chain[0], chain[1], at) } else { (chain[1], chain[2], at - 1.0) };
-    // The corners themselves exactly: they are told by their places.
-    if share <= 0.0 {
-        from
-    } else if share >= 1.0 {
-        to
-    } else {
-        between([from, to], share)
-    }
-}
+#[cfg(test)]
+mod tests;

@@ -5,8 +5,11 @@
 //! a grid around the place: away from what was seen, and sooner over ground that a beam passed than over ground that nobody
 //! saw, where anything may stand.
 
-use crate::free_space::{Corner, FreeSpace, Spot, between, corner_of, distance, nearest_on};
+use crate::free_space::FreeSpace;
+use crate::mesh::Spot;
+use crate::plane::{Corner, between, corner_of, distance};
 use crate::view::View;
+use crate::zones::Zone;
 use fht_proto::FixedPoint;
 use pathfinding::directed::dijkstra::dijkstra_reach;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -48,6 +51,8 @@ impl Default for ApproachConfig {
     }
 }
 
+/// So many main nodes, the nearest, are asked what they saw.
+const MOST_VIEWS: usize = 256;
 /// Side of a cell of the grid, millimetres.
 const CELL_MM: f64 = 50.0;
 
@@ -73,18 +78,24 @@ impl FreeSpace {
     /// way keeps away from what was seen, the straight one to the nearest point.
     pub(crate) fn approaches(&self, point: FixedPoint, reach_mm: f64) -> Vec<Approach> {
         let (place, config) = (corner_of(point), &self.approach);
-        if let Some(triangle) = self.triangle_at(place) {
-            return vec![Approach { joint: self.spot(triangle, place), way: Vec::new(), cost_mm: 0.0 }];
+        if let Some(triangle) = self.mesh.triangle_at(place) {
+            return vec![Approach { joint: self.mesh.spot(triangle, place), way: Vec::new(), cost_mm: 0.0 }];
         }
+        let zones: Vec<&Zone> = self.screens_around(place, 2.0 * reach_mm).collect();
         let mut nearest: BTreeMap<u32, Approach> = BTreeMap::new();
+        let mut parts = BTreeSet::new();
         let mut borders = Vec::new();
-        for (triangle, ends) in self.borders() {
-            let joint = self.spot(triangle, nearest_on(ends, place));
+        for (triangle, ends, nearest_place) in self.mesh.borders_around(place, reach_mm) {
+            let joint = self.mesh.spot(triangle, nearest_place);
             let cost_mm = distance(joint.place, place);
             if cost_mm > reach_mm {
                 continue;
             }
             borders.push((triangle, ends));
+            parts.insert(joint.part);
+            if zones.iter().any(|zone| zone.is_met([place, joint.place])) {
+                continue;
+            }
             if nearest.get(&joint.part).is_none_or(|kept| kept.cost_mm > cost_mm) {
                 nearest.insert(joint.part, Approach { joint, way: vec![place], cost_mm });
             }
@@ -92,10 +103,10 @@ impl FreeSpace {
         let is_straight = |way: &Approach| {
             way.cost_mm <= config.straight_mm && self.walls.is_clear([place, way.joint.place], config.straight_room_mm)
         };
-        let mut others: BTreeSet<u32> =
-            nearest.values().filter(|way| !is_straight(way)).map(|way| way.joint.part).collect();
+        let is_joined = |part: &u32| nearest.get(part).is_some_and(is_straight);
+        let mut others: BTreeSet<u32> = parts.into_iter().filter(|part| !is_joined(part)).collect();
         if !others.is_empty() {
-            let mut ground = Ground::new(self, place, reach_mm);
+            let mut ground = Ground::new(self, place, reach_mm, zones);
             let joints = ground.joints(&borders);
             for room_mm in config.room_mm {
                 for way in ground.ways(&joints, others.clone(), room_mm) {
@@ -109,10 +120,6 @@ impl FreeSpace {
             nearest.entry(part).and_modify(|way| way.cost_mm *= 1.0 + config.near_factor + config.unseen_factor);
         }
         nearest.into_values().collect()
-    }
-
-    fn spot(&self, triangle: u32, place: Corner) -> Spot {
-        Spot { triangle, part: self.triangles[triangle as usize].part, place }
     }
 }
 
@@ -128,23 +135,26 @@ struct Ground<'a> {
     views: Vec<&'a View>,
     /// What nodes say is free.
     rectangles: Vec<[Corner; 2]>,
+    /// What no way may lead over.
+    zones: Vec<&'a Zone>,
     seen: HashMap<Cell, bool>,
     /// What a millimetre in a cell counts for; none where a wall is too near.
     factors: HashMap<Cell, Option<f64>>,
 }
 
 impl<'a> Ground<'a> {
-    fn new(space: &'a FreeSpace, place: Corner, reach_mm: f64) -> Self {
+    fn new(space: &'a FreeSpace, place: Corner, reach_mm: f64, zones: Vec<&'a Zone>) -> Self {
         let away_mm = |view: &&View| distance(view.from, place);
         let mut views: Vec<&View> = space.views.iter().filter(|view| away_mm(view) < space.approach.view_mm).collect();
         views.sort_by(|a, b| away_mm(a).total_cmp(&away_mm(b)));
+        views.truncate(MOST_VIEWS);
         let is_near = |[low, high]: &[Corner; 2]| {
             (0..2).all(|axis| low[axis] <= place[axis] + reach_mm && high[axis] >= place[axis] - reach_mm)
         };
         let rectangles = space.rectangles.iter().copied().filter(is_near).collect();
         let reach = (reach_mm / CELL_MM).ceil() as i32;
         let (seen, factors) = (HashMap::new(), HashMap::new());
-        Self { space, place, reach, room_mm: 0.0, views, rectangles, seen, factors }
+        Self { space, place, reach, room_mm: 0.0, views, rectangles, zones, seen, factors }
     }
 
     fn cell_of(&self, at: Corner) -> Cell {
@@ -232,6 +242,9 @@ impl<'a> Ground<'a> {
 
     /// What the way from a cell to one beside it costs.
     fn step_mm(&mut self, from: Cell, to: Cell) -> Option<f64> {
+        if !self.is_open([self.middle(from), self.middle(to)]) {
+            return None;
+        }
         let length_mm = CELL_MM * f64::from(from.0 - to.0).hypot(f64::from(from.1 - to.1));
         Some(0.5 * (self.factor(from)? + self.factor(to)?) * length_mm)
     }
@@ -243,7 +256,7 @@ impl<'a> Ground<'a> {
             let Some(ends) = self.inside(*ends) else { continue };
             let steps = (distance(ends[0], ends[1]) / (0.5 * CELL_MM)).ceil().max(1.0);
             for step in 0..=steps as usize {
-                let spot = self.space.spot(*triangle, between(ends, step as f64 / steps));
+                let spot = self.space.mesh.spot(*triangle, between(ends, step as f64 / steps));
                 let cell = self.cell_of(spot.place);
                 let middle = self.middle(cell);
                 let spots = joints.entry(cell).or_default();
@@ -307,8 +320,15 @@ impl<'a> Ground<'a> {
         Approach { joint, way, cost_mm }
     }
 
+    fn is_open(&self, ends: [Corner; 2]) -> bool {
+        !self.zones.iter().any(|zone| zone.is_met(ends))
+    }
+
     /// What a straight way costs; none where a wall is too near.
     fn straight_mm(&mut self, ends: [Corner; 2]) -> Option<f64> {
+        if !self.is_open(ends) {
+            return None;
+        }
         let length_mm = distance(ends[0], ends[1]);
         let steps = (length_mm / (0.5 * CELL_MM)).ceil().max(1.0);
         let mut sum = 0.0;

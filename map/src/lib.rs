@@ -9,8 +9,16 @@
 //! | [`graph`] | shortest paths over nodes and edges |
 //! | [`route`] | a path between two places (paper, equation 5) |
 //! | [`free_space`] | where a robot's centre may be: rectangles and corridors as a mesh |
+//! | `contours` | rectangles, corridors and obstacles as outlines |
+//! | `inner` | what lies well inside of all rectangles |
+//! | `zones` | what operators keep out, and barriers across edges that they closed |
+//! | `limits` | how much work a mesh may be |
+//! | `mesh` | triangles: neighbours, places, and which of them a way can lead through |
+//! | `cells` | things by place |
+//! | `plane` | places and lines |
 //! | `approach` | the way into the mesh over ground that no rectangle covers |
 //! | `any_angle` | the shortest way through a mesh |
+//! | `interval` | what is seen of a triangle's sides |
 //! | `view` | what a main node's scanner saw: ends of beams, and ground that they passed over |
 //! | `seen_walls` | walls that a way into the mesh must keep away from |
 //! | [`taut`] | the shortest path between two places through free space |
@@ -25,12 +33,19 @@ pub mod annotations;
 mod any_angle;
 mod approach;
 pub mod blocked;
+mod cells;
+mod contours;
 pub mod diff;
 pub mod fold;
 pub mod free_space;
 pub mod graph;
+mod inner;
+mod interval;
 mod leaf;
+mod limits;
 pub mod lookup;
+mod mesh;
+mod plane;
 mod register;
 pub mod replica;
 pub mod route;
@@ -40,10 +55,12 @@ pub mod sequence;
 pub mod state;
 pub mod taut;
 mod view;
+mod zones;
 
 pub use annotations::{Annotations, ReleaseRef};
 pub use approach::ApproachConfig;
 pub use free_space::{FreeSpace, SpaceConfig};
+pub use limits::{OverBudget, SpaceLimits};
 pub use replica::{Accepted, Replica};
 pub use route::{Route, RouteConfig, RouteError};
 pub use rules::{PlanError, Rules};

@@ -1,6 +1,7 @@
 //! Where main nodes saw walls: what a way into the mesh must keep away from, and what stands in free space after all.
 
-use crate::free_space::{Corner, between, distance, foot_share};
+use crate::limits::{Looks, OverBudget};
+use crate::plane::{Corner, between, distance, foot_share};
 use crate::view::View;
 use std::collections::{BTreeMap, HashMap};
 
@@ -13,6 +14,9 @@ const SAME_MM: f64 = 60.0;
 const BODY_MM: f64 = 300.0;
 /// Of what was seen this near together, one place is enough, millimetres.
 const THIN_MM: f64 = 5.0;
+
+/// A square in which more was seen than this keeps one place of each cell of `THIN_MM`.
+const CROWD: usize = 2_500;
 
 /// End points of all main nodes' scans, millimetres in the map frame.
 #[derive(Clone, Debug, Default)]
@@ -59,51 +63,84 @@ impl SeenWalls {
     pub(crate) fn things(
         &self,
         views: &[View],
-        is_inside: impl Fn(Corner) -> bool,
+        is_inside: impl Fn(Corner, &mut Looks) -> Result<bool, OverBudget>,
         lines: impl Iterator<Item = [Corner; 2]>,
         room_mm: f64,
-    ) -> Vec<Corner> {
-        let mut is_in_the_way: Vec<bool> = self.sightings.iter().map(|sighting| is_inside(sighting.at)).collect();
+        looks: &mut Looks,
+    ) -> Result<Vec<Corner>, OverBudget> {
+        let mut is_in_the_way = Vec::with_capacity(self.sightings.len());
+        for sighting in &self.sightings {
+            is_in_the_way.push(is_inside(sighting.at, looks)?);
+        }
         for line in lines {
+            looks.add(self.squares_along(line).map(|points| 1 + points.len()).sum())?;
             for index in self.near(line, room_mm) {
                 is_in_the_way[index as usize] = true;
             }
         }
-        let found = self.sightings.iter().zip(is_in_the_way).filter(|(_, is_in_the_way)| *is_in_the_way);
-        let (twice, once): (Vec<&Sighting>, Vec<&Sighting>) =
-            found.map(|(sighting, _)| sighting).partition(|sighting| {
-                let mut around = self.around(sighting.at);
-                around.any(|other| other.node != sighting.node && distance(other.at, sighting.at) < SAME_MM)
-            });
-        let is_denied = |sighting: &&&Sighting| {
-            let Some(own) = views.get(sighting.node as usize) else { return false };
+        let (mut twice, mut once): (Vec<&Sighting>, Vec<&Sighting>) = Default::default();
+        for (sighting, _) in self.sightings.iter().zip(is_in_the_way).filter(|(_, is_in_the_way)| *is_in_the_way) {
+            let mut looked = 0;
+            let is_same = |other: &Sighting| {
+                looked += 1;
+                other.node != sighting.node && distance(other.at, sighting.at) < SAME_MM
+            };
+            let is_twice = self.around(sighting.at).any(is_same);
+            looks.add(looked)?;
+            if is_twice { twice.push(sighting) } else { once.push(sighting) }
+        }
+        // By node: what of it others saw through.
+        let mut denied: BTreeMap<u32, Vec<&Sighting>> = BTreeMap::new();
+        for sighting in &once {
+            let Some(own) = views.get(sighting.node as usize) else { continue };
+            looks.add(own.beams())?;
             let half_width_mm = 0.5 * own.width_mm(sighting.beam as usize, BODY_MM);
             let inside = own.behind(sighting.at, half_width_mm);
-            views.iter().any(|view| view.denies(inside, half_width_mm))
-        };
-        let denied: Vec<&Sighting> = once.iter().filter(is_denied).copied().collect();
-        let is_there = |sighting: &&Sighting| {
-            let is_same = |denied: &&&Sighting| denied.node == sighting.node;
-            denied.iter().filter(is_same).all(|denied| distance(denied.at, sighting.at) > BODY_MM)
-        };
-        let things = twice.into_iter().chain(once.into_iter().filter(is_there));
-        let thinned: BTreeMap<(i32, i32), Corner> =
-            things.map(|sighting| (cell_of(sighting.at, THIN_MM), sighting.at)).collect();
-        thinned.into_values().collect()
+            let denier = views.iter().position(|view| view.denies(inside, half_width_mm));
+            looks.add(denier.unwrap_or(views.len()))?;
+            if denier.is_some() {
+                denied.entry(sighting.node).or_default().push(sighting);
+            }
+        }
+        let mut things: BTreeMap<(i32, i32), Corner> = BTreeMap::new();
+        let thin = |sighting: &Sighting| (cell_of(sighting.at, THIN_MM), sighting.at);
+        things.extend(twice.into_iter().map(thin));
+        for sighting in once {
+            let denied = denied.get(&sighting.node).map_or(&[][..], Vec::as_slice);
+            looks.add(denied.len())?;
+            if denied.iter().all(|denied| distance(denied.at, sighting.at) > BODY_MM) {
+                things.extend([thin(sighting)]);
+            }
+        }
+        Ok(things.into_values().collect())
+    }
+
+    /// Leaves out some of what was seen where it stands in crowds, so that to ask for what is near takes no forever.
+    pub(crate) fn thin_out(&mut self) {
+        let sightings = &self.sightings;
+        for square in self.squares.values_mut().filter(|square| square.len() > CROWD) {
+            let by_cell: BTreeMap<(i32, i32), u32> =
+                square.iter().rev().map(|&index| (cell_of(sightings[index as usize].at, THIN_MM), index)).collect();
+            *square = by_cell.into_values().collect();
+        }
     }
 
     /// What was seen within `room_mm` (at most the side of a square) of the straight way between two places, by its number; the
     /// same may come several times.
     fn near(&self, ends: [Corner; 2], room_mm: f64) -> impl Iterator<Item = u32> {
-        let steps =
-            if self.squares.is_empty() { 0.0 } else { (distance(ends[0], ends[1]) / SQUARE_MM).ceil().max(1.0) };
-        let along = (0..=steps as usize).map(move |step| square_of(between(ends, step as f64 / steps.max(1.0))));
-        let squares = along.flat_map(squares_around).filter_map(|square| self.squares.get(&square));
-        squares.flatten().copied().filter(move |&index| {
+        self.squares_along(ends).flatten().copied().filter(move |&index| {
             let at = self.sightings[index as usize].at;
             let foot = between(ends, foot_share(ends, at).clamp(0.0, 1.0));
             distance(foot, at) < room_mm
         })
+    }
+
+    /// What was seen in the squares along a line and beside it; the same square may come several times.
+    fn squares_along(&self, ends: [Corner; 2]) -> impl Iterator<Item = &Vec<u32>> {
+        let steps =
+            if self.squares.is_empty() { 0.0 } else { (distance(ends[0], ends[1]) / SQUARE_MM).ceil().max(1.0) };
+        let along = (0..=steps as usize).map(move |step| square_of(between(ends, step as f64 / steps.max(1.0))));
+        along.flat_map(squares_around).filter_map(|square| self.squares.get(&square))
     }
 
     /// What was seen in the squares at and around a place.

@@ -3,16 +3,19 @@
 
 use crate::any_angle::shortest_way;
 use crate::approach::Approach;
-use crate::free_space::{Corner, FreeSpace, fixed_point};
+use crate::free_space::FreeSpace;
+use crate::plane::{Corner, corner_of, distance, fixed_point};
 use crate::route::{self, Route, RouteConfig, RouteError, RoutePoint};
 use crate::state::MapState;
+use crate::zones::Zone;
 use fht_proto::FixedPoint;
 
 /// Ways into the mesh that are tried for places outside of it: through this many of its parts.
 const PARTS: usize = 4;
 
 /// Plans from `from` to `to` (map frame) through `space`, which must be that of `map`. A place outside of it joins it
-/// over ground that no rectangle covers, and the way there counts [`RouteConfig::unmapped_factor`] times.
+/// over ground that no rectangle covers, and the way there counts [`RouteConfig::unmapped_factor`] times. Of a map without a
+/// mesh ([`FreeSpace::over_budget`]) the path leads over nodes and edges.
 ///
 /// # Errors
 /// [`RouteError::OutOfMap`] for a place too far from the mapped space, [`RouteError::NoPath`] if nothing joins the two.
@@ -23,6 +26,9 @@ pub fn plan(
     to: FixedPoint,
     config: &RouteConfig,
 ) -> Result<Route, RouteError> {
+    if space.is_kept_out(to) {
+        return Err(RouteError::NoPath { from, to });
+    }
     let reach_mm = config.max_detour_m * 1000.0;
     let (starts, goals) = (space.approaches(from, reach_mm), space.approaches(to, reach_mm));
     let outside_mm = |(start, goal): &(&Approach, &Approach)| start.cost_mm + goal.cost_mm;
@@ -31,23 +37,39 @@ pub fn plan(
         pairs.filter(|(start, goal)| start.joint.part == goal.joint.part).collect();
     pairs.sort_by(|a, b| outside_mm(a).total_cmp(&outside_mm(b)));
     let ways = pairs.into_iter().take(PARTS).filter_map(|(start, goal)| {
-        let way = shortest_way(space, &start.joint, &goal.joint)?;
+        let way = shortest_way(&space.mesh, &start.joint, &goal.joint)?;
         let cost = length_mm(&way) + config.unmapped_factor.max(1.0) * outside_mm(&(start, goal));
         let whole = start.way.iter().chain(&way).chain(goal.way.iter().rev());
         Some((cost, whole.copied().collect::<Vec<_>>()))
     });
     match ways.min_by(|a, b| a.0.total_cmp(&b.0)) {
         Some((_, way)) => Ok(route_over(from, &way, to)),
-        // The mesh has holes where nodes have no rectangles and edges no room.
-        None => {
-            let blocked = config.blocked.union(&space.closed).copied().collect();
-            route::plan(map, from, to, &RouteConfig { blocked, ..config.clone() })
-        }
+        // The mesh has holes where nodes have no rectangles and edges no room; of an enormous map there is none.
+        None => over_nodes(map, space, from, to, config),
     }
 }
 
+/// Over nodes and edges. The way is not looked for around what operators closed, beyond the edges that lead through it, but it
+/// must not lead over it.
+fn over_nodes(
+    map: &MapState,
+    space: &FreeSpace,
+    from: FixedPoint,
+    to: FixedPoint,
+    config: &RouteConfig,
+) -> Result<Route, RouteError> {
+    let blocked = config.blocked.union(&space.closed).copied().collect();
+    let route = route::plan(map, from, to, &RouteConfig { blocked, ..config.clone() })?;
+    let start = corner_of(from);
+    let leads_over = |zone: &Zone| {
+        let mut steps = route.waypoints.windows(2);
+        !zone.contains(start) && steps.any(|pair| zone.is_met([corner_of(pair[0].point), corner_of(pair[1].point)]))
+    };
+    if space.zones.iter().any(leads_over) { Err(RouteError::NoPath { from, to }) } else { Ok(route) }
+}
+
 fn length_mm(way: &[Corner]) -> f64 {
-    way.windows(2).map(|pair| crate::free_space::distance(pair[0], pair[1])).sum()
+    way.windows(2).map(|pair| distance(pair[0], pair[1])).sum()
 }
 
 fn route_over(from: FixedPoint, way: &[Corner], to: FixedPoint) -> Route {

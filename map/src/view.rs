@@ -1,6 +1,6 @@
 //! What a main node's scanner saw, in the map frame: where its beams ended, and the ground that they passed over.
 
-use crate::free_space::{Corner, between, corner_of, distance};
+use crate::plane::{Corner, between, corner_of, distance};
 use crate::state::NodeRef;
 
 /// A beam passed over ground that is this much nearer than its end, millimetres.
@@ -43,6 +43,11 @@ impl View {
             step: f64::from(scan.angle_increment),
             ranges_mm: scan.ranges_mm.clone(),
         })
+    }
+
+    /// How many beams it has.
+    pub(crate) fn beams(&self) -> usize {
+        self.ranges_mm.len()
     }
 
     /// The ends of its beams that returned, with the beams' numbers.

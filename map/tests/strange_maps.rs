@@ -1,7 +1,7 @@
 //! Maps come over the network: valid ones that no explorer would make take no forever and no gigabytes.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-use fht_map::{FreeSpace, MapState, RouteConfig, SpaceConfig, taut};
+use fht_map::{FreeSpace, MapState, OverBudget, RouteConfig, SpaceConfig, SpaceLimits, taut};
 use fht_proto::{
     AuthorId, EdgeKey, FixedPoint, FixedPose, Increment, NodeId, NodeKind, Op, Rect, ScanRecord, Signature,
 };
@@ -80,4 +80,67 @@ fn a_crowd_of_nodes_that_all_see_one_spot() {
         ops.extend((0..number).map(|other| edge(other, number)));
     }
     plan(&map(ops));
+}
+
+/// Thin rectangles that all cross each other, so many of either direction, 131 m long.
+fn lattice(count: i32) -> MapState {
+    let pitch = 120_000 / count;
+    let mut ops = Vec::new();
+    for number in 0..count {
+        let away = number * pitch - 60_000;
+        let thin = (pitch / 2).max(1) as u16;
+        let (level, upright) = (FixedPoint { x_mm: 0, y_mm: away }, FixedPoint { x_mm: away, y_mm: 0 });
+        let rects = [
+            Rect { west_mm: u16::MAX, south_mm: 0, east_mm: u16::MAX, north_mm: thin },
+            Rect { west_mm: 0, south_mm: u16::MAX, east_mm: thin, north_mm: u16::MAX },
+        ];
+        for (turn, (position, rect)) in [level, upright].into_iter().zip(rects).enumerate() {
+            let id = id(2 * number as u32 + turn as u32);
+            ops.push(Op::PutNode { id, kind: NodeKind::Support, pose: FixedPose { position, ..FixedPose::default() } });
+            ops.push(Op::SetFreeSpace { id, rect: Some(rect) });
+        }
+    }
+    map(ops)
+}
+
+/// Such a map has no mesh, and paths over its nodes.
+fn assert_over(map: &MapState, expected: OverBudget) {
+    assert_eq!(FreeSpace::of(map, &SpaceConfig::default()).over_budget(), Some(expected));
+    plan(map);
+}
+
+#[test]
+fn ten_thousand_rectangles_cross_ten_thousand() {
+    let limits = SpaceLimits::default();
+    assert_over(&lattice(10_000), OverBudget::Overlaps(limits.overlaps));
+    // Fewer, but with free space that is all corners.
+    assert_over(&lattice(150), OverBudget::Corners(limits.corners));
+    assert_eq!(FreeSpace::of(&lattice(20), &SpaceConfig::default()).over_budget(), None);
+}
+
+#[test]
+fn thousands_of_scans_of_one_spot() {
+    let limits = SpaceLimits::default();
+    let crowd = |count: u32, is_in_hall: bool| {
+        let scan = |number: u32| (0..720).map(|beam| 3000 + (beam * 7 + number as u16) % 50).collect();
+        let mut ops = Vec::new();
+        for number in 0..count {
+            ops.extend([put(number, 0.0, 0.0), see(number, 0.0001, scan(number))]);
+            ops.extend(is_in_hall.then(|| hall(number, 0.0, 0.0)));
+        }
+        map(ops)
+    };
+    assert_over(&crowd(3000, false), OverBudget::Beams(limits.beams));
+    assert_over(&crowd(600, true), OverBudget::Looks(limits.looks));
+}
+
+#[test]
+fn a_map_of_more_nodes_than_any_building() {
+    let limits = SpaceLimits::default();
+    let mut ops = Vec::new();
+    for number in 0..limits.outlines as u32 + 1 {
+        let (x, y) = (f64::from(number % 400) * 20.0, f64::from(number / 400) * 20.0);
+        ops.extend([put(number, x, y), hall(number, x, y)]);
+    }
+    assert_over(&map(ops), OverBudget::Outlines(limits.outlines));
 }
