@@ -16,16 +16,21 @@
 //! | [`taut`] | the shortest path between two places through free space |
 //! | [`lookup`] | nodes by place and by appearance |
 
+mod adjacency;
 mod any_angle;
 mod approach;
+mod bounds;
 pub mod free_space;
 pub mod graph;
+pub mod landmarks;
 pub mod lookup;
 mod register;
 pub mod replica;
+pub mod roads;
 pub mod route;
 mod seen_walls;
 pub mod sequence;
+pub mod shortest;
 pub mod state;
 pub mod taut;
 mod view;
