@@ -20,6 +20,7 @@
 //! Places are chosen as far as possible from all chosen before (each from those of its part), the first as far as possible
 //! from the part's first node; of equally far ones the lowest number.
 
+use crate::bounds::Bounds;
 use crate::roads::{Roads, Shape};
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
@@ -69,12 +70,10 @@ impl Landmarks {
     /// Chooses landmarks and measures from them: one search over the whole map for each slot, and one more.
     #[must_use]
     pub fn build(roads: &Roads, config: LandmarksConfig) -> Self {
-        let mut landmarks = Self::build_for(roads.shape(), config);
-        landmarks.edges = roads.edges();
-        landmarks
+        Self::of_shape(roads.shape(), roads.edges(), config)
     }
 
-    pub(crate) fn build_for(shape: &Shape, config: LandmarksConfig) -> Self {
+    pub(crate) fn of_shape(shape: &Shape, edges: usize, config: LandmarksConfig) -> Self {
         let nodes = shape.adjacency.len();
         let (parts, firsts) = parts(shape);
         // How far things are at all: from the first node of each part.
@@ -123,7 +122,7 @@ impl Landmarks {
                 nearest[node] = if slot == 0 { distance } else { nearest[node].min(distance) };
             }
         }
-        Self { config, shift, numbers, shortcuts: BTreeSet::new(), changes: 0, edges: 0 }
+        Self { config, shift, numbers, shortcuts: BTreeSet::new(), changes: 0, edges }
     }
 
     /// Whether so much has changed that building them anew would make searches faster.
@@ -142,6 +141,13 @@ impl Landmarks {
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.numbers.capacity() * size_of::<u32>()
+    }
+
+    /// How far it is at least between two nodes over edges, micrometres. 0 for numbers of no nodes.
+    #[must_use]
+    pub fn at_least_um(&self, roads: &Roads, a: u32, b: u32) -> u64 {
+        let are_known = [a, b].iter().all(|&node| (node as usize) < roads.numbers());
+        if are_known { Bounds::new(self, roads.shape(), &[(a, 0)], &[(b, 0)]).least_um(a) } else { 0 }
     }
 
     pub(crate) fn shift(&self) -> u32 {

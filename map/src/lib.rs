@@ -18,12 +18,15 @@
 
 mod adjacency;
 mod any_angle;
+pub mod appearance;
 mod approach;
 mod bounds;
 pub mod free_space;
 pub mod graph;
 pub mod landmarks;
 pub mod lookup;
+pub mod map_index;
+pub mod places;
 mod register;
 pub mod replica;
 pub mod roads;
@@ -37,6 +40,7 @@ mod view;
 
 pub use approach::ApproachConfig;
 pub use free_space::{FreeSpace, SpaceConfig};
+pub use map_index::{IndexConfig, MapIndex};
 pub use replica::{Accepted, Replica};
 pub use route::{Route, RouteConfig, RouteError};
 pub use state::{Counts, MapState, NodeRef};
