@@ -10,7 +10,7 @@
 //! * Adding or shortening an edge may break slots. They are mended by lowering numbers from the ends of the edge outwards
 //!   (Dijkstra's algorithm over what changes). If that would be more than [`LandmarksConfig::repair_nodes`] numbers, the
 //!   edge is kept aside as a *shortcut*, and searches count with it themselves (`bounds.rs`), until the next
-//!   [`Landmarks::build`].
+//!   build.
 //! * One slot serves all parts of a map that nothing joins: it measures from one place in each part. A node that was
 //!   reached from nowhere has the greatest number there is, which breaks nothing as long as nothing joins it; when something
 //!   does, it is lowered.
@@ -21,7 +21,7 @@
 //! from the part's first node; of equally far ones the lowest number.
 
 use crate::bounds::Bounds;
-use crate::roads::{Roads, Shape};
+use crate::roads::Shape;
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
 
@@ -52,7 +52,7 @@ impl Default for LandmarksConfig {
 
 /// Slots of all nodes, and the shortcuts that they do not know of.
 #[derive(Clone, Debug)]
-pub struct Landmarks {
+pub(crate) struct Landmarks {
     config: LandmarksConfig,
     /// Numbers count 2^shift micrometres.
     shift: u32,
@@ -68,12 +68,7 @@ pub struct Landmarks {
 
 impl Landmarks {
     /// Chooses landmarks and measures from them: one search over the whole map for each slot, and one more.
-    #[must_use]
-    pub fn build(roads: &Roads, config: LandmarksConfig) -> Self {
-        Self::of_shape(roads.shape(), roads.edges(), config)
-    }
-
-    pub(crate) fn of_shape(shape: &Shape, edges: usize, config: LandmarksConfig) -> Self {
+    pub(crate) fn build(shape: &Shape, edges: usize, config: LandmarksConfig) -> Self {
         let nodes = shape.adjacency.len();
         let (parts, firsts) = parts(shape);
         // How far things are at all: from the first node of each part.
@@ -126,28 +121,24 @@ impl Landmarks {
     }
 
     /// Whether so much has changed that building them anew would make searches faster.
-    #[must_use]
-    pub fn are_worn(&self) -> bool {
+    pub(crate) fn are_worn(&self) -> bool {
         !self.shortcuts.is_empty() || self.changes as f64 > self.config.worn_share * self.edges as f64
     }
 
     /// Slots.
-    #[must_use]
-    pub fn slots(&self) -> usize {
+    pub(crate) fn slots(&self) -> usize {
         self.config.slots
     }
 
     /// Bytes on the heap.
-    #[must_use]
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         self.numbers.capacity() * size_of::<u32>()
     }
 
     /// How far it is at least between two nodes over edges, micrometres. 0 for numbers of no nodes.
-    #[must_use]
-    pub fn at_least_um(&self, roads: &Roads, a: u32, b: u32) -> u64 {
-        let are_known = [a, b].iter().all(|&node| (node as usize) < roads.numbers());
-        if are_known { Bounds::new(self, roads.shape(), &[(a, 0)], &[(b, 0)]).least_um(a) } else { 0 }
+    pub(crate) fn at_least_um(&self, shape: &Shape, a: u32, b: u32) -> u64 {
+        let are_known = [a, b].iter().all(|&node| (node as usize) < shape.adjacency.len());
+        if are_known { Bounds::new(self, shape, &[(a, 0)], &[(b, 0)]).least_um(a) } else { 0 }
     }
 
     pub(crate) fn shift(&self) -> u32 {
@@ -174,22 +165,22 @@ impl Landmarks {
     }
 
     /// A number was given to a new node, which has no edges yet.
-    pub fn node_added(&mut self, node: u32) {
+    pub(crate) fn node_added(&mut self, node: u32) {
         let (start, slots) = (node as usize * self.config.slots, self.config.slots);
         self.numbers.resize(self.numbers.len().max(start + slots), FAR);
         self.numbers[start..start + slots].fill(FAR);
     }
 
     /// An edge was taken away.
-    pub fn edge_removed(&mut self, a: u32, b: u32) {
+    pub(crate) fn edge_removed(&mut self, a: u32, b: u32) {
         self.shortcuts.remove(&(a.min(b), a.max(b)));
         self.changes += 1;
     }
 
-    /// An edge was added, or has another length. `roads` has it already.
-    pub fn edge_changed(&mut self, roads: &Roads, a: u32, b: u32) {
+    /// An edge was added, or has another length. `shape` has it already.
+    pub(crate) fn edge_changed(&mut self, shape: &Shape, a: u32, b: u32) {
         self.changes += 1;
-        self.mend(roads.shape(), (a.min(b), a.max(b)));
+        self.mend(shape, (a.min(b), a.max(b)));
     }
 
     fn mend(&mut self, shape: &Shape, edge: (u32, u32)) {

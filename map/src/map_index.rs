@@ -1,15 +1,15 @@
-//! Everything that finds things in a map, kept up with the map: roads and landmarks, places, appearance.
+//! Everything that finds things in a map, kept up with the map: roads and what guides searches over them, places, appearance.
 //!
 //! It belongs to a [`MapState`] and is not part of it: digests and copies know nothing of it. Whoever applies increments to the map
 //! tells the index of them afterwards ([`MapIndex::follow`]); it then looks up in the map what they name, so increments
 //! that changed nothing, came twice or were late do no harm, and what was changed costs what it touches.
 //!
-//! Landmarks wear: after many changes they are still right, but searches look at more nodes than they would have to. Small maps make
-//! them anew at once. Large ones say so ([`MapIndex::is_worn`]), and the caller takes a [`LandmarkJob`] to another thread
-//! and gives the result back.
+//! The guide of searches wears: after many changes it is still right, but searches look at more nodes than they would have to.
+//! Small maps make it anew at once. Large ones say so ([`MapIndex::is_worn`]), and the caller takes a [`GuideJob`] to
+//! another thread and gives the result back ([`MapIndex::adopt`]).
 
 use crate::appearance::Appearance;
-use crate::landmarks::{Landmarks, LandmarksConfig};
+use crate::guide::{Guide, GuideConfig};
 use crate::places::Places;
 use crate::roads::{Roads, Shape};
 use crate::state::MapState;
@@ -19,15 +19,15 @@ use std::collections::BTreeSet;
 /// How an index is made.
 #[derive(Clone, Debug)]
 pub struct IndexConfig {
-    /// Landmarks.
-    pub landmarks: LandmarksConfig,
-    /// Maps of up to so many nodes make worn landmarks anew by themselves, within [`MapIndex::follow`]. Default 5000.
+    /// Landmarks and cells.
+    pub guide: GuideConfig,
+    /// Maps of up to so many nodes make a worn guide anew by themselves, within [`MapIndex::follow`]. Default 5000.
     pub rebuild_nodes: usize,
 }
 
 impl Default for IndexConfig {
     fn default() -> Self {
-        Self { landmarks: LandmarksConfig::default(), rebuild_nodes: 5000 }
+        Self { guide: GuideConfig::default(), rebuild_nodes: 5000 }
     }
 }
 
@@ -36,26 +36,26 @@ impl Default for IndexConfig {
 pub struct MapIndex {
     config: IndexConfig,
     roads: Roads,
-    landmarks: Landmarks,
+    guide: Guide,
     places: Places,
     appearance: Appearance,
     /// What has changed since a job was given out: nodes by number.
     since_job: Option<BTreeSet<u32>>,
 }
 
-/// Landmarks to be made, on a copy of the roads.
+/// A guide to be made, on a copy of the roads.
 #[derive(Clone, Debug)]
-pub struct LandmarkJob {
+pub struct GuideJob {
     shape: Shape,
     edges: usize,
-    config: LandmarksConfig,
+    config: GuideConfig,
 }
 
-impl LandmarkJob {
-    /// Makes them.
+impl GuideJob {
+    /// Makes it.
     #[must_use]
-    pub fn run(self) -> Landmarks {
-        Landmarks::of_shape(&self.shape, self.edges, self.config)
+    pub fn run(self) -> Guide {
+        Guide::of_shape(&self.shape, self.edges, self.config)
     }
 }
 
@@ -64,10 +64,10 @@ impl MapIndex {
     #[must_use]
     pub fn new(map: &MapState, config: IndexConfig) -> Self {
         let roads = Roads::of_map(map);
-        let landmarks = Landmarks::build(&roads, config.landmarks.clone());
+        let guide = Guide::build(&roads, config.guide.clone());
         let spots = map.nodes().filter_map(|node| Some((roads.number(node.id)?, node.pose.position, node.free_space)));
         let places = Places::new(spots);
-        Self { config, landmarks, places, appearance: Appearance::of_map(map), roads, since_job: None }
+        Self { config, guide, places, appearance: Appearance::of_map(map), roads, since_job: None }
     }
 
     /// The graph.
@@ -76,10 +76,10 @@ impl MapIndex {
         &self.roads
     }
 
-    /// Its landmarks.
+    /// What guides searches over it.
     #[must_use]
-    pub fn landmarks(&self) -> &Landmarks {
-        &self.landmarks
+    pub fn guide(&self) -> &Guide {
+        &self.guide
     }
 
     /// Where its nodes are.
@@ -116,8 +116,9 @@ impl MapIndex {
             self.follow_edge(map, edge);
         }
         if self.is_worn() && self.roads.nodes() <= self.config.rebuild_nodes {
-            self.landmarks = Landmarks::build(&self.roads, self.config.landmarks.clone());
+            self.guide = Guide::build(&self.roads, self.config.guide.clone());
         }
+        self.guide.tidy(&self.roads);
     }
 
     fn note(&mut self, numbers: impl IntoIterator<Item = u32>) {
@@ -135,14 +136,14 @@ impl MapIndex {
         let known = self.roads.number(id);
         let number = self.roads.put_node(id, position);
         if known.is_none() {
-            self.landmarks.node_added(number);
+            self.guide.node_added(number);
             for other in map.neighbours(id).filter_map(|other| self.roads.number(other.id)).collect::<Vec<_>>() {
                 self.put_edge(number, other);
             }
             self.note([number]);
         } else if self.places.get(number).is_none_or(|(before, _)| before != position) {
             for other in self.roads.steps(number).map(|(other, _)| other).collect::<Vec<_>>() {
-                self.landmarks.edge_changed(&self.roads, number, other);
+                self.guide.edge_changed(&self.roads, number, other);
             }
             self.note([number]);
         }
@@ -151,16 +152,15 @@ impl MapIndex {
 
     fn remove_node(&mut self, id: NodeId) {
         let Some(number) = self.roads.number(id) else { return };
-        for other in self.roads.remove_node(id) {
-            self.landmarks.edge_removed(number, other);
-        }
+        let others = self.roads.remove_node(id);
+        self.guide.node_removed(number, &others);
         self.places.remove(number);
-        self.note([number]);
+        self.note(others.into_iter().chain([number]));
     }
 
     fn put_edge(&mut self, a: u32, b: u32) {
         if self.roads.put_edge(a, b) {
-            self.landmarks.edge_changed(&self.roads, a, b);
+            self.guide.edge_changed(&self.roads, a, b);
             self.note([a, b]);
         }
     }
@@ -173,34 +173,37 @@ impl MapIndex {
         if map.neighbours(from).any(|other| other.id == to) {
             self.put_edge(a, b);
         } else if self.roads.remove_edge(a, b) {
-            self.landmarks.edge_removed(a, b);
+            self.guide.edge_removed(a, b);
+            self.note([a, b]);
         }
     }
 
-    /// Whether the landmarks should be made anew.
+    /// Whether the guide should be made anew.
     #[must_use]
     pub fn is_worn(&self) -> bool {
-        self.landmarks.are_worn()
+        self.guide.is_worn()
     }
 
-    /// What makes landmarks anew without this index, which may change meanwhile. A job given out before counts no more.
-    pub fn landmark_job(&mut self) -> LandmarkJob {
+    /// What makes a guide anew without this index, which may change meanwhile. A job given out before counts no more.
+    pub fn guide_job(&mut self) -> GuideJob {
         self.since_job = Some(BTreeSet::new());
-        let config = self.config.landmarks.clone();
-        LandmarkJob { shape: self.roads.shape().clone(), edges: self.roads.edges(), config }
+        let config = self.config.guide.clone();
+        GuideJob { shape: self.roads.shape().clone(), edges: self.roads.edges(), config }
     }
 
-    /// Takes the landmarks of the last job, made right for what has changed meanwhile. Without a job it does nothing.
-    pub fn adopt(&mut self, landmarks: Landmarks) {
+    /// Takes the guide of the last job, made right for what has changed meanwhile. Without a job it does nothing.
+    pub fn adopt(&mut self, guide: Guide) {
         let Some(changed) = self.since_job.take() else { return };
-        self.landmarks = landmarks;
+        self.guide = guide;
+        // Each as if it were new, and then with its edges.
         for &number in &changed {
-            self.landmarks.node_added(number);
+            self.guide.node_added(number);
         }
         for &number in &changed {
             for other in self.roads.steps(number).map(|(other, _)| other).collect::<Vec<_>>() {
-                self.landmarks.edge_changed(&self.roads, number, other);
+                self.guide.edge_changed(&self.roads, number, other);
             }
         }
+        self.guide.tidy(&self.roads);
     }
 }

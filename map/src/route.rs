@@ -159,6 +159,10 @@ impl Overlay for Closed {
         let is_closed = !self.0.is_empty() && self.0.binary_search(&(from.min(to), from.max(to))).is_ok();
         (!is_closed).then_some(1.0)
     }
+
+    fn ends(&self) -> Option<Vec<u32>> {
+        Some(self.0.iter().flat_map(|&(a, b)| [a, b]).collect())
+    }
 }
 
 /// Whether one rectangle contains both places: rectangles are convex, so the way is straight.
@@ -194,7 +198,7 @@ pub fn plan_over(
         accesses.iter().map(|(number, access)| (*number, access.cost_um)).collect()
     };
     let (start_costs, goal_costs) = (costs(&starts), costs(&goals));
-    let way = shortest_way(roads, Some(index.landmarks()), &start_costs, &goal_costs, &Closed(closed), work);
+    let way = shortest_way(roads, Some(index.guide()), &start_costs, &goal_costs, &Closed(closed), work);
     let nodes = way.ok_or(RouteError::NoPath { from, to })?.nodes;
     let entry = |accesses: &BTreeMap<u32, Access>, number: Option<&u32>| {
         number.and_then(|number| accesses.get(number)).and_then(|access| access.entry).map(plain)

@@ -1,4 +1,5 @@
-//! The shortest way over a graph of a million nodes: A* with the bounds of [landmarks](crate::landmarks).
+//! The shortest way over a graph of a million nodes: A* with the bounds of [landmarks](crate::landmarks),
+//! which passes through [cells](crate::cells) in one step.
 //!
 //! Of nodes that promise the same the one that has come farther is looked at first: on a grid, where very many ways are
 //! equally short, the search then goes straight to the goal. What a search writes down stays in a [`Workspace`] and is told
@@ -8,7 +9,8 @@
 //! new landmarks: ways only become longer by it.
 
 use crate::bounds::Bounds;
-use crate::landmarks::Landmarks;
+use crate::cells::Cells;
+use crate::guide::Guide;
 use crate::roads::Roads;
 use std::collections::BinaryHeap;
 
@@ -17,6 +19,12 @@ pub trait Overlay {
     /// How many times its length the edge counts on the way from one node (by number) to the other, or `None` if it is
     /// closed. What is less than 1 (or not a number) counts as 1.
     fn factor(&self, from: u32, to: u32) -> Option<f64>;
+
+    /// The ends of all edges that are closed or count more than their length. `None`: any may be; the search then does not
+    /// pass through cells in one step.
+    fn ends(&self) -> Option<Vec<u32>> {
+        None
+    }
 }
 
 /// All edges are open and count what they are long.
@@ -27,6 +35,10 @@ impl Overlay for AllOpen {
     #[inline]
     fn factor(&self, _: u32, _: u32) -> Option<f64> {
         Some(1.0)
+    }
+
+    fn ends(&self) -> Option<Vec<u32>> {
+        Some(Vec::new())
     }
 }
 
@@ -92,18 +104,22 @@ impl PartialOrd for Open {
 pub struct Workspace {
     reached: Vec<Reached>,
     open: BinaryHeap<Open>,
+    /// The search that goes into a cell, by cell.
+    entered: Vec<u32>,
     search: u32,
 }
 
 impl Workspace {
-    fn begin(&mut self, nodes: usize) {
+    fn begin(&mut self, nodes: usize, cells: usize) {
         self.open.clear();
         self.search = self.search.wrapping_add(1);
         if self.search == 0 {
             self.reached.clear(); // after 2³² searches their numbers come again
+            self.entered.clear();
             self.search = 1;
         }
         self.reached.resize(nodes.max(self.reached.len()), Reached::default());
+        self.entered.resize(cells.max(self.entered.len()), 0);
     }
 
     /// Notes a way to a node if it is better than what was known.
@@ -117,6 +133,12 @@ impl Workspace {
         is_better
     }
 
+    /// The cell of a node, if this search passes it through.
+    #[inline]
+    fn passed(&self, cells: &Cells, node: u32) -> Option<u32> {
+        cells.closed(node).filter(|cell| self.entered[*cell as usize] != self.search)
+    }
+
     /// The nodes up to `last`.
     fn way(&self, last: u32) -> Vec<u32> {
         let before = |node: &u32| Some(self.reached[*node as usize].before).filter(|before| *before != NOWHERE);
@@ -127,12 +149,12 @@ impl Workspace {
 }
 
 /// The way from one of `starts` to one of `goals` that counts least: its edges, and what the start and the goal count
-/// themselves, micrometres. `None` if there is none. Numbers of no nodes are passed over. `landmarks` must be those of
+/// themselves, micrometres. `None` if there is none. Numbers of no nodes are passed over. `guide` must be that of
 /// `roads`, or `None` for Dijkstra's algorithm.
 #[must_use]
 pub fn shortest_way(
     roads: &Roads,
-    landmarks: Option<&Landmarks>,
+    guide: Option<&Guide>,
     starts: &[(u32, u64)],
     goals: &[(u32, u64)],
     overlay: &impl Overlay,
@@ -147,9 +169,15 @@ pub fn shortest_way(
     };
     let (starts, goals) = (known(starts), known(goals));
     let shape = roads.shape();
-    let bounds = landmarks.map(|landmarks| Bounds::new(landmarks, shape, &starts, &goals));
+    let bounds = guide.map(|guide| Bounds::new(guide.landmarks(), shape, &starts, &goals));
     let least_um = |node: u32| bounds.as_ref().map_or(0, |bounds| bounds.least_um(node));
-    work.begin(roads.numbers());
+    let ends = overlay.ends();
+    let cells = guide.map(Guide::cells).filter(|_| ends.is_some());
+    work.begin(roads.numbers(), cells.map_or(0, Cells::len));
+    let entered = starts.iter().chain(&goals).map(|(node, _)| *node).chain(ends.into_iter().flatten());
+    for cell in entered.filter_map(|node| cells?.of(node)) {
+        work.entered[cell as usize] = work.search;
+    }
     for &(node, cost_um) in &starts {
         work.reach(node, NOWHERE, cost_um);
         work.open.push(Open { promise_um: cost_um.saturating_add(least_um(node)), cost_um, node });
@@ -169,14 +197,37 @@ pub fn shortest_way(
                 best = Some((whole_um, node));
             }
         }
-        for (to, length_um) in shape.steps(node) {
-            let Some(factor) = overlay.factor(node, to) else { continue };
-            let through_um = cost_um.saturating_add(counted_um(length_um, factor));
+        let passed = cells.and_then(|cells| Some((cells, work.passed(cells, node)?)));
+        let mut reach = |to: u32, um: u64| {
+            let through_um = cost_um.saturating_add(um);
             if work.reach(to, node, through_um) {
                 let promise_um = through_um.saturating_add(least_um(to));
                 work.open.push(Open { promise_um, cost_um: through_um, node: to });
             }
+        };
+        if let Some((cells, cell)) = passed {
+            cells.from_door(cell, node).for_each(|(door, um)| reach(door, um));
+        }
+        for (to, length_um) in shape.steps(node) {
+            if passed.is_some_and(|(cells, cell)| cells.of(to) == Some(cell)) {
+                continue;
+            }
+            if let Some(factor) = overlay.factor(node, to) {
+                reach(to, counted_um(length_um, factor));
+            }
         }
     }
-    best.map(|(cost_um, last)| Way { cost_um, nodes: work.way(last), expanded })
+    let (cost_um, last) = best?;
+    let mut nodes = Vec::new();
+    for to in work.way(last) {
+        // Two nodes of a cell that was passed through are doors, and the way leads through its inside.
+        let passed = cells.and_then(|cells| Some((cells, work.passed(cells, to)?)));
+        match (passed, nodes.last().copied()) {
+            (Some((cells, cell)), Some(from)) if cells.of(from) == Some(cell) => {
+                nodes.extend(cells.inside(cell, from, to))
+            }
+            _ => nodes.push(to),
+        }
+    }
+    Some(Way { cost_um, nodes, expanded })
 }

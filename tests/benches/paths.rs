@@ -8,7 +8,9 @@
 #[path = "graphs/mod.rs"]
 mod graphs;
 
-use fht_map::landmarks::{Landmarks, LandmarksConfig};
+use fht_map::cells::CellsConfig;
+use fht_map::guide::{Guide, GuideConfig};
+use fht_map::landmarks::LandmarksConfig;
 use fht_map::roads::Roads;
 use fht_map::shortest::{AllOpen, Workspace, shortest_way};
 use graphs::{Graph, buildings, disturbed, grid, id};
@@ -53,28 +55,32 @@ fn measure(name: &str, graph: &Graph, pairs: &[(&str, u32)]) {
     let roads = graph.roads();
     let roads_s = begin.elapsed().as_secs_f64();
     let begin = Instant::now();
-    let config = LandmarksConfig { slots: env("SLOTS", 16), ..LandmarksConfig::default() };
-    let landmarks = Landmarks::build(&roads, config);
+    let config = GuideConfig {
+        landmarks: LandmarksConfig { slots: env("SLOTS", 16), ..LandmarksConfig::default() },
+        cells: CellsConfig { most_nodes: env("CELL", 512) },
+    };
+    let landmarks = Guide::build(&roads, config);
     let landmarks_s = begin.elapsed().as_secs_f64();
     for &(which, below) in pairs {
         queries(name, which, &roads, &landmarks, below);
     }
     let per_node = |bytes: usize| bytes / roads.nodes();
     println!(
-        "  {} nodes, {} edges: roads built in {roads_s:.2} s, {} B a node; landmarks in {landmarks_s:.2} s, {} B a node",
+        "  {} nodes, {} edges: roads built in {roads_s:.2} s, {} B a node; guide in {landmarks_s:.2} s, {} + {} B a node",
         roads.nodes(),
         roads.edges(),
         per_node(roads.bytes()),
-        per_node(landmarks.bytes())
+        per_node(landmarks.bytes().0),
+        per_node(landmarks.bytes().1)
     );
 }
 
-fn queries(name: &str, which: &str, roads: &Roads, landmarks: &Landmarks, below: u32) {
+fn queries(name: &str, which: &str, roads: &Roads, landmarks: &Guide, below: u32) {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut end = || roads.number(id(rng.random_range(0..below))).expect("the node is there");
     let pairs: Vec<(u32, u32)> = (0..PAIRS).map(|_| (end(), end())).collect();
     let mut work = Workspace::default();
-    let mut time = |landmarks: Option<&Landmarks>, pairs: &[(u32, u32)]| {
+    let mut time = |landmarks: Option<&Guide>, pairs: &[(u32, u32)]| {
         let mut found = Vec::new();
         for &(from, to) in pairs {
             let begin = Instant::now();
