@@ -23,13 +23,13 @@ const NO_WAY: u64 = u64::MAX;
 /// How large cells are.
 #[derive(Clone, Debug)]
 pub struct CellsConfig {
-    /// Nodes in a cell at most, up to 65,535; 0 for no cells. Default 512.
+    /// Nodes in a cell at most, up to 65,535; 0 for no cells. Default 1024.
     pub most_nodes: usize,
 }
 
 impl Default for CellsConfig {
     fn default() -> Self {
-        Self { most_nodes: 512 }
+        Self { most_nodes: 1024 }
     }
 }
 
@@ -139,7 +139,7 @@ impl Cells {
         let leads_out = |node: &u32| shape.adjacency.arcs(*node).iter().any(|arc| self.of[arc.to as usize] != cell);
         let doors: Vec<u32> = members.iter().copied().filter(leads_out).collect();
         // To pass it, every door is joined to every other one; to go in, its edges are followed.
-        if doors.len() * doors.len() > 2 * members.len() {
+        if doors.len() * doors.len() > 8 * members.len() {
             return Cell { members, is_open: true, ..Cell::default() };
         }
         let inside = |node: &u32| -> Vec<(u16, u64)> {

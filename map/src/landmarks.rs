@@ -10,7 +10,7 @@
 //! * Adding or shortening an edge may break slots. They are mended by lowering numbers from the ends of the edge outwards
 //!   (Dijkstra's algorithm over what changes). If that would be more than [`LandmarksConfig::repair_nodes`] numbers, the
 //!   edge is kept aside as a *shortcut*, and searches count with it themselves (`bounds.rs`), until the next
-//!   build.
+//!   build; if too many wait, the slots that are wrong about it are not used until then.
 //! * One slot serves all parts of a map that nothing joins: it measures from one place in each part. A node that was
 //!   reached from nowhere has the greatest number there is, which breaks nothing as long as nothing joins it; when something
 //!   does, it is lowered.
@@ -36,9 +36,9 @@ const DIRECTIONS: [[i64; 2]; 8] = [[1, 1], [-1, -1], [1, -1], [-1, 1], [1, 0], [
 pub struct LandmarksConfig {
     /// Slots: landmarks for each part of the map. Each takes 4 B a node. Default 16.
     pub slots: usize,
-    /// Numbers that mending after one change may lower in one slot; beyond, the edge waits as a shortcut. Default 2000.
+    /// Numbers that mending after one change may lower in one slot; beyond, the edge waits as a shortcut. Default 1000.
     pub repair_nodes: usize,
-    /// Shortcuts that searches count with themselves; with more, all is mended whatever it takes. Default 8.
+    /// Shortcuts that searches count with themselves; slots that cannot be right about more are not used. Default 8.
     pub shortcuts: usize,
     /// Landmarks are worn when more than this share of the edges was added, removed, lengthened or shortened. Default 0.2.
     pub worn_share: f64,
@@ -46,7 +46,7 @@ pub struct LandmarksConfig {
 
 impl Default for LandmarksConfig {
     fn default() -> Self {
-        Self { slots: 16, repair_nodes: 2000, shortcuts: 8, worn_share: 0.2 }
+        Self { slots: 16, repair_nodes: 1000, shortcuts: 8, worn_share: 0.2 }
     }
 }
 
@@ -60,6 +60,8 @@ pub(crate) struct Landmarks {
     numbers: Vec<u32>,
     /// Edges that slots need not be right about, low end first.
     shortcuts: BTreeSet<(u32, u32)>,
+    /// Slots that are not right any more.
+    off: BTreeSet<usize>,
     /// Edges changed since all was made.
     changes: usize,
     /// Edges there were then.
@@ -117,17 +119,19 @@ impl Landmarks {
                 nearest[node] = if slot == 0 { distance } else { nearest[node].min(distance) };
             }
         }
-        Self { config, shift, numbers, shortcuts: BTreeSet::new(), changes: 0, edges }
+        Self { config, shift, numbers, shortcuts: BTreeSet::new(), off: BTreeSet::new(), changes: 0, edges }
     }
 
     /// Whether so much has changed that building them anew would make searches faster.
     pub(crate) fn are_worn(&self) -> bool {
-        !self.shortcuts.is_empty() || self.changes as f64 > self.config.worn_share * self.edges as f64
+        !self.shortcuts.is_empty()
+            || !self.off.is_empty()
+            || self.changes as f64 > self.config.worn_share * self.edges as f64
     }
 
-    /// Slots.
-    pub(crate) fn slots(&self) -> usize {
-        self.config.slots
+    /// The slots that are right.
+    pub(crate) fn slots(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.config.slots).filter(|slot| !self.off.contains(slot))
     }
 
     /// Bytes on the heap.
@@ -188,29 +192,24 @@ impl Landmarks {
             return;
         }
         let mut lowered = Vec::new();
-        let may_wait = self.shortcuts.len() < self.config.shortcuts;
-        let limit = if may_wait { self.config.repair_nodes } else { usize::MAX };
-        for slot in 0..self.config.slots {
+        for slot in self.slots().collect::<Vec<_>>() {
             lowered.clear();
-            if !self.lower(shape, edge, slot, limit, &mut lowered) {
-                for &(node, before) in lowered.iter().rev() {
-                    self.numbers[node as usize * self.config.slots + slot] = before;
-                }
+            if self.lower(shape, edge, slot, &mut lowered) {
+                continue;
+            }
+            for &(node, before) in lowered.iter().rev() {
+                self.numbers[node as usize * self.config.slots + slot] = before;
+            }
+            if self.shortcuts.len() < self.config.shortcuts {
                 self.shortcuts.insert(edge);
                 return; // slots mended so far are right with the edge and without it
             }
+            self.off.insert(slot);
         }
     }
 
     /// Lowers the numbers of a slot until it is right about an edge. False if it gave up; `lowered` says what it did.
-    fn lower(
-        &mut self,
-        shape: &Shape,
-        (a, b): (u32, u32),
-        slot: usize,
-        limit: usize,
-        lowered: &mut Vec<(u32, u32)>,
-    ) -> bool {
+    fn lower(&mut self, shape: &Shape, (a, b): (u32, u32), slot: usize, lowered: &mut Vec<(u32, u32)>) -> bool {
         let length = self.scaled(shape.steps(a).find(|(to, _)| *to == b).map_or(u64::MAX, |(_, um)| um));
         let mut open = BinaryHeap::new();
         for (from, to) in [(a, b), (b, a)] {
@@ -224,7 +223,7 @@ impl Landmarks {
             if self.numbers[place] <= number {
                 continue;
             }
-            if lowered.len() >= limit {
+            if lowered.len() >= self.config.repair_nodes {
                 return false;
             }
             lowered.push((node, self.numbers[place]));

@@ -57,7 +57,7 @@ fn measure(name: &str, graph: &Graph, pairs: &[(&str, u32)]) {
     let begin = Instant::now();
     let config = GuideConfig {
         landmarks: LandmarksConfig { slots: env("SLOTS", 16), ..LandmarksConfig::default() },
-        cells: CellsConfig { most_nodes: env("CELL", 512) },
+        cells: CellsConfig { most_nodes: env("CELL", 1024) },
     };
     let landmarks = Guide::build(&roads, config);
     let landmarks_s = begin.elapsed().as_secs_f64();
