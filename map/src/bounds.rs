@@ -30,9 +30,8 @@ impl Aim {
     #[inline]
     fn least(&self, numbers: &[u32; USED]) -> u32 {
         let mut least = 0;
-        for slot in 0..USED {
-            least = least.max(numbers[slot].saturating_sub(self.upper[slot]));
-            least = least.max(self.lower[slot].saturating_sub(numbers[slot]));
+        for ((&number, &upper), &lower) in numbers.iter().zip(&self.upper).zip(&self.lower) {
+            least = least.max(number.saturating_sub(upper)).max(lower.saturating_sub(number));
         }
         least
     }

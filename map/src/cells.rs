@@ -17,6 +17,8 @@ use std::collections::{BTreeSet, BinaryHeap};
 
 /// The cell of a node that is in none.
 const NONE: u32 = u32::MAX;
+/// A cell with more doors is searched through: passing it would save little, and each door costs a search when it changes.
+const MOST_DOORS: usize = 24;
 /// No way inside of the cell.
 const NO_WAY: u64 = u64::MAX;
 
@@ -89,7 +91,7 @@ impl Cells {
 
     /// The doors of a cell with their distances from one of them, micrometres.
     #[inline]
-    pub(crate) fn from_door(&self, cell: u32, door: u32) -> impl Iterator<Item = (u32, u64)> + '_ {
+    pub(crate) fn doors_from(&self, cell: u32, door: u32) -> impl Iterator<Item = (u32, u64)> + '_ {
         let Cell { doors, apart_um, .. } = &self.cells[cell as usize];
         let row = doors.binary_search(&door).map_or(&[][..], |row| &apart_um[row * doors.len()..][..doors.len()]);
         doors.iter().copied().zip(row.iter().copied()).filter(|(_, um)| *um != NO_WAY)
@@ -139,7 +141,7 @@ impl Cells {
         let leads_out = |node: &u32| shape.adjacency.arcs(*node).iter().any(|arc| self.of[arc.to as usize] != cell);
         let doors: Vec<u32> = members.iter().copied().filter(leads_out).collect();
         // To pass it, every door is joined to every other one; to go in, its edges are followed.
-        if doors.len() * doors.len() > 8 * members.len() {
+        if doors.len() > MOST_DOORS || doors.len() * doors.len() > 8 * members.len() {
             return Cell { members, is_open: true, ..Cell::default() };
         }
         let inside = |node: &u32| -> Vec<(u16, u64)> {

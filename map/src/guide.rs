@@ -1,8 +1,9 @@
-//! What guides searches over [`Roads`]: landmarks, which say how far it is at least, and cells, which are passed through in
-//! one step. It follows the changes of the roads; searches with it find ways as short as without it.
+//! What guides searches over [`Roads`]: landmarks, which say how far it is at least, cells, which are passed through in
+//! one step, and parts that nothing joins. It follows the changes of the roads; searches with it find ways as short as without it.
 
 use crate::cells::{Cells, CellsConfig};
 use crate::landmarks::{Landmarks, LandmarksConfig};
+use crate::parts::Parts;
 use crate::roads::{Roads, Shape};
 
 /// How searches are guided.
@@ -14,16 +15,17 @@ pub struct GuideConfig {
     pub cells: CellsConfig,
 }
 
-/// Landmarks and cells of one graph.
+/// Landmarks, cells and parts of one graph.
 #[derive(Clone, Debug)]
 pub struct Guide {
     config: GuideConfig,
     landmarks: Landmarks,
     cells: Cells,
+    parts: Parts,
 }
 
 impl Guide {
-    /// Makes landmarks and cells: a score of searches over the whole graph.
+    /// Makes all of it: a score of searches over the whole graph.
     #[must_use]
     pub fn build(roads: &Roads, config: GuideConfig) -> Self {
         Self::of_shape(roads.shape(), roads.edges(), config)
@@ -32,7 +34,7 @@ impl Guide {
     pub(crate) fn of_shape(shape: &Shape, edges: usize, config: GuideConfig) -> Self {
         let landmarks = Landmarks::build(shape, edges, config.landmarks.clone());
         let cells = Cells::build(shape, &config.cells);
-        Self { config, landmarks, cells }
+        Self { config, landmarks, cells, parts: Parts::build(shape) }
     }
 
     /// How it was made.
@@ -49,9 +51,14 @@ impl Guide {
         &self.cells
     }
 
+    pub(crate) fn parts(&self) -> &Parts {
+        &self.parts
+    }
+
     /// A number was given to a node, which has no edges yet.
     pub fn node_added(&mut self, node: u32) {
         self.landmarks.node_added(node);
+        self.parts.node_added(node);
         self.cells.forget(node);
     }
 
@@ -73,6 +80,7 @@ impl Guide {
     /// An edge was added, or has another length. `roads` has it already.
     pub fn edge_changed(&mut self, roads: &Roads, a: u32, b: u32) {
         self.landmarks.edge_changed(roads.shape(), a, b);
+        self.parts.join(a, b);
         self.cells.touch(a);
         self.cells.touch(b);
     }
@@ -94,9 +102,9 @@ impl Guide {
         self.landmarks.at_least_um(roads.shape(), a, b)
     }
 
-    /// Bytes on the heap: of the landmarks and of the cells.
+    /// Bytes on the heap: of the landmarks, and of cells and parts.
     #[must_use]
     pub fn bytes(&self) -> (usize, usize) {
-        (self.landmarks.bytes(), self.cells.bytes())
+        (self.landmarks.bytes(), self.cells.bytes() + self.parts.bytes())
     }
 }

@@ -17,10 +17,12 @@
 //! * Numbers may be rounded and cut off: they are whole multiples of 2^n µm, from lengths rounded down to them, in 32 bits.
 //!   Sixteen slots of a node are one cache line.
 //!
-//! Places are chosen as far as possible from all chosen before (each from those of its part), the first as far as possible
-//! from the part's first node; of equally far ones the lowest number.
+//! The first eight places of a part are its outermost nodes, in the directions of corners and sides: from its four corners, a
+//! grid's bounds are its distances. The others are as far as possible from all chosen before. Of equal ones it is the
+//! lowest number.
 
 use crate::bounds::Bounds;
+use crate::parts::joined;
 use crate::roads::Shape;
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
@@ -72,7 +74,7 @@ impl Landmarks {
     /// Chooses landmarks and measures from them: one search over the whole map for each slot, and one more.
     pub(crate) fn build(shape: &Shape, edges: usize, config: LandmarksConfig) -> Self {
         let nodes = shape.adjacency.len();
-        let (parts, firsts) = parts(shape);
+        let (parts, firsts) = joined(shape);
         // How far things are at all: from the first node of each part.
         let reach_um = from_set(shape, &firsts, |length_um| length_um, u64::MAX);
         let greatest_um = reach_um.iter().copied().max().unwrap_or_default();
@@ -92,18 +94,7 @@ impl Landmarks {
                 }
             }
             if let Some(direction) = DIRECTIONS.get(slot) {
-                let mut outermost = firsts.clone();
-                let along = |node: u32| {
-                    let place = shape.positions[node as usize];
-                    direction[0] * i64::from(place.x_mm) + direction[1] * i64::from(place.y_mm)
-                };
-                for (node, part) in (0..).zip(&parts) {
-                    let best = &mut outermost[*part as usize];
-                    if along(node) > along(*best) {
-                        *best = node;
-                    }
-                }
-                for (part, &node) in outermost.iter().enumerate() {
+                for (part, node) in outermost(shape, *direction, &parts, &firsts).into_iter().enumerate() {
                     if !chosen[part].contains(&node) {
                         farthest[part] = node;
                     }
@@ -239,29 +230,20 @@ impl Landmarks {
     }
 }
 
-/// Which part of the map each node is in, and the first node of each part.
-fn parts(shape: &Shape) -> (Vec<u32>, Vec<u32>) {
-    let mut parts = vec![u32::MAX; shape.adjacency.len()];
-    let mut firsts = Vec::new();
-    let mut open = Vec::new();
-    for first in 0..parts.len() as u32 {
-        if parts[first as usize] != u32::MAX {
-            continue;
-        }
-        let part = firsts.len() as u32;
-        firsts.push(first);
-        parts[first as usize] = part;
-        open.push(first);
-        while let Some(node) = open.pop() {
-            for arc in shape.adjacency.arcs(node) {
-                if parts[arc.to as usize] == u32::MAX {
-                    parts[arc.to as usize] = part;
-                    open.push(arc.to);
-                }
-            }
+/// The node of each part that lies farthest in a direction; of equally far ones the lowest number.
+fn outermost(shape: &Shape, direction: [i64; 2], parts: &[u32], firsts: &[u32]) -> Vec<u32> {
+    let along = |node: u32| {
+        let place = shape.positions[node as usize];
+        direction[0] * i64::from(place.x_mm) + direction[1] * i64::from(place.y_mm)
+    };
+    let mut outermost = firsts.to_vec();
+    for (node, part) in (0..).zip(parts) {
+        let best = &mut outermost[*part as usize];
+        if along(node) > along(*best) {
+            *best = node;
         }
     }
-    (parts, firsts)
+    outermost
 }
 
 /// How far every node is from the nearest of `sources`; `far` where none is reached.

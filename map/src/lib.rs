@@ -7,6 +7,13 @@
 //! | [`sequence`] | each author's increments in order, the early ones kept aside within bounds |
 //! | [`replica`] | both together: a copy of a map that is fed from the network |
 //! | [`graph`] | shortest paths over nodes and edges |
+//! | [`map_index`] | what finds things in a large map, kept up with it: all of the following |
+//! | [`roads`], `adjacency` | the map as a graph of plain arrays that can be changed |
+//! | [`shortest`] | shortest ways over it: A*, with what holds for one query alone |
+//! | [`guide`] | what makes that fast: [`landmarks`], [`cells`] (`partition`), `parts` |
+//! | `bounds` | how far it is at least to the goals of a query |
+//! | [`places`] | nodes by where they and their rectangles are |
+//! | [`appearance`] | nodes by what they look like |
 //! | [`route`] | a path between two places (paper, equation 5) |
 //! | [`free_space`] | where a robot's centre may be: rectangles and corridors as a mesh |
 //! | `approach` | the way into the mesh over ground that no rectangle covers |
@@ -29,6 +36,7 @@ pub mod landmarks;
 pub mod lookup;
 pub mod map_index;
 mod partition;
+mod parts;
 pub mod places;
 mod register;
 pub mod replica;

@@ -9,7 +9,7 @@
 use crate::graph::{distance_um, steps_from, to_um};
 use crate::map_index::MapIndex;
 use crate::places::nearest_in;
-use crate::shortest::{Overlay, Workspace, shortest_way};
+use crate::shortest::{Exceptions, Workspace, shortest_way};
 use crate::state::MapState;
 use fht_proto::{EdgeKey, FixedPoint, NodeId};
 use pathfinding::directed::dijkstra::dijkstra;
@@ -151,20 +151,6 @@ fn accesses_over(
     Ok(inside_first(all))
 }
 
-/// Edges that must not be used, by number, in order.
-struct Closed(Vec<(u32, u32)>);
-
-impl Overlay for Closed {
-    fn factor(&self, from: u32, to: u32) -> Option<f64> {
-        let is_closed = !self.0.is_empty() && self.0.binary_search(&(from.min(to), from.max(to))).is_ok();
-        (!is_closed).then_some(1.0)
-    }
-
-    fn ends(&self) -> Option<Vec<u32>> {
-        Some(self.0.iter().flat_map(|&(a, b)| [a, b]).collect())
-    }
-}
-
 /// Whether one rectangle contains both places: rectangles are convex, so the way is straight.
 fn share_rectangle<Id: Ord>(starts: &BTreeMap<Id, Access>, goals: &BTreeMap<Id, Access>) -> bool {
     let is_inside = |access: &Access| access.entry.is_none();
@@ -188,17 +174,13 @@ pub fn plan_over(
         return Ok(route_over([plain(from), plain(to)]));
     }
     let roads = index.roads();
-    let number = |edge: &EdgeKey| {
-        let (a, b) = (roads.number(edge.low())?, roads.number(edge.high())?);
-        Some((a.min(b), a.max(b)))
-    };
-    let mut closed: Vec<(u32, u32)> = config.blocked.iter().filter_map(number).collect();
-    closed.sort_unstable();
+    let closed = |edge: &EdgeKey| Some((roads.number(edge.low())?, roads.number(edge.high())?, None));
+    let closed = Exceptions::new(config.blocked.iter().filter_map(closed));
     let costs = |accesses: &BTreeMap<u32, Access>| -> Vec<(u32, u64)> {
         accesses.iter().map(|(number, access)| (*number, access.cost_um)).collect()
     };
     let (start_costs, goal_costs) = (costs(&starts), costs(&goals));
-    let way = shortest_way(roads, Some(index.guide()), &start_costs, &goal_costs, &Closed(closed), work);
+    let way = shortest_way(roads, Some(index.guide()), &start_costs, &goal_costs, &closed, work);
     let nodes = way.ok_or(RouteError::NoPath { from, to })?.nodes;
     let entry = |accesses: &BTreeMap<u32, Access>, number: Option<&u32>| {
         number.and_then(|number| accesses.get(number)).and_then(|access| access.entry).map(plain)

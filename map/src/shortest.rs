@@ -49,6 +49,40 @@ impl<F: Fn(u32, u32) -> Option<f64>> Overlay for F {
     }
 }
 
+/// A few edges that are closed or count more than their length, both ways.
+#[derive(Clone, Debug, Default)]
+pub struct Exceptions {
+    /// By ends, the lower number first, in order.
+    factors: Vec<((u32, u32), Option<f64>)>,
+}
+
+impl Exceptions {
+    /// Edges by the numbers of their ends, with their factors or `None` if they are closed. Of one edge the first counts.
+    #[must_use]
+    pub fn new(edges: impl IntoIterator<Item = (u32, u32, Option<f64>)>) -> Self {
+        let in_order = |(a, b, factor): (u32, u32, Option<f64>)| ((a.min(b), a.max(b)), factor);
+        let mut factors: Vec<((u32, u32), Option<f64>)> = edges.into_iter().map(in_order).collect();
+        factors.sort_by_key(|(ends, _)| *ends); // stable
+        factors.dedup_by_key(|(ends, _)| *ends);
+        Self { factors }
+    }
+}
+
+impl Overlay for Exceptions {
+    #[inline]
+    fn factor(&self, from: u32, to: u32) -> Option<f64> {
+        if self.factors.is_empty() {
+            return Some(1.0);
+        }
+        let place = self.factors.binary_search_by_key(&(from.min(to), from.max(to)), |(ends, _)| *ends);
+        place.map_or(Some(1.0), |place| self.factors[place].1)
+    }
+
+    fn ends(&self) -> Option<Vec<u32>> {
+        Some(self.factors.iter().flat_map(|&((a, b), _)| [a, b]).collect())
+    }
+}
+
 /// What an edge counts, micrometres.
 #[inline]
 fn counted_um(length_um: u64, factor: f64) -> u64 {
@@ -167,7 +201,14 @@ pub fn shortest_way(
         known.dedup_by_key(|(node, _)| *node);
         known
     };
-    let (starts, goals) = (known(starts), known(goals));
+    let (starts, mut goals) = (known(starts), known(goals));
+    if let Some(parts) = guide.map(Guide::parts) {
+        let reached: Vec<Option<u32>> = starts.iter().map(|(node, _)| parts.of(*node)).collect();
+        goals.retain(|(node, _)| reached.contains(&parts.of(*node)));
+    }
+    if starts.is_empty() || goals.is_empty() {
+        return None;
+    }
     let shape = roads.shape();
     let bounds = guide.map(|guide| Bounds::new(guide.landmarks(), shape, &starts, &goals));
     let least_um = |node: u32| bounds.as_ref().map_or(0, |bounds| bounds.least_um(node));
@@ -206,7 +247,7 @@ pub fn shortest_way(
             }
         };
         if let Some((cells, cell)) = passed {
-            cells.from_door(cell, node).for_each(|(door, um)| reach(door, um));
+            cells.doors_from(cell, node).for_each(|(door, um)| reach(door, um));
         }
         for (to, length_um) in shape.steps(node) {
             if passed.is_some_and(|(cells, cell)| cells.of(to) == Some(cell)) {
@@ -224,7 +265,7 @@ pub fn shortest_way(
         let passed = cells.and_then(|cells| Some((cells, work.passed(cells, to)?)));
         match (passed, nodes.last().copied()) {
             (Some((cells, cell)), Some(from)) if cells.of(from) == Some(cell) => {
-                nodes.extend(cells.inside(cell, from, to))
+                nodes.extend(cells.inside(cell, from, to));
             }
             _ => nodes.push(to),
         }

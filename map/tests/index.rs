@@ -7,7 +7,7 @@ use fht_map::guide::GuideConfig;
 use fht_map::landmarks::LandmarksConfig;
 use fht_map::lookup::{most_similar, nearest, nearest_over};
 use fht_map::route::{Route, plan, plan_over};
-use fht_map::shortest::{AllOpen, Workspace, shortest_way};
+use fht_map::shortest::{AllOpen, Exceptions, Workspace, shortest_way};
 use fht_map::{IndexConfig, MapIndex, MapState, RouteConfig};
 use fht_proto::{
     AuthorId, Descriptor, EdgeKey, FixedPoint, FixedPose, Increment, ModelId, NodeId, NodeKind, Op, Rect, ScanRecord,
@@ -205,6 +205,11 @@ proptest! {
         let fast = shortest_way(roads, Some(index.guide()), &starts, &goals, &overlay, &mut work);
         let plain = shortest_way(roads, None, &starts, &goals, &overlay, &mut work);
         prop_assert_eq!(fast.as_ref().map(|way| way.cost_um), plain.map(|way| way.cost_um));
+        // The same both ways, and by a list.
+        let listed = Exceptions::new(factors.iter().map(|(&(a, b), &factor)| (a, b, factor)));
+        let fast_listed = shortest_way(roads, Some(index.guide()), &starts, &goals, &listed, &mut work);
+        let plain_listed = shortest_way(roads, None, &starts, &goals, &listed, &mut work);
+        prop_assert_eq!(fast_listed.map(|way| way.cost_um), plain_listed.map(|way| way.cost_um));
         if let Some(way) = fast {
             let least = |ends: &[(u32, u64)], node: u32| ends.iter().filter(|end| end.0 == node).map(|end| end.1).min().unwrap();
             let (first, last) = (way.nodes[0], way.nodes[way.nodes.len() - 1]);
