@@ -8,7 +8,7 @@ use fht_proto::{
     AuthorId, Descriptor, EdgeKey, FixedPose, Increment, MapName, ModelId, NodeId, NodeKind, Op, Rect, ScanRecord,
     Signature, encode,
 };
-use map_server::config::{AnswerConfig, Limits, LinkConfig};
+use map_server::config::LinkConfig;
 use map_server::{ServerConfig, run};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
@@ -70,13 +70,7 @@ async fn main() {
     let dir = tempfile::tempdir_in(".").unwrap();
     let endpoint = "tcp/127.0.0.1:17449".to_owned();
     let link = LinkConfig { listen: vec![endpoint.clone()], ..LinkConfig::default() };
-    let config = ServerConfig {
-        data: dir.path().to_owned(),
-        link,
-        limits: Limits::default(),
-        answers: AnswerConfig::default(),
-        fleet: map_server::fleet::FleetConfig::default(),
-    };
+    let config = ServerConfig::new(dir.path().to_owned(), link);
     let (stop, stopped) = oneshot::channel::<()>();
     let server = tokio::spawn(run(config, async { _ = stopped.await }));
     tokio::time::sleep(Duration::from_millis(500)).await;

@@ -1,8 +1,7 @@
 //! The command line.
 
 use crate::access::command::AccessArgs;
-use crate::config::{AnswerConfig, Limits, LinkConfig, ServerConfig};
-use crate::fleet::FleetConfig;
+use crate::config::{LinkConfig, ServerConfig};
 use crate::operate::{OperateError, Operation, OperatorArgs};
 use crate::{ServerError, denials, run};
 use clap::Parser;
@@ -82,7 +81,7 @@ Examples:
   map-server release create museum        a name for the state as it is now
   map-server release enable museum 2026-11-21.1
   map-server place museum dock 1.5,-2,90
-  map-server zone museum wet-floor 1,1 3,1 3,2 1,2
+  map-server zone museum wet-floor '1,1 3,1 3,2 1,2'
   map-server robots museum --watch
       operate it, from any machine that reaches it (--connect)
 
@@ -97,13 +96,7 @@ impl Cli {
             listen.push(DEFAULT_LISTEN.to_owned());
         }
         let link = LinkConfig { listen, connect: connect.clone(), zenoh_config: zenoh_config.clone() };
-        ServerConfig {
-            data: self.serve.data.clone(),
-            link,
-            limits: Limits::default(),
-            answers: AnswerConfig::default(),
-            fleet: FleetConfig::default(),
-        }
+        ServerConfig::new(self.serve.data.clone(), link)
     }
 }
 

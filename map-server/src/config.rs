@@ -20,6 +20,15 @@ pub struct ServerConfig {
     pub fleet: FleetConfig,
 }
 
+impl ServerConfig {
+    /// A server with its maps in `data`, reached over `link`, in all else by default.
+    #[must_use]
+    pub fn new(data: PathBuf, link: LinkConfig) -> Self {
+        let (limits, answers, fleet) = (Limits::default(), AnswerConfig::default(), FleetConfig::default());
+        Self { data, link, limits, answers, fleet }
+    }
+}
+
 /// How the server is reached. With `listen` it is a Zenoh router that robots and tools connect to; with `connect` alone it
 /// is a client of another router.
 #[derive(Clone, Debug, Default)]

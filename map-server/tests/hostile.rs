@@ -27,7 +27,7 @@ impl Bench {
     fn new() -> Self {
         let dir = tempfile::tempdir().unwrap();
         let store = Arc::new(Store::open(dir.path()).unwrap());
-        let catalog = Arc::new(Catalog::load(&store).unwrap());
+        let catalog = Arc::new(Catalog::load(store.as_ref()).unwrap());
         let ingest = Ingest::new(store, Arc::clone(&catalog), Limits::default());
         Self { catalog, ingest, _dir: dir }
     }

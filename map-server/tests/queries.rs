@@ -31,13 +31,7 @@ impl Running {
         let dir = tempfile::tempdir().unwrap();
         let endpoint = free_endpoint();
         let link = LinkConfig { listen: vec![endpoint.clone()], ..LinkConfig::default() };
-        let config = ServerConfig {
-            data: dir.path().to_owned(),
-            link,
-            limits: map_server::config::Limits::default(),
-            answers: map_server::config::AnswerConfig::default(),
-            fleet: map_server::fleet::FleetConfig::default(),
-        };
+        let config = ServerConfig::new(dir.path().to_owned(), link);
         let (stop, stopped) = oneshot::channel::<()>();
         let server = tokio::spawn(run(config, async { _ = stopped.await }));
         let session = client(&endpoint).await;

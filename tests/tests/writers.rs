@@ -6,8 +6,7 @@ use fht_proto::query::{ErrorCode, ErrorReply};
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op};
 use fht_robot::link::{self, LinkConfig};
 use fht_tests::process::free_endpoint;
-use map_server::config::{AnswerConfig, Limits};
-use map_server::fleet::FleetConfig;
+use map_server::config::Limits;
 use map_server::{ServerConfig, ServerError};
 use mapper::publish::{Progress, PublishError, find_head, outbox};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -45,13 +44,7 @@ impl Running {
         let data = tempfile::tempdir().unwrap();
         let endpoint = free_endpoint().unwrap();
         let server_link = map_server::config::LinkConfig { listen: vec![endpoint.clone()], ..Default::default() };
-        let config = ServerConfig {
-            data: data.path().to_owned(),
-            link: server_link,
-            limits,
-            answers: AnswerConfig::default(),
-            fleet: FleetConfig::default(),
-        };
+        let config = ServerConfig { limits, ..ServerConfig::new(data.path().to_owned(), server_link) };
         let (stop, stopped) = oneshot::channel::<()>();
         let server = tokio::spawn(map_server::run(config, async { _ = stopped.await }));
         let session = link::open(&LinkConfig::from_options(vec![endpoint], None)).await.unwrap();

@@ -2,7 +2,7 @@
 
 use super::release;
 use super::robots;
-use super::rule::{self, parse_corner, parse_pose, parse_speed};
+use super::rule::{self, Corners, parse_corners, parse_pose, parse_speed};
 use super::transfer;
 use super::write::write;
 use super::{OperateError, ask, ask_json, connect};
@@ -11,7 +11,7 @@ use crate::retention::Retained;
 use clap::{Args, Subcommand};
 use fht_proto::keys::{AdminAction, Key, Topic};
 use fht_proto::query::{DiffReply, MapsReply, ReleasesReply, RulesReply};
-use fht_proto::{FixedPoint, FixedPose, Label, MapName, NodeId, Op, ReleaseName, ZoneRule};
+use fht_proto::{FixedPose, Label, MapName, NodeId, Op, ReleaseName, ZoneRule};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -88,9 +88,9 @@ pub enum Operation {
         map: MapName,
         /// Its name: a letter, then letters, digits, _ or -.
         name: Label,
-        /// Its corners x,y in order (map frame, metres), three or more.
-        #[arg(value_parser = parse_corner, allow_hyphen_values = true, required_unless_present = "remove", num_args = 3..)]
-        corners: Vec<FixedPoint>,
+        /// Its corners in order, three or more, as one text: 'x,y x,y x,y' (map frame, metres).
+        #[arg(value_parser = parse_corners, allow_hyphen_values = true, required_unless_present = "remove")]
+        corners: Option<Corners>,
         /// Robots may enter, and drive at most so fast, metres per second. Without this they keep out.
         #[arg(long, value_parser = parse_speed, value_name = "M/S")]
         speed: Option<u16>,
@@ -228,6 +228,7 @@ impl Operation {
             }
             Self::Zone { map, name, corners, speed, .. } => {
                 let rule = speed.map_or(ZoneRule::KeepOut, ZoneRule::SpeedLimit);
+                let corners = corners.map(|corners| corners.0).unwrap_or_default();
                 change(session, args, &map, rule::zone(name, rule, corners)?).await
             }
             Self::Close { map, a, b } => {

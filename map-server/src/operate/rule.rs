@@ -23,8 +23,19 @@ pub(super) fn parse_pose(text: &str) -> Result<FixedPose, String> {
     Ok(FixedPose { position, ..FixedPose::from_metres(0.0, 0.0, yaw_deg.to_radians()) })
 }
 
-pub(super) fn parse_corner(text: &str) -> Result<FixedPoint, String> {
-    parse_point(text).map_err(|error| error.message)
+/// The corners of a zone.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Corners(pub(super) Vec<FixedPoint>);
+
+/// `x,y x,y x,y`, also with semicolons between.
+pub(super) fn parse_corners(text: &str) -> Result<Corners, String> {
+    let corners = text.split([' ', ';']).filter(|corner| !corner.is_empty());
+    let corners: Vec<FixedPoint> =
+        corners.map(|corner| parse_point(corner).map_err(|error| error.message)).collect::<Result<_, _>>()?;
+    if corners.len() < 3 {
+        return Err(format!("a zone has three corners or more, and these are {}", corners.len()));
+    }
+    Ok(Corners(corners))
 }
 
 pub(super) fn parse_speed(text: &str) -> Result<u16, String> {
@@ -84,13 +95,14 @@ mod tests {
 
     #[test]
     fn borders_that_cross_themselves_are_refused() {
-        let draw = |corners: &[&str]| {
-            let corners = corners.iter().map(|text| parse_corner(text)).collect::<Result<Vec<_>, _>>();
+        let draw = |corners: &str| {
+            let corners = parse_corners(corners);
             let name = "z".parse().map_err(|error| format!("{error}"));
-            name.and_then(|name| zone(name, ZoneRule::KeepOut, corners?).map_err(|error| error.to_string()))
+            name.and_then(|name| zone(name, ZoneRule::KeepOut, corners?.0).map_err(|error| error.to_string()))
         };
-        assert!(draw(&["0,0", "1,0", "1,1", "0,1"]).is_ok());
-        assert!(draw(&["0,0", "1,1", "1,0", "0,1"]).is_err_and(|text| text.contains("crosses itself")));
+        assert!(draw("0,0 1,0 1,1 0,1").is_ok() && draw("0,0;1,0; -1,1").is_ok());
+        assert!(draw("0,0 1,1 1,0 0,1").is_err_and(|text| text.contains("crosses itself")));
+        assert!(draw("0,0 1,1").is_err_and(|text| text.contains("three corners")));
     }
 
     #[test]

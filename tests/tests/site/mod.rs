@@ -4,7 +4,7 @@
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op};
 use fht_robot::link::{self, LinkConfig};
 use map_server::access::{Roles, configuration, parse};
-use map_server::config::{AnswerConfig, Limits, LinkConfig as ServerLink};
+use map_server::config::LinkConfig as ServerLink;
 use map_server::{ServerConfig, ServerError};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
@@ -165,9 +165,8 @@ impl Site {
 /// A map-server in this process.
 pub fn serve(data: &Path, file: PathBuf) -> (oneshot::Sender<()>, JoinHandle<Result<(), ServerError>>) {
     let link = ServerLink { zenoh_config: Some(file), ..ServerLink::default() };
-    let (data, limits, answers) = (data.to_owned(), Limits::default(), AnswerConfig::default());
     let (stop, stopped) = oneshot::channel::<()>();
-    let config = ServerConfig { data, link, limits, answers };
+    let config = ServerConfig::new(data.to_owned(), link);
     (stop, tokio::spawn(map_server::run(config, async { _ = stopped.await })))
 }
 

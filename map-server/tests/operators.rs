@@ -1,0 +1,231 @@
+//! The operators' commands as processes against a server process: what they write is obeyed by path queries, releases are what robots are told
+//! to use, maps go to files and back, and what robots report is shown.
+#![allow(clippy::unwrap_used)] // tests may panic
+
+mod support;
+
+use fht_proto::fleet::{FleetReply, LocalizationState, RobotRole, RobotStatus};
+use fht_proto::keys::{Key, RobotTopic};
+use fht_proto::query::{ErrorCode, ErrorReply, Obeyed, PathReply, ReleasesReply};
+use serde_json::Value;
+use std::process::Command;
+use std::time::Duration;
+use support::{ANA, Server, ask, bytes, client, free_endpoint, head_when, key, museum, until_up};
+use zenoh::Session;
+
+struct Site {
+    endpoint: String,
+    session: Session,
+    dir: tempfile::TempDir,
+    _server: Server,
+}
+
+impl Site {
+    /// A corridor along the x axis, 2 m wide, with a node a metre.
+    async fn with(nodes: u64) -> Self {
+        let (dir, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint());
+        let server = Server::start(&dir.path().join("data"), &endpoint);
+        let session = client(&endpoint).await;
+        until_up(&session).await;
+        let site = Self { endpoint, session, dir, _server: server };
+        site.drive(1, nodes).await;
+        site
+    }
+
+    async fn drive(&self, from: u64, to: u64) {
+        for number in from..=to {
+            self.session.put(key(ANA, number), bytes(ANA, number)).await.unwrap();
+        }
+        head_when(&self.session, |head| head.vector.get(ANA) == to).await;
+    }
+
+    /// Runs a command; what it printed, or what it complained about.
+    fn try_run(&self, args: &[&str]) -> Result<String, String> {
+        let output = Command::new(env!("CARGO_BIN_EXE_map-server"))
+            .args(args)
+            .args(["--connect", &self.endpoint, "--json"])
+            .output()
+            .unwrap();
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        if output.status.success() { Ok(text(output.stdout)) } else { Err(text(output.stderr)) }
+    }
+
+    fn run(&self, args: &[&str]) -> Value {
+        let printed = self.try_run(args).unwrap_or_else(|complaint| panic!("{args:?}: {complaint}"));
+        serde_json::from_str(&printed).unwrap()
+    }
+
+    fn complaint(&self, args: &[&str]) -> String {
+        self.try_run(args).expect_err("a complaint")
+    }
+
+    async fn path(&self, parameters: &str) -> Result<PathReply, ErrorReply> {
+        let mut replies = ask(&self.session, &format!("fht/museum/path?{parameters}")).await;
+        replies.remove(0).map(|bytes| serde_json::from_slice(&bytes).unwrap())
+    }
+
+    async fn refused(&self, parameters: &str) -> ErrorReply {
+        self.path(parameters).await.expect_err("a refusal")
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn paths_obey_what_operators_write() {
+    let site = Site::with(12).await;
+    assert_eq!(site.refused("from=0,0;to=dock").await.code, ErrorCode::UnknownPlace);
+    site.run(&["place", "museum", "dock", "9,0,180"]);
+    let free = site.path("from=0,0;to=dock").await.unwrap();
+    assert!((free.length_m - 9.0).abs() < 0.01 && free.obeyed.is_empty(), "{free:?}");
+
+    // Half of the corridor: round it.
+    site.run(&["zone", "museum", "wet", "3,-1.5 4,-1.5 4,0.3 3,0.3"]);
+    let round = site.path("from=0,0;to=dock").await.unwrap();
+    assert!(round.length_m > 9.02 && round.length_m < 9.5, "{round:?}");
+    assert!(round.waypoints.iter().any(|waypoint| waypoint.y > 0.4), "{round:?}");
+    assert_eq!(round.obeyed, [Obeyed::KeepOut { zone: "wet".to_owned() }]);
+    assert_eq!(site.refused("from=0,0;to=3.5,0").await.code, ErrorCode::KeepOut);
+    // All of it: there is no way, and it is said why.
+    site.run(&["zone", "museum", "wet", "3,-1.5 4,-1.5 4,1.5 3,1.5"]);
+    let refused = site.refused("from=0,0;to=dock").await;
+    assert!(refused.code == ErrorCode::NoPath && refused.message.contains("zone wet"), "{refused}");
+    site.run(&["zone", "museum", "wet", "--remove"]);
+    assert_eq!(site.path("from=0,0;to=dock").await.unwrap().length_m, free.length_m);
+
+    site.run(&["zone", "museum", "lab", "5,-2 7,-2 7,2 5,2", "--speed", "0.3"]);
+    let slow = site.path("from=0,0;to=dock").await.unwrap();
+    assert_eq!(slow.speed_limits.len(), 1);
+    assert_eq!((slow.speed_limits[0].max_mps, slow.speed_limits[0].along_m), (0.3, [5.0, 7.0]));
+
+    site.run(&["close", "museum", "0000000a.5", "0000000a.6"]);
+    let refused = site.refused("from=0,0;to=dock").await;
+    assert!(refused.message.contains("edge 0000000a.5 0000000a.6"), "{refused}");
+    assert!(site.path("from=0,0;to=5,0").await.is_ok(), "on this side");
+    site.run(&["open", "museum", "0000000a.5", "0000000a.6"]);
+    assert!(site.path("from=0,0;to=dock").await.is_ok());
+
+    for (args, reason) in [
+        (&["close", "museum", "0000000a.1", "0000000a.6"][..], "no edge joins"),
+        (&["close", "museum", "0000000a.1", "0000000a.99"][..], "no edge joins"),
+        (&["zone", "museum", "knot", "0,0 1,1 1,0 0,1"][..], "crosses itself"),
+        (&["zone", "museum", "line", "0,0 1,1"][..], "three corners"),
+        (&["place", "museum", "1st", "0,0"][..], "is not a name"),
+        (&["place", "louvre", "dock", "0,0"][..], "there is no map louvre"),
+    ] {
+        let complaint = site.complaint(args);
+        assert!(complaint.contains(reason), "{args:?}: {complaint}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn robots_use_the_release_that_is_enabled() {
+    let site = Site::with(6).await;
+    let first = site.run(&["release", "create", "museum", "first"]);
+    assert_eq!((&first["version"], &first["available"]), (&Value::from(6), &Value::from(true)));
+    site.drive(7, 12).await;
+    site.run(&["release", "create", "museum", "second"]);
+    assert!(site.complaint(&["release", "create", "museum", "first"]).contains("never change"));
+    assert!(site.path("from=0,0;to=11,0").await.is_ok(), "nothing is enabled: the newest state");
+
+    site.run(&["release", "enable", "museum", "first"]);
+    let path = site.path("from=0,0;to=5,0").await.unwrap();
+    assert_eq!(path.version, 6);
+    assert!(path.release.is_some_and(|release| release.starts_with("first@")));
+    assert_eq!(site.refused("from=0,0;to=11,0").await.code, ErrorCode::OutOfMap);
+    assert!(site.path("from=0,0;to=11,0;release=head").await.is_ok());
+    assert!(site.path("from=0,0;to=11,0;release=second").await.is_ok());
+    // What an operator closes holds on every release, at once.
+    site.run(&["zone", "museum", "wet", "3,-1.5 4,-1.5 4,1.5 3,1.5"]);
+    assert_eq!(site.refused("from=0,0;to=5,0").await.code, ErrorCode::NoPath);
+    site.run(&["zone", "museum", "wet", "--remove"]);
+
+    assert!(site.complaint(&["release", "delete", "museum", "first"]).contains("enable another one"));
+    site.run(&["release", "enable", "museum", "second"]);
+    let back = site.run(&["release", "rollback", "museum"]);
+    let releases: ReleasesReply = serde_json::from_value(back).unwrap();
+    let enabled: Vec<&str> = releases.releases.iter().filter(|it| it.enabled).map(|it| it.name.as_str()).collect();
+    assert_eq!(enabled, ["first"]);
+    assert!(site.complaint(&["release", "rollback", "museum"]).contains("no earlier release"));
+    site.run(&["release", "enable", "museum", "head"]);
+    site.run(&["release", "delete", "museum", "first"]);
+    assert!(site.complaint(&["release", "enable", "museum", "first"]).contains("has no release first"));
+
+    let diff = site.run(&["diff", "museum", "6", "second"]);
+    assert_eq!(diff["added_nodes"].as_array().unwrap().len(), 6);
+    assert!(diff["words"].as_str().unwrap().starts_with("6 nodes added, 6 edges added"), "{diff}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_map_is_folded_moved_and_goes_on() {
+    let site = Site::with(40).await;
+    site.run(&["release", "create", "museum", "opening"]);
+    site.drive(41, 60).await;
+    let before = head_when(&site.session, |_| true).await;
+    let folded = site.run(&["retain", "museum", "--keep", "5"]);
+    assert_eq!((&folded["folded"], &folded["oldest_version"]), (&Value::from(56), &Value::from(56)));
+    assert_eq!(head_when(&site.session, |_| true).await.digest, before.digest);
+    assert!(site.complaint(&["diff", "museum", "10"]).contains("is folded up to version 56"));
+    assert!(site.try_run(&["diff", "museum", "opening"]).is_ok(), "a release stays");
+
+    let file = site.dir.path().join("museum.fht");
+    let file = file.to_str().unwrap();
+    let exported = site.run(&["export", "museum", file]);
+    let imported = site.run(&["import", file, "--map", "copy"]);
+    assert_eq!((&exported["digest"], &exported["version"]), (&imported["digest"], &imported["version"]));
+    let releases = site.run(&["release", "list", "copy"]);
+    assert_eq!(
+        (&releases["releases"][0]["name"], &releases["releases"][0]["available"]),
+        (&"opening".into(), &true.into())
+    );
+    assert_eq!(site.run(&["import", file, "--map", "copy"])["digest"], imported["digest"], "again: nothing changes");
+
+    let mut damaged = std::fs::read(file).unwrap();
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 1;
+    std::fs::write(file, damaged).unwrap();
+    assert!(site.complaint(&["import", file, "--map", "other"]).contains("the file is damaged at byte"));
+    assert!(site.complaint(&["release", "list", "other"]).contains("there is no map other"), "nothing of it was taken");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_robots_report_is_obeyed_for_as_long_as_they_say_and_shown() {
+    let site = Site::with(12).await;
+    let blocked = Key::robot(&museum(), "r1", RobotTopic::Blocked).to_string();
+    let report = r#"{"for_s": 2, "edges": [["0000000a.5", "0000000a.6"]]}"#;
+    let begin = std::time::Instant::now();
+    site.session.put(&blocked, report).await.unwrap();
+    loop {
+        match site.path("from=0,0;to=9,0").await {
+            Err(refused) if refused.message.contains("what r1 found blocked") => break,
+            outcome => assert!(begin.elapsed() < Duration::from_secs(2), "{outcome:?}"),
+        }
+    }
+    let rules = site.run(&["rules", "museum"]);
+    assert_eq!(rules["blocked"][0]["robot"], "r1");
+    tokio::time::sleep(Duration::from_secs(2).saturating_sub(begin.elapsed()) + Duration::from_millis(200)).await;
+    assert!(site.path("from=0,0;to=9,0").await.is_ok(), "it was for two seconds");
+
+    let token = site.session.liveliness().declare_token("fht/museum/robots/r1").await.unwrap();
+    let head = head_when(&site.session, |_| true).await;
+    let status = RobotStatus {
+        robot: "r1".to_owned(),
+        role: RobotRole::Client,
+        map: museum(),
+        version: head.version,
+        vector: head.vector,
+        release: None,
+        state: LocalizationState::Localized,
+        map_from_base: Some([1.0, 2.0, 0.5]),
+    };
+    let key = Key::robot(&museum(), "r1", RobotTopic::Status).to_string();
+    site.session.put(&key, serde_json::to_vec(&status).unwrap()).await.unwrap();
+    let fleet = || -> FleetReply { serde_json::from_value(site.run(&["robots", "museum"])).unwrap() };
+    let robot = fleet().robots.remove(0);
+    assert_eq!((robot.status, robot.alive, robot.behind), (status, true, 0));
+    site.drive(13, 15).await;
+    assert_eq!(fleet().robots[0].behind, 3);
+    token.undeclare().await.unwrap();
+    let begin = std::time::Instant::now();
+    while fleet().robots[0].alive {
+        assert!(begin.elapsed() < Duration::from_secs(10), "its session is gone");
+    }
+}
