@@ -9,7 +9,7 @@ use crate::replica::{AskError, LiveReplica, ReplicaConfig, ReplicaError, ask_hea
 use crate::report::Report;
 use crate::route::{PlannedPath, Planner};
 use clap::{Args, Parser, Subcommand};
-use fht_proto::fleet::{LocalizationState, RobotPose};
+use fht_proto::fleet::{LocalizationState, RobotPose, RobotRole, RobotStatus};
 use fht_proto::keys::{Key, RobotTopic};
 use fht_proto::query::Place;
 use fht_proto::{Descriptor, MapName};
@@ -295,17 +295,17 @@ fn mission(link: &LinkArgs, args: &RobotArgs, goal: Goal) -> Result<ExitCode, Cl
 
     let session = connect(link)?;
     let _alive = session.liveliness().declare_token(robot_key).wait()?;
-    let replica = LiveReplica::start(&session, &link.map, ReplicaConfig::default())?;
+    let replica = LiveReplica::start(&session, &link.map, &args.robot, ReplicaConfig::default())?;
     let head = wait_for_server(&session, &link.map)?;
     if !replica.wait_for(&head.vector, TIMEOUT) {
         tracing::warn!("the copy of the map is not complete yet");
     }
-    if replica.read().state().counts().main_nodes == 0 {
+    if replica.running().counts().main_nodes == 0 {
         return Err(CliError::EmptyMap(link.map.clone()));
     }
     if args.no_camera {
         tracing::info!("without cameras: the place is found by the scanner alone");
-    } else if let Err(reason) = check_usable(replica.read().state(), net.model()) {
+    } else if let Err(reason) = check_usable(&replica.running(), net.model()) {
         tracing::warn!(%reason, "pictures are of no use on this map: the place is found by the scanner alone");
     }
 
@@ -314,9 +314,11 @@ fn mission(link: &LinkArgs, args: &RobotArgs, goal: Goal) -> Result<ExitCode, Cl
     let mut simulator = Simulator::new(world, sim, start, args.seed);
     let config = PilotConfig { seed: args.seed, max_time_s: args.max_time_s, ..PilotConfig::default() };
     let asking = ServerPathsConfig { timeout: TIMEOUT, ..ServerPathsConfig::default() };
-    let mut paths = ServerPaths::new(&session, link.map.clone(), &replica, &asking).map_err(CliError::Thread)?;
+    let mut paths =
+        ServerPaths::new(&session, link.map.clone(), &args.robot, &replica, &asking).map_err(CliError::Thread)?;
     let bar = progress(args);
     let pose_key = Key::robot(&link.map, &args.robot, RobotTopic::Pose).to_string();
+    let status_key = Key::robot(&link.map, &args.robot, RobotTopic::Status).to_string();
     let model = net.model().id;
     let mut describe = |panorama: &Panorama| match net.describe(panorama) {
         Ok(components) => Some(Descriptor::quantise(model, &components)),
@@ -332,7 +334,8 @@ fn mission(link: &LinkArgs, args: &RobotArgs, goal: Goal) -> Result<ExitCode, Cl
             recording.record(frame, step);
         }
         if frames.is_multiple_of(POSE_EVERY) {
-            publish_pose(&session, &pose_key, &args.robot, step);
+            publish(&session, &pose_key, &pose_of(&args.robot, step));
+            publish(&session, &status_key, &status_of(&link.map, &args.robot, &replica, step));
             show(&bar, frame, step);
         }
         frames += 1;
@@ -377,9 +380,9 @@ fn show(bar: &ProgressBar, frame: &SensorFrame, step: &Step) {
     bar.tick();
 }
 
-fn publish_pose(session: &Session, key: &str, robot: &str, step: &Step) {
+fn pose_of(robot: &str, step: &Step) -> RobotPose {
     let at = step.localization.map_from_base();
-    let message = RobotPose {
+    RobotPose {
         robot: robot.to_owned(),
         localized: at.is_some(),
         state: step.localization.state,
@@ -390,10 +393,29 @@ fn publish_pose(session: &Session, key: &str, robot: &str, step: &Step) {
             .map(|at| [at.translation.x, at.translation.y, at.rotation.angle()])
             .collect(),
         map_from_base: at.map(|at| [at.translation.x, at.translation.y, at.rotation.angle()]),
-    };
-    let Ok(json) = serde_json::to_vec(&message) else { return };
+    }
+}
+
+fn status_of(map: &MapName, robot: &str, replica: &LiveReplica, step: &Step) -> RobotStatus {
+    let at = step.localization.map_from_base();
+    let vector = replica.read().vector().clone();
+    RobotStatus {
+        robot: robot.to_owned(),
+        role: RobotRole::Client,
+        map: map.clone(),
+        version: vector.version(),
+        vector,
+        release: replica.release().map(|release| release.to_string()),
+        state: step.localization.state,
+        map_from_base: at.map(|at| [at.translation.x, at.translation.y, at.rotation.angle()]),
+    }
+}
+
+/// Lost ones do no harm: the next is soon there.
+fn publish<T: serde::Serialize>(session: &Session, key: &str, message: &T) {
+    let Ok(json) = serde_json::to_vec(message) else { return };
     if let Err(error) = session.put(key, json).encoding(zenoh::bytes::Encoding::APPLICATION_JSON).wait() {
-        tracing::debug!(%error, "pose not published");
+        tracing::debug!(%error, key, "not published");
     }
 }
 

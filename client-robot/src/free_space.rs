@@ -3,22 +3,27 @@
 use crate::inquiry::{Inquiry, Taking};
 use crate::paths::{nearest_node, plan_inside, with_entry};
 use crate::route::PlannedPath;
-use fht_map::{FreeSpace, MapState, SpaceConfig};
-use fht_proto::FixedPoint;
+use fht_map::{FreeSpace, MapState, Rules};
 use fht_proto::query::{ErrorCode, ErrorReply};
 use fht_robot::pose::Point2;
-use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Longest that a run in simulated time waits for the thread.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// What free space is of.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 struct Basis {
     /// Which state of the map.
     changes: u64,
-    blocked: BTreeSet<FixedPoint>,
+    rules: Arc<Rules>,
+}
+
+impl PartialEq for Basis {
+    fn eq(&self, other: &Self) -> bool {
+        self.changes == other.changes && self.rules.closes_the_same(&other.rules)
+    }
 }
 
 struct Task {
@@ -33,8 +38,7 @@ struct Made {
 
 impl Task {
     fn run(self) -> Made {
-        let config = SpaceConfig { blocked: self.basis.blocked.clone(), ..SpaceConfig::default() };
-        Made { space: FreeSpace::of(&self.map, &config), basis: self.basis }
+        Made { space: FreeSpace::of(&self.map, &self.basis.rules.space_config()), basis: self.basis }
     }
 }
 
@@ -77,19 +81,19 @@ impl FreeSpaceCache {
         changes: u64,
         from: Point2,
         to: Point2,
-        blocked: &BTreeSet<FixedPoint>,
+        rules: &Arc<Rules>,
     ) -> Result<PlannedPath, ErrorReply> {
-        let basis = Basis { changes, blocked: blocked.clone() };
+        let basis = Basis { changes, rules: Arc::clone(rules) };
         self.wish = None;
         if self.made.as_ref().is_none_or(|made| made.basis != basis) {
             self.make(map, &basis);
         }
         match &self.made {
-            Some(made) if made.basis == basis => plan_on(map, &made.space, from, to),
+            Some(made) if made.basis == basis => plan_on(map, made, from, to),
             older => {
                 self.wish = Some(Wish { from, to, basis });
                 match older {
-                    Some(made) if made.basis.blocked.is_superset(blocked) => plan_on(map, &made.space, from, to),
+                    Some(made) if made.basis.rules.closes_all_of(rules) => plan_on(map, made, from, to),
                     _ => {
                         let message = "the map's free space is being made".to_owned();
                         Err(ErrorReply { code: ErrorCode::NoPath, message })
@@ -105,7 +109,8 @@ impl FreeSpaceCache {
             return;
         };
         // Of a map that changes all the time the one under way is waited for: it is newer than what there is.
-        let is_under_way = thread.is_pending() && self.making.as_ref().is_some_and(|it| it.blocked == basis.blocked);
+        let is_under_way =
+            thread.is_pending() && self.making.as_ref().is_some_and(|it| it.rules.closes_the_same(&basis.rules));
         if !is_under_way {
             thread.put(Task { map: map.clone(), basis: basis.clone() });
             self.making = Some(basis.clone());
@@ -127,19 +132,22 @@ impl FreeSpaceCache {
     pub fn revised(&mut self, map: &MapState) -> Option<Result<PlannedPath, ErrorReply>> {
         let made = self.thread.as_mut().and_then(Inquiry::take)?;
         let made = self.made.insert(made);
-        let wish = self.wish.take().filter(|wish| wish.basis.blocked == made.basis.blocked)?;
-        Some(plan_on(map, &made.space, wish.from, wish.to))
+        let wish = self.wish.take().filter(|wish| wish.basis.rules.closes_the_same(&made.basis.rules))?;
+        Some(plan_on(map, made, wish.from, wish.to))
     }
 }
 
-fn plan_on(map: &MapState, space: &FreeSpace, from: Point2, to: Point2) -> Result<PlannedPath, ErrorReply> {
-    with_entry(from, nearest_node(map, from), |start| plan_inside(map, space, start, to))
+fn plan_on(map: &MapState, made: &Made, from: Point2, to: Point2) -> Result<PlannedPath, ErrorReply> {
+    let plan = |start| plan_inside(map, &made.space, &made.basis.rules, start, to);
+    with_entry(from, nearest_node(map, from), plan)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fht_proto::{AuthorId, FixedPose, Increment, NodeId, NodeKind, Op, Rect};
+    use crate::paths::rules_of_own;
+    use fht_proto::{AuthorId, FixedPoint, FixedPose, Increment, NodeId, NodeKind, Op, Rect};
+    use std::collections::BTreeSet;
 
     /// A hall of 10 m, or of 20 m.
     fn hall(length_m: f64) -> MapState {
@@ -157,7 +165,7 @@ mod tests {
 
     #[test]
     fn the_robot_goes_on_with_the_free_space_of_before_until_the_new_one_is_due() {
-        let (short, long, none) = (hall(10.0), hall(20.0), BTreeSet::new());
+        let (short, long, none) = (hall(10.0), hall(20.0), Arc::default());
         let mut cache = FreeSpaceCache::beside(Taking::AfterFrames(2));
         assert!(cache.plan(&short, 1, at(1.0), at(9.0), &none).is_err() && cache.is_pending());
         assert!(cache.revised(&short).is_none());
@@ -174,8 +182,8 @@ mod tests {
 
     #[test]
     fn no_way_leads_through_a_place_that_was_blocked_since() {
-        let (map, none) = (hall(10.0), BTreeSet::new());
-        let blocked = BTreeSet::from([FixedPoint::from_metres(5.0, 2.0)]);
+        let (map, none) = (hall(10.0), Arc::default());
+        let blocked = rules_of_own(&BTreeSet::from([FixedPoint::from_metres(5.0, 2.0)]));
         let mut cache = FreeSpaceCache::beside(Taking::AfterFrames(1));
         let _ = cache.plan(&map, 1, at(1.0), at(9.0), &none);
         assert!(cache.revised(&map).is_some_and(|path| path.is_ok()));
@@ -189,7 +197,7 @@ mod tests {
 
     #[test]
     fn a_map_that_changes_all_the_time_does_not_starve_it() {
-        let (map, none) = (hall(10.0), BTreeSet::new());
+        let (map, none) = (hall(10.0), Arc::default());
         let mut cache = FreeSpaceCache::beside(Taking::AfterFrames(3));
         let paths = (0..12).filter(|changes| {
             let _ = cache.plan(&map, *changes, at(1.0), at(9.0), &none);

@@ -3,6 +3,8 @@
 //! | module | idea |
 //! | --- | --- |
 //! | [`replica`] | a live copy of the map over Zenoh |
+//! | [`sync`] | what is taken in and asked for, and which release is run |
+//! | [`closures`] | what is closed now |
 //! | [`follow`] | when the copy has to ask, and when it cannot be trusted any more |
 //! | [`ask`] | questions to the server |
 //! | [`inquiry`] | questions put beside the robot's loop |
@@ -34,6 +36,7 @@
 pub mod ask;
 pub mod blockages;
 pub mod cli;
+pub mod closures;
 pub mod consensus;
 pub mod estimate;
 pub mod follow;

@@ -30,7 +30,7 @@ impl MapView for LiveReplica {
         Self::changes(self)
     }
     fn view(&self, look: &mut dyn FnMut(&MapState)) {
-        look(self.read().state());
+        look(&self.running());
     }
 }
 

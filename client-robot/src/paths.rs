@@ -6,14 +6,17 @@ use crate::inquiry::{Inquiry, Taking};
 use crate::pilot::PathSource;
 use crate::replica::{AskError, LiveReplica, ask};
 use crate::route::{PlannedPath, Planner, RoutePoint};
-use fht_map::{FreeSpace, MapState, RouteConfig, RouteError, lookup, taut};
-use fht_proto::keys::{Key, Topic};
+use fht_map::blocked::BlockedBy;
+use fht_map::{FreeSpace, MapState, RouteConfig, Rules, lookup};
+use fht_proto::fleet::BlockedReport;
+use fht_proto::keys::{Key, RobotTopic, Topic};
 use fht_proto::query::{ErrorCode, ErrorReply, PathReply};
 use fht_proto::{FixedPoint, MapName};
 use fht_robot::pose::Point2;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::Duration;
-use zenoh::Session;
+use zenoh::{Session, Wait};
 
 /// A robot outside of the mapped space goes to the nearest node within this distance first, metres.
 const NEAREST_NODE_M: f64 = 8.0;
@@ -25,16 +28,12 @@ fn fixed(point: Point2) -> FixedPoint {
 pub(crate) fn plan_inside(
     map: &MapState,
     space: &FreeSpace,
+    rules: &Rules,
     from: Point2,
     to: Point2,
 ) -> Result<PlannedPath, ErrorReply> {
-    let found = taut::plan(map, space, fixed(from), fixed(to), &RouteConfig::default()).map_err(|error| {
-        let code = match error {
-            RouteError::NoPath { .. } => ErrorCode::NoPath,
-            RouteError::OutOfMap { .. } => ErrorCode::OutOfMap,
-        };
-        ErrorReply { code, message: error.to_string() }
-    })?;
+    let found = rules.plan(map, space, fixed(from), fixed(to), &RouteConfig::default());
+    let found = found.map_err(|error| ErrorReply { code: error.code(), message: error.to_string() })?;
     let points = found
         .waypoints
         .iter()
@@ -46,6 +45,20 @@ pub(crate) fn nearest_node(map: &MapState, from: Point2) -> Option<RoutePoint> {
     let near = lookup::nearest(map, fixed(from), NEAREST_NODE_M);
     let (node, _) = near.first()?;
     Some(RoutePoint { position: Point2::new(node.pose.position.x(), node.pose.position.y()), node: Some(node.id) })
+}
+
+/// The rules of a robot that knows of nothing but what it found blocked itself.
+#[must_use]
+pub fn rules_of_own(blocked: &BTreeSet<FixedPoint>) -> Arc<Rules> {
+    Arc::new(with_own(Rules::default(), blocked))
+}
+
+fn with_own(mut rules: Rules, blocked: &BTreeSet<FixedPoint>) -> Rules {
+    if !blocked.is_empty() {
+        let robot = "this robot".to_owned();
+        rules.blocked.push(BlockedBy { robot, edges: BTreeSet::new(), places: blocked.clone() });
+    }
+    rules
 }
 
 /// Section III-C-2: a robot outside of the mapped space goes to the nearest node first. `plan` plans from where it is told.
@@ -93,11 +106,13 @@ pub struct ServerPathsConfig {
     /// When its answer is taken, and free space that is made beside the loop. Default two frames after the question, for
     /// simulated time.
     pub taking: Taking,
+    /// For how long others are to avoid what this robot finds blocked, seconds. Default 30, as the robot does itself.
+    pub blocked_for_s: f64,
 }
 
 impl Default for ServerPathsConfig {
     fn default() -> Self {
-        Self { timeout: Duration::from_secs(5), taking: Taking::AfterFrames(2) }
+        Self { timeout: Duration::from_secs(5), taking: Taking::AfterFrames(2), blocked_for_s: 30.0 }
     }
 }
 
@@ -110,10 +125,17 @@ struct Question {
 /// What the server answered: a path, a refusal, or nothing of use (a sentence).
 type Answer = Result<Result<PlannedPath, ErrorReply>, String>;
 
-/// Paths from the replica, replaced by the server's when its answer comes and is a path. Around blocked places from the
-/// replica alone: only this robot knows of those.
+/// Paths from the replica, replaced by the server's when its answer comes and is a path. Around places that this robot found
+/// blocked from the replica alone, and others are told of them.
 pub struct ServerPaths<'a> {
     replica: &'a LiveReplica,
+    session: Session,
+    blocked_key: String,
+    blocked_for_s: f64,
+    /// What others were told last.
+    told: BTreeSet<FixedPoint>,
+    /// What held when a path was last asked for.
+    rules: Arc<Rules>,
     inquiry: Inquiry<Question, Answer>,
     free_space: FreeSpaceCache,
     fallbacks: usize,
@@ -127,14 +149,41 @@ impl<'a> ServerPaths<'a> {
     pub fn new(
         session: &Session,
         map: MapName,
+        robot: &str,
         replica: &'a LiveReplica,
         config: &ServerPathsConfig,
     ) -> std::io::Result<Self> {
-        let (session, timeout) = (session.clone(), config.timeout);
-        let ask = move |question: Question| answer(&session, &map, question, timeout);
+        let blocked_key = Key::robot(&map, robot, RobotTopic::Blocked).to_string();
+        let (asking, timeout) = (session.clone(), config.timeout);
+        let ask = move |question: Question| answer(&asking, &map, question, timeout);
         // With an entry the server is asked twice.
         let inquiry = Inquiry::start(config.taking, 3 * timeout, ask)?;
-        Ok(Self { replica, inquiry, free_space: FreeSpaceCache::beside(config.taking), fallbacks: 0 })
+        Ok(Self {
+            replica,
+            session: session.clone(),
+            blocked_key,
+            blocked_for_s: config.blocked_for_s,
+            told: BTreeSet::new(),
+            rules: Arc::default(),
+            inquiry,
+            free_space: FreeSpaceCache::beside(config.taking),
+            fallbacks: 0,
+        })
+    }
+
+    /// Tells the others what this robot found blocked. Lost, it is said again with the next place.
+    fn tell(&mut self, blocked: &BTreeSet<FixedPoint>) {
+        if *blocked == self.told {
+            return;
+        }
+        self.told.clone_from(blocked);
+        let places = blocked.iter().take(BlockedReport::MAX_THINGS).map(|place| [place.x(), place.y()]).collect();
+        let report = BlockedReport { for_s: self.blocked_for_s, edges: Vec::new(), places };
+        let Ok(json) = serde_json::to_vec(&report) else { return };
+        let put = self.session.put(&self.blocked_key, json).encoding(zenoh::bytes::Encoding::APPLICATION_JSON).wait();
+        if let Err(error) = put {
+            tracing::debug!(%error, "a blocked place was not told");
+        }
     }
 
     /// How often the server was silent, or answered with what is no path, and the robot kept its own.
@@ -240,14 +289,29 @@ pub fn planned_between(reply: PathReply, from: Point2, to: Point2) -> Result<Pla
 
 impl PathSource for ServerPaths<'_> {
     fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<FixedPoint>) -> Result<PlannedPath, ErrorReply> {
+        self.tell(blocked);
         let changes = self.replica.changes();
-        let replica = self.replica.read();
+        let map = self.replica.running();
         if blocked.is_empty() {
-            self.inquiry.put(Question { from, to, entry: nearest_node(replica.state(), from) });
+            self.inquiry.put(Question { from, to, entry: nearest_node(&map, from) });
         } else {
             self.inquiry.cancel();
         }
-        self.free_space.plan(replica.state(), changes, from, to, blocked)
+        self.rules = self.replica.rules();
+        let rules = if blocked.is_empty() {
+            Arc::clone(&self.rules)
+        } else {
+            Arc::new(with_own(self.rules.as_ref().clone(), blocked))
+        };
+        self.free_space.plan(&map, changes, from, to, &rules)
+    }
+
+    fn is_outdated(&self) -> bool {
+        !self.rules.closes_the_same(&self.replica.rules())
+    }
+
+    fn speed_limit_mps(&self, place: Point2) -> Option<f64> {
+        self.replica.rules().speed_limit_mps(fixed(place))
     }
 
     fn is_pending(&self) -> bool {
@@ -257,7 +321,7 @@ impl PathSource for ServerPaths<'_> {
     fn revised(&mut self) -> Option<Result<PlannedPath, ErrorReply>> {
         // Both are taken each frame; of two that come together the server's counts.
         let answer = self.inquiry.take();
-        let own = self.free_space.revised(self.replica.read().state());
+        let own = self.free_space.revised(&self.replica.running());
         match answer {
             Some(Ok(Ok(path))) => {
                 self.free_space.forget_wish();

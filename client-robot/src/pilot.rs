@@ -120,6 +120,16 @@ pub trait PathSource {
         false
     }
 
+    /// Whether something has been closed or opened since the last question, by operators or by other robots.
+    fn is_outdated(&self) -> bool {
+        false
+    }
+
+    /// How fast the robot may drive at a place of the map frame, metres per second; none if nothing limits it.
+    fn speed_limit_mps(&self, _place: Point2) -> Option<f64> {
+        None
+    }
+
     /// Asked once per frame: the better answer to the last question, when it has come; a refusal, if there is no path after all.
     fn revised(&mut self) -> Option<Result<PlannedPath, ErrorReply>> {
         None
@@ -143,6 +153,23 @@ pub struct Step {
 const OBSTACLE_STEP_M: f64 = 0.1;
 /// Turning shows more of the surroundings, and often that the way is free after all.
 const LOOK_AROUND: Twist = Twist { linear_mps: 0.0, angular_radps: 0.6 };
+
+/// So far ahead a robot slows down before a zone, metres.
+const SLOW_AHEAD_M: f64 = 0.3;
+
+/// A command as fast as it may be where the robot is, and a little ahead.
+fn slowed(command: Twist, map_from_base: &Pose2, paths: &dyn PathSource) -> Twist {
+    let places = [0.0, SLOW_AHEAD_M].map(|ahead_m| map_from_base * Point2::new(ahead_m, 0.0));
+    let limit_mps = places.into_iter().filter_map(|place| paths.speed_limit_mps(place)).min_by(f64::total_cmp);
+    match limit_mps.filter(|limit_mps| *limit_mps < command.linear_mps.abs()) {
+        None => command,
+        // Slower along the same curve.
+        Some(limit_mps) => {
+            let share = limit_mps / command.linear_mps.abs();
+            Twist { linear_mps: command.linear_mps * share, angular_radps: command.angular_radps * share }
+        }
+    }
+}
 
 fn went_back() -> String {
     "it is older than the one before".to_owned()
@@ -254,7 +281,10 @@ impl Pilot {
                     self.wander_target = None;
                     match self.task {
                         Task::Relocalize => (Twist::default(), Some(Outcome::Localized)),
-                        Task::GoTo(goal) => self.drive(frame, &localization, &map_from_odom, goal, paths),
+                        Task::GoTo(goal) => {
+                            let (command, outcome) = self.drive(frame, &localization, &map_from_odom, goal, paths);
+                            (slowed(command, &(map_from_odom * localization.odometry.odom_from_base), paths), outcome)
+                        }
                     }
                 }
             }
@@ -322,7 +352,8 @@ impl Pilot {
         if let Some(refusal) = self.refusal.take() {
             return self.refused(refusal, now_us, paths);
         }
-        let is_outdated = self.route.as_ref().is_none_or(|route| route.is_outdated(map_from_odom, here));
+        let is_outdated =
+            self.route.as_ref().is_none_or(|route| route.is_outdated(map_from_odom, here)) || paths.is_outdated();
         if (localization.is_new_fix || is_outdated)
             && let Err(refusal) = self.plan(map_from_odom, here, goal, now_us, paths)
         {

@@ -5,13 +5,14 @@
 
 use crate::ask::read_head;
 pub use crate::ask::{AskError, ask, ask_head};
+use crate::closures::Closures;
 use crate::follow::FollowConfig;
-use crate::sync::{Question, Sync, SyncConfig};
-use fht_map::Replica;
+use crate::sync::{Question, Running, Sync, SyncConfig};
+use fht_map::{MapState, Replica, Rules};
 use fht_proto::envelope::MAX_BODY_BYTES;
-use fht_proto::keys::{Key, Topic, increments_of};
+use fht_proto::keys::{Key, RobotTopic, Topic, increments_of, robots_of};
 use fht_proto::query::Snapshot;
-use fht_proto::{Increment, MapName, VersionVector, decode};
+use fht_proto::{Increment, MapName, ReleaseId, VersionVector, decode};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel, sync_channel};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
@@ -75,6 +76,8 @@ pub enum ReplicaError {
 #[derive(Default)]
 struct Shared {
     replica: RwLock<Replica>,
+    /// The release that is run; none: the copy as it is.
+    running: RwLock<Option<Running>>,
     stop: AtomicBool,
     /// Counts changes, so that a reader sees cheaply whether there is anything new.
     changes: AtomicU64,
@@ -100,15 +103,16 @@ impl Shared {
 /// A live copy of one map. It ends when dropped.
 pub struct LiveReplica {
     shared: Arc<Shared>,
+    closures: Arc<Closures>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl LiveReplica {
-    /// Subscribes to a map and starts catching up in the background.
+    /// Subscribes to a map and starts catching up in the background, for the robot of this name.
     ///
     /// # Errors
     /// If Zenoh refuses the subscriptions.
-    pub fn start(session: &Session, map: &MapName, config: ReplicaConfig) -> Result<Self, ReplicaError> {
+    pub fn start(session: &Session, map: &MapName, robot: &str, config: ReplicaConfig) -> Result<Self, ReplicaError> {
         let shared = Arc::new(Shared::default());
         let (queue, increments) = sync_channel(config.queue.max(1));
         let counting = Arc::clone(&shared);
@@ -119,6 +123,10 @@ impl LiveReplica {
             }
         };
         let subscriber = session.declare_subscriber(increments_of(map)).callback(arrive).wait()?;
+        let closures = Arc::new(Closures::new(robot));
+        let hearing = Arc::clone(&closures);
+        let report = move |sample: Sample| hearing.take(&sample);
+        let blocked = session.declare_subscriber(robots_of(map, RobotTopic::Blocked)).callback(report).wait()?;
         let head_key = Key::topic(map, Topic::Head).to_string();
         let heads = session.declare_subscriber(head_key).with(RingChannel::new(1)).wait()?;
         let follow = FollowConfig {
@@ -126,14 +134,18 @@ impl LiveReplica {
             ahead: Duration::from_secs_f64(config.ahead_s.max(0.0)),
             ..FollowConfig::default()
         };
-        let sync = SyncConfig { follow, head_every: Duration::from_secs_f64(config.head_every_s.max(0.0)) };
+        let sync = SyncConfig {
+            follow,
+            head_every: Duration::from_secs_f64(config.head_every_s.max(0.0)),
+            ..SyncConfig::default()
+        };
         let (to_events, events) = channel();
         let worker = Worker {
             session: session.clone(),
             map: map.clone(),
             config,
             shared: Arc::clone(&shared),
-            _subscriber: subscriber,
+            _subscribers: [subscriber, blocked],
             increments,
             heads,
             events,
@@ -141,7 +153,7 @@ impl LiveReplica {
             sync: Sync::new(sync),
         };
         let thread = std::thread::Builder::new().name("replica".to_owned()).spawn(move || worker.run())?;
-        Ok(Self { shared, thread: Some(thread) })
+        Ok(Self { shared, closures, thread: Some(thread) })
     }
 
     /// The copy, for reading. Hold it briefly: nothing is taken in meanwhile.
@@ -149,7 +161,31 @@ impl LiveReplica {
         self.shared.read()
     }
 
-    /// A number that changes whenever the copy does.
+    /// The map that the robot runs: the release that is enabled, or else the copy as it is.
+    #[must_use]
+    pub fn running(&self) -> Arc<MapState> {
+        let running = self.shared.running.read().unwrap_or_else(PoisonError::into_inner);
+        match running.as_ref() {
+            Some(running) => Arc::clone(&running.state),
+            // A copy costs little: it shares everything with the map.
+            None => Arc::new(self.shared.read().state().clone()),
+        }
+    }
+
+    /// The release that the robot runs; none: the copy as it is.
+    #[must_use]
+    pub fn release(&self) -> Option<ReleaseId> {
+        let running = self.shared.running.read().unwrap_or_else(PoisonError::into_inner);
+        running.as_ref().map(|running| running.id.clone())
+    }
+
+    /// What operators and other robots have closed, now.
+    #[must_use]
+    pub fn rules(&self) -> Arc<Rules> {
+        self.closures.rules(&self.shared.read())
+    }
+
+    /// A number that changes whenever the copy does, or what is run.
     #[must_use]
     pub fn changes(&self) -> u64 {
         self.shared.changes.load(Ordering::Acquire)
@@ -212,7 +248,7 @@ struct Worker {
     map: MapName,
     config: ReplicaConfig,
     shared: Arc<Shared>,
-    _subscriber: Subscriber<()>,
+    _subscribers: [Subscriber<()>; 2],
     increments: Receiver<Sample>,
     heads: Subscriber<RingChannelHandler<Sample>>,
     events: Receiver<Event>,
@@ -224,6 +260,7 @@ impl Worker {
     fn run(mut self) {
         while !self.is_stopped() {
             self.ask_what_is_due();
+            self.show_running();
             if let Ok(sample) = self.increments.recv_timeout(Duration::from_millis(10)) {
                 self.take_live(&sample);
                 while let Ok(sample) = self.increments.try_recv() {
@@ -257,6 +294,17 @@ impl Worker {
         }
     }
 
+    /// Lets the robot see what it is to run.
+    fn show_running(&self) {
+        let id = |running: Option<&Running>| running.map(|running| running.id.clone());
+        let mut shown = self.shared.running.write().unwrap_or_else(PoisonError::into_inner);
+        if id(shown.as_ref()) != id(self.sync.running()) {
+            *shown = self.sync.running().cloned();
+            drop(shown);
+            self.note_changes(1);
+        }
+    }
+
     fn ask_what_is_due(&mut self) {
         loop {
             let was_trusted = !self.sync.is_refetching();
@@ -266,7 +314,10 @@ impl Worker {
             }
             let asked = match &question {
                 Question::Head => self.ask_head(),
-                Question::Since(have) => self.ask_since(have),
+                Question::Since(have) => self.ask_part(&format!("{}?vector={have}", self.topic(Topic::Since))),
+                Question::At { vector, have } => {
+                    self.ask_part(&format!("{}?vector={vector};have={have}", self.topic(Topic::Snapshot)))
+                }
             };
             if let Err(error) = asked {
                 tracing::debug!(%error, "a question cannot be put");
@@ -299,13 +350,16 @@ impl Worker {
         self.session.get(key).timeout(timeout).with(CallbackDrop { callback, drop }).wait()
     }
 
-    /// Asks for a part of what a copy with `have` lacks. The answer waits behind live increments, and is dropped rather than that a
+    fn topic(&self, topic: Topic) -> Key {
+        Key::topic(&self.map, topic)
+    }
+
+    /// Asks for a part of what is lacking. The answer waits behind live increments, and is dropped rather than that a
     /// link is closed over it.
-    fn ask_since(&self, have: &VersionVector) -> Result<(), zenoh::Error> {
+    fn ask_part(&self, question: &str) -> Result<(), zenoh::Error> {
         let timeout = Duration::from_secs_f64(self.config.timeout_s.max(0.0));
         let ReplicaConfig { part_bytes, piece_bytes, .. } = self.config;
-        let key = Key::topic(&self.map, Topic::Since);
-        let selector = format!("{key}?vector={have};max_bytes={part_bytes};piece_bytes={piece_bytes}");
+        let selector = format!("{question};max_bytes={part_bytes};piece_bytes={piece_bytes}");
         let (piece, ended, counting) = (self.to_events.clone(), self.to_events.clone(), Arc::clone(&self.shared));
         let callback = move |reply: Reply| match reply.result() {
             Ok(sample) => {
@@ -346,6 +400,7 @@ impl Worker {
             Event::PartEnded => {
                 let is_replaced = self.sync.part_ended(&mut self.shared.write(), now);
                 self.note_changes(usize::from(is_replaced));
+                self.show_running();
             }
         }
     }

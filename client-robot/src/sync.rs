@@ -4,11 +4,15 @@
 //! limited size and one question at a time, so that live increments get through on a thin link. Each part comes in pieces, and each piece counts at once: a
 //! question that breaks off is put again with what is lacking then. When the copy turns out not to be what the server has ([`crate::follow`]), the map
 //! is fetched anew and takes the copy's place in one step.
+//!
+//! What the robot runs is the release that is enabled, or else the copy as it grows. A release that the copy is not just at is fetched like
+//! the rest, beside it, and is run once it is whole and its digest is right; until then the robot goes on with what it ran.
 
 use crate::follow::{Follow, FollowConfig, Step};
-use fht_map::{Accepted, Replica};
+use fht_map::{Accepted, MapState, Replica};
 use fht_proto::query::{Head, Snapshot};
-use fht_proto::{Increment, VersionVector};
+use fht_proto::{Increment, Release, ReleaseId, VersionVector};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// How a copy keeps up.
@@ -18,11 +22,17 @@ pub struct SyncConfig {
     pub follow: FollowConfig,
     /// The head is asked for this often, in case its publication was lost. Default 2 s.
     pub head_every: Duration,
+    /// A release that could not be fetched is asked for again after this. Default 10 s.
+    pub release_pause: Duration,
 }
 
 impl Default for SyncConfig {
     fn default() -> Self {
-        Self { follow: FollowConfig::default(), head_every: Duration::from_secs(2) }
+        Self {
+            follow: FollowConfig::default(),
+            head_every: Duration::from_secs(2),
+            release_pause: Duration::from_secs(10),
+        }
     }
 }
 
@@ -33,6 +43,22 @@ pub enum Question {
     Head,
     /// A part of what a copy with these increments lacks; ends with [`Sync::part_ended`].
     Since(VersionVector),
+    /// A part of what a copy with the increments `have` lacks of the state at `vector`; ends with [`Sync::part_ended`].
+    At {
+        /// The state.
+        vector: VersionVector,
+        /// What is there of it.
+        have: VersionVector,
+    },
+}
+
+/// The release that a robot runs.
+#[derive(Clone, Debug)]
+pub struct Running {
+    /// Which.
+    pub id: ReleaseId,
+    /// Its state.
+    pub state: Arc<MapState>,
 }
 
 /// What is being fetched.
@@ -42,6 +68,8 @@ enum Fetch {
     Rest { brought: usize },
     /// The whole map again.
     Whole { fresh: Box<Replica> },
+    /// A release.
+    Release { id: ReleaseId, release: Release, fresh: Box<Replica> },
 }
 
 /// A part under way.
@@ -70,6 +98,9 @@ pub struct Sync {
     part: Option<Part>,
     /// A map that was being fetched again when the server fell silent: the next attempt goes on there.
     begun: Option<Box<Replica>>,
+    running: Option<Running>,
+    /// A release that could not be fetched is not asked for again before this.
+    release_after: Option<Instant>,
     head_asked_at: Option<Instant>,
     is_head_under_way: bool,
 }
@@ -95,6 +126,8 @@ impl Sync {
             config,
             part: Some(Part::of(Fetch::Rest { brought: 0 })),
             begun: None,
+            running: None,
+            release_after: None,
             head_asked_at: None,
             is_head_under_way: false,
         }
@@ -110,7 +143,7 @@ impl Sync {
         }
         if self.part.is_none() {
             let fetch = match self.follow.step(copy.vector(), || copy.state().digest(), now) {
-                Step::Wait => return None,
+                Step::Wait => self.release_to_fetch(copy, now)?,
                 Step::CatchUp => Fetch::Rest { brought: 0 },
                 Step::Refetch => Fetch::Whole { fresh: self.begun.take().unwrap_or_default() },
             };
@@ -118,11 +151,37 @@ impl Sync {
         }
         let part = self.part.as_mut().filter(|part| !part.is_asked)?;
         (part.is_asked, part.has_news, part.is_complete) = (true, false, false);
-        let have = match &part.fetch {
-            Fetch::Rest { .. } => copy.vector().clone(),
-            Fetch::Whole { fresh } => fresh.vector().clone(),
+        Some(match &part.fetch {
+            Fetch::Rest { .. } => Question::Since(copy.vector().clone()),
+            Fetch::Whole { fresh } => Question::Since(fresh.vector().clone()),
+            Fetch::Release { release, fresh, .. } => {
+                Question::At { vector: release.vector.clone(), have: fresh.vector().clone() }
+            }
+        })
+    }
+
+    /// The release that the robot runs; none: the copy as it is.
+    #[must_use]
+    pub fn running(&self) -> Option<&Running> {
+        self.running.as_ref()
+    }
+
+    /// Takes what is enabled into use, if it is at hand; returns what must be fetched for it, if it may be asked for now.
+    fn release_to_fetch(&mut self, copy: &Replica, now: Instant) -> Option<Fetch> {
+        let Some(enabled) = copy.state().annotations().enabled() else {
+            self.running = None;
+            return None;
         };
-        Some(Question::Since(have))
+        if self.running.as_ref().is_some_and(|running| running.id == *enabled.id) {
+            return None;
+        }
+        let (id, release) = (enabled.id.clone(), enabled.release.clone());
+        if *copy.vector() == release.vector && copy.state().digest() == release.digest {
+            self.running = Some(Running { id, state: Arc::new(copy.state().clone()) });
+            return None;
+        }
+        let is_due = self.release_after.is_none_or(|after| now >= after);
+        is_due.then(|| Fetch::Release { id, release, fresh: Box::default() })
     }
 
     /// Whether the map is being fetched anew, because the copy cannot be trusted.
@@ -156,7 +215,7 @@ impl Sync {
         let Some(part) = self.part.as_mut().filter(|part| part.is_asked) else { return 0 };
         part.is_complete |= series == Snapshot::default();
         match &mut part.fetch {
-            Fetch::Whole { fresh } => {
+            Fetch::Whole { fresh } | Fetch::Release { fresh, .. } => {
                 part.has_news |= count(&feed(fresh, series)) > 0;
                 0
             }
@@ -171,7 +230,7 @@ impl Sync {
         }
     }
 
-    /// The question for a part has ended at `now`, answered or not. Returns whether the copy was replaced.
+    /// The question for a part has ended at `now`, answered or not. Returns whether the copy was replaced, or what is run.
     pub fn part_ended(&mut self, copy: &mut Replica, now: Instant) -> bool {
         let Some(mut part) = self.part.take() else { return false };
         part.is_asked = false;
@@ -181,6 +240,17 @@ impl Sync {
             return false;
         }
         match part.fetch {
+            Fetch::Release { id, release, fresh } => {
+                let state = fresh.state();
+                let is_whole = *fresh.vector() == release.vector && state.digest() == release.digest;
+                if is_whole {
+                    self.running = Some(Running { id, state: Arc::new(state.clone()) });
+                } else {
+                    tracing::warn!(%id, "the release that is enabled cannot be had whole; the robot goes on with what it runs");
+                    self.release_after = Some(now + self.config.release_pause);
+                }
+                is_whole
+            }
             Fetch::Rest { brought } => {
                 self.follow.caught_up(brought, now);
                 false

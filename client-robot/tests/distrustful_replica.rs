@@ -30,7 +30,7 @@ impl Scene {
         let log: Arc<Mutex<Vec<Increment>>> = Arc::new(Mutex::new((1..=count).map(increment).collect()));
         serve(&server, &map, &log);
         let client = open(&LinkConfig::from_options(vec![endpoint], None)).await.expect("a session");
-        let replica = LiveReplica::start(&client, &map, config).expect("a replica");
+        let replica = LiveReplica::start(&client, &map, "r", config).expect("a replica");
         let scene = Self { server, client, map, log, replica };
         tokio::task::block_in_place(|| assert!(scene.replica.wait_for(&vector(count as usize), WAIT), "catching up"));
         scene

@@ -19,7 +19,7 @@ async fn a_late_replica_catches_up_follows_and_recovers() {
     let log: Arc<Mutex<Vec<Increment>>> = Arc::new(Mutex::new((1..=8).map(increment).collect()));
     serve(&server, &map, &log);
     let client = open(&LinkConfig::from_options(vec![endpoint], None)).await.expect("a session");
-    let replica = LiveReplica::start(&client, &map, ReplicaConfig::default()).expect("a replica");
+    let replica = LiveReplica::start(&client, &map, "r", ReplicaConfig::default()).expect("a replica");
 
     tokio::task::spawn_blocking(move || {
         assert!(replica.wait_for(&vector(8), WAIT), "catching up");

@@ -29,8 +29,12 @@ impl MapView {
             None => None,
             Some((id, release)) => match before.filter(|view| view.running.release() == Some(&id)) {
                 Some(before) => Some(Arc::clone(&before.running)),
-                // A release that is not all here yet: until it is, the newest state serves.
-                None => Basis::of_release(&head.map, &id, &release, log)?.map(Arc::new),
+                // A release that is not all here yet: until it is, robots go on with what they ran, and so does the server.
+                None => {
+                    let made = Basis::of_release(&head.map, &id, &release, log)?.map(Arc::new);
+                    let ran = before.map(|view| &view.running).filter(|running| running.release().is_some());
+                    made.or_else(|| ran.map(Arc::clone))
+                }
             },
         };
         let running = of_release.unwrap_or_else(|| Arc::new(Basis::of_head(&state, head.version)));

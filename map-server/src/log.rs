@@ -119,6 +119,9 @@ pub enum Piece<'a> {
     Fold(&'a [u8]),
 }
 
+/// What a log is shown to: map, author, the last number that a piece stands for, the piece.
+pub type Visit<'a> = dyn FnMut(&str, AuthorId, u64, Piece<'_>) -> Result<(), StoreError> + 'a;
+
 /// A part of what somebody lacks: messages in their envelopes, each author's in order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Lacking {
@@ -151,11 +154,7 @@ pub trait IncrementLog: Send + Sync + Debug {
     ///
     /// # Errors
     /// [`StoreError`], and whatever `visit` returns.
-    fn for_each(
-        &self,
-        of: Option<&MapName>,
-        visit: &mut dyn FnMut(&str, AuthorId, u64, Piece<'_>) -> Result<(), StoreError>,
-    ) -> Result<(), StoreError>;
+    fn for_each(&self, of: Option<&MapName>, visit: &mut Visit<'_>) -> Result<(), StoreError>;
 
     /// What `upto` contains and `have` does not, each author's in order, until it exceeds `max_bytes`. At least one message, if any is
     /// lacking. Folds that begin before `have` are whole.

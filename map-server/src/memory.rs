@@ -1,6 +1,6 @@
 //! The log in memory: for a server whose increments are kept elsewhere, and for tests.
 
-use crate::log::{Floor, FoldRecord, IncrementLog, Lacking, Piece, Record, StoreError, Stored};
+use crate::log::{Floor, FoldRecord, IncrementLog, Lacking, Piece, Record, StoreError, Stored, Visit};
 use fht_proto::{AuthorId, MapName, VersionVector};
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -62,11 +62,7 @@ impl IncrementLog for MemoryLog {
         })
     }
 
-    fn for_each(
-        &self,
-        of: Option<&MapName>,
-        visit: &mut dyn FnMut(&str, AuthorId, u64, Piece<'_>) -> Result<(), StoreError>,
-    ) -> Result<(), StoreError> {
+    fn for_each(&self, of: Option<&MapName>, visit: &mut Visit<'_>) -> Result<(), StoreError> {
         let maps = self.lock();
         let wanted = || maps.iter().filter(|(map, _)| of.is_none_or(|of| of == *map));
         for (map, log) in wanted() {

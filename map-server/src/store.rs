@@ -11,7 +11,7 @@
 //!
 //! The log of a folded map begins after its floor.
 
-use crate::log::{Floor, FoldRecord, IncrementLog, Lacking, Piece, Record, StoreError, Stored};
+use crate::log::{Floor, FoldRecord, IncrementLog, Lacking, Piece, Record, StoreError, Stored, Visit};
 use fht_proto::{AuthorId, MapName, VersionVector};
 use redb::{Database, ReadableDatabase, TableDefinition, TableError};
 use std::fs::{File, TryLockError};
@@ -177,11 +177,7 @@ impl IncrementLog for Store {
         Ok(if (1..=floor.vector.get(author)).contains(&number) { Stored::Folded } else { Stored::Absent })
     }
 
-    fn for_each(
-        &self,
-        of: Option<&MapName>,
-        visit: &mut dyn FnMut(&str, AuthorId, u64, Piece<'_>) -> Result<(), StoreError>,
-    ) -> Result<(), StoreError> {
+    fn for_each(&self, of: Option<&MapName>, visit: &mut Visit<'_>) -> Result<(), StoreError> {
         let read = self.database.begin_read().map_err(reading)?;
         let folds = read.open_table(FOLDS).map_err(reading)?;
         let first = (of.map_or("", MapName::as_str), 0, 0);

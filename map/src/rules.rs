@@ -6,7 +6,7 @@ use crate::free_space::{FreeSpace, SpaceConfig};
 use crate::route::{Route, RouteConfig, RouteError};
 use crate::state::MapState;
 use crate::taut;
-use fht_proto::query::{Obeyed, SpeedLimit};
+use fht_proto::query::{ErrorCode, Obeyed, SpeedLimit};
 use fht_proto::{EdgeKey, FixedPoint, Label, Zone, ZoneRule};
 use std::collections::BTreeSet;
 
@@ -47,6 +47,20 @@ pub enum PlanError {
     },
 }
 
+impl PlanError {
+    /// The same, for programs.
+    #[must_use]
+    pub fn code(&self) -> ErrorCode {
+        match self {
+            Self::Route(route) | Self::Closed { route, .. } => match route {
+                RouteError::NoPath { .. } => ErrorCode::NoPath,
+                RouteError::OutOfMap { .. } => ErrorCode::OutOfMap,
+            },
+            Self::GoalKeptOut { .. } => ErrorCode::KeepOut,
+        }
+    }
+}
+
 impl Rules {
     /// The rules of a map: what its operators wrote, and what robots report.
     #[must_use]
@@ -78,6 +92,30 @@ impl Rules {
     #[must_use]
     pub fn closes_the_same(&self, other: &Self) -> bool {
         (&self.keep_out, &self.closed, &self.blocked) == (&other.keep_out, &other.closed, &other.blocked)
+    }
+
+    /// Whether everything that `other` closes is closed here, too.
+    #[must_use]
+    pub fn closes_all_of(&self, other: &Self) -> bool {
+        let places = |rules: &Self| -> BTreeSet<FixedPoint> {
+            rules.blocked.iter().flat_map(|by| by.places.iter().copied()).collect()
+        };
+        let edges = |rules: &Self| -> BTreeSet<EdgeKey> {
+            rules.closed.iter().chain(rules.blocked.iter().flat_map(|by| &by.edges)).copied().collect()
+        };
+        other.keep_out.iter().all(|(_, zone)| self.keep_out.iter().any(|(_, known)| known.corners == zone.corners))
+            && edges(self).is_superset(&edges(other))
+            && places(self).is_superset(&places(other))
+    }
+
+    /// How fast a robot may drive at a place, metres per second; none if nothing limits it.
+    #[must_use]
+    pub fn speed_limit_mps(&self, place: FixedPoint) -> Option<f64> {
+        let limit = |zone: &Zone| match zone.rule {
+            ZoneRule::SpeedLimit(mm_per_s) if zone.contains(place) => Some(f64::from(mm_per_s) * 1e-3),
+            _ => None,
+        };
+        self.slow.iter().filter_map(|(_, zone)| limit(zone)).min_by(f64::total_cmp)
     }
 
     /// What a path obeys.

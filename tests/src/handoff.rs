@@ -324,7 +324,7 @@ fn draw(
 ) -> Result<bool, HandoffError> {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let session = runtime.block_on(link::open(&LinkConfig::from_options(vec![config.endpoint.clone()], None)))?;
-    let replica = LiveReplica::start(&session, map, ReplicaConfig::default())?;
+    let replica = LiveReplica::start(&session, map, "witness", ReplicaConfig::default())?;
     let vector: VersionVector = client_robot::replica::ask_head(&session, map, PATIENCE)?.vector;
     if !replica.wait_for(&vector, PATIENCE) {
         return Err(HandoffError::Incomplete(PATIENCE.as_secs()));

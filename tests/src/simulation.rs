@@ -121,6 +121,8 @@ pub(crate) enum Message {
     HeadAnswer { id: u64, head: Option<Arc<Head>> },
     /// A question for increments.
     AskSince { id: u64, have: VersionVector },
+    /// A question for a release.
+    AskAt { id: u64, vector: VersionVector, have: VersionVector },
     /// A piece of the answer.
     Piece { id: u64, series: Arc<Snapshot> },
     /// There is no more.
@@ -210,7 +212,9 @@ impl World {
     fn is_settled(&self) -> bool {
         let Some(head) = self.server.head() else { return false };
         let is_equal = |follower: &Follower| {
-            *follower.copy().vector() == head.vector && follower.copy().state().digest() == head.digest
+            *follower.copy().vector() == head.vector
+                && follower.copy().state().digest() == head.digest
+                && self.server.runs().is_none_or(|should| should == follower.runs())
         };
         self.authors.iter().all(Author::is_done) && self.followers.iter().all(is_equal)
     }
@@ -218,7 +222,7 @@ impl World {
     fn check(&self, seconds: u64) -> Result<(), Violation> {
         let head = self.server.head().ok_or_else(|| Violation::Failed("the server has no map".to_owned()))?;
         let server = format!("{} ({})", head.vector, head.digest);
-        for author in self.authors.iter().filter(|author| !author.is_done()) {
+        if let Some(author) = self.authors.iter().find(|author| !author.is_done()) {
             let (who, has) = (format!("author {}", author.id()), author.progress());
             return Err(Violation::Apart { seconds, who, has, server });
         }
@@ -227,6 +231,16 @@ impl World {
             if *copy.vector() != head.vector || copy.state().digest() != head.digest {
                 let has = format!("{} ({})", copy.vector(), copy.state().digest());
                 return Err(Violation::Apart { seconds, who: format!("client {}", follower.place()), has, server });
+            }
+            let (should, runs) = (self.server.runs(), follower.runs());
+            if should.is_some_and(|should| should != runs) {
+                let (has, server) = (format!("{runs:?}"), format!("{should:?}"));
+                return Err(Violation::Apart {
+                    seconds,
+                    who: format!("what client {} runs", follower.place()),
+                    has,
+                    server,
+                });
             }
         }
         // What is acknowledged is durable: it is asked of the disk alone.

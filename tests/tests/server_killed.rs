@@ -40,7 +40,7 @@ fn nothing_acknowledged_is_lost_and_all_agree_in_the_end() {
     // A client that listens all the time, over the death of the server.
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let session = runtime.block_on(link::open(&LinkConfig::from_options(vec![endpoint.clone()], None))).unwrap();
-    let replica = LiveReplica::start(&session, &map, ReplicaConfig::default()).unwrap();
+    let replica = LiveReplica::start(&session, &map, "r", ReplicaConfig::default()).unwrap();
 
     let report_arg = report_file.to_string_lossy().into_owned();
     let args = [

@@ -4,7 +4,7 @@ use super::{Answer, Sources, error, internal, json, postcard};
 use crate::basis::Basis;
 use crate::catalog::{MapView, find_release};
 use crate::request::{Format, PathOn};
-use fht_map::route::{Route, RouteError};
+use fht_map::route::Route;
 use fht_map::{MapState, PlanError, Rules};
 use fht_proto::compact::{CompactPath, CompactWaypoint};
 use fht_proto::query::{ErrorCode, ErrorReply, PathReply, Place, Waypoint};
@@ -75,15 +75,7 @@ fn no_place(name: &Label, known: &[Label]) -> ErrorReply {
 }
 
 fn no_route(cause: &PlanError) -> ErrorReply {
-    let of_route = |route: &RouteError| match route {
-        RouteError::NoPath { .. } => ErrorCode::NoPath,
-        RouteError::OutOfMap { .. } => ErrorCode::OutOfMap,
-    };
-    let code = match cause {
-        PlanError::Route(route) | PlanError::Closed { route, .. } => of_route(route),
-        PlanError::GoalKeptOut { .. } => ErrorCode::KeepOut,
-    };
-    error(code, cause.to_string())
+    error(cause.code(), cause.to_string())
 }
 
 fn reply(view: &MapView, basis: &Basis, rules: &Rules, route: &Route, format: Format) -> Result<Answer, ErrorReply> {

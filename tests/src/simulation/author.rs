@@ -3,7 +3,9 @@
 use super::server::Server;
 use super::{EVERYBODY, Message, SERVER, Violation, map};
 use fht_proto::keys::Key;
-use fht_proto::{AuthorId, EdgeKey, FixedPose, Increment, NodeId, NodeKind, Op, Rect, Release, ReleaseName, encode};
+use fht_proto::{
+    AuthorId, EdgeKey, FixedPose, Increment, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, encode,
+};
 use mapper::window::{Window, WindowConfig};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -134,6 +136,12 @@ impl Author {
             let name = format!("r.{}", self.written.len() / 2);
             let release = Release { vector: head.vector.clone(), digest: head.digest };
             let name: Option<ReleaseName> = name.parse().ok();
+            // Now and then it tells robots to use the one that it made last, or the newest state.
+            if rng.random_bool(0.3) {
+                let made = format!("r.{}", (self.written.len() / 2).saturating_sub(1)).parse().ok();
+                let made = made.filter(|_| rng.random_bool(0.8)).map(|name| ReleaseId { author: self.id, name });
+                ops.push(Op::Enable { release: made });
+            }
             ops.extend(name.map(|name| Op::PutRelease { name, release }));
         }
         self.clock_us = now_us.max(self.clock_us + 1);

@@ -2,7 +2,7 @@
 //! promises. What was committed is there when the machine comes back.
 
 use fht_proto::{AuthorId, Increment, MapName, VersionVector, encode};
-use map_server::log::{Floor, FoldRecord, IncrementLog, Lacking, Piece, Record, StoreError, Stored};
+use map_server::log::{Floor, FoldRecord, IncrementLog, Lacking, Record, StoreError, Stored, Visit};
 use map_server::memory::MemoryLog;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -80,11 +80,7 @@ impl IncrementLog for Disk {
         self.kept.stored(map, author, number)
     }
 
-    fn for_each(
-        &self,
-        of: Option<&MapName>,
-        visit: &mut dyn FnMut(&str, AuthorId, u64, Piece<'_>) -> Result<(), StoreError>,
-    ) -> Result<(), StoreError> {
+    fn for_each(&self, of: Option<&MapName>, visit: &mut Visit<'_>) -> Result<(), StoreError> {
         self.kept.for_each(of, visit)
     }
 

@@ -3,7 +3,7 @@
 use super::{Message, SERVER};
 use client_robot::sync::{Question, Sync, SyncConfig};
 use fht_map::Replica;
-use fht_proto::{Increment, decode};
+use fht_proto::{Digest, Increment, decode};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::time::{Duration, Instant};
@@ -37,6 +37,11 @@ impl Follower {
 
     pub(super) fn copy(&self) -> &Replica {
         &self.copy
+    }
+
+    /// What it runs: the digest of the release that is enabled; none: its copy.
+    pub(super) fn runs(&self) -> Option<Digest> {
+        self.sync.running().map(|running| running.state.digest())
     }
 
     pub(super) fn calm(&mut self) {
@@ -91,6 +96,10 @@ impl Follower {
                 Question::Since(have) => {
                     self.part = Some((id, now));
                     Message::AskSince { id, have }
+                }
+                Question::At { vector, have } => {
+                    self.part = Some((id, now));
+                    Message::AskAt { id, vector, have }
                 }
             };
             sent.push((self.place, SERVER, message));

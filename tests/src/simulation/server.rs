@@ -2,10 +2,10 @@
 
 use super::disk::Disk;
 use super::{EVERYBODY, Message, SERVER, Violation, map, unpack};
-use fht_proto::Release;
 use fht_proto::keys::{Key, Topic};
 use fht_proto::query::Head;
-use map_server::answer::{Sources, answer};
+use fht_proto::{Digest, Release};
+use map_server::answer::{Answer, Sources, answer};
 use map_server::basis::state_at;
 use map_server::catalog::Catalog;
 use map_server::check::Arrival;
@@ -75,6 +75,17 @@ impl Server {
 
     pub(super) fn head(&self) -> Option<Arc<Head>> {
         self.running.as_ref()?.sources.catalog.view(&map()).map(|view| view.head)
+    }
+
+    /// What robots are to run: the digest of the release that is enabled, or none for the newest state. Nothing is said of a release that
+    /// cannot be had: robots go on with what they ran.
+    pub(super) fn runs(&self) -> Option<Option<Digest>> {
+        let view = self.running.as_ref()?.sources.catalog.view(&map())?;
+        match view.state.annotations().enabled() {
+            None => Some(None),
+            Some(enabled) if view.running.release() == Some(enabled.id) => Some(Some(enabled.release.digest)),
+            Some(_) => None,
+        }
     }
 
     pub(super) fn receive(&mut self, from: usize, message: Message, _now_us: u64) {
@@ -181,6 +192,16 @@ impl Server {
     }
 }
 
+/// So that even small maps come in several parts.
+const SMALL: [(&str, &str); 2] = [("max_bytes", "600"), ("piece_bytes", "200")];
+
+fn pieces(id: u64, answers: Vec<Answer>) -> Result<Vec<Message>, Violation> {
+    let piece = |answer: &Answer| Ok(Message::Piece { id, series: Arc::new(unpack(&answer.bytes)?) });
+    let mut messages = answers.iter().map(piece).collect::<Result<Vec<_>, Violation>>()?;
+    messages.push(Message::End { id });
+    Ok(messages)
+}
+
 /// What a question is answered with, over the text forms that travel.
 fn answers(sources: &Sources, question: Message) -> Result<Vec<Message>, Violation> {
     let ask = |topic: Topic, parameters: &[(&str, &str)]| {
@@ -194,16 +215,13 @@ fn answers(sources: &Sources, question: Message) -> Result<Vec<Message>, Violati
             Ok(vec![Message::HeadAnswer { id, head: head.map(Arc::new) }])
         }
         Message::AskSince { id, have } => {
-            let vector = have.to_string();
-            // Small, so that even small maps come in several parts.
-            let parameters = [("vector", vector.as_str()), ("max_bytes", "600"), ("piece_bytes", "200")];
-            let pieces = ask(Topic::Since, &parameters).unwrap_or_default();
-            let mut messages = Vec::new();
-            for piece in pieces {
-                messages.push(Message::Piece { id, series: Arc::new(unpack(&piece.bytes)?) });
-            }
-            messages.push(Message::End { id });
-            Ok(messages)
+            let have = have.to_string();
+            pieces(id, ask(Topic::Since, &[&SMALL[..], &[("vector", &have)]].concat()).unwrap_or_default())
+        }
+        Message::AskAt { id, vector, have } => {
+            let (vector, have) = (vector.to_string(), have.to_string());
+            let parameters = [&SMALL[..], &[("vector", &vector), ("have", &have)]].concat();
+            pieces(id, ask(Topic::Snapshot, &parameters).unwrap_or_default())
         }
         _ => Ok(Vec::new()),
     }
