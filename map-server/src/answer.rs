@@ -10,11 +10,11 @@ use crate::config::AnswerConfig;
 use crate::fleet::Fleet;
 use crate::live::LiveRules;
 use crate::log::IncrementLog;
-use crate::request::{Format, Question, Request};
 use fht_proto::MapName;
 use fht_proto::encode;
 use fht_proto::envelope::Message;
 use fht_proto::query::{ErrorCode, ErrorReply, MapsReply};
+use fht_proto::request::{Format, Question, Request};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -42,8 +42,8 @@ pub struct Sources {
     pub config: Arc<AnswerConfig>,
 }
 
-fn error(code: ErrorCode, message: impl Into<String>) -> ErrorReply {
-    ErrorReply { code, message: message.into() }
+fn error(code: ErrorCode, message: impl AsRef<str>) -> ErrorReply {
+    ErrorReply::new(code, message.as_ref())
 }
 
 pub(crate) fn internal(cause: impl std::fmt::Display) -> ErrorReply {

@@ -108,7 +108,7 @@ impl Refusal {
             // Damaged on the way, or not from a writer at all.
             Self::Key | Self::Delete | Self::Codec(_) | Self::OtherKey { .. } => ErrorCode::BadRequest,
         };
-        ErrorReply { code, message: self.to_string() }
+        ErrorReply::new(code, &self.to_string())
     }
 }
 

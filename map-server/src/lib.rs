@@ -27,7 +27,6 @@
 //! | [`live`] | what is closed now |
 //! | [`fleet`] | the robots |
 //! | [`hear`] | what robots say of themselves |
-//! | [`request`] | queries as they come, to typed requests |
 //! | [`answer`] | typed requests to replies |
 //! | [`serve`] | queries over Zenoh |
 //! | [`operate`] | what operators do: another program that talks to the server |
@@ -54,7 +53,6 @@ pub mod nursery;
 pub mod operate;
 pub mod queue;
 pub mod refusals;
-pub mod request;
 pub mod retention;
 pub mod serve;
 pub mod session;

@@ -17,6 +17,7 @@
 //! | [`keys`] | key expressions, built and parsed |
 //! | [`query`] | requests and replies, as JSON |
 //! | [`fleet`] | what robots say of themselves |
+//! | [`request`] | queries as they come, to typed requests |
 //! | [`compact`] | the same replies for `fmt=postcard` |
 //!
 //! Lengths on the wire are integer millimetres and angles 1e-4 rad, so that a value means the same bytes on every
@@ -34,6 +35,7 @@ pub mod increment;
 pub mod keys;
 pub mod packed;
 pub mod query;
+pub mod request;
 mod rice;
 pub mod signature;
 pub mod validate;

@@ -69,6 +69,15 @@ pub struct ErrorReply {
     pub message: String,
 }
 
+impl ErrorReply {
+    /// An error reply. Texts of others may have come into the sentence: what tools would show with escapes is left out.
+    #[must_use]
+    pub fn new(code: ErrorCode, message: &str) -> Self {
+        let is_plain = |c: &char| !matches!(c, '\'' | '"' | '\\') && !c.is_control();
+        Self { code, message: message.chars().filter(is_plain).collect() }
+    }
+}
+
 /// A place in a request: `x,y` in metres, a node id, or the name of a place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
@@ -99,11 +108,10 @@ impl FromStr for Place {
 /// `BAD_REQUEST` with the text and what was expected.
 pub fn parse_point(text: &str) -> Result<FixedPoint, ErrorReply> {
     let shown: String = text.chars().take(80).collect();
-    let bad = || ErrorReply {
-        code: ErrorCode::BadRequest,
-        message: format!(
-            "{shown} is not a place: give x,y in metres, such as 1.5,-2, a node id or the name of a place"
-        ),
+    let bad = || {
+        let text =
+            format!("{shown} is not a place: give x,y in metres, such as 1.5,-2, a node id or the name of a place");
+        ErrorReply::new(ErrorCode::BadRequest, &text)
     };
     let (x, y) = text.split_once(',').ok_or_else(bad)?;
     let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite() && v.abs() <= 100_000.0);

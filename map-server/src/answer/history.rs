@@ -4,9 +4,9 @@ use super::{Answer, error, internal, json, postcard};
 use crate::basis::state_at;
 use crate::catalog::{MapView, find_release};
 use crate::log::{IncrementLog, Lacking};
-use crate::request::Moment;
 use fht_map::MapState;
 use fht_proto::query::{DiffReply, ErrorCode, ErrorReply, MovedNode, ReleaseView, ReleasesReply, Snapshot, StateView};
+use fht_proto::request::Moment;
 use fht_proto::{EdgeKey, VersionVector, decode};
 use std::sync::Arc;
 

@@ -2,10 +2,10 @@
 
 use super::{Answer, error, json, postcard};
 use crate::catalog::MapView;
-use crate::request::Format;
 use fht_map::{FULL_TRUST, MapState, NodeRef, lookup};
 use fht_proto::compact::{CompactNode, CompactNodes};
 use fht_proto::query::{ErrorCode, ErrorReply, NodeView, NodesReply};
+use fht_proto::request::Format;
 use fht_proto::{Descriptor, FixedPoint};
 
 pub(super) fn near(

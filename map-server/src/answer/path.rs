@@ -3,11 +3,11 @@
 use super::{Answer, Sources, error, internal, json, postcard};
 use crate::basis::Basis;
 use crate::catalog::{MapView, find_release};
-use crate::request::{Format, PathOn};
 use fht_map::route::Route;
 use fht_map::{MapState, PlanError, Rules};
 use fht_proto::compact::{CompactPath, CompactWaypoint};
 use fht_proto::query::{ErrorCode, ErrorReply, PathReply, Place, Waypoint};
+use fht_proto::request::{Format, PathOn};
 use fht_proto::{FixedPoint, Label};
 use std::sync::Arc;
 

@@ -1,8 +1,8 @@
 //! Queries as they come: parameters to typed requests. Every complaint says what was expected.
 
-use fht_proto::keys::{AdminAction, Key, Topic};
-use fht_proto::query::{ErrorCode, ErrorReply, Place, Snapshot, parse_point};
-use fht_proto::{Descriptor, FixedPoint, MapName, ReleaseId, ReleaseName, VersionVector, decode};
+use crate::keys::{AdminAction, Key, Topic};
+use crate::query::{ErrorCode, ErrorReply, Place, Snapshot, parse_point};
+use crate::{Descriptor, FixedPoint, MapName, ReleaseId, ReleaseName, VersionVector, decode};
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
@@ -161,12 +161,13 @@ const RADIUS_M: (f64, f64) = (5.0, 100_000.0);
 /// A complaint about a request.
 #[must_use]
 pub fn bad_request(message: String) -> ErrorReply {
-    ErrorReply { code: ErrorCode::BadRequest, message }
+    ErrorReply::new(ErrorCode::BadRequest, &message)
 }
 
-/// A piece of foreign text for a message: cut to a sensible length, and without what tools would show with escapes.
-pub(crate) fn shown(text: &str) -> String {
-    text.chars().filter(|c| !matches!(c, '\'' | '"' | '\\') && !c.is_control()).take(80).collect()
+/// A piece of foreign text for a message: cut to a sensible length.
+#[must_use]
+pub fn shown(text: &str) -> String {
+    text.chars().take(80).collect()
 }
 
 /// The parameters of a query, checked against those that the topic knows.

@@ -1,0 +1,158 @@
+//! Writes the first inputs of every target into `corpus/`: small messages of every sort, as robots and tools send them.
+
+use fht_proto::archive::{Header, header_line};
+use fht_proto::compact::{CompactNode, CompactNodes, CompactPath, CompactWaypoint};
+use fht_proto::envelope::Message;
+use fht_proto::fold::Rest;
+use fht_proto::query::Snapshot;
+use fht_proto::{
+    AuthorId, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Fold, Increment, ModelId, NodeId,
+    NodeKind, Op, Rect, Release, ReleaseId, ScanRecord, Signature, VersionVector, Zone, ZoneRule, encode,
+};
+use std::error::Error;
+use std::path::Path;
+
+const ANA: AuthorId = AuthorId(0xa);
+
+fn node(number: u32) -> NodeId {
+    NodeId { author: ANA, number }
+}
+
+fn signature(seed: u32) -> Signature {
+    let components: Vec<f32> = (0..16).map(|i| ((i * (seed + 1)) as f32 * 0.37).sin()).collect();
+    let scan = ScanRecord {
+        base_from_sensor: FixedPose::default(),
+        angle_min: 0.0,
+        angle_increment: 0.4,
+        ranges_mm: (0..16).map(|i| 1000 + 100 * i).collect(),
+    };
+    Signature { descriptor: Some(Descriptor::quantise(ModelId(1), &components)), scan }
+}
+
+/// A robot that drives along a corridor, a node a metre; every third is a main node.
+fn increment(number: u64) -> Increment {
+    let index = number as u32 - 1;
+    let (id, x) = (node(index), f64::from(index));
+    let pose = FixedPose::from_metres(x, 0.0, 0.1);
+    let kind = if index.is_multiple_of(3) { NodeKind::Main } else { NodeKind::Support };
+    let rect = Rect::around(pose.position, (x - 0.6, -1.0), (x + 0.6, 1.0));
+    let mut ops = vec![Op::PutNode { id, kind, pose }, Op::SetFreeSpace { id, rect: Some(rect) }];
+    if kind == NodeKind::Main {
+        ops.push(Op::SetSignature { id, signature: signature(index) });
+    }
+    if index > 0 {
+        ops.push(Op::PutEdge { edge: EdgeKey::new(node(index - 1), id) });
+    }
+    Increment { author: ANA, number, hlc_us: 1_000_000 + number, ops }
+}
+
+/// What operators write.
+fn operated() -> Result<Increment, Box<dyn Error>> {
+    let corners = [(2000, -2000), (3000, -2000), (3000, 0), (2000, 0)];
+    let corners: Vec<FixedPoint> = corners.iter().map(|&(x_mm, y_mm)| FixedPoint { x_mm, y_mm }).collect();
+    let mut vector = VersionVector::default();
+    vector.set(ANA, 5);
+    let id: ReleaseId = "2026-11-21.1@00000009".parse()?;
+    let model = DescriptorModel { id: ModelId(1), name: "net".to_owned(), dimension: 16, match_threshold_e3: 700 };
+    let ops = vec![
+        Op::PutModel { model },
+        Op::SetTrust { id: node(1), percent: 40 },
+        Op::SetClosed { edge: EdgeKey::new(node(3), node(4)), closed: true },
+        Op::SetPlace { name: "dock".parse()?, pose: Some(FixedPose::from_metres(4.0, 0.0, 1.0)) },
+        Op::SetZone { name: "wet".parse()?, zone: Some(Zone { rule: ZoneRule::KeepOut, corners: corners.clone() }) },
+        Op::SetZone { name: "lab".parse()?, zone: Some(Zone { rule: ZoneRule::SpeedLimit(300), corners }) },
+        Op::PutRelease { name: id.name.clone(), release: Release { vector, digest: Digest([7; 32]) } },
+        Op::Enable { release: Some(id.clone()) },
+        Op::RemoveRelease { id },
+        Op::SetPose { id: node(2), pose: FixedPose::from_metres(2.0, 0.1, 0.0) },
+        Op::RemoveEdge { edge: EdgeKey::new(node(0), node(1)) },
+        Op::RemoveNode { id: node(0) },
+    ];
+    Ok(Increment { author: AuthorId(9), number: 1, hlc_us: 2_000_000, ops })
+}
+
+/// What stands between length and checksum.
+fn body<M: Message>(message: &M) -> Result<Vec<u8>, Box<dyn Error>> {
+    let bytes = encode(message)?;
+    let varint = 1 + bytes[5..].iter().take_while(|&&byte| byte >= 0x80).count();
+    Ok(bytes[5 + varint..bytes.len() - 4].to_vec())
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
+    let write = |target: &str, name: &str, bytes: &[u8]| -> Result<(), Box<dyn Error>> {
+        std::fs::create_dir_all(corpus.join(target))?;
+        Ok(std::fs::write(corpus.join(target).join(name), bytes)?)
+    };
+    let increments: Vec<Increment> = (1..=6).map(increment).chain([operated()?]).collect();
+    let mut row = Vec::new();
+    for (index, increment) in increments.iter().enumerate() {
+        let bytes = body(increment)?;
+        write("increment", &format!("seed-{index}"), &bytes)?;
+        row.extend(u16::try_from(bytes.len())?.to_le_bytes());
+        row.extend(bytes);
+    }
+    write("map", "seed-corridor", &row)?;
+    let rest = |increment: &Increment| Rest {
+        number: increment.number,
+        hlc_us: increment.hlc_us,
+        ops: increment.ops.iter().cloned().zip(0..).map(|(op, index)| (index, op)).collect(),
+    };
+    let rests = increments.iter().take(4).map(rest).collect();
+    let fold = Fold { author: ANA, first: 1, last: 4, rests };
+    write("fold", "seed-0", &body(&fold)?)?;
+    let series = Snapshot { folds: vec![fold], increments: increments[4..].to_vec() };
+    write("series", "seed-0", &body(&series)?)?;
+    if let Some(descriptor) = &signature(3).descriptor {
+        write("replies", "seed-descriptor", &body(descriptor)?)?;
+    }
+    let (map, point) = ("museum".parse()?, FixedPoint { x_mm: 5, y_mm: -7 });
+    let path = CompactPath { map, version: 3, waypoints: vec![CompactWaypoint { point, node: Some(node(1)) }] };
+    write("replies", "seed-path", &body(&path)?)?;
+    let compact = CompactNode {
+        id: node(1),
+        kind: NodeKind::Main,
+        pose: FixedPose { position: point, yaw_e4: 5 },
+        free_space: Some(Rect::default()),
+        signature: Some(signature(1)),
+        similarity: Some(0.5),
+    };
+    write("replies", "seed-nodes", &body(&CompactNodes { map: path.map.clone(), version: 3, nodes: vec![compact] })?)?;
+    let mut vector = VersionVector::default();
+    vector.set(ANA, 6);
+    let mut file = header_line(&Header::new(path.map, vector, Digest([1; 32])))?;
+    file.extend(encode(&series)?);
+    write("archive", "seed-0", &file)?;
+    for (index, selector) in [
+        "fht/maps",
+        "fht/museum/path?from=0,0;to=5,3",
+        "fht/museum/path?from=0000000a.1;to=dock;release=head;fmt=postcard",
+        "fht/museum/nodes?near=0,0;radius=3;limit=5",
+        "fht/museum/since?vector=0000000a:3,00000009:1;max_bytes=600;piece_bytes=200",
+        "fht/museum/snapshot?release=2026-11-21.1@00000009;have=0000000a:3",
+        "fht/museum/diff?from=17;to=0000000a:3",
+        "fht/museum/admin/retain?keep=100",
+        "fht/museum/match?limit=3\nFHT",
+        "fht/museum/robots/r1/blocked",
+        "fht/museum/inc/0000000a/17",
+    ]
+    .iter()
+    .enumerate()
+    {
+        write("selector", &format!("seed-{index}"), selector.as_bytes())?;
+    }
+    for (index, json) in [
+        r#"{"map":"m","version":3,"vector":{"0000000a":3},"digest":"0707070707070707070707070707070707070707070707070707070707070707","clock_us":9,"enabled":"a@0000000a","main_nodes":3,"support_nodes":4,"edges":5,"bytes":6,"refused":0}"#,
+        r#"{"for_s":60,"edges":[["0000000a.1","0000000a.2"]],"places":[[1.5,-2]]}"#,
+        r#"{"robot":"r1","role":"client","map":"m","version":3,"vector":{"0000000a":3},"state":"LOCALIZED","map_from_base":[1,2,0.5]}"#,
+        r#"{"map":"m","version":1,"length_m":1.5,"waypoints":[{"x":0,"y":1,"node":"0000000a.1"}],"obeyed":[{"rule":"keep_out","zone":"wet"}],"speed_limits":[{"zone":"lab","max_mps":0.3,"along_m":[0,1]}]}"#,
+        r#"{"code":"NO_PATH","message":"no"}"#,
+        r#"{"at":[0,1],"target":[2,3],"remaining_m":4}"#,
+    ]
+    .iter()
+    .enumerate()
+    {
+        write("json", &format!("seed-{index}"), json.as_bytes())?;
+    }
+    Ok(())
+}

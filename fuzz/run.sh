@@ -1,0 +1,35 @@
+#!/usr/bin/env bash
+# Fuzzes every target, or those named, for so many seconds each: fuzz/run.sh SECONDS [TARGET…]
+#
+# What cargo fuzz does, with a stable compiler and without a sanitizer: there is no unsafe code to watch, and what counts are panics,
+# overflows, memory and time. `cargo fuzz run TARGET` works as well.
+#
+# New inputs go to target/corpus, findings to artifacts. The inputs in corpus/ are never written to.
+set -euo pipefail
+cd "$(dirname "$0")"
+
+seconds=${1:?seconds for each target}
+shift
+if [ "$#" -gt 0 ]; then
+    targets=("$@")
+else
+    mapfile -t targets < <(basename -s .rs -a fuzz_targets/*.rs)
+fi
+
+export RUSTFLAGS="-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 -Cllvm-args=-sanitizer-coverage-inline-8bit-counters \
+-Cllvm-args=-sanitizer-coverage-pc-table -Cllvm-args=-sanitizer-coverage-trace-compares --cfg fuzzing -Cdebug-assertions -Ccodegen-units=1"
+host=$(rustc -vV | sed -n 's/^host: //p')
+cargo build --release --bins --target "$host"
+
+for target in "${targets[@]}"; do
+    mkdir -p "target/corpus/$target" "artifacts/$target"
+    echo "fuzzing $target for $seconds s"
+    log="target/$target.log"
+    if ! "target/$host/release/$target" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=2048 -print_final_stats=1 \
+        -artifact_prefix="artifacts/$target/" "target/corpus/$target" "corpus/$target" >"$log" 2>&1; then
+        tail -n 40 "$log"
+        echo "$target: found something, see fuzz/artifacts/$target" >&2
+        exit 1
+    fi
+    sed -n 's/^stat::number_of_executed_units: */  inputs tried: /p' "$log"
+done
