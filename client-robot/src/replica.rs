@@ -400,7 +400,6 @@ impl Worker {
             Event::PartEnded => {
                 let is_replaced = self.sync.part_ended(&mut self.shared.write(), now);
                 self.note_changes(usize::from(is_replaced));
-                self.show_running();
             }
         }
     }

@@ -18,6 +18,8 @@ pub struct MapView {
     pub head: Arc<Head>,
     /// What robots use: the release that is enabled, or else the newest state.
     pub running: Arc<Basis>,
+    /// A release that is enabled and whose increments, though all here, do not add up to it: they were folded before it came.
+    broken: Option<ReleaseId>,
 }
 
 impl MapView {
@@ -25,20 +27,29 @@ impl MapView {
     fn new(state: MapState, head: Head, before: Option<&Self>, log: &dyn IncrementLog) -> Result<Self, StoreError> {
         let state = Arc::new(state);
         let enabled = state.annotations().enabled().map(|release| (release.id.clone(), release.release.clone()));
+        let mut broken = None;
         let of_release = match enabled {
             None => None,
             Some((id, release)) => match before.filter(|view| view.running.release() == Some(&id)) {
                 Some(before) => Some(Arc::clone(&before.running)),
-                // A release that is not all here yet: until it is, robots go on with what they ran, and so does the server.
+                // A release that is not all here: until it is, robots go on with what they ran, and so does the server.
                 None => {
-                    let made = Basis::of_release(&head.map, &id, &release, log)?.map(Arc::new);
+                    // To make it the whole log is read: not with every batch in vain.
+                    let is_broken = before.is_some_and(|view| view.broken.as_ref() == Some(&id));
+                    let is_here = head.vector.covers(&release.vector);
+                    let made = if is_here && !is_broken {
+                        Basis::of_release(&head.map, &id, &release, log)?.map(Arc::new)
+                    } else {
+                        None
+                    };
+                    broken = Some(id).filter(|_| is_here && made.is_none());
                     let ran = before.map(|view| &view.running).filter(|running| running.release().is_some());
                     made.or_else(|| ran.map(Arc::clone))
                 }
             },
         };
         let running = of_release.unwrap_or_else(|| Arc::new(Basis::of_head(&state, head.version)));
-        Ok(Self { state, head: Arc::new(head), running })
+        Ok(Self { state, head: Arc::new(head), running, broken })
     }
 }
 

@@ -95,7 +95,7 @@ impl Cli {
         if listen.is_empty() && connect.is_empty() && zenoh_config.is_none() {
             listen.push(DEFAULT_LISTEN.to_owned());
         }
-        let link = LinkConfig { listen, connect: connect.clone(), zenoh_config: zenoh_config.clone() };
+        let link = LinkConfig { listen, connect: connect.clone(), zenoh_config: zenoh_config.clone(), patience: None };
         ServerConfig::new(self.serve.data.clone(), link)
     }
 }
@@ -140,7 +140,7 @@ fn serve(config: ServerConfig) -> Result<(), ServerError> {
 /// Zenoh brings its own threads but wants to be opened from a multi-threaded runtime.
 fn operate(operation: Operation, args: &OperatorArgs, link: LinkArgs) -> Result<(), OperateError> {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build();
-    let link = LinkConfig { listen: Vec::new(), connect: link.connect, zenoh_config: link.zenoh_config };
+    let link = LinkConfig { connect: link.connect, zenoh_config: link.zenoh_config, ..LinkConfig::default() };
     runtime.map_err(OperateError::Runtime)?.block_on(operation.carry_out(args, link))
 }
 

@@ -4,6 +4,7 @@ use crate::fleet::FleetConfig;
 use fht_map::RouteConfig;
 use fht_map::sequence::SequenceConfig;
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// How a server runs.
 #[derive(Clone, Debug)]
@@ -40,6 +41,8 @@ pub struct LinkConfig {
     /// A Zenoh configuration file (JSON5) to start from: endpoints, TLS, access control. What is given above goes before what
     /// it says; whatever it leaves open is set as without a file.
     pub zenoh_config: Option<PathBuf>,
+    /// How long a client tries to connect; none: without end. Default none.
+    pub patience: Option<Duration>,
 }
 
 /// What the server takes in at most. Writers are not trusted.

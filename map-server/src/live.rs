@@ -6,7 +6,7 @@ use fht_map::Rules;
 use fht_map::blocked::Reports;
 use fht_proto::fleet::BlockedReport;
 use fht_proto::query::BlockedView;
-use fht_proto::{Digest, Invalid, MapName};
+use fht_proto::{Digest, EdgeKey, Invalid, MapName};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -66,7 +66,7 @@ impl LiveRules {
         let view = |(until_us, by): (u64, &fht_map::blocked::BlockedBy)| BlockedView {
             robot: by.robot.clone(),
             for_s: (until_us.saturating_sub(now_us) as f64 * 1e-5).round() * 0.1,
-            edges: by.edges.iter().map(|edge| [edge.low().to_string(), edge.high().to_string()]).collect(),
+            edges: by.edges.iter().map(EdgeKey::to_texts).collect(),
             places: by.places.iter().map(|place| [place.x(), place.y()]).collect(),
         };
         live.reports.at(now_us).map(view).collect()

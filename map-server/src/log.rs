@@ -4,6 +4,7 @@
 use fht_proto::envelope::FORMAT_VERSION;
 use fht_proto::{AuthorId, MapName, VersionVector};
 use std::fmt::Debug;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 /// Why the log failed.
@@ -129,8 +130,6 @@ pub struct Lacking {
     pub folds: Vec<Vec<u8>>,
     /// Increments.
     pub increments: Vec<Vec<u8>>,
-    /// Whether there is more.
-    pub is_cut: bool,
 }
 
 /// The log of all maps of a server.
@@ -156,8 +155,20 @@ pub trait IncrementLog: Send + Sync + Debug {
     /// [`StoreError`], and whatever `visit` returns.
     fn for_each(&self, of: Option<&MapName>, visit: &mut Visit<'_>) -> Result<(), StoreError>;
 
-    /// What `upto` contains and `have` does not, each author's in order, until it exceeds `max_bytes`. At least one message, if any is
-    /// lacking. Folds that begin before `have` are whole.
+    /// Shows what `upto` contains and `have` does not to `visit`, each author's in order, until it breaks off. Folds that begin before `have`
+    /// are whole.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn for_each_lacking(
+        &self,
+        map: &MapName,
+        have: &VersionVector,
+        upto: &VersionVector,
+        visit: &mut dyn FnMut(Piece<'_>) -> ControlFlow<()>,
+    ) -> Result<(), StoreError>;
+
+    /// The same, until it exceeds `max_bytes`; at least one message, if any is lacking.
     ///
     /// # Errors
     /// [`StoreError::Disk`].
@@ -167,7 +178,22 @@ pub trait IncrementLog: Send + Sync + Debug {
         have: &VersionVector,
         upto: &VersionVector,
         max_bytes: usize,
-    ) -> Result<Lacking, StoreError>;
+    ) -> Result<Lacking, StoreError> {
+        let (mut found, mut total) = (Lacking::default(), 0);
+        self.for_each_lacking(map, have, upto, &mut |piece| {
+            let (kind, bytes) = match piece {
+                Piece::Fold(bytes) => (&mut found.folds, bytes),
+                Piece::Increment(bytes) => (&mut found.increments, bytes),
+            };
+            total += bytes.len();
+            if total > max_bytes && total > bytes.len() {
+                return ControlFlow::Break(());
+            }
+            kind.push(bytes.to_vec());
+            ControlFlow::Continue(())
+        })?;
+        Ok(found)
+    }
 
     /// The vector of version `version`: what the first so many increments contain. `None` if they were folded farther than that.
     ///

@@ -1,8 +1,9 @@
 //! The log in memory: for a server whose increments are kept elsewhere, and for tests.
 
-use crate::log::{Floor, FoldRecord, IncrementLog, Lacking, Piece, Record, StoreError, Stored, Visit};
+use crate::log::{Floor, FoldRecord, IncrementLog, Piece, Record, StoreError, Stored, Visit};
 use fht_proto::{AuthorId, MapName, VersionVector};
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 #[derive(Clone, Debug, Default)]
@@ -31,12 +32,6 @@ impl MemoryLog {
     // Whole operations under the lock: a panic in one is a bug, and leaves the others usable.
     fn lock(&self) -> MutexGuard<'_, BTreeMap<MapName, MapLog>> {
         self.maps.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl Clone for MemoryLog {
-    fn clone(&self) -> Self {
-        Self { maps: Mutex::new(self.lock().clone()) }
     }
 }
 
@@ -78,29 +73,25 @@ impl IncrementLog for MemoryLog {
         Ok(())
     }
 
-    fn lacking(
+    fn for_each_lacking(
         &self,
         map: &MapName,
         have: &VersionVector,
         upto: &VersionVector,
-        max_bytes: usize,
-    ) -> Result<Lacking, StoreError> {
+        visit: &mut dyn FnMut(Piece<'_>) -> ControlFlow<()>,
+    ) -> Result<(), StoreError> {
         let maps = self.lock();
-        let (mut found, mut total) = (Lacking::default(), 0);
-        let Some(log) = maps.get(map) else { return Ok(found) };
+        let Some(log) = maps.get(map) else { return Ok(()) };
         for (author, last) in upto.iter() {
             let Some(first) = have.get(author).checked_add(1).filter(|&first| first <= last) else { continue };
             let range = (author, first)..=(author, last);
-            let folds = log.folds.range(range.clone()).map(|(_, bytes)| (true, bytes));
-            for (is_fold, bytes) in folds.chain(log.increments.range(range).map(|(_, bytes)| (false, bytes))) {
-                total += bytes.len();
-                if total > max_bytes && total > bytes.len() {
-                    return Ok(Lacking { is_cut: true, ..found });
-                }
-                if is_fold { &mut found.folds } else { &mut found.increments }.push(bytes.clone());
+            let folds = log.folds.range(range.clone()).map(|(_, bytes)| Piece::Fold(bytes));
+            let mut pieces = folds.chain(log.increments.range(range).map(|(_, bytes)| Piece::Increment(bytes)));
+            if pieces.any(|piece| visit(piece).is_break()) {
+                break;
             }
         }
-        Ok(found)
+        Ok(())
     }
 
     fn vector_at(&self, map: &MapName, version: u64) -> Result<Option<VersionVector>, StoreError> {

@@ -33,10 +33,12 @@ pub enum OperateError {
     #[error(transparent)]
     Session(#[from] SessionError),
     /// Nobody is there.
-    #[error("no server or router at {endpoints} within {} s", CONNECT_TIMEOUT.as_secs())]
+    #[error("no server or router at {endpoints} within {} s: {reason}", CONNECT_TIMEOUT.as_secs())]
     NoRouter {
         /// Where.
         endpoints: String,
+        /// What Zenoh says.
+        reason: String,
     },
     /// Zenoh refused.
     #[error("Zenoh refuses: {0}")]
@@ -90,16 +92,15 @@ impl OperateError {
 
 /// Opens a session as a client.
 async fn connect(link: &LinkConfig) -> Result<Session, OperateError> {
-    let opening = session::open(link);
-    tokio::time::timeout(CONNECT_TIMEOUT, opening)
-        .await
-        .map_err(|_| {
+    let link = LinkConfig { patience: Some(CONNECT_TIMEOUT), ..link.clone() };
+    session::open(&link).await.map_err(|error| match error {
+        SessionError::Open { reason, .. } => {
             let file = link.zenoh_config.iter().map(|file| file.display().to_string());
-            OperateError::NoRouter {
-                endpoints: link.connect.iter().cloned().chain(file).collect::<Vec<_>>().join(", "),
-            }
-        })?
-        .map_err(OperateError::from)
+            let endpoints = link.connect.iter().cloned().chain(file).collect::<Vec<_>>().join(", ");
+            OperateError::NoRouter { endpoints, reason }
+        }
+        other => OperateError::Session(other),
+    })
 }
 
 /// Asks, with a payload if there is one; the first answer counts.

@@ -72,8 +72,7 @@ impl Service {
     /// Takes a query. Never waits: one too many is told that the server is busy.
     pub fn take(&self, query: Query) {
         let Ok(permit) = Arc::clone(&self.permits).try_acquire_owned() else {
-            let text = "the server is busy; ask again".to_owned();
-            reply_error(&query, &ErrorReply { code: ErrorCode::Internal, message: text });
+            reply_error(&query, &busy());
             return;
         };
         let service = self.clone();
@@ -139,10 +138,13 @@ impl Service {
             reply(&query, &name, outcome.map(|answer| vec![answer]));
         });
         if self.queue.push_job(job).is_err() {
-            let text = "the server is busy; ask again".to_owned();
-            reply_error(&asked, &ErrorReply { code: ErrorCode::Internal, message: text });
+            reply_error(&asked, &busy());
         }
     }
+}
+
+fn busy() -> ErrorReply {
+    ErrorReply::new(ErrorCode::Internal, "the server is busy; ask again")
 }
 
 fn reply(query: &Query, key: &str, outcome: Result<Vec<Answer>, ErrorReply>) {

@@ -49,9 +49,18 @@ fn to_zenoh(link: &LinkConfig) -> Result<Config, zenoh::Error> {
     // A router puts its clients in touch with each other: explorers, robots and tools need no other program between them.
     let is_client = config.get_json("listen/endpoints")? == NONE;
     set_default(&mut config, "mode", if is_client { "\"client\"" } else { "\"router\"" })?;
-    // Other routers may come up later than this one.
-    set_default(&mut config, "connect/timeout_ms", "-1")?;
-    set_default(&mut config, "connect/exit_on_failure", "false")?;
+    match link.patience {
+        // Other routers may come up later than this one.
+        None => {
+            set_default(&mut config, "connect/timeout_ms", "-1")?;
+            set_default(&mut config, "connect/exit_on_failure", "false")?;
+        }
+        // Zenoh has to end the waiting itself: its future blocks the thread that asks for it.
+        Some(patience) => {
+            config.insert_json5("connect/timeout_ms", &patience.as_millis().to_string())?;
+            config.insert_json5("connect/exit_on_failure", "true")?;
+        }
+    }
     set_default(&mut config, "scouting/multicast/enabled", "false")?;
     Ok(config)
 }
@@ -130,7 +139,7 @@ mod tests {
     fn without_a_file_the_endpoints_say_it_all() {
         let with = |listen: &[&str], connect: &[&str]| {
             let owned = |endpoints: &[&str]| endpoints.iter().map(|&endpoint| endpoint.to_owned()).collect();
-            to_zenoh(&LinkConfig { listen: owned(listen), connect: owned(connect), zenoh_config: None }).unwrap()
+            to_zenoh(&LinkConfig { listen: owned(listen), connect: owned(connect), ..LinkConfig::default() }).unwrap()
         };
         assert_eq!(json(&with(&["tcp/127.0.0.1:1"], &[]), "mode"), "\"router\"");
         let client = with(&[], &["tcp/127.0.0.1:1"]);

@@ -11,10 +11,11 @@
 //!
 //! The log of a folded map begins after its floor.
 
-use crate::log::{Floor, FoldRecord, IncrementLog, Lacking, Piece, Record, StoreError, Stored, Visit};
+use crate::log::{Floor, FoldRecord, IncrementLog, Piece, Record, StoreError, Stored, Visit};
 use fht_proto::{AuthorId, MapName, VersionVector};
 use redb::{Database, ReadableDatabase, TableDefinition, TableError};
 use std::fs::{File, TryLockError};
+use std::ops::ControlFlow;
 use std::path::Path;
 
 const INCREMENTS: TableDefinition<'_, (&str, u32, u64), &[u8]> = TableDefinition::new("increments");
@@ -202,39 +203,31 @@ impl IncrementLog for Store {
         Ok(())
     }
 
-    fn lacking(
+    fn for_each_lacking(
         &self,
         map: &MapName,
         have: &VersionVector,
         upto: &VersionVector,
-        max_bytes: usize,
-    ) -> Result<Lacking, StoreError> {
+        visit: &mut dyn FnMut(Piece<'_>) -> ControlFlow<()>,
+    ) -> Result<(), StoreError> {
         let read = self.database.begin_read().map_err(reading)?;
         let increments = read.open_table(INCREMENTS).map_err(reading)?;
         let folds = read.open_table(FOLDS).map_err(reading)?;
-        let (mut found, mut total) = (Lacking::default(), 0);
         for (author, last) in upto.iter() {
             let Some(first) = have.get(author).checked_add(1).filter(|&first| first <= last) else { continue };
             let range = (map.as_str(), author.0, first)..=(map.as_str(), author.0, last);
             for entry in folds.range(range.clone()).map_err(reading)? {
-                let value = entry.map_err(reading)?.1;
-                let bytes = value.value().1;
-                total += bytes.len();
-                if total > max_bytes && total > bytes.len() {
-                    return Ok(Lacking { is_cut: true, ..found });
+                if visit(Piece::Fold(entry.map_err(reading)?.1.value().1)).is_break() {
+                    return Ok(());
                 }
-                found.folds.push(bytes.to_vec());
             }
             for entry in increments.range(range).map_err(reading)? {
-                let (_, bytes) = entry.map_err(reading)?;
-                total += bytes.value().len();
-                if total > max_bytes && total > bytes.value().len() {
-                    return Ok(Lacking { is_cut: true, ..found });
+                if visit(Piece::Increment(entry.map_err(reading)?.1.value())).is_break() {
+                    return Ok(());
                 }
-                found.increments.push(bytes.value().to_vec());
             }
         }
-        Ok(found)
+        Ok(())
     }
 
     fn vector_at(&self, map: &MapName, version: u64) -> Result<Option<VersionVector>, StoreError> {

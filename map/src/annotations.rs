@@ -22,6 +22,12 @@ impl ReleaseState {
         }
     }
 
+    /// The release, if it is not deleted.
+    fn kept<'a>(&'a self, id: &'a ReleaseId) -> Option<ReleaseRef<'a>> {
+        let (_, stamp, release) = self.put.as_ref().filter(|_| self.removed.is_none())?;
+        Some(ReleaseRef { id, release, made_us: stamp.hlc_us })
+    }
+
     fn remove(&mut self, stamp: Stamp) {
         self.removed = self.removed.max(Some(stamp));
     }
@@ -105,23 +111,13 @@ impl Annotations {
 
     /// The releases that are not deleted, by author and name.
     pub fn releases(&self) -> impl Iterator<Item = ReleaseRef<'_>> {
-        let kept = self.releases.iter().filter(|(_, state)| state.removed.is_none());
-        kept.filter_map(|(id, state)| {
-            let (_, stamp, release) = state.put.as_ref()?;
-            Some(ReleaseRef { id, release, made_us: stamp.hlc_us })
-        })
+        self.releases.iter().filter_map(|(id, state)| state.kept(id))
     }
 
     /// The release of this id, if it is not deleted.
     #[must_use]
     pub fn release(&self, id: &ReleaseId) -> Option<ReleaseRef<'_>> {
-        self.releases().find(|release| release.id == id)
-    }
-
-    /// Whether this id was ever used, be it by a release that is deleted.
-    #[must_use]
-    pub fn knows_release(&self, id: &ReleaseId) -> bool {
-        self.releases.contains_key(id)
+        self.releases.get_key_value(id).and_then(|(id, state)| state.kept(id))
     }
 
     /// The release that robots are to use, if one is enabled and not deleted.

@@ -122,7 +122,7 @@ impl Rules {
     #[must_use]
     pub fn obeyed(&self) -> Vec<Obeyed> {
         let zones = self.keep_out.iter().map(|(name, _)| Obeyed::KeepOut { zone: name.to_string() });
-        let edges = self.closed.iter().map(|edge| Obeyed::ClosedEdge { edge: ends(*edge) });
+        let edges = self.closed.iter().map(|edge| Obeyed::ClosedEdge { edge: edge.to_texts() });
         let robots: BTreeSet<&String> = self.blocked.iter().map(|by| &by.robot).collect();
         let robots = robots.into_iter().map(|robot| Obeyed::Blocked { robot: robot.clone() });
         zones.chain(edges).chain(robots).collect()
@@ -162,10 +162,6 @@ impl Rules {
             if closed.is_empty() { PlanError::Route(route) } else { PlanError::Closed { route, closed } }
         })
     }
-}
-
-fn ends(edge: EdgeKey) -> [String; 2] {
-    [edge.low().to_string(), edge.high().to_string()]
 }
 
 fn in_words(obeyed: &Obeyed) -> String {

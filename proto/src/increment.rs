@@ -58,6 +58,14 @@ impl<Id: Copy + Ord> EdgeKey<Id> {
     }
 }
 
+impl<Id: Copy + Ord + std::fmt::Display> EdgeKey<Id> {
+    /// Its ends as texts, as replies show them.
+    #[must_use]
+    pub fn to_texts(&self) -> [String; 2] {
+        [self.low.to_string(), self.high.to_string()]
+    }
+}
+
 /// One change of the map. `Id` is [`NodeId`] everywhere but inside the codec.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Op<Id = NodeId> {

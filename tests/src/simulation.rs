@@ -183,7 +183,7 @@ impl World {
         let now = self.now();
         for (from, to, message) in self.network.arriving(self.now_us) {
             if to == SERVER {
-                self.server.receive(from, message, self.now_us);
+                self.server.receive(from, message);
             } else if let Some(author) = self.authors.iter_mut().find(|author| author.place() == to) {
                 author.receive(message, now)?;
             } else if let Some(follower) = self.followers.iter_mut().find(|follower| follower.place() == to) {
@@ -195,7 +195,7 @@ impl World {
             sent.extend(author.act(now, self.now_us, &mut self.rng, &self.server));
         }
         for follower in &mut self.followers {
-            sent.extend(follower.act(now, self.now_us, &mut self.rng));
+            sent.extend(follower.act(now, &mut self.rng));
         }
         self.network.weather(self.now_us, &mut self.rng);
         for (from, to, message) in sent {

@@ -54,7 +54,7 @@ pub(super) fn increments(
     (max_bytes, piece_bytes): (usize, Option<usize>),
 ) -> Result<Vec<Answer>, ErrorReply> {
     let upto = vector_of(view, log, moment)?;
-    let Lacking { folds, increments, .. } = log.lacking(&view.head.map, have, &upto, max_bytes).map_err(internal)?;
+    let Lacking { folds, increments } = log.lacking(&view.head.map, have, &upto, max_bytes).map_err(internal)?;
     let piece_bytes = piece_bytes.unwrap_or(usize::MAX);
     let (mut pieces, mut length) = (vec![Snapshot::default()], 0_usize);
     let messages = folds.iter().map(|bytes| (true, bytes)).chain(increments.iter().map(|bytes| (false, bytes)));
@@ -119,7 +119,7 @@ pub(super) fn diff(view: &MapView, log: &dyn IncrementLog, from: &Moment, to: &M
     };
     let ((from_state, from), (to_state, to)) = (state_of(from)?, state_of(to)?);
     let diff = fht_map::diff::diff(&from_state, &to_state);
-    let ends = |edges: &[EdgeKey]| edges.iter().map(|e| [e.low().to_string(), e.high().to_string()]).collect();
+    let ends = |edges: &[EdgeKey]| edges.iter().map(EdgeKey::to_texts).collect();
     let ids = |ids: &[fht_proto::NodeId]| ids.iter().map(ToString::to_string).collect();
     json(&DiffReply {
         map: view.head.map.clone(),

@@ -17,7 +17,7 @@ pub(super) fn rules(view: &MapView, live: &LiveRules, now_us: u64) -> Result<Ans
         rule: zone.rule,
         corners: zone.corners.iter().map(|corner| [corner.x(), corner.y()]).collect(),
     });
-    let closed = view.state.closed_edges().map(|edge| [edge.low().to_string(), edge.high().to_string()]);
+    let closed = view.state.closed_edges().map(|edge| edge.to_texts());
     json(&RulesReply {
         map: view.head.map.clone(),
         version: view.head.version,

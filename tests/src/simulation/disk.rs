@@ -2,10 +2,11 @@
 //! promises. What was committed is there when the machine comes back.
 
 use fht_proto::{AuthorId, Increment, MapName, VersionVector, encode};
-use map_server::log::{Floor, FoldRecord, IncrementLog, Lacking, Record, StoreError, Stored, Visit};
+use map_server::log::{Floor, FoldRecord, IncrementLog, Piece, Record, StoreError, Stored, Visit};
 use map_server::memory::MemoryLog;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
 
 /// The disk.
@@ -48,9 +49,8 @@ impl Disk {
     fn commit(&self, write: impl FnOnce() -> Result<(), StoreError>) -> Result<(), StoreError> {
         let (before, after) = {
             let mut fate = self.fate();
-            let (share, mut rng) = (fate.crash_share, fate.rng.clone());
-            let drawn = (rng.random_bool(share / 2.0), rng.random_bool(share / 2.0));
-            fate.rng = rng;
+            let half = fate.crash_share / 2.0;
+            let drawn = (fate.rng.random_bool(half), fate.rng.random_bool(half));
             fate.crashes += u64::from(drawn.0 || drawn.1);
             drawn
         };
@@ -84,14 +84,14 @@ impl IncrementLog for Disk {
         self.kept.for_each(of, visit)
     }
 
-    fn lacking(
+    fn for_each_lacking(
         &self,
         map: &MapName,
         have: &VersionVector,
         upto: &VersionVector,
-        max_bytes: usize,
-    ) -> Result<Lacking, StoreError> {
-        self.kept.lacking(map, have, upto, max_bytes)
+        visit: &mut dyn FnMut(Piece<'_>) -> ControlFlow<()>,
+    ) -> Result<(), StoreError> {
+        self.kept.for_each_lacking(map, have, upto, visit)
     }
 
     fn vector_at(&self, map: &MapName, version: u64) -> Result<Option<VersionVector>, StoreError> {

@@ -71,7 +71,7 @@ impl Follower {
         }
     }
 
-    pub(super) fn act(&mut self, now: Instant, _now_us: u64, rng: &mut ChaCha8Rng) -> Vec<(usize, usize, Message)> {
+    pub(super) fn act(&mut self, now: Instant, rng: &mut ChaCha8Rng) -> Vec<(usize, usize, Message)> {
         if !self.is_calm && rng.random_bool(RESTART_CHANCE) {
             let next_id = self.next_id;
             *self = Self { next_id, ..Self::new(self.place) };

@@ -88,7 +88,7 @@ impl Server {
         }
     }
 
-    pub(super) fn receive(&mut self, from: usize, message: Message, _now_us: u64) {
+    pub(super) fn receive(&mut self, from: usize, message: Message) {
         let Some(running) = &mut self.running else { return };
         match message {
             Message::Put { key, bytes } => running.arrivals.push(Arrival { key, payload: Ok(bytes.as_ref().clone()) }),
