@@ -70,6 +70,6 @@ fn take(sample: &Sample, sources: &Sources) -> Result<(), String> {
             sources.live.take(&map, &robot, &report, now_us()).map_err(|error| error.to_string())
         }
         // For other robots and people.
-        RobotTopic::Pose | RobotTopic::Goal => Ok(()),
+        RobotTopic::Pose | RobotTopic::Goal | RobotTopic::Seen => Ok(()),
     }
 }

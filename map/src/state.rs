@@ -16,8 +16,8 @@ use crate::annotations::Annotations;
 use crate::leaf::{EdgeState, Leaf, LeafKey, NodeState, Shared, leaf_of};
 use crate::register::{ContentHash, Register, content_hash, join_into};
 use fht_proto::{
-    Descriptor, DescriptorModel, Digest, EdgeKey, FixedPose, Fold, Increment, NodeId, NodeKind, Op, Rect, Signature,
-    Stamp,
+    AuthorId, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPose, Fold, Increment, NodeId, NodeKind, Op, Rect,
+    Signature, Stamp,
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -209,6 +209,17 @@ impl MapState {
     #[must_use]
     pub fn max_hlc_us(&self) -> u64 {
         self.max_hlc_us
+    }
+
+    /// The least number that no node of this author has ever had, as far as this map knows.
+    #[must_use]
+    pub fn next_number(&self, author: AuthorId) -> u32 {
+        let leaves = self.leaves.range((author, 0)..=(author, u32::MAX)).rev();
+        leaves
+            .filter_map(|(_, leaf)| leaf.nodes().last())
+            .map(|(number, _)| number.saturating_add(1))
+            .next()
+            .unwrap_or(0)
     }
 
     fn all_nodes(&self) -> impl Iterator<Item = (NodeId, &NodeState)> {

@@ -7,12 +7,14 @@
 //! | [`support`] | the two rules for support nodes (equations 5 and 6) |
 //! | [`edges`] | edges that lie in free space (equation 7) |
 //! | [`free_space`] | rectangles of local free space |
+//! | [`doubt`] | nodes that others made and that are not as they say any more (not in the paper) |
 //! | [`coverage`] | support nodes for free space that no rectangle covers (not in the paper) |
 //!
 //! [`Builder`] puts them in the order of the paper's Algorithm 1. All of it is plain computation on the explorer's own
 //! map and grid; what it decides comes out as operations.
 
 pub mod coverage;
+pub mod doubt;
 pub mod edges;
 pub mod free_space;
 pub mod known;
@@ -22,6 +24,7 @@ pub mod support;
 use crate::journal::Journal;
 use crate::slam::{Anchored, Estimate};
 use coverage::{CoverageConfig, Gaps, Goal, Patch};
+use doubt::{Doubt, DoubtConfig};
 use edges::EdgeConfig;
 use fht_map::MapState;
 use fht_proto::{Descriptor, EdgeKey, FixedPoint, Increment, NodeId, NodeKind, Op, Rect, ScanRecord, Signature};
@@ -48,6 +51,8 @@ pub struct BuilderConfig {
     pub free_space: FreeSpaceConfig,
     /// Free space that no rectangle covers.
     pub coverage: CoverageConfig,
+    /// Nodes that others made.
+    pub doubt: DoubtConfig,
     /// When SLAM moves what a node hangs on, the node follows once it is off.
     pub follow: FollowConfig,
 }
@@ -139,6 +144,8 @@ pub struct Builder {
     footings: BTreeMap<NodeId, Footing>,
     /// Places along the way that may become main nodes at the end.
     passed: Vec<Observation>,
+    /// What was found of nodes that others made.
+    doubt: Doubt,
 }
 
 /// Distance of the places that are remembered, metres.
@@ -156,7 +163,33 @@ impl Builder {
             last_place: None,
             footings: BTreeMap::new(),
             passed: Vec::new(),
+            doubt: Doubt::default(),
         }
+    }
+
+    /// Whether this run made a node.
+    #[must_use]
+    pub fn is_own(&self, id: NodeId) -> bool {
+        self.footings.contains_key(&id)
+    }
+
+    /// Another robot's main node is here now, or (`None`) no longer there.
+    pub fn tell(&mut self, id: NodeId, position: Option<FixedPoint>) {
+        match position {
+            Some(position) => self.selection.chose(id, position, self.config.selection.told_information),
+            None => self.selection.lost(id),
+        }
+    }
+
+    /// The robot is at `here`, having driven `odometer_m`: the operations for nodes around it that others made and that are not as they say.
+    pub fn doubt(&mut self, here: FixedPoint, odometer_m: f64, journal: &Journal, grid: &OccupancyGrid) -> Vec<Op> {
+        let Self { doubt, footings, config, .. } = self;
+        doubt.look(here, odometer_m, journal.state(), grid, |id| footings.contains_key(&id), config)
+    }
+
+    /// Remembers a place while it is not known where in the map the robot is: at the end it may become a main node.
+    pub fn remember(&mut self, observation: Observation) {
+        self.passed.push(observation);
     }
 
     /// The parameters.
@@ -333,6 +366,9 @@ impl Builder {
     fn free_space_op(&self, id: NodeId, journal: &Journal, grid: &OccupancyGrid) -> Option<Op> {
         let node = journal.state().node(id)?;
         let position = node.pose.position;
+        if !self.is_own(id) {
+            return doubt::free_space_op(&node, grid, &self.config.free_space, &self.config.doubt);
+        }
         let grown = free_space::grow(grid, position, &self.config.free_space);
         let is_news = match (node.free_space, grown) {
             (None, grown) => grown.is_some(),
@@ -358,7 +394,7 @@ impl Builder {
         let nodes = edges::nearby_nodes(journal.state(), here, self.config.free_space.longest_reach_m);
         let is_wrong = |id: NodeId, position: FixedPoint| {
             let rect = journal.state().node(id).and_then(|node| node.free_space);
-            rect.is_some_and(|rect| free_space::is_obstructed(grid, position, &rect))
+            self.is_own(id) && rect.is_some_and(|rect| free_space::is_obstructed(grid, position, &rect))
         };
         let wrong = nodes.into_iter().filter(|&(_, id, position)| done != Some(id) && is_wrong(id, position));
         wrong.filter_map(|(_, id, _)| self.free_space_op(id, journal, grid)).collect()
@@ -393,7 +429,8 @@ impl Builder {
     ) -> (Vec<Op>, BTreeSet<NodeId>) {
         let state = journal.state();
         let there: BTreeSet<EdgeKey> = state.edges().collect();
-        let blocked: BTreeSet<EdgeKey> = edges::blocked(state, grid, &self.config.edges).into_iter().collect();
+        let blocked: BTreeSet<EdgeKey> =
+            edges::blocked(state, grid, |id| self.is_own(id), &self.config.edges).into_iter().collect();
         let cut: BTreeSet<NodeId> = blocked.iter().flat_map(|edge| [edge.low(), edge.high()]).collect();
         let mut joined: BTreeSet<EdgeKey> = BTreeSet::new();
         for id in &cut {
@@ -467,7 +504,7 @@ impl Builder {
     #[must_use]
     pub fn finish(&self, journal: &Journal, grid: &OccupancyGrid) -> Vec<Op> {
         let state = journal.state();
-        let blocked = edges::blocked(state, grid, &self.config.edges);
+        let blocked = edges::blocked(state, grid, |id| self.is_own(id), &self.config.edges);
         let removals = blocked.into_iter().map(|edge| Op::RemoveEdge { edge });
         let rectangles = state.nodes().filter_map(|node| self.free_space_op(node.id, journal, grid));
         removals.chain(rectangles).collect()

@@ -6,14 +6,18 @@
 //! the loop ([`Search::run`], [`Explorer::answer`]), and drives on meanwhile.
 
 mod search;
+mod seen;
 mod setbacks;
+mod team;
 mod utility;
 
 pub use search::{Answer, Search};
+pub use seen::{SeenSquares, seen_area};
 pub use setbacks::SetbackConfig;
+pub use team::{Team, TeamConfig, Teammate};
 pub use utility::{UtilityConfig, utility};
 
-use crate::frontier::{self, FrontierConfig};
+use crate::frontier::{self, FrontierConfig, Knowledge};
 use fht_robot::frame::{LaserScan, Twist};
 use fht_robot::grid::OccupancyGrid;
 use fht_robot::motion::{FollowConfig, SafetyConfig, safe_command};
@@ -42,6 +46,8 @@ pub struct ExploreConfig {
     pub utility: UtilityConfig,
     /// When a place is given up.
     pub setbacks: SetbackConfig,
+    /// How work is divided among several explorers.
+    pub team: TeamConfig,
     /// At the start the robot stands and looks for so long, seconds: the map's frame is where it stands, and many scans tell
     /// better where that is than one. Default 2.
     pub first_look_s: f64,
@@ -69,6 +75,7 @@ impl Default for ExploreConfig {
             frontier: FrontierConfig::default(),
             utility: UtilityConfig::default(),
             setbacks: SetbackConfig::default(),
+            team: TeamConfig::default(),
             first_look_s: 2.0,
             check_period_s: 1.0,
             choose_period_s: 0.6,
@@ -92,6 +99,8 @@ pub enum Ending {
     OutOfTime,
     /// Nobody took the map any more.
     Interrupted,
+    /// A robot that was to join a map saw all that it could reach, and did not find its place in the map.
+    Unplaced,
 }
 
 impl fmt::Display for Ending {
@@ -101,6 +110,9 @@ impl fmt::Display for Ending {
             Self::Stuck => "the robot is stuck: it tried to get free and did not move",
             Self::OutOfTime => "out of time (--max-sim)",
             Self::Interrupted => "nobody takes the map any more",
+            Self::Unplaced => {
+                "the robot saw all that it can reach and did not find its place in the map that it was to join"
+            }
         })
     }
 }
@@ -135,7 +147,10 @@ pub struct Explorer {
     is_asking: bool,
     /// Whether the last answer was that nothing is left.
     is_all_seen: bool,
+    /// Whether it was that what is left is for others.
+    is_left_to_others: bool,
     setbacks: Setbacks,
+    team: Team,
     began_us: Option<u64>,
     chosen_us: u64,
     checked_us: u64,
@@ -156,7 +171,9 @@ impl Explorer {
             wanted: None,
             is_asking: false,
             is_all_seen: false,
+            is_left_to_others: false,
             setbacks: Setbacks::default(),
+            team: Team::default(),
             began_us: None,
             chosen_us: 0,
             checked_us: 0,
@@ -171,6 +188,30 @@ impl Explorer {
     #[must_use]
     pub fn goal(&self) -> Option<Point2> {
         self.goal.as_ref().map(|goal| goal.target)
+    }
+
+    /// How far the goal is along its path, metres; 0 without a goal.
+    #[must_use]
+    pub fn remaining_m(&self) -> f64 {
+        self.goal.as_ref().map_or(0.0, |goal| goal.follower.remaining_m())
+    }
+
+    /// Whether it is over.
+    #[must_use]
+    pub fn has_ended(&self) -> bool {
+        self.ended.is_some()
+    }
+
+    /// What the others are about.
+    pub fn hear(&mut self, team: Team) {
+        self.team = team;
+    }
+
+    /// The frame in which places are told is another one from now on: whatever was chosen in the old one is forgotten. The answer to
+    /// a question that was put before must not be given.
+    pub fn change_frame(&mut self) {
+        let (config, began_us, ended) = (self.config.clone(), self.began_us, self.ended);
+        *self = Self { began_us, ended, ..Self::new(config) };
     }
 
     /// The path it drives, in the map frame. Empty without a goal.
@@ -256,6 +297,7 @@ impl Explorer {
             |target| self.goal.as_ref().is_some_and(|goal| goal.target == target && goal.reached_us.is_none());
         if self.recovering_since_us.is_none() && answer.underway.is_none_or(is_kept) {
             self.is_all_seen = answer.goal.is_none();
+            self.is_left_to_others = self.is_all_seen && answer.is_left_to_others;
             self.goal = answer.goal;
         }
     }
@@ -268,8 +310,8 @@ impl Explorer {
         if underway.is_none() {
             self.chosen_us = time_us;
         }
-        let (config, setbacks) = (self.config.clone(), self.setbacks.clone());
-        self.wanted = Some(Search { config, setbacks, map_from_base: *map_from_base, time_us, underway });
+        let (config, setbacks, team) = (self.config.clone(), self.setbacks.clone(), self.team.clone());
+        self.wanted = Some(Search { config, setbacks, team, map_from_base: *map_from_base, time_us, underway });
     }
 
     /// Keeps, refreshes or replaces the goal.
@@ -277,13 +319,20 @@ impl Explorer {
         let config = &self.config;
         let (mut is_spent, mut is_idle) = (true, true);
         if let Some(goal) = &self.goal {
-            let seen = frontier::frontier_cells_near(grid, goal.target, config.goal_radius_m) < config.goal_cells;
+            let known = Knowledge { grid, others: &self.team.seen };
+            let seen = frontier::frontier_cells_near(&known, goal.target, config.goal_radius_m) < config.goal_cells;
             let looked = goal.reached_us.is_some_and(|at| seconds(at, time_us) >= config.look_s);
             if looked && !seen {
                 self.setbacks.record(goal.target, time_us, &config.setbacks);
             }
-            is_spent = seen || looked;
             is_idle = goal.reached_us.is_some();
+            let is_taken = !is_idle
+                && self.team.takes_over(goal.target, goal.follower.remaining_m(), &config.team)
+                && seconds(self.chosen_us, time_us) >= config.team.look_again_s;
+            is_spent = seen || looked || is_taken;
+        } else if self.is_all_seen && self.team.goes_on() {
+            // Others may leave something, or die.
+            is_spent = seconds(self.chosen_us, time_us) >= config.team.look_again_s;
         }
         if is_spent {
             if is_idle || seconds(self.chosen_us, time_us) >= config.choose_period_s {
@@ -306,7 +355,8 @@ impl Explorer {
         let Some(goal) = &mut self.goal else {
             // Waiting for an answer is not being stuck.
             self.moved = None;
-            return (!self.is_all_seen).then(Twist::default);
+            let has_to_wait = !self.is_all_seen || (self.is_left_to_others && self.team.goes_on());
+            return has_to_wait.then(Twist::default);
         };
         let twist = goal.follower.command(map_from_base);
         if !goal.follower.is_done() {

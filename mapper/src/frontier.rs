@@ -1,9 +1,11 @@
 //! Frontiers: where known free space ends and unknown space begins (paper section III-A, facts §1.11).
 
+use crate::explore::SeenSquares;
 use fht_robot::grid::{Cell, CellBounds, CellState, OccupancyGrid};
 use fht_robot::planning::{DistanceField, Traversable};
 use fht_robot::pose::Point2;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// What counts as a frontier worth driving to.
 #[derive(Clone, Debug)]
@@ -76,17 +78,53 @@ pub struct Approach {
     pub distance_m: f64,
 }
 
+/// What a robot knows of a building: its grid, and what others say that they have seen.
+#[derive(Clone, Copy)]
+pub struct Knowledge<'a> {
+    /// The robot's grid.
+    pub grid: &'a OccupancyGrid,
+    /// What others have seen.
+    pub others: &'a [Arc<SeenSquares>],
+}
+
+/// What is known of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sight {
+    Free,
+    Occupied,
+    /// Others have seen it; what it is they have not told.
+    SeenByOthers,
+    Unknown,
+}
+
+impl<'a> Knowledge<'a> {
+    /// That of a robot that is alone.
+    #[must_use]
+    pub fn alone(grid: &'a OccupancyGrid) -> Self {
+        Self { grid, others: &[] }
+    }
+
+    fn sight(&self, cell: Cell) -> Sight {
+        match self.grid.state(cell) {
+            CellState::Free => Sight::Free,
+            CellState::Occupied => Sight::Occupied,
+            CellState::Unknown if self.others.iter().any(|seen| seen.has(cell)) => Sight::SeenByOthers,
+            CellState::Unknown => Sight::Unknown,
+        }
+    }
+}
+
 /// Whether a cell is free, has an unknown cell among its eight neighbours, and no occupied one.
 #[must_use]
-pub fn is_frontier(grid: &OccupancyGrid, cell: Cell) -> bool {
+pub fn is_frontier(known: &Knowledge<'_>, cell: Cell) -> bool {
     let neighbours = (-1..=1).flat_map(|dj| (-1..=1).map(move |di| Cell { i: cell.i + di, j: cell.j + dj }));
-    grid.state(cell) == CellState::Free && {
+    known.grid.state(cell) == CellState::Free && {
         let mut unknown = false;
-        for state in neighbours.map(|cell| grid.state(cell)) {
-            match state {
-                CellState::Occupied => return false,
-                CellState::Unknown => unknown = true,
-                CellState::Free => {}
+        for sight in neighbours.map(|cell| known.sight(cell)) {
+            match sight {
+                Sight::Occupied => return false,
+                Sight::Unknown => unknown = true,
+                Sight::Free | Sight::SeenByOthers => {}
             }
         }
         unknown
@@ -95,20 +133,22 @@ pub fn is_frontier(grid: &OccupancyGrid, cell: Cell) -> bool {
 
 /// Number of frontier cells whose centre is within `radius_m` of a point.
 #[must_use]
-pub fn frontier_cells_near(grid: &OccupancyGrid, point: Point2, radius_m: f64) -> usize {
+pub fn frontier_cells_near(known: &Knowledge<'_>, point: Point2, radius_m: f64) -> usize {
+    let grid = known.grid;
     let centre = grid.cell_of(point);
     let reach = (radius_m / grid.resolution_m()).ceil() as i32;
     let around = (-reach..=reach).flat_map(|dj| (-reach..=reach).map(move |di| (di, dj)));
     around
         .map(|(di, dj)| Cell { i: centre.i + di, j: centre.j + dj })
-        .filter(|&cell| (grid.centre(cell) - point).norm() <= radius_m && is_frontier(grid, cell))
+        .filter(|&cell| (grid.centre(cell) - point).norm() <= radius_m && is_frontier(known, cell))
         .count()
 }
 
 /// All frontiers in a region of the grid that are large enough there, in the order of their first cells.
 #[must_use]
-pub fn find_frontiers(grid: &OccupancyGrid, bounds: CellBounds, config: &FrontierConfig) -> Vec<Frontier> {
-    let mut waiting = frontier_mask(grid, &bounds);
+pub fn find_frontiers(known: &Knowledge<'_>, bounds: CellBounds, config: &FrontierConfig) -> Vec<Frontier> {
+    let grid = known.grid;
+    let mut waiting = frontier_mask(known, &bounds);
     let per_square = (config.thinning_m / grid.resolution_m()).round().max(1.0) as i32;
     let least_unknown = (config.min_unknown_m2 / grid.resolution_m().powi(2)).ceil() as usize;
     let gap_room = (config.gap_room_m / grid.resolution_m()).round() as i32;
@@ -120,7 +160,7 @@ pub fn find_frontiers(grid: &OccupancyGrid, bounds: CellBounds, config: &Frontie
         let mut cells = take_cluster(&mut waiting, &bounds, bounds.cell(first), config.join_cells);
         let is_gap = cells.len() < config.min_cells;
         let room = if is_gap { gap_room } else { 0 };
-        if (is_gap && cells.len() < config.gap_cells) || !opens_on(grid, &cells, least_unknown, room) {
+        if (is_gap && cells.len() < config.gap_cells) || !opens_on(known, &cells, least_unknown, room) {
             continue;
         }
         cells.sort_unstable();
@@ -132,23 +172,23 @@ pub fn find_frontiers(grid: &OccupancyGrid, bounds: CellBounds, config: &Frontie
 }
 
 /// Which cells are frontier cells, row by row.
-fn frontier_mask(grid: &OccupancyGrid, bounds: &CellBounds) -> Vec<bool> {
+fn frontier_mask(known: &Knowledge<'_>, bounds: &CellBounds) -> Vec<bool> {
     let width = bounds.width();
     let mut mask = Vec::with_capacity(width * bounds.height());
     // With one cell more on either side, for the neighbours.
     let row_of =
-        |j: i32| -> Vec<CellState> { (bounds.min.i - 1..=bounds.max.i).map(|i| grid.state(Cell { i, j })).collect() };
+        |j: i32| -> Vec<Sight> { (bounds.min.i - 1..=bounds.max.i).map(|i| known.sight(Cell { i, j })).collect() };
     let (mut below, mut here) = (row_of(bounds.min.j - 1), row_of(bounds.min.j));
     // What the columns of three cells hold: unknown, occupied.
     let mut columns = vec![(false, false); width + 2];
     for j in bounds.min.j..bounds.max.j {
         let above = row_of(j + 1);
         for (((column, &below), &here), &above) in columns.iter_mut().zip(&below).zip(&here).zip(&above) {
-            let holds = |state: CellState| below == state || here == state || above == state;
-            *column = (holds(CellState::Unknown), holds(CellState::Occupied));
+            let holds = |sight: Sight| below == sight || here == sight || above == sight;
+            *column = (holds(Sight::Unknown), holds(Sight::Occupied));
         }
-        mask.extend(columns.windows(3).zip(&here[1..]).map(|(around, &state)| {
-            state == CellState::Free && around.iter().any(|column| column.0) && !around.iter().any(|column| column.1)
+        mask.extend(columns.windows(3).zip(&here[1..]).map(|(around, &sight)| {
+            sight == Sight::Free && around.iter().any(|column| column.0) && !around.iter().any(|column| column.1)
         }));
         below = std::mem::replace(&mut here, above);
     }
@@ -179,7 +219,8 @@ fn take_cluster(waiting: &mut [bool], bounds: &CellBounds, first: Cell, join: i3
 
 /// Whether at least `count` unknown cells with nothing occupied within `room` cells hang together with each other and with some
 /// of `cells`.
-fn opens_on(grid: &OccupancyGrid, cells: &[Cell], count: usize, room: i32) -> bool {
+fn opens_on(known: &Knowledge<'_>, cells: &[Cell], count: usize, room: i32) -> bool {
+    let grid = known.grid;
     let has_room = |at: Cell| {
         let mut around =
             (-room..=room).flat_map(|dj| (-room..=room).map(move |di| Cell { i: at.i + di, j: at.j + dj }));
@@ -193,7 +234,7 @@ fn opens_on(grid: &OccupancyGrid, cells: &[Cell], count: usize, room: i32) -> bo
         let mut area = 0;
         while let Some(next) = waiting.pop() {
             for cell in beside(next) {
-                if grid.state(cell) == CellState::Unknown && seen.insert(cell) && has_room(cell) {
+                if known.sight(cell) == Sight::Unknown && seen.insert(cell) && has_room(cell) {
                     area += 1;
                     waiting.push(cell);
                 }

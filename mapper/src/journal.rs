@@ -1,22 +1,52 @@
-//! The explorer's own log: operations become numbered, stamped increments and are applied to its own map at once.
+//! The explorer's own log: operations become numbered, stamped increments and are applied to its own map at once. In a map that
+//! others write, too, the log follows what they write.
 
 use fht_map::MapState;
 use fht_proto::{AuthorId, Increment, NodeId, Op};
+use std::collections::VecDeque;
 
-/// The map as the explorer has written it so far.
+/// The map as the explorer has written it so far, and as others have if it is shared.
 pub struct Journal {
     author: AuthorId,
     written: u64,
     next_node: u32,
     clock_us: u64,
     state: MapState,
+    /// In a map that is shared: what the server may not have yet.
+    pending: Option<VecDeque<Increment>>,
 }
 
 impl Journal {
     /// An empty map.
     #[must_use]
     pub fn new(author: AuthorId) -> Self {
-        Self { author, written: 0, next_node: 0, clock_us: 0, state: MapState::new() }
+        Self { author, written: 0, next_node: 0, clock_us: 0, state: MapState::new(), pending: None }
+    }
+
+    /// From now on the map is shared: what is written is kept until [`Journal::follow`] says that the server has it.
+    pub fn share(&mut self) {
+        self.pending.get_or_insert_default();
+    }
+
+    /// Goes on where an earlier run of the same author ended, who has written `written` increments of the map `shared`.
+    pub fn resume(&mut self, shared: &MapState, written: u64) {
+        self.share();
+        self.state = shared.clone();
+        self.written = self.written.max(written);
+        self.next_node = self.next_node.max(shared.next_number(self.author));
+    }
+
+    /// The map is `shared` now, of which the server has this author's increments up to `acknowledged`. What was written since
+    /// stays on top of it.
+    pub fn follow(&mut self, shared: &MapState, acknowledged: u64) {
+        let Some(pending) = &mut self.pending else { return };
+        while pending.front().is_some_and(|first| first.number <= acknowledged) {
+            pending.pop_front();
+        }
+        self.state = shared.clone();
+        for increment in pending {
+            self.state.apply(increment);
+        }
     }
 
     /// Who writes.
@@ -60,6 +90,9 @@ impl Journal {
         self.written += 1;
         let increment = Increment { author: self.author, number: self.written, hlc_us: self.clock_us, ops };
         self.state.apply(&increment);
+        if let Some(pending) = &mut self.pending {
+            pending.push_back(increment.clone());
+        }
         Some(increment)
     }
 }

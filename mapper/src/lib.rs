@@ -7,6 +7,7 @@
 //! | [`frontier`], [`explore`] | where to drive next (paper, equation 1) |
 //! | [`construct`] | main nodes, support nodes, edges, rectangles (paper, section III-B) |
 //! | [`refine`] | shortcuts that the robot never drove |
+//! | [`joining`] | finding the place in a map that others have begun |
 //! | [`journal`] | operations become numbered increments |
 //! | [`camera`] | descriptors, computed beside the loop |
 //! | [`mapping`] | all of it, frame by frame |
@@ -25,6 +26,7 @@ pub mod cli;
 pub mod construct;
 pub mod explore;
 pub mod frontier;
+pub mod joining;
 pub mod journal;
 pub mod linked;
 pub mod mapping;

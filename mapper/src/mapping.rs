@@ -3,6 +3,8 @@
 //! Pure of I/O: frames go in, a command and increments come out. Cameras, refinement and SLAM's back end work in threads
 //! beside it ([`crate::beside`]).
 
+mod shared;
+
 use crate::beside::{Beside, Pace};
 use crate::camera::{CameraError, CameraWorker};
 use crate::construct::coverage::CoverageConfig;
@@ -11,6 +13,7 @@ use crate::construct::support::Hierarchy;
 use crate::construct::{Builder, BuilderConfig, Chain, Footing, Observation, plan_config, point};
 use crate::explore::{Answer, Ending, ExploreConfig, ExploreStep, Explorer, Search};
 use crate::frontier::FrontierConfig;
+use crate::joining::JoinConfig;
 use crate::journal::Journal;
 use crate::refine::{self, RefineConfig, RefineJob, Roadmap, Shortcut, is_still_free, shortcuts};
 use crate::slam::closure::ClosureCounts;
@@ -22,6 +25,7 @@ use fht_robot::frame::{FrameError, SensorFrame, Twist};
 use fht_robot::grid::OccupancyGrid;
 use fht_robot::planning::{PlanConfig, Traversable};
 use fht_robot::pose::{Point2, Pose2};
+use shared::{Newcomer, Others};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
@@ -36,6 +40,8 @@ pub struct MapperConfig {
     pub refine: RefineConfig,
     /// Where to go.
     pub explore: ExploreConfig,
+    /// Joining a map that exists.
+    pub join: JoinConfig,
     /// Whether the loop waits for work beside it.
     pub pace: Pace,
 }
@@ -63,6 +69,11 @@ const REFINE_QUEUE: usize = 64;
 /// Operations of one increment, when there are many.
 const BATCH_OPS: usize = 64;
 
+/// The cosine that means "near", of a model.
+fn match_threshold(model: &DescriptorModel) -> f32 {
+    f32::from(model.match_threshold_e3) * 1e-3
+}
+
 /// What an exploration is doing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Step {
@@ -81,7 +92,13 @@ pub struct Mapper {
     explorer: Explorer,
     goals: Beside<(Search, OccupancyGrid), Answer>,
     camera: Option<CameraWorker<Seen>>,
+    /// What the descriptors are of.
     model: Option<DescriptorModel>,
+    is_model_written: bool,
+    /// A robot that is to join a map and does not know yet where in it it is.
+    newcomer: Option<Newcomer>,
+    others: Others,
+    odometer_m: f64,
     refine: Beside<RefineJob, Vec<Shortcut>>,
     to_refine: VecDeque<NodeId>,
     frame: u64,
@@ -124,6 +141,10 @@ impl Mapper {
             goals: Beside::start("goals", config.pace, |(search, grid): (Search, OccupancyGrid)| search.run(&grid))?,
             camera: net.map(|net| CameraWorker::start(net, config.pace)).transpose()?,
             model,
+            is_model_written: false,
+            newcomer: None,
+            others: Others::default(),
+            odometer_m: 0.0,
             refine: refine::start(config.refine.clone(), config.pace)?,
             to_refine: VecDeque::new(),
             frame: 0,
@@ -200,6 +221,7 @@ impl Mapper {
         Ok(match step {
             _ if self.goals.has_ended() => Step::Done(Ending::Stuck),
             ExploreStep::Drive(twist) => Step::Drive(twist),
+            ExploreStep::Done(_) if self.newcomer.is_some() => Step::Done(Ending::Unplaced),
             ExploreStep::Done(ending) => Step::Done(ending),
         })
     }
@@ -213,9 +235,20 @@ impl Mapper {
         frame.check()?;
         let update = self.slam.update(frame);
         let (time_us, map_from_base, anchored) = (frame.time_us, update.map_from_base, update.anchored);
+        if let Some(before) = &self.latest {
+            let way = before.map_from_base.translation.vector - map_from_base.translation.vector;
+            self.odometer_m += way.norm();
+        }
         self.latest = Some(Located { time_us, map_from_base, anchored, tracking: update.tracking });
-        if let Some(model) = self.model.take() {
-            self.write(vec![Op::PutModel { model }], time_us);
+        if self.newcomer.is_some() {
+            self.find_itself(frame, &anchored, update.tracking);
+            self.frame += 1;
+            return Ok(self.slam.locate(&anchored));
+        }
+        if !self.is_model_written {
+            self.is_model_written = true;
+            let ops = self.model.iter().map(|model| Op::PutModel { model: model.clone() }).collect();
+            self.write(ops, time_us);
         }
         if update.is_corrected {
             self.follow(time_us);
@@ -225,6 +258,7 @@ impl Mapper {
             self.see(frame, &anchored);
             let made = self.builder.observe_motion(&anchored, &mut self.journal, &self.slam.estimate());
             self.take_node(made, time_us);
+            self.doubt(&map_from_base, time_us);
         }
         self.refine(time_us);
         self.frame += 1;
@@ -260,9 +294,9 @@ impl Mapper {
     }
 
     fn take_appearance(&mut self, seen: Seen, appearance: Appearance, time_us: u64) {
-        let model = self.map().models().next();
+        let model = self.model.as_ref();
         let descriptor = model.map(|model| Descriptor::quantise(model.id, &appearance.components));
-        if let Some(threshold) = model.map(|model| f32::from(model.match_threshold_e3) * 1e-3) {
+        if let Some(threshold) = model.map(match_threshold) {
             self.slam.see(&seen.anchored, Arc::new(appearance.components), threshold);
         }
         self.take_place(seen, descriptor, appearance.information, time_us);
@@ -329,6 +363,9 @@ impl Mapper {
     /// After the last frame: what is under way is finished, places passed become main nodes where too little is known, rectangles are grown once more, and every node is looked
     /// at for shortcuts in the finished grid.
     pub fn finish(&mut self) {
+        if self.newcomer.is_some() {
+            return; // what it saw has no place in the map
+        }
         let time_us = self.latest.map_or(0, |latest| latest.time_us);
         if let Some((seen, appearance)) = self.camera.as_mut().and_then(CameraWorker::finish) {
             self.take_appearance(seen, appearance, time_us);
@@ -346,7 +383,8 @@ impl Mapper {
         let ops = self.builder.cover(&mut self.journal, &self.slam.estimate());
         self.write_all(&ops, time_us);
         let space = Traversable::new(self.slam.grid(), &self.plan_config());
-        let nodes: Vec<NodeId> = self.map().nodes().map(|node| node.id).collect();
+        let own = self.map().nodes().map(|node| node.id).filter(|id| self.builder.is_own(*id));
+        let nodes: Vec<NodeId> = own.collect();
         for node in nodes {
             let found = shortcuts(Roadmap::of(self.map()), &space, node, &self.config.refine);
             self.add_shortcuts(found, time_us);

@@ -7,6 +7,7 @@
 //! | [`submap`] | walls and free space that some keyframes saw |
 //! | [`graph`] | the keyframes and what was measured between them |
 //! | [`closure`] | loop closures |
+//! | [`told`] | what other robots have told of the building |
 //! | [`back_end`] | closures, optimisation and the grid's redrawing in a thread. It moves submaps; the robot's pose in the map is the pose of its submap times its pose therein |
 //!
 //! After Hess et al., "Real-time loop closure in 2D LIDAR SLAM" (ICRA 2016), with point-to-line matching in the place of
@@ -17,7 +18,9 @@ pub mod closure;
 mod config;
 mod estimate;
 pub mod graph;
+mod joining;
 pub mod submap;
+pub mod told;
 mod tracking;
 
 pub use config::SlamConfig;
@@ -34,9 +37,11 @@ use fht_robot::matching::{Prior, ScanMatch};
 use fht_robot::pose::{Point2, Pose2};
 use fht_robot::pose_graph::Edge;
 use graph::Link;
+use joining::unplaced_link;
 use nalgebra::{Matrix3, Vector2};
 use std::sync::Arc;
 use submap::Submap;
+use told::Hearsay;
 
 /// Frames between a job of the back end and its result.
 const BACK_END_DELAY_FRAMES: u64 = 40;
@@ -106,6 +111,10 @@ pub struct Slam {
     frame: u64,
     /// What the back end has not been given yet.
     next_job: Job,
+    /// What others have told, as the grid shows it.
+    hearsay: Hearsay,
+    /// How many keyframes stand for the map's frame: one in a run that is to join a map, and none where the first keyframe is the frame.
+    frames: usize,
     back_end: Beside<Job, Outcome>,
     counts: ClosureCounts,
 }
@@ -116,7 +125,7 @@ impl Slam {
     /// # Errors
     /// When the system gives no thread.
     pub fn new(config: SlamConfig, pace: Pace) -> std::io::Result<Self> {
-        let mut back_end = BackEnd::new(config.grid.clone(), config.closure.clone());
+        let mut back_end = BackEnd::new(config.grid.clone(), config.submap.clone(), config.closure.clone());
         Ok(Self {
             calibration: OdometryCalibration::new(config.odometry.clone()),
             active: None,
@@ -134,6 +143,8 @@ impl Slam {
             averaged_odom_from_base: Pose2::identity(),
             frame: 0,
             next_job: Job::default(),
+            hearsay: Hearsay::default(),
+            frames: 0,
             back_end: Beside::start("slam", pace, move |job| back_end.work(job))?,
             counts: ClosureCounts::default(),
             config,
@@ -185,7 +196,8 @@ impl Slam {
         let outcome = self.back_end.take_due(self.frame);
         let is_corrected = outcome.is_some_and(|outcome| self.take(outcome, &frame.odom_from_base));
         let update = self.track(frame);
-        let is_worth_it = !self.next_job.keyframes.is_empty() || self.next_job.lost.is_some();
+        let job = &self.next_job;
+        let is_worth_it = !job.keyframes.is_empty() || !job.told.is_empty() || job.lost.is_some();
         if is_worth_it && self.back_end.is_idle() {
             self.back_end.submit(std::mem::take(&mut self.next_job), self.frame + BACK_END_DELAY_FRAMES);
         }
@@ -219,6 +231,9 @@ impl Slam {
         }
         if let Some(grid) = outcome.grid {
             self.grid = grid;
+            for (_, node) in &self.next_job.told {
+                node.iter().for_each(|node| node.draw(&mut self.grid));
+            }
             for view in &self.next_job.views {
                 self.grid.integrate(&locate(&self.poses, &view.anchored), &view.scan);
             }
@@ -271,7 +286,7 @@ impl Slam {
             let links = edge.into_iter().chain(wheels).collect();
             self.add_keyframe(frame, points, &mut active, &mut latest, links);
             self.averaged_odom_from_base = frame.odom_from_base;
-        } else if self.keyframes.len() == 1 && raw_motion == Pose2::identity() {
+        } else if self.keyframes.len() == self.frames + 1 && raw_motion == Pose2::identity() {
             // Standing at the start: the same place again. The map's frame is as true as what is known of this pose.
             latest.submap_from_base = Pose2::identity();
             active.older.average(&latest.submap_from_base, &points);
@@ -353,12 +368,14 @@ impl Slam {
 
     fn begin(&mut self, frame: &SensorFrame, points: Vec<Point2>) -> SlamUpdate {
         let origin = Pose2::identity();
-        let older = Submap::begin(0, &self.config.submap, &frame.scan, &points);
-        let anchored = Anchored { keyframe: 0, keyframe_from_base: origin };
+        let first = self.keyframes.len();
+        let older = Submap::begin(first, &self.config.submap, &frame.scan, &points);
+        let anchored = Anchored { keyframe: first, keyframe_from_base: origin };
         self.averaged_odom_from_base = frame.odom_from_base;
         self.keyframes.push(Keyframe { odom_from_base: frame.odom_from_base, anchored });
         self.poses.push(origin);
-        self.next_job.keyframes.push(NewKeyframe { points: Arc::new(points), links: Vec::new(), finished: Vec::new() });
+        let links = if first == 0 { Vec::new() } else { vec![unplaced_link(first)] };
+        self.next_job.keyframes.push(NewKeyframe { points: Arc::new(points), links, finished: Vec::new() });
         let odom_from_base = frame.odom_from_base;
         let latest = Latest { submap_from_base: origin, odom_from_base, submap_from_keyframe: origin };
         self.active = Some((Active { older, newer: None }, latest));

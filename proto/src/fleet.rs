@@ -136,11 +136,23 @@ impl Validate for BlockedReport {
 pub struct ExplorerGoal {
     /// Where it is, `[x, y]` in the map frame, metres.
     pub at: [f64; 2],
-    /// What it is going to see, `[x, y]` in the map frame, metres; none when it has nothing left.
+    /// What it is going to see, `[x, y]` in the map frame, metres; none while it has chosen nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target: Option<[f64; 2]>,
     /// How far that is along its path, metres.
     pub remaining_m: f64,
+    /// Whether it has nothing left to see.
+    #[serde(default)]
+    pub finished: bool,
+}
+
+impl Validate for ExplorerGoal {
+    fn validate(&self) -> Result<(), Invalid> {
+        let places = self.at.iter().chain(self.target.iter().flatten());
+        check(places.chain([&self.remaining_m]).all(|metres| metres.abs() <= 100_000.0), || {
+            "a goal over 100 km from the origin".to_owned()
+        })
+    }
 }
 
 /// One robot in the reply to `fleet`.

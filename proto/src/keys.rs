@@ -105,13 +105,15 @@ pub enum RobotTopic {
     Status,
     /// What it could not pass: [`crate::fleet::BlockedReport`].
     Blocked,
-    /// Where an explorer is going: [`crate::fleet::ExplorerGoal`].
+    /// Where an explorer is going: [`crate::fleet::ExplorerGoal`]. Explorers also hold a liveliness token under it.
     Goal,
+    /// What an explorer has seen: [`crate::SeenArea`].
+    Seen,
 }
 
 impl RobotTopic {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Pose, Self::Status, Self::Blocked, Self::Goal];
+    pub const ALL: [Self; 5] = [Self::Pose, Self::Status, Self::Blocked, Self::Goal, Self::Seen];
 
     /// The chunk that names it.
     #[must_use]
@@ -121,6 +123,7 @@ impl RobotTopic {
             Self::Status => "status",
             Self::Blocked => "blocked",
             Self::Goal => "goal",
+            Self::Seen => "seen",
         }
     }
 }

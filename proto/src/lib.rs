@@ -17,6 +17,7 @@
 //! | [`keys`] | key expressions, built and parsed |
 //! | [`query`] | requests and replies, as JSON |
 //! | [`fleet`] | what robots say of themselves |
+//! | [`seen`] | which part of a building an explorer has seen |
 //! | [`request`] | queries as they come, to typed requests |
 //! | [`compact`] | the same replies for `fmt=postcard` |
 //!
@@ -37,6 +38,7 @@ pub mod packed;
 pub mod query;
 pub mod request;
 mod rice;
+pub mod seen;
 pub mod signature;
 pub mod validate;
 pub mod version;
@@ -48,6 +50,7 @@ pub use fold::Fold;
 pub use geometry::{FixedPoint, FixedPose, Rect};
 pub use ids::{AuthorId, MapName, NodeId};
 pub use increment::{EdgeKey, Increment, NodeKind, Op, Stamp};
+pub use seen::SeenArea;
 pub use signature::{Descriptor, DescriptorModel, ModelId, ScanRecord, Signature};
 pub use validate::Invalid;
 pub use version::{Digest, VersionVector};

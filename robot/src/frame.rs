@@ -81,6 +81,20 @@ impl LaserScan {
         }
     }
 
+    /// A scan that travelled. What did not return says nothing: whether it met nothing or something too near is not told.
+    #[must_use]
+    pub fn from_record(record: &ScanRecord) -> Self {
+        let range = |&mm: &u16| if mm > 0 { f32::from(mm) / 1000.0 } else { f32::NAN };
+        Self {
+            base_from_sensor: from_fixed(record.base_from_sensor),
+            angle_min: f64::from(record.angle_min),
+            angle_increment: f64::from(record.angle_increment),
+            range_min_m: 0.0,
+            range_max_m: f64::from(u16::MAX) / 1000.0 + 1.0,
+            ranges_m: record.ranges_mm.iter().map(range).collect(),
+        }
+    }
+
     /// End points of a scan that travelled, in the frame of the base of the robot that took it.
     #[must_use]
     pub fn record_points_in_base(record: &ScanRecord) -> Vec<Point2> {

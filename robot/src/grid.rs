@@ -220,9 +220,46 @@ impl OccupancyGrid {
         free as f64 * self.config.resolution_m * self.config.resolution_m
     }
 
+    /// Whether a scan of this robot's own has said something of a cell ([`integrate`](Self::integrate)).
+    #[must_use]
+    pub fn is_own(&self, cell: Cell) -> bool {
+        self.bounds.index(cell).is_some_and(|index| self.seen[index].ended > 0 || self.seen[index].passed > 0)
+    }
+
+    /// Takes another's word that the cells whose centres lie between two corners are free. It counts as much as one beam, and only where
+    /// nothing is known yet.
+    pub fn suppose_free(&mut self, min: Point2, max: Point2) {
+        let is_near = |value: f64| value.is_finite() && value.abs() / self.config.resolution_m < f64::from(MAX_CELL);
+        if ![min.x, min.y, max.x, max.y].into_iter().all(is_near) {
+            return;
+        }
+        self.grow_to_contain(self.cell_of(min));
+        self.grow_to_contain(self.cell_of(max));
+        let half = nalgebra::Vector2::repeat(0.5 * self.config.resolution_m);
+        let (low, high) = (self.cell_of(min + half), self.cell_of(max - half));
+        for j in low.j..=high.j {
+            for i in low.i..=high.i {
+                if let Some(index) = self.bounds.index(Cell { i, j })
+                    && self.log_odds[index] == 0.0
+                {
+                    self.log_odds[index] = self.config.miss_log_odds;
+                }
+            }
+        }
+    }
+
+    /// Adds a scan that another robot took: as [`integrate`](Self::integrate), but the cells do not count as seen by this robot.
+    pub fn integrate_told(&mut self, map_from_base: &Pose2, scan: &LaserScan) {
+        self.draw(map_from_base, scan, false);
+    }
+
     /// Adds a scan taken at `map_from_base`: cells on the way of a beam become freer, the cell of its end more occupied.
     /// A cell that some beam of this scan ends in is not freed by the others, so that thin walls survive grazing beams.
     pub fn integrate(&mut self, map_from_base: &Pose2, scan: &LaserScan) {
+        self.draw(map_from_base, scan, true);
+    }
+
+    fn draw(&mut self, map_from_base: &Pose2, scan: &LaserScan, is_own: bool) {
         let map_from_sensor = map_from_base * scan.base_from_sensor;
         let origin = Point2::from(map_from_sensor.translation.vector);
         let longest =
@@ -273,12 +310,16 @@ impl OccupancyGrid {
         for index in crossed {
             if hits.binary_search(&index).is_err() {
                 self.add(index, self.config.miss_log_odds);
-                self.seen[index].count(false);
+                if is_own {
+                    self.seen[index].count(false);
+                }
             }
         }
         for index in hits {
             self.add(index, self.config.hit_log_odds);
-            self.seen[index].count(true);
+            if is_own {
+                self.seen[index].count(true);
+            }
         }
     }
 

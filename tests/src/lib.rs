@@ -13,6 +13,7 @@
 //! | [`drive`] | a recorded drive of a robot that does not know where it is |
 //! | [`systems`] | the systems that are compared: ours, AMCL, MR-TopoMap |
 //! | [`simulation`] | a fleet on a bad network, in simulated time |
+//! | [`team`] | several explorers in one building, in simulated time |
 //! | [`trial`] | one system on one drive |
 //! | [`ledger`] | results that cost minutes, kept as they come |
 
@@ -28,4 +29,5 @@ pub mod simulation;
 pub mod storage;
 pub mod survey;
 pub mod systems;
+pub mod team;
 pub mod trial;

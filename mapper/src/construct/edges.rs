@@ -22,11 +22,14 @@ pub struct EdgeConfig {
     /// An existing edge is removed when something stands within this of it, metres. Less than the half width, so that
     /// a wall that wavers by a cell does not make edges come and go. Default 0.1.
     pub blocked_m: f64,
+    /// The same for edges of nodes that other robots made, metres: their walls are off by a little from where this robot sees
+    /// them. Default 0.05.
+    pub blocked_told_m: f64,
 }
 
 impl Default for EdgeConfig {
     fn default() -> Self {
-        Self { longest_m: 8.0, half_width_m: 0.165, bearing_gap_rad: 0.5, blocked_m: 0.1 }
+        Self { longest_m: 8.0, half_width_m: 0.165, bearing_gap_rad: 0.5, blocked_m: 0.1, blocked_told_m: 0.05 }
     }
 }
 
@@ -67,14 +70,27 @@ pub fn edges_of(
     edges
 }
 
-/// Edges of the map that something stands on by now.
+/// Whether something stands on an edge of the map by now. `is_own` says which nodes this robot made.
 #[must_use]
-pub fn blocked(state: &MapState, grid: &OccupancyGrid, config: &EdgeConfig) -> Vec<EdgeKey> {
-    let is_blocked = |edge: &EdgeKey| match (state.node(edge.low()), state.node(edge.high())) {
-        (Some(a), Some(b)) => {
-            !grid.is_corridor_unoccupied(point(a.pose.position), point(b.pose.position), config.blocked_m)
-        }
-        _ => false,
-    };
-    state.edges().filter(is_blocked).collect()
+pub fn is_blocked(
+    state: &MapState,
+    grid: &OccupancyGrid,
+    edge: EdgeKey,
+    is_own: impl Fn(NodeId) -> bool,
+    config: &EdgeConfig,
+) -> bool {
+    let (Some(a), Some(b)) = (state.node(edge.low()), state.node(edge.high())) else { return false };
+    let half_m = if is_own(a.id) && is_own(b.id) { config.blocked_m } else { config.blocked_told_m };
+    !grid.is_corridor_unoccupied(point(a.pose.position), point(b.pose.position), half_m)
+}
+
+/// Edges of the map that something stands on by now. `is_own` says which nodes this robot made.
+#[must_use]
+pub fn blocked(
+    state: &MapState,
+    grid: &OccupancyGrid,
+    is_own: impl Fn(NodeId) -> bool,
+    config: &EdgeConfig,
+) -> Vec<EdgeKey> {
+    state.edges().filter(|edge| is_blocked(state, grid, *edge, &is_own, config)).collect()
 }

@@ -2,8 +2,9 @@
 //! robot's loop, which drives on meanwhile.
 
 use super::setbacks::Setbacks;
+use super::team::{Prospect, Team, Worth};
 use super::{ExploreConfig, utility};
-use crate::frontier::{self, find_frontiers};
+use crate::frontier::{self, Knowledge, find_frontiers};
 use fht_robot::grid::{Cell, OccupancyGrid};
 use fht_robot::motion::PathFollower;
 use fht_robot::planning::{PlanConfig, Traversable, region_around};
@@ -48,6 +49,7 @@ pub(super) struct Underway {
 pub struct Search {
     pub(super) config: ExploreConfig,
     pub(super) setbacks: Setbacks,
+    pub(super) team: Team,
     pub(super) map_from_base: Pose2,
     pub(super) time_us: u64,
     /// The goal to be kept, unless the way there has become much longer.
@@ -61,6 +63,26 @@ pub struct Answer {
     pub(super) underway: Option<Point2>,
     /// What to drive to; `None` when nothing is left.
     pub(super) goal: Option<Goal>,
+    /// Whether something is left, but for others.
+    pub(super) is_left_to_others: bool,
+}
+
+/// What a search among frontiers came to.
+#[derive(Default)]
+struct Choice {
+    goal: Option<Goal>,
+    is_left_to_others: bool,
+}
+
+impl Choice {
+    /// What `otherwise` says if nothing was found.
+    fn or_else(self, otherwise: impl FnOnce() -> Self) -> Self {
+        if self.goal.is_some() {
+            return self;
+        }
+        let other = otherwise();
+        Self { is_left_to_others: other.is_left_to_others || self.is_left_to_others, ..other }
+    }
 }
 
 impl Search {
@@ -68,7 +90,9 @@ impl Search {
     #[must_use]
     pub fn run(&self, grid: &OccupancyGrid) -> Answer {
         let kept = self.underway.and_then(|underway| self.way_on(grid, &underway));
-        Answer { underway: self.underway.map(|underway| underway.target), goal: kept.or_else(|| self.choose(grid)) }
+        let choice = Choice { goal: kept, is_left_to_others: false }.or_else(|| self.choose(grid));
+        let underway = self.underway.map(|underway| underway.target);
+        Answer { underway, goal: choice.goal, is_left_to_others: choice.is_left_to_others }
     }
 
     /// The path to the same goal over the grid as it is now, if that is not much longer.
@@ -89,17 +113,18 @@ impl Search {
 
     /// The frontier of greatest utility that has not failed; if all have, the best that may be tried again. A robot that is
     /// boxed in squeezes out first.
-    fn choose(&self, grid: &OccupancyGrid) -> Option<Goal> {
+    fn choose(&self, grid: &OccupancyGrid) -> Choice {
         let config = &self.config;
         let allowed = |target: Point2| self.setbacks.allows(target, self.time_us, &config.setbacks);
         let allowed_later = |target: Point2| self.setbacks.allows_later(target, &config.setbacks);
-        best_goal(grid, &self.map_from_base, config, allowed)
-            .or_else(|| best_goal(grid, &self.map_from_base, config, allowed_later))
-            .or_else(|| {
-                let plan = PlanConfig { robot_radius_m: config.squeeze_m, ..config.plan.clone() };
-                let tight = ExploreConfig { plan, ..config.clone() };
-                self.is_boxed_in(grid).then(|| best_goal(grid, &self.map_from_base, &tight, allowed_later)).flatten()
-            })
+        self.best_goal(grid, config, allowed).or_else(|| self.best_goal(grid, config, allowed_later)).or_else(|| {
+            if !self.is_boxed_in(grid) {
+                return Choice::default();
+            }
+            let plan = PlanConfig { robot_radius_m: config.squeeze_m, ..config.plan.clone() };
+            let tight = ExploreConfig { plan, ..config.clone() };
+            self.best_goal(grid, &tight, allowed_later)
+        })
     }
 
     /// Whether the robot cannot even get back to where it began: it drove into a gap that has become narrower in the grid.
@@ -109,63 +134,76 @@ impl Search {
         let origin = space.nearest_passable(Point2::origin(), HOME_REACH_M);
         origin.is_some_and(|home| space.distances_from(position).distance_m(home).is_none())
     }
-}
 
-/// The way to the frontier of greatest utility among those that `accept` allows, wherever it is.
-///
-/// It looks near the robot first, and farther only while something farther could still be better.
-fn best_goal(
-    grid: &OccupancyGrid,
-    map_from_base: &Pose2,
-    config: &ExploreConfig,
-    accept: impl Fn(Point2) -> bool,
-) -> Option<Goal> {
-    let position = Point2::from(map_from_base.translation.vector);
-    let is_open = |cell: Cell| accept(grid.centre(cell));
-    let mut limit_m = NEAR_M;
-    loop {
-        let region = region_around(grid, position, limit_m + config.frontier.vantage_reach_m + REGION_MARGIN_M);
-        let is_all = region == grid.bounds();
-        if is_all {
-            limit_m = f64::INFINITY;
-        }
-        let in_reach = |cell: &Cell| is_open(*cell) && (grid.centre(*cell) - position).norm() <= limit_m;
-        let mut frontiers = find_frontiers(grid, region, &config.frontier);
-        frontiers.retain(|frontier| frontier.cells.iter().any(in_reach));
-        // Without the cost of a search for ways to nowhere.
-        if frontiers.is_empty() {
+    /// The way to the frontier of greatest utility among those that `accept` allows, wherever it is.
+    ///
+    /// It looks near the robot first, and farther only while something farther could still be better.
+    fn best_goal(&self, grid: &OccupancyGrid, config: &ExploreConfig, accept: impl Fn(Point2) -> bool) -> Choice {
+        let map_from_base = &self.map_from_base;
+        let known = Knowledge { grid, others: &self.team.seen };
+        let position = Point2::from(map_from_base.translation.vector);
+        let is_open = |cell: Cell| accept(grid.centre(cell));
+        let mut limit_m = NEAR_M;
+        loop {
+            let region = region_around(grid, position, limit_m + config.frontier.vantage_reach_m + REGION_MARGIN_M);
+            let is_all = region == grid.bounds();
             if is_all {
-                return None;
+                limit_m = f64::INFINITY;
             }
-            limit_m *= WIDEN;
-            continue;
-        }
-        let space = Traversable::in_region(grid, &config.plan, region);
-        let distances = space.distances_within(position, limit_m);
-        let candidates = frontiers.iter().filter_map(|frontier| {
-            let approach = frontier::approach(frontier, grid, &space, &distances, &config.frontier, is_open)?;
-            if frontier.is_gap && approach.distance_m > config.frontier.gap_reach_m {
-                return None;
+            let in_reach = |cell: &Cell| is_open(*cell) && (grid.centre(*cell) - position).norm() <= limit_m;
+            let mut frontiers = find_frontiers(&known, region, &config.frontier);
+            frontiers.retain(|frontier| frontier.cells.iter().any(in_reach));
+            // Without the cost of a search for ways to nowhere.
+            if frontiers.is_empty() {
+                if is_all {
+                    return Choice::default();
+                }
+                limit_m *= WIDEN;
+                continue;
             }
-            let path = distances.path_to(approach.stand);
-            let turn_rad = turn_to_set_off(map_from_base, &path);
-            Some((utility(frontier.size, approach.distance_m, turn_rad, &config.utility), approach, path))
-        });
-        // The first of equals, in the order of the frontiers' cells.
-        let best = candidates.reduce(|best, other| if other.0 > best.0 { other } else { best });
-        let best_beyond = utility(usize::MAX, limit_m, 0.0, &config.utility);
-        match best {
-            Some((utility, approach, path)) if is_all || utility >= best_beyond => {
-                return Some(Goal {
-                    target: space.centre(approach.target),
-                    stand: space.centre(approach.stand),
-                    robot_radius_m: config.plan.robot_radius_m,
-                    follower: PathFollower::new(config.follow.clone(), space.shorten(&path)),
-                    reached_us: None,
-                });
+            let space = Traversable::in_region(grid, &config.plan, region);
+            let distances = space.distances_within(position, limit_m);
+            let mut is_left_to_others = false;
+            let candidates = frontiers.iter().filter_map(|frontier| {
+                let approach = frontier::approach(frontier, grid, &space, &distances, &config.frontier, is_open)?;
+                if frontier.is_gap && approach.distance_m > config.frontier.gap_reach_m {
+                    return None;
+                }
+                let prospect = Prospect {
+                    target: grid.centre(approach.target),
+                    distance_m: approach.distance_m,
+                    is_told: !frontier.cells.iter().any(|cell| grid.is_own(*cell)),
+                    is_gap: frontier.is_gap,
+                };
+                let share = match self.team.worth(&prospect, &config.team) {
+                    Worth::Share(share) => share,
+                    Worth::LeftToOthers => {
+                        is_left_to_others = true;
+                        return None;
+                    }
+                    Worth::Nothing => return None,
+                };
+                let path = distances.path_to(approach.stand);
+                let turn_rad = turn_to_set_off(map_from_base, &path);
+                Some((share * utility(frontier.size, approach.distance_m, turn_rad, &config.utility), approach, path))
+            });
+            // The first of equals, in the order of the frontiers' cells.
+            let best = candidates.reduce(|best, other| if other.0 > best.0 { other } else { best });
+            let best_beyond = utility(usize::MAX, limit_m, 0.0, &config.utility);
+            match best {
+                Some((utility, approach, path)) if is_all || utility >= best_beyond => {
+                    let goal = Goal {
+                        target: space.centre(approach.target),
+                        stand: space.centre(approach.stand),
+                        robot_radius_m: config.plan.robot_radius_m,
+                        follower: PathFollower::new(config.follow.clone(), space.shorten(&path)),
+                        reached_us: None,
+                    };
+                    return Choice { goal: Some(goal), is_left_to_others };
+                }
+                _ if is_all => return Choice { goal: None, is_left_to_others },
+                _ => limit_m *= WIDEN,
             }
-            _ if is_all => return None,
-            _ => limit_m *= WIDEN,
         }
     }
 }

@@ -46,10 +46,10 @@ fn room_with_a_door(x: f64) -> OccupancyGrid {
 #[test]
 fn what_is_seen_through_a_door_is_a_frontier_and_the_walls_are_not() {
     let grid = room_with_a_door(-0.5);
-    let frontiers = find_frontiers(&grid, grid.bounds(), &FrontierConfig::default());
+    let frontiers = find_frontiers(&Knowledge::alone(&grid), grid.bounds(), &FrontierConfig::default());
     assert!(!frontiers.is_empty());
     for cell in frontiers.iter().flat_map(|frontier| &frontier.cells) {
-        assert!(is_frontier(&grid, *cell));
+        assert!(is_frontier(&Knowledge::alone(&grid), *cell));
         assert!(grid.centre(*cell).x > 1.9, "{:?}", grid.centre(*cell));
     }
     let space = Traversable::new(&grid, &PlanConfig::default());
@@ -70,17 +70,21 @@ fn the_row_by_row_search_finds_what_the_definition_says() {
     let grid = room_with_a_door(0.7);
     let all = FrontierConfig { min_cells: 1, min_unknown_m2: 0.0, ..FrontierConfig::default() };
     let bounds = grid.bounds();
-    let mut found: Vec<Cell> =
-        find_frontiers(&grid, bounds, &all).into_iter().flat_map(|frontier| frontier.cells).collect();
+    let mut found: Vec<Cell> = find_frontiers(&Knowledge::alone(&grid), bounds, &all)
+        .into_iter()
+        .flat_map(|frontier| frontier.cells)
+        .collect();
     found.sort_unstable();
     let count = bounds.width() * bounds.height();
-    let mut defined: Vec<Cell> =
-        (0..count).map(|index| bounds.cell(index)).filter(|&cell| is_frontier(&grid, cell)).collect();
+    let mut defined: Vec<Cell> = (0..count)
+        .map(|index| bounds.cell(index))
+        .filter(|&cell| is_frontier(&Knowledge::alone(&grid), cell))
+        .collect();
     defined.sort_unstable();
     assert_eq!(found, defined);
     let point = grid.centre(defined[0]);
     let near = defined.iter().filter(|&&cell| (grid.centre(cell) - point).norm() <= 0.3).count();
-    assert_eq!(frontier_cells_near(&grid, point, 0.3), near);
+    assert_eq!(frontier_cells_near(&Knowledge::alone(&grid), point, 0.3), near);
 }
 
 #[test]
@@ -92,12 +96,12 @@ fn a_gap_with_little_behind_it_is_no_frontier() {
     look(&mut grid, 1.7, |cos, sin| if cos < 0.0 { f64::NAN } else { to_wall(1.7, cos, sin) });
     let with = |min_unknown_m2| {
         let config = FrontierConfig { min_cells: 7, min_unknown_m2, ..FrontierConfig::default() };
-        find_frontiers(&grid, grid.bounds(), &config)
+        find_frontiers(&Knowledge::alone(&grid), grid.bounds(), &config)
     };
     assert!(!with(0.1).is_empty());
     assert!(with(2.0).is_empty());
     let empty = OccupancyGrid::new(GridConfig::default());
-    assert!(find_frontiers(&empty, empty.bounds(), &FrontierConfig::default()).is_empty());
+    assert!(find_frontiers(&Knowledge::alone(&empty), empty.bounds(), &FrontierConfig::default()).is_empty());
 }
 
 /// The floor beside a bed that stands `gap` cells from the wall below it: only the bed's end has been seen.
@@ -117,7 +121,7 @@ fn a_gap_that_the_robot_could_go_into_is_a_frontier() {
     let beside_wall = |frontier: &Frontier| frontier.cells.iter().all(|cell| cell.i == 29);
     let found = |gap| {
         let grid = beside_a_bed(gap);
-        let frontiers = find_frontiers(&grid, grid.bounds(), &FrontierConfig::default());
+        let frontiers = find_frontiers(&Knowledge::alone(&grid), grid.bounds(), &FrontierConfig::default());
         frontiers.into_iter().filter(beside_wall).map(|frontier| frontier.cells.len()).collect::<Vec<_>>()
     };
     assert_eq!(found(6), [4], "0.3 m");
@@ -128,8 +132,8 @@ fn a_gap_that_the_robot_could_go_into_is_a_frontier() {
 fn who_looks_into_no_gap_still_looks_through_doors() {
     let config = FrontierConfig::without_gaps();
     let room = room_with_a_door(-0.5);
-    assert!(!find_frontiers(&room, room.bounds(), &config).is_empty());
+    assert!(!find_frontiers(&Knowledge::alone(&room), room.bounds(), &config).is_empty());
     let bed = beside_a_bed(6);
-    let frontiers = find_frontiers(&bed, bed.bounds(), &config);
+    let frontiers = find_frontiers(&Knowledge::alone(&bed), bed.bounds(), &config);
     assert!(frontiers.iter().all(|frontier| frontier.cells.iter().any(|cell| cell.i != 29)));
 }

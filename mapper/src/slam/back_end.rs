@@ -3,13 +3,13 @@
 use super::closure::{ClosureConfig, ClosureCounts, Found, LoopCloser, NewKeyframe, Sighting};
 use super::estimate::{View, locate};
 use super::graph::KeyframeGraph;
+use super::submap::SubmapConfig;
+use super::told::{Hearsay, Shift, Told};
 use fht_robot::grid::{GridConfig, OccupancyGrid};
 use fht_robot::pose::{Point2, Pose2};
 
 /// The grid is drawn again when some keyframe has moved by this much since it was drawn, metres. Less than half a cell.
-const REDRAW_M: f64 = 0.02;
-/// The same, radians.
-const REDRAW_RAD: f64 = 0.003;
+pub(super) const REDRAW: Shift = Shift { least_m: 0.02, least_rad: 0.003 };
 
 /// What a robot sees that does not know where it is.
 #[derive(Clone, Debug)]
@@ -29,6 +29,11 @@ pub struct Job {
     pub views: Vec<View>,
     /// What panoramas looked like.
     pub sightings: Vec<Sighting>,
+    /// What others have told of the building.
+    pub told: Vec<Told>,
+    /// Where the run's frame lies in the map that the robot has joined, if that was found out after the keyframes of the last job and
+    /// before those of this one: [`Job::keyframes`] are in the map's frame.
+    pub map_from_run: Option<Pose2>,
     /// A robot that does not know where it is.
     pub lost: Option<Lost>,
     /// Whether this is the last job.
@@ -51,9 +56,11 @@ pub struct Outcome {
 /// What the thread keeps.
 pub struct BackEnd {
     grid: GridConfig,
+    submap: SubmapConfig,
     graph: KeyframeGraph,
     closer: LoopCloser,
     views: Vec<View>,
+    hearsay: Hearsay,
     /// Poses with which the front end's grid was drawn.
     drawn: Vec<Pose2>,
 }
@@ -61,19 +68,31 @@ pub struct BackEnd {
 impl BackEnd {
     /// Before the first job.
     #[must_use]
-    pub fn new(grid: GridConfig, closure: ClosureConfig) -> Self {
+    pub fn new(grid: GridConfig, submap: SubmapConfig, closure: ClosureConfig) -> Self {
         Self {
             grid,
+            submap,
             graph: KeyframeGraph::default(),
             closer: LoopCloser::new(closure),
             views: Vec::new(),
+            hearsay: Hearsay::default(),
             drawn: Vec::new(),
         }
     }
 
     /// Works on a job.
     pub fn work(&mut self, job: Job) -> Outcome {
-        let mut has_moved = false;
+        let mut has_moved = job.map_from_run.is_some();
+        if let Some(map_from_run) = job.map_from_run {
+            self.graph.place(&map_from_run);
+        }
+        let mut is_outdated = false;
+        for (id, node) in job.told {
+            let anchor = node.as_ref().filter(|node| node.is_anchor);
+            self.closer.tell(id, anchor, &self.submap, &mut self.graph);
+            is_outdated |= !self.hearsay.take((id, node), REDRAW);
+        }
+        has_moved |= self.closer.settle(&mut self.graph);
         for keyframe in job.keyframes {
             self.closer.add(keyframe, &mut self.graph);
             has_moved |= self.closer.settle(&mut self.graph);
@@ -88,24 +107,26 @@ impl BackEnd {
         }
         self.views.extend(job.views);
         let found = job.lost.and_then(|lost| self.closer.find(&lost, &self.graph));
-        let grid = if has_moved { self.redraw() } else { None };
+        let grid = if has_moved || is_outdated { self.redraw(is_outdated) } else { None };
         // Until it is drawn again, the grid shows new keyframes where they are now.
         self.drawn.extend_from_slice(&self.graph.poses()[self.drawn.len()..]);
         let poses = has_moved.then(|| self.graph.poses().to_vec());
         Outcome { poses, grid, found, counts: self.closer.counts() }
     }
 
-    fn redraw(&mut self) -> Option<OccupancyGrid> {
+    /// The grid as it is now, if that is another one than was drawn, or what was told `is_outdated`.
+    fn redraw(&mut self, is_outdated: bool) -> Option<OccupancyGrid> {
         let poses = self.graph.poses();
         let has_moved = |(now, then): (&Pose2, &Pose2)| {
             let moved = then.inverse() * now;
-            moved.translation.vector.norm() > REDRAW_M || moved.rotation.angle().abs() > REDRAW_RAD
+            moved.translation.vector.norm() > REDRAW.least_m || moved.rotation.angle().abs() > REDRAW.least_rad
         };
-        if !poses.iter().zip(&self.drawn).any(has_moved) {
+        if !is_outdated && !poses.iter().zip(&self.drawn).any(has_moved) {
             return None;
         }
         self.drawn = poses.to_vec();
         let mut grid = OccupancyGrid::new(self.grid.clone());
+        self.hearsay.draw(&mut grid);
         for view in &self.views {
             grid.integrate(&locate(poses, &view.anchored), &view.scan);
         }

@@ -6,111 +6,25 @@
 //!
 //! What the last two find is believed only when several keyframes say the same. What is believed may still be wrong: the
 //! optimisation gives it a robust weight.
+//!
+//! A run that has joined a map is also matched to what the map's nodes saw (`anchors`).
+
+mod anchors;
+mod config;
+
+pub use config::ClosureConfig;
 
 use super::back_end::Lost;
 use super::graph::{KeyframeGraph, Link};
 use super::submap::{Submap, Verdict};
-use fht_robot::matching::{MatchConfig, ScanMatch, SearchWindow, alignments, refine};
+use fht_proto::NodeId;
+use fht_robot::matching::{ScanMatch, SearchWindow, alignments, refine};
 use fht_robot::pose::{Point2, Pose2, pose, wrap_angle};
 use fht_robot::pose_graph::{Edge, GraphConfig, chi2};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::sync::Arc;
-
-/// Parameters of loop closure.
-#[derive(Clone, Debug)]
-pub struct ClosureConfig {
-    /// The optimisation.
-    pub graph: GraphConfig,
-    /// Scan matching.
-    pub matching: MatchConfig,
-    /// A submap is tried when one of its keyframes is nearer than this plus the uncertainty, metres. Default 4.
-    pub reach_m: f64,
-    /// Half width of the search after no way at all, metres. Default 0.15.
-    pub window_m: f64,
-    /// Growth of the half width with the length of the way since both places were joined, metres per metre. Default 0.03.
-    pub window_per_m: f64,
-    /// Greatest half width, metres. Default 10.
-    pub max_window_m: f64,
-    /// Half width of headings after no way at all, radians. Default 0.05.
-    pub window_rad: f64,
-    /// Growth of the half width of headings, radians per metre. Default 0.01.
-    pub window_rad_per_m: f64,
-    /// Up to this half width refinement needs no search, metres. Default 0.45.
-    pub refine_m: f64,
-    /// Submaps tried with each keyframe by refinement. Default 8.
-    pub tries: usize,
-    /// Keyframes between searches. Default 4.
-    pub search_every: usize,
-    /// Least explained share of the points that a submap can judge. Default 0.8.
-    pub min_agreement: f64,
-    /// Least explained share of all points. Default 0.4.
-    pub min_overlap: f64,
-    /// Closures after a long way that must agree. Default 3.
-    pub agreeing: usize,
-    /// They agree when the corrections that they imply differ by less than this, metres. Default 0.3.
-    pub agreement_m: f64,
-    /// And by less than this, radians. Default 0.05.
-    pub agreement_rad: f64,
-    /// Standard deviation of a match beyond what its geometry says, metres: neighbouring matches err alike. Default 0.01.
-    pub floor_m: f64,
-    /// The same for the heading, radians. Default 0.002.
-    pub floor_rad: f64,
-    /// The graph is optimised when new closures disagree with it by this much in sum (squared Mahalanobis distance).
-    /// Default 5: waiting for more, what the robot knows of itself wanders by twice as much (office).
-    pub optimise_tension: f64,
-    /// What one closure adds to that sum at most. Default 50.
-    pub most_tension: f64,
-    /// Least cosine of the descriptors of two panoramas that may be of one place; `None`: what the model says. Default `None`.
-    pub min_similarity: Option<f32>,
-    /// A look-alike is tried when the way to it is longer than this, metres. Default 15.
-    pub look_alike_way_m: f64,
-    /// Half width of the search around a look-alike, metres. Default 2.5.
-    pub look_alike_m: f64,
-    /// Half width of the search in each submap when the robot is lost, metres. Default 6.
-    pub lost_window_m: f64,
-    /// Least agreement and overlap of a place that a lost robot believes. Default 0.85 and 0.6.
-    pub lost_agreement: f64,
-    /// See `lost_agreement`.
-    pub lost_overlap: f64,
-    /// A lost robot believes no place when another one has more than this share of its balance. Default 0.8.
-    pub lost_ambiguity: f64,
-}
-
-impl Default for ClosureConfig {
-    fn default() -> Self {
-        Self {
-            graph: GraphConfig::default(),
-            matching: MatchConfig::default(),
-            reach_m: 4.0,
-            window_m: 0.15,
-            window_per_m: 0.03,
-            max_window_m: 10.0,
-            window_rad: 0.05,
-            window_rad_per_m: 0.01,
-            refine_m: 0.45,
-            tries: 8,
-            search_every: 4,
-            min_agreement: 0.8,
-            min_overlap: 0.4,
-            agreeing: 3,
-            agreement_m: 0.3,
-            agreement_rad: 0.05,
-            floor_m: 0.01,
-            floor_rad: 0.002,
-            optimise_tension: 5.0,
-            most_tension: 50.0,
-            min_similarity: None,
-            look_alike_way_m: 15.0,
-            look_alike_m: 2.5,
-            lost_window_m: 6.0,
-            lost_agreement: 0.85,
-            lost_overlap: 0.6,
-            lost_ambiguity: 0.8,
-        }
-    }
-}
 
 /// A keyframe as the front end hands it over.
 #[derive(Clone, Debug)]
@@ -153,6 +67,8 @@ pub struct ClosureCounts {
     pub look_alike: usize,
     /// Searches and refinements that found nothing that could be believed.
     pub refused: usize,
+    /// Keyframes matched to nodes of a map that the run has joined, each time counted.
+    pub anchored: usize,
     /// Optimisations.
     pub optimised: usize,
 }
@@ -174,11 +90,15 @@ pub struct LoopCloser {
     config: ClosureConfig,
     points: Vec<Arc<Vec<Point2>>>,
     submaps: Vec<Arc<Submap>>,
+    /// What nodes of the map saw that other robots made, each in its node's frame.
+    anchorages: BTreeMap<NodeId, Submap>,
     sightings: Vec<Sighting>,
     /// The keyframe of the newest sighting for which a look-alike was tried.
     tried_alike: Option<usize>,
     pending: Vec<Pending>,
     tension: f64,
+    /// How far the anchors pulled at the graph after it was last optimised.
+    relaxed: f64,
     /// Whether closures after long ways were joined since the last optimisation.
     is_graduated: bool,
     counts: ClosureCounts,
@@ -202,10 +122,12 @@ impl LoopCloser {
             config,
             points: Vec::new(),
             submaps: Vec::new(),
+            anchorages: BTreeMap::new(),
             sightings: Vec::new(),
             tried_alike: None,
             pending: Vec::new(),
             tension: 0.0,
+            relaxed: 0.0,
             is_graduated: false,
             counts: ClosureCounts::default(),
         }
@@ -222,6 +144,7 @@ impl LoopCloser {
         let index = graph.add(keyframe.links);
         self.points.push(keyframe.points);
         self.close(index, graph);
+        self.anchor(index, graph);
         self.submaps.extend(keyframe.finished);
     }
 
@@ -290,7 +213,10 @@ impl LoopCloser {
         let config = GraphConfig { is_graduated: self.is_graduated, ..self.config.graph.clone() };
         self.is_graduated = false;
         match graph.optimise(&config) {
-            Ok(()) => true,
+            Ok(()) => {
+                self.relaxed = graph.anchor_tension(self.config.most_tension);
+                true
+            }
             Err(error) => {
                 tracing::warn!("the pose graph was not optimised: {error}");
                 false
@@ -385,8 +311,12 @@ impl LoopCloser {
     }
 
     fn match_to(&self, index: usize, candidate: &Candidate) -> Option<Edge> {
+        self.match_within(&self.submaps[candidate.submap], index, candidate)
+    }
+
+    /// Matches a keyframe to a submap within a candidate's window.
+    fn match_within(&self, submap: &Submap, index: usize, candidate: &Candidate) -> Option<Edge> {
         let config = &self.config;
-        let submap = &self.submaps[candidate.submap];
         let points = self.points[index].as_slice();
         let guess = candidate.guess;
         let aligned = if candidate.window_m <= config.refine_m {
@@ -460,6 +390,7 @@ impl LoopCloser {
             return;
         }
         graph.drop_doubtful();
+        let (window_m, window_rad) = anchors::SETTLED;
         for index in 0..graph.poses().len() {
             let here = graph.poses()[index];
             let mut near: Vec<(f64, usize)> = (0..self.submaps.len())
@@ -470,11 +401,12 @@ impl LoopCloser {
             near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             for &(distance_m, submap) in near.iter().take(self.config.tries) {
                 let guess = graph.poses()[self.submaps[submap].first()].inverse() * here;
-                let candidate = Candidate { submap, guess, window_m: 0.2, window_rad: 0.05, distance_m };
+                let candidate = Candidate { submap, guess, window_m, window_rad, distance_m };
                 if let Some(edge) = self.match_to(index, &candidate) {
                     graph.join(Link::ordinary(edge));
                 }
             }
+            self.anchor_within(index, anchors::SETTLED, graph);
         }
         let _ = optimise(graph);
     }

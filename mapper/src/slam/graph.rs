@@ -1,15 +1,20 @@
-//! Keyframes and what was measured between them.
+//! Keyframes and what was measured between them; and, in a run that has joined a map, between them and nodes of the map.
 
+use fht_proto::NodeId;
 use fht_robot::pose::Pose2;
-use fht_robot::pose_graph::{Edge, GraphConfig, GraphError, optimise};
+use fht_robot::pose_graph::{Edge, GraphConfig, GraphError, chi2, optimise};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BTreeMap, BinaryHeap};
 
 /// The pose graph of a run. Keyframe 0 stays where it is: the map frame.
 #[derive(Clone, Debug, Default)]
 pub struct KeyframeGraph {
     poses: Vec<Pose2>,
     edges: Vec<Edge>,
+    anchors: Vec<Anchor>,
+    /// Where the nodes are that keyframes are anchored to, as their makers have them.
+    nodes: BTreeMap<NodeId, Pose2>,
     /// Neighbours, and how much uncertainty has been driven in between, in metres of ordinary driving.
     ways: Vec<Vec<(usize, f64)>>,
 }
@@ -22,6 +27,22 @@ pub struct Link {
     /// Metres.
     pub way_m: f64,
 }
+
+/// Where a keyframe is, seen from a node of the map that another robot made.
+#[derive(Clone, Debug)]
+pub struct Anchor {
+    /// The node.
+    pub node: NodeId,
+    /// The keyframe.
+    pub keyframe: usize,
+    /// The keyframe in the node's frame.
+    pub node_from_keyframe: Pose2,
+    /// Inverse covariance of x, y (metres, the node's frame) and yaw (radians).
+    pub information: Matrix3<f64>,
+}
+
+/// After joining a map, for how many metres of driving the uncertainty of that counts.
+const JOINED_WAY_M: f64 = 5.0;
 
 impl Link {
     /// A measurement whose uncertainty is that of ordinary driving.
@@ -63,9 +84,72 @@ impl KeyframeGraph {
         self.edges.push(edge);
     }
 
-    /// Takes away all edges that may be wrong.
+    /// Takes away all edges that may be wrong, and all anchors.
     pub fn drop_doubtful(&mut self) {
         self.edges.retain(|edge| !edge.is_doubtful);
+        self.anchors.clear();
+    }
+
+    /// The robot has found out where the frame of its run lies in the map: everything moves there. Keyframe 0 is the map's frame, and nothing
+    /// but its first link tied the run to it.
+    pub fn place(&mut self, map_from_run: &Pose2) {
+        self.poses.iter_mut().skip(1).for_each(|pose| *pose = map_from_run * *pose);
+        let poses = &self.poses;
+        for edge in self.edges.iter_mut().filter(|edge| edge.from == 0) {
+            edge.measured = poses[edge.to];
+        }
+        if let Some(first) = self.ways.first_mut() {
+            first.iter_mut().for_each(|(_, way_m)| *way_m = way_m.min(JOINED_WAY_M));
+        }
+        for (_, way_m) in self.ways.iter_mut().skip(1).flatten().filter(|(other, _)| *other == 0) {
+            *way_m = way_m.min(JOINED_WAY_M);
+        }
+    }
+
+    /// A node to be anchored to is here now, or no longer there.
+    pub fn put_node(&mut self, node: NodeId, map_from_node: Option<Pose2>) {
+        match map_from_node {
+            Some(pose) => _ = self.nodes.insert(node, pose),
+            None => {
+                self.nodes.remove(&node);
+                self.anchors.retain(|anchor| anchor.node != node);
+            }
+        }
+    }
+
+    /// The nodes that may be anchored to.
+    #[must_use]
+    pub fn nodes(&self) -> &BTreeMap<NodeId, Pose2> {
+        &self.nodes
+    }
+
+    /// Anchors a keyframe to a node that is there.
+    pub fn anchor(&mut self, anchor: Anchor) {
+        // What is known against the map is known against all that is known against it.
+        self.ways[0].push((anchor.keyframe, 0.0));
+        self.ways[anchor.keyframe].push((0, 0.0));
+        self.anchors.push(anchor);
+    }
+
+    /// How far anchors pull at the graph (sum of squared Mahalanobis distances, each at most `most`).
+    #[must_use]
+    pub fn anchor_tension(&self, most: f64) -> f64 {
+        self.anchor_edges().map(|edge| chi2(&edge, &self.poses).min(most)).sum()
+    }
+
+    /// The anchors as measurements from the map's frame.
+    fn anchor_edges(&self) -> impl Iterator<Item = Edge> + '_ {
+        self.anchors.iter().filter_map(|anchor| {
+            let map_from_node = self.nodes.get(&anchor.node)?;
+            let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), map_from_node.rotation.angle()).into_inner();
+            Some(Edge {
+                from: 0,
+                to: anchor.keyframe,
+                measured: map_from_node * anchor.node_from_keyframe,
+                information: turn * anchor.information * turn.transpose(),
+                is_doubtful: true,
+            })
+        })
     }
 
     /// Moves the poses to where the edges are satisfied best.
@@ -73,7 +157,11 @@ impl KeyframeGraph {
     /// # Errors
     /// [`GraphError`]; the poses are then unchanged.
     pub fn optimise(&mut self, config: &GraphConfig) -> Result<(), GraphError> {
-        optimise(&mut self.poses, &self.edges, config)
+        if self.anchors.is_empty() {
+            return optimise(&mut self.poses, &self.edges, config);
+        }
+        let edges: Vec<Edge> = self.edges.iter().cloned().chain(self.anchor_edges()).collect();
+        optimise(&mut self.poses, &edges, config)
     }
 
     /// Shortest ways from a keyframe to all others, metres: error grows with them, and a closure makes them short.

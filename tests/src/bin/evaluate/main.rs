@@ -18,6 +18,7 @@ mod slam;
 mod storage;
 mod systems;
 mod tables;
+mod team;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -47,6 +48,12 @@ pose of the scan taken at t2 in the frame of the scan taken at t1, metres and ra
   evaluate explore                                         museum and office, drift 1 and 2, ten seeds: about an hour
   evaluate explore --worlds museum --seeds 3 --no-cameras")]
     Explore(explore::ExploreArgs),
+    /// Several explorers in one building, against one: the time they take, and how good their map is.
+    #[command(after_help = "Examples:
+  evaluate team --worlds office --seeds 3                  two explorers that begin in one room
+  evaluate team --worlds office --apart-m inf              … or anywhere in the building
+  evaluate team --worlds office --succeed-at 0.5           the first one dies half-way, and another finishes the map")]
+    Team(team::TeamArgs),
     /// Both tables of the paper, with our figures beside the printed ones: relocalization, paths and storage of our map, of
     /// MR-TopoMap, of the grid map and of main nodes only. Goes on where it stopped.
     #[command(after_help = "Examples:
@@ -84,6 +91,7 @@ fn main() -> ExitCode {
     let outcome = match cli.part {
         Part::Slam(args) => slam::run(&args),
         Part::Explore(args) => explore::run(&args),
+        Part::Team(args) => team::run(&args),
         Part::Tables(args) => tables::run(&args),
         Part::Paths(args) => paths::run(&args),
         Part::Contents(args) => contents::run(&args),

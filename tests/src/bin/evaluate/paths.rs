@@ -144,6 +144,12 @@ pub fn measure(
     Ok(all)
 }
 
+/// The quality of the paths on our map, over `count` pairs.
+pub fn quality(survey: &Survey, world: &str, count: usize, output: &OutputArgs) -> Result<PathFigures, String> {
+    let ways = Ways::of(survey, world, count, 1, output)?;
+    plan_all(survey, short_name(world), System::Ours, &ways).map_err(|error| format!("{world}: {error}"))
+}
+
 /// Two places and the shortest way between them on the true plan, world frame.
 struct Way {
     from: Point2,

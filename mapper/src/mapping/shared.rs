@@ -1,0 +1,270 @@
+//! A map that others write, too: joining it, following what they write, and dividing the work.
+
+use super::{Mapper, MapperConfig, match_threshold};
+use crate::beside::Pace;
+use crate::construct::{Observation, point};
+use crate::explore::{SeenSquares, Team, Teammate, seen_area};
+use crate::joining::Joining;
+use crate::slam::told::{Told, ToldNode};
+use crate::slam::{Anchored, Slam, Tracking};
+use client_robot::inquiry::Taking;
+use fht_map::{MapState, NodeRef};
+use fht_proto::fleet::{ExplorerGoal, LocalizationState};
+use fht_proto::{AuthorId, Descriptor, FixedPose, NodeId, NodeKind, Rect, SeenArea};
+use fht_robot::descriptor::{Appearance, DescriptorNet};
+use fht_robot::frame::SensorFrame;
+use fht_robot::pose::{Point2, Pose2, from_fixed, to_fixed};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// Frames after a change of the map at which its walls are used by a robot that looks for its place.
+const WALLS_AFTER_FRAMES: u32 = 2;
+/// Way between places that a newcomer remembers, metres.
+const REMEMBER_EVERY_M: f64 = 0.5;
+
+/// A robot that is to join a map and does not know yet where in it it is.
+pub(super) struct Newcomer {
+    joining: Joining,
+    eyes: Option<DescriptorNet>,
+    /// The map, and how many increments of this author the server has.
+    shared: Option<(MapState, u64)>,
+    remembered: Option<Pose2>,
+}
+
+/// What of a node is news when it changes.
+#[derive(Clone, Copy, PartialEq)]
+struct Known {
+    kind: NodeKind,
+    pose: FixedPose,
+    free_space: Option<Rect>,
+    has_signature: bool,
+}
+
+impl Known {
+    fn of(node: &NodeRef<'_>) -> Self {
+        let has_signature = node.signature.is_some();
+        Self { kind: node.kind, pose: node.pose, free_space: node.free_space, has_signature }
+    }
+}
+
+/// What others have made of the map.
+#[derive(Default)]
+pub(super) struct Others {
+    nodes: BTreeMap<NodeId, Known>,
+    /// Who had written before this robot joined: it holds itself to their nodes.
+    seniors: BTreeSet<AuthorId>,
+    team: Team,
+}
+
+/// What a robot says of where it is.
+#[derive(Clone, Debug)]
+pub struct Whereabouts {
+    /// Whether it knows.
+    pub state: LocalizationState,
+    /// How probable the pose, or the likeliest candidate, is, as the robot sees it: 0 to 1.
+    pub confidence: f64,
+    /// Where it is, if it knows.
+    pub map_from_base: Option<Pose2>,
+    /// Where it may be, likeliest first, if it does not.
+    pub candidates: Vec<Pose2>,
+}
+
+impl Mapper {
+    /// Before the first frame of a robot that is to join a map. It explores at once, and writes when it has found its place.
+    /// `eyes` are a network of its own to find it with.
+    ///
+    /// # Errors
+    /// When the system gives no thread.
+    pub fn joining(
+        config: MapperConfig,
+        author: AuthorId,
+        net: Option<DescriptorNet>,
+        eyes: Option<DescriptorNet>,
+    ) -> std::io::Result<Self> {
+        let taking = match config.pace {
+            Pace::Repeatable => Taking::AfterFrames(WALLS_AFTER_FRAMES),
+            Pace::RealTime => Taking::WhenThere,
+        };
+        let joining = Joining::new(config.join.clone(), taking);
+        let slam = Slam::unplaced(config.slam.clone(), config.pace)?;
+        let newcomer = Some(Newcomer { joining, eyes, shared: None, remembered: None });
+        Ok(Self { slam, newcomer, ..Self::new(config, author, net)? })
+    }
+
+    /// From now on others may write the map, too, and what they write is given by [`take_in`](Self::take_in).
+    pub fn share(&mut self) {
+        self.journal.share();
+    }
+
+    /// Whether the robot knows where in the map it is: from the first frame on, unless it is to join one.
+    #[must_use]
+    pub fn is_placed(&self) -> bool {
+        self.newcomer.is_none()
+    }
+
+    /// What the robot says of where it is.
+    #[must_use]
+    pub fn whereabouts(&self) -> Whereabouts {
+        match (&self.newcomer, &self.latest) {
+            (Some(newcomer), _) => Whereabouts {
+                // It is not localized before it has joined.
+                state: match newcomer.joining.state() {
+                    LocalizationState::Localized => LocalizationState::Candidates,
+                    state => state,
+                },
+                confidence: newcomer.joining.confidence(),
+                map_from_base: None,
+                candidates: newcomer.joining.candidates(),
+            },
+            (None, Some(latest)) if latest.tracking != Tracking::Lost => Whereabouts {
+                state: LocalizationState::Localized,
+                confidence: 1.0,
+                map_from_base: Some(latest.map_from_base),
+                candidates: Vec::new(),
+            },
+            _ => Whereabouts {
+                state: LocalizationState::Lost,
+                confidence: 0.0,
+                map_from_base: None,
+                candidates: Vec::new(),
+            },
+        }
+    }
+
+    /// What the robot is about, for others to go elsewhere; nothing before it knows where in the map it is.
+    #[must_use]
+    pub fn goal(&self) -> Option<ExplorerGoal> {
+        let at = self.whereabouts().map_from_base?.translation;
+        Some(ExplorerGoal {
+            at: [at.x, at.y],
+            target: self.explorer.goal().map(|target| [target.x, target.y]),
+            remaining_m: self.explorer.remaining_m(),
+            finished: self.explorer.has_ended(),
+        })
+    }
+
+    /// What the robot has seen, for others; nothing before it knows where in the map it is.
+    #[must_use]
+    pub fn seen(&self) -> Option<SeenArea> {
+        self.is_placed().then(|| seen_area(self.grid(), self.journal.author(), self.journal.written())).flatten()
+    }
+
+    /// The other explorers that are there, and what they are about.
+    pub fn hear(&mut self, mates: Vec<Teammate>) {
+        self.others.team.mates = mates;
+        self.explorer.hear(self.others.team.clone());
+    }
+
+    /// What other explorers have seen: by author, the newest word of each whose increments are here that it had written by then. What one has
+    /// seen that died before it could write of it must be seen again.
+    pub fn hear_seen(&mut self, areas: &[SeenArea]) {
+        let resolution_m = self.grid().resolution_m();
+        let squares = areas.iter().filter_map(|area| SeenSquares::new(area, resolution_m));
+        self.others.team.seen = squares.map(Arc::new).collect();
+        self.explorer.hear(self.others.team.clone());
+    }
+
+    /// The map is `shared` now, of which the server has this robot's increments up to number `acknowledged`.
+    pub fn take_in(&mut self, shared: &MapState, acknowledged: u64) {
+        if let Some(newcomer) = &mut self.newcomer {
+            newcomer.joining.follow(shared);
+            newcomer.shared = Some((shared.clone(), acknowledged));
+            return;
+        }
+        self.journal.follow(shared, acknowledged);
+        let news = self.others.news(self.journal.state(), |id| self.builder.is_own(id));
+        if news.is_empty() {
+            return;
+        }
+        for (id, node) in &news {
+            let position = node.as_ref().filter(|node| node.scan.is_some());
+            self.builder.tell(*id, position.map(|node| to_fixed(&node.map_from_node).position));
+        }
+        self.slam.tell(news);
+        self.explorer.hear(self.others.team.clone());
+    }
+
+    /// A frame of a robot that does not know yet where in the map it is.
+    pub(super) fn find_itself(&mut self, frame: &SensorFrame, anchored: &Anchored, tracking: Tracking) {
+        let run_from_base = self.slam.locate(anchored);
+        let Some(newcomer) = self.newcomer.as_mut().filter(|_| tracking != Tracking::Lost) else { return };
+        let model = self.model.as_ref();
+        let mut seen: Option<Appearance> = None;
+        let mut describe = |seen: &mut Option<Appearance>| {
+            if seen.is_none() {
+                let (eyes, panorama) = (newcomer.eyes.as_mut()?, frame.panorama.as_ref()?);
+                let described = eyes.appearance(panorama);
+                *seen = described.inspect_err(|error| tracing::warn!("a panorama was not described: {error}")).ok();
+            }
+            Some(Descriptor::quantise(model?.id, &seen.as_ref()?.components))
+        };
+        let placed = newcomer.joining.update(frame, &run_from_base, || describe(&mut seen));
+        let is_far =
+            |before: &Pose2| (before.translation.vector - run_from_base.translation.vector).norm() >= REMEMBER_EVERY_M;
+        let is_picture = frame.panorama.is_some() || model.is_none();
+        if is_picture && newcomer.remembered.as_ref().is_none_or(is_far) {
+            newcomer.remembered = Some(run_from_base);
+            let descriptor = describe(&mut seen);
+            let information = seen.as_ref().map_or(1.0, |seen| seen.information);
+            if let (Some(seen), Some(model)) = (seen, model) {
+                self.slam.see(anchored, Arc::new(seen.components), match_threshold(model));
+            }
+            let scan = frame.scan.to_record();
+            let observation = Observation { anchored: *anchored, frame: self.frame, scan, descriptor, information };
+            self.builder.remember(observation);
+        }
+        if let Some(map_from_run) = placed {
+            self.place(&map_from_run, frame.time_us);
+        }
+    }
+
+    /// The robot has found its place: what it knows moves there, and from now on it writes.
+    fn place(&mut self, map_from_run: &Pose2, time_us: u64) {
+        tracing::info!(after_m = self.odometer_m, after_s = time_us as f64 * 1e-6, "joined the map");
+        self.slam.place(map_from_run);
+        // A goal that is being searched for lies in the frame of before.
+        let _ = self.goals.finish();
+        self.explorer.change_frame();
+        if let Some(latest) = &mut self.latest {
+            latest.map_from_base = self.slam.locate(&latest.anchored);
+        }
+        let Some((shared, written)) = self.newcomer.take().and_then(|newcomer| newcomer.shared) else { return };
+        self.journal.resume(&shared, written);
+        self.others.seniors = shared.nodes().map(|node| node.id.author).collect();
+        self.take_in(&shared, written);
+    }
+
+    /// Looks whether nodes around the robot that others made are as they say.
+    pub(super) fn doubt(&mut self, map_from_base: &Pose2, time_us: u64) {
+        if !self.others.nodes.is_empty() {
+            let here = to_fixed(map_from_base).position;
+            let ops = self.builder.doubt(here, self.odometer_m, &self.journal, self.slam.grid());
+            self.write_all(&ops, time_us);
+        }
+    }
+}
+
+impl Others {
+    /// What has become of the nodes that others made since the last call.
+    fn news(&mut self, state: &MapState, is_own: impl Fn(NodeId) -> bool) -> Vec<Told> {
+        let mut news: Vec<Told> = Vec::new();
+        let mut now = BTreeMap::new();
+        for node in state.nodes().filter(|node| !is_own(node.id)) {
+            let known = Known::of(&node);
+            now.insert(node.id, known);
+            if self.nodes.get(&node.id) != Some(&known) {
+                let is_anchor = node.kind == NodeKind::Main && self.seniors.contains(&node.id.author);
+                let told = ToldNode::new(from_fixed(node.pose), node.free_space, node.signature, is_anchor);
+                news.push((node.id, Some(told)));
+            }
+        }
+        news.extend(self.nodes.keys().filter(|id| !now.contains_key(id)).map(|id| (*id, None)));
+        self.nodes = now;
+        if !news.is_empty() {
+            let place = |(id, known): (&NodeId, &Known)| (point(known.pose.position), id.author);
+            let told: Vec<(Point2, AuthorId)> = self.nodes.iter().map(place).collect();
+            self.team.told = Arc::new(told);
+        }
+        news
+    }
+}

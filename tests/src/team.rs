@@ -1,0 +1,408 @@
+//! Several explorers in one building, in simulated time and without a network: frame by frame, what each writes reaches the others a
+//! second later. For evaluations, which must repeat; the demo runs the same as processes.
+
+use fht_map::MapState;
+use fht_proto::{AuthorId, Increment, SeenArea};
+use fht_robot::descriptor::{DescriptorError, DescriptorNet};
+use fht_robot::frame::{FrameError, SensorFrame};
+use fht_robot::grid::{CellState, OccupancyGrid};
+use fht_robot::pose::{Point2, Pose2, pose};
+use fht_sim::{SimConfig, Simulator, World};
+use mapper::camera::CameraError;
+use mapper::explore::{Ending, Teammate};
+use mapper::mapping::{Mapper, MapperConfig, Step};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// Frames after which what a robot has written reaches the others: a second.
+const DELAY_FRAMES: u64 = 5;
+/// What it has seen a robot tells this often, seconds.
+const TELL_EVERY_S: f64 = 5.0;
+
+/// One explorer.
+#[derive(Clone, Copy, Debug)]
+pub struct Member {
+    /// Where it begins, world frame.
+    pub start: Pose2,
+    /// When, seconds after the first one.
+    pub begins_s: f64,
+    /// When it dies, seconds after the first one began, if it does.
+    pub dies_s: Option<f64>,
+}
+
+/// A building, and who explores it. The first member begins the map; the others join it.
+#[derive(Clone, Debug)]
+pub struct TeamTask {
+    /// Who.
+    pub members: Vec<Member>,
+    /// Seed of noise and wheels; each member has another one.
+    pub seed: u64,
+    /// Whether nodes carry descriptors.
+    pub cameras: bool,
+    /// The mapper's parameters.
+    pub mapper: MapperConfig,
+    /// Given up after this, seconds.
+    pub most_s: f64,
+}
+
+/// How one explorer fared.
+#[derive(Clone, Debug, Serialize)]
+pub struct MemberReport {
+    /// How it ended; none if it died.
+    pub ending: Option<Ending>,
+    /// When, seconds after the first one began.
+    pub ended_s: f64,
+    /// Seconds and metres after which it knew its place in the map; none if it never did.
+    pub joined: Option<[f64; 2]>,
+    /// Driven, metres.
+    pub driven_m: f64,
+    /// Times that it touched something.
+    pub collisions: u64,
+    /// Greatest error of a main node that it made, against the truth in the first one's frame, metres.
+    pub node_error_max_m: f64,
+    /// Mean of the same.
+    pub node_error_mean_m: f64,
+    /// Main nodes that it made and that are there at the end.
+    pub main_nodes: usize,
+}
+
+/// How a team fared.
+#[derive(Clone, Debug, Serialize)]
+pub struct TeamReport {
+    /// When the last one ended, seconds after the first began.
+    pub time_s: f64,
+    /// Share of the free area that can be seen that some robot has seen.
+    pub explored_fraction: f64,
+    /// Parts of the map that no edges join: one, if all is well.
+    pub parts: usize,
+    /// Share of the nodes in the largest.
+    pub largest_part: f64,
+    /// Main nodes, support nodes, edges.
+    pub counts: [usize; 3],
+    /// Each of them.
+    pub members: Vec<MemberReport>,
+}
+
+/// A team's map.
+pub struct TeamRun {
+    /// The figures.
+    pub report: TeamReport,
+    /// The map.
+    pub map: MapState,
+    /// What it is made of, in the order in which it was delivered.
+    pub increments: Vec<Increment>,
+    /// The grid of the one who ended last, map frame.
+    pub grid: OccupancyGrid,
+    /// Where the map's frame lies in the world.
+    pub world_from_map: Pose2,
+}
+
+/// Why there is no result.
+#[derive(Debug, thiserror::Error)]
+pub enum TeamError {
+    /// The descriptor network cannot be loaded.
+    #[error(transparent)]
+    Descriptor(#[from] DescriptorError),
+    /// The system gave no thread.
+    #[error("a thread cannot be started: {0}")]
+    Thread(#[from] std::io::Error),
+    /// The simulator made a frame that nothing can be made of: a defect.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// Panoramas could not be described.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// There is nobody.
+    #[error("a team of nobody")]
+    Nobody,
+}
+
+struct Robot {
+    author: AuthorId,
+    member: Member,
+    mapper: Mapper,
+    simulator: Simulator,
+    frame: Option<SensorFrame>,
+    truth: Vec<Pose2>,
+    joined: Option<[f64; 2]>,
+    /// How it ended, and when.
+    ended: Option<(Option<Ending>, f64)>,
+}
+
+/// What all have written, as it reaches them.
+#[derive(Default)]
+struct Exchange {
+    map: MapState,
+    under_way: VecDeque<(u64, Increment)>,
+    delivered: Vec<Increment>,
+    /// What each has said last of what it has seen.
+    offered: BTreeMap<AuthorId, SeenArea>,
+    /// The same, if all was delivered that it had written by then.
+    seen: BTreeMap<AuthorId, SeenArea>,
+    told_s: Option<f64>,
+}
+
+impl Exchange {
+    fn put(&mut self, frame: u64, increments: Vec<Increment>) {
+        self.under_way.extend(increments.into_iter().map(|increment| (frame + DELAY_FRAMES, increment)));
+    }
+
+    /// Up to which number everything of an author was delivered.
+    fn acknowledged(&self, author: AuthorId) -> u64 {
+        let last = self.delivered.iter().rev().find(|increment| increment.author == author);
+        last.map_or(0, |increment| increment.number)
+    }
+
+    /// Believes what was delivered meanwhile; true if there is any.
+    fn believe(&mut self) -> bool {
+        let offered = std::mem::take(&mut self.offered);
+        let (believed, rest) = offered.into_iter().partition(|(author, area)| self.acknowledged(*author) >= area.upto);
+        let believed: BTreeMap<AuthorId, SeenArea> = believed;
+        self.offered = rest;
+        let is_news = !believed.is_empty();
+        self.seen.extend(believed);
+        is_news
+    }
+
+    fn deliver(&mut self, frame: u64) {
+        while let Some((_, increment)) = self.under_way.pop_front_if(|(due, _)| *due <= frame) {
+            self.map.apply(&increment);
+            self.delivered.push(increment);
+        }
+    }
+}
+
+/// Runs a team to its end. `watch` is told the time and the free area about once a simulated minute.
+///
+/// # Errors
+/// [`TeamError`].
+pub fn run(world: &Arc<World>, task: &TeamTask, mut watch: impl FnMut(f64, f64)) -> Result<TeamRun, TeamError> {
+    let mut robots = robots(world, task)?;
+    let world_from_map = robots.first().ok_or(TeamError::Nobody)?.member.start;
+    let mut exchange = Exchange::default();
+    let mut seen_changes = 0;
+    let mut frame = 0_u64;
+    let frame_s = SimConfig::default().lidar_period_us as f64 * 1e-6;
+    while robots.iter().any(|robot| robot.ended.is_none()) {
+        let now_s = frame as f64 * frame_s;
+        exchange.deliver(frame);
+        if frame.is_multiple_of(DELAY_FRAMES) {
+            let changes = exchange.delivered.len();
+            let is_news = std::mem::replace(&mut seen_changes, changes) != changes;
+            tell(&mut robots, &mut exchange, is_news, now_s);
+        }
+        for robot in &mut robots {
+            robot.live(now_s, task, &mut exchange, frame)?;
+        }
+        if frame.is_multiple_of((60.0 / frame_s) as u64) {
+            watch(now_s, robots.iter().map(|robot| robot.mapper.free_area_m2()).fold(0.0, f64::max));
+        }
+        frame += 1;
+    }
+    exchange.deliver(u64::MAX);
+    let report = report(world, &robots, &exchange.map, &world_from_map);
+    let last = robots.iter().max_by(|a, b| a.ended_s().total_cmp(&b.ended_s())).ok_or(TeamError::Nobody)?;
+    Ok(TeamRun {
+        report,
+        grid: last.mapper.grid().clone(),
+        map: exchange.map,
+        increments: exchange.delivered,
+        world_from_map,
+    })
+}
+
+fn robots(world: &Arc<World>, task: &TeamTask) -> Result<Vec<Robot>, TeamError> {
+    let net = || task.cameras.then(|| DescriptorNet::load(None)).transpose();
+    let sim = SimConfig::default();
+    let sim = SimConfig { camera_every: if task.cameras { sim.camera_every } else { 0 }, ..sim };
+    let robot = |(number, member): (usize, &Member)| {
+        let author = AuthorId::of_robot(&format!("explorer{}", number + 1));
+        let mapper = if number == 0 {
+            let mut mapper = Mapper::new(task.mapper.clone(), author, net()?)?;
+            mapper.share();
+            mapper
+        } else {
+            Mapper::joining(task.mapper.clone(), author, net()?, net()?)?
+        };
+        let seed = task.seed + 1000 * number as u64;
+        let simulator = Simulator::new(world.clone(), sim.clone(), member.start, seed);
+        let (truth, member) = (Vec::new(), *member);
+        Ok(Robot { author, member, mapper, simulator, frame: None, truth, joined: None, ended: None })
+    };
+    task.members.iter().enumerate().map(robot).collect()
+}
+
+/// What each hears of the others.
+fn tell(robots: &mut [Robot], exchange: &mut Exchange, is_news: bool, now_s: f64) {
+    let goals: Vec<(AuthorId, Option<Teammate>)> = robots
+        .iter()
+        .map(|robot| {
+            let is_there = now_s >= robot.member.begins_s && !robot.is_dead(now_s);
+            let goal = robot.mapper.goal().filter(|_| is_there);
+            (robot.author, goal.map(|goal| Teammate::new(robot.author, &goal)))
+        })
+        .collect();
+    if exchange.told_s.is_none_or(|told_s| now_s - told_s >= TELL_EVERY_S) {
+        exchange.told_s = Some(now_s);
+        for robot in robots.iter().filter(|robot| !robot.is_dead(now_s)) {
+            exchange.offered.extend(robot.mapper.seen().map(|area| (robot.author, area)));
+        }
+    }
+    let is_seen = exchange.believe();
+    for robot in robots.iter_mut().filter(|robot| robot.ended.is_none() && now_s >= robot.member.begins_s) {
+        if is_seen {
+            let others = exchange.seen.values().filter(|area| area.author != robot.author);
+            robot.mapper.hear_seen(&others.cloned().collect::<Vec<_>>());
+        }
+        let others = goals.iter().filter(|(author, _)| *author != robot.author);
+        robot.mapper.hear(others.filter_map(|(_, mate)| mate.clone()).collect());
+        if is_news || robot.truth.is_empty() {
+            let acknowledged = exchange.acknowledged(robot.author);
+            robot.mapper.take_in(&exchange.map, acknowledged);
+        }
+    }
+}
+
+impl Robot {
+    fn is_dead(&self, now_s: f64) -> bool {
+        self.member.dies_s.is_some_and(|dies_s| now_s >= dies_s)
+    }
+
+    fn ended_s(&self) -> f64 {
+        self.ended.map_or(0.0, |(_, at_s)| at_s)
+    }
+
+    /// One frame.
+    fn live(&mut self, now_s: f64, task: &TeamTask, exchange: &mut Exchange, frame: u64) -> Result<(), TeamError> {
+        if self.ended.is_some() || now_s < self.member.begins_s {
+            return Ok(());
+        }
+        if self.is_dead(now_s) {
+            self.ended = Some((None, now_s));
+            return Ok(());
+        }
+        let sensed = match self.frame.take() {
+            Some(sensed) => sensed,
+            None => self.simulator.sense_first(),
+        };
+        self.truth.push(self.simulator.truth());
+        let step = self.mapper.step(&sensed)?;
+        self.mapper.check()?;
+        if self.joined.is_none() && self.mapper.is_placed() {
+            self.joined = Some([now_s - self.member.begins_s, self.simulator.driven_m()]);
+        }
+        let ending = match step {
+            Step::Drive(_) if now_s > task.most_s => Some(Ending::OutOfTime),
+            Step::Drive(twist) => {
+                self.frame = Some(self.simulator.step(twist));
+                None
+            }
+            Step::Done(ending) => Some(ending),
+        };
+        if let Some(ending) = ending {
+            self.mapper.finish();
+            self.ended = Some((Some(ending), now_s));
+        }
+        exchange.put(frame, self.mapper.take_increments());
+        Ok(())
+    }
+}
+
+fn report(world: &World, robots: &[Robot], map: &MapState, world_from_map: &Pose2) -> TeamReport {
+    let members = robots.iter().map(|robot| member_report(robot, map, world_from_map)).collect();
+    let (parts, largest_part) = parts(map);
+    let counts = map.counts();
+    TeamReport {
+        time_s: robots.iter().map(Robot::ended_s).fold(0.0, f64::max),
+        explored_fraction: explored(world, robots, world_from_map),
+        parts,
+        largest_part,
+        counts: [counts.main_nodes, counts.support_nodes, counts.edges],
+        members,
+    }
+}
+
+fn member_report(robot: &Robot, map: &MapState, world_from_map: &Pose2) -> MemberReport {
+    let error = |node: fht_map::NodeRef<'_>| {
+        let seen_at = robot.mapper.footings().get(&node.id)?.frame?;
+        let truth = robot.truth.get(usize::try_from(seen_at).ok()?)?;
+        let place = world_from_map * Point2::new(node.pose.position.x(), node.pose.position.y());
+        Some((place.coords - truth.translation.vector).norm())
+    };
+    let errors: Vec<f64> = map.main_nodes().filter_map(error).collect();
+    MemberReport {
+        ending: robot.ended.and_then(|(ending, _)| ending),
+        ended_s: robot.ended_s(),
+        joined: robot.joined,
+        driven_m: robot.simulator.driven_m(),
+        collisions: robot.simulator.collisions(),
+        node_error_max_m: errors.iter().copied().fold(0.0, f64::max),
+        node_error_mean_m: errors.iter().sum::<f64>() / errors.len().max(1) as f64,
+        main_nodes: errors.len(),
+    }
+}
+
+/// Share of the free area that can be seen that some robot's grid knows.
+fn explored(world: &World, robots: &[Robot], world_from_map: &Pose2) -> f64 {
+    let plan = world.plan();
+    let start = Point2::from(world_from_map.translation.vector);
+    let reachable = plan.reachable_free(start, SimConfig::default().radius_m);
+    let map_from_world = world_from_map.inverse();
+    let placed: Vec<&OccupancyGrid> =
+        robots.iter().filter(|robot| robot.mapper.is_placed()).map(|robot| robot.mapper.grid()).collect();
+    let (mut total, mut known) = (0_usize, 0_usize);
+    for row in 0..plan.height() {
+        for column in (0..plan.width()).filter(|column| reachable.contains(*column, row)) {
+            let place = map_from_world * plan.centre_of(column, row);
+            total += 1;
+            known += usize::from(placed.iter().any(|grid| grid.state_at(place) != CellState::Unknown));
+        }
+    }
+    known as f64 / total.max(1) as f64
+}
+
+/// How many parts of a map no edges join, and the share of the nodes in the largest.
+#[must_use]
+pub fn parts(map: &MapState) -> (usize, f64) {
+    let mut left: BTreeSet<_> = map.nodes().map(|node| node.id).collect();
+    let total = left.len().max(1);
+    let mut sizes = Vec::new();
+    while let Some(first) = left.pop_first() {
+        let (mut waiting, mut size) = (vec![first], 0_usize);
+        while let Some(id) = waiting.pop() {
+            size += 1;
+            waiting.extend(map.neighbours(id).map(|other| other.id).filter(|other| left.remove(other)));
+        }
+        sizes.push(size);
+    }
+    (sizes.len(), sizes.into_iter().max().unwrap_or(0) as f64 / total as f64)
+}
+
+/// Free space around a place where an explorer begins, metres.
+const CLEARANCE_M: f64 = 0.3;
+/// Explorers begin at least this far apart, metres.
+const LEAST_APART_M: f64 = 0.8;
+
+/// A place for another explorer to begin: in sight of `from` and at most `reach_m` away, heading anywhere. Any place of the building when
+/// `reach_m` is infinite.
+#[must_use]
+pub fn start_near(world: &World, from: &Pose2, reach_m: f64, seed: u64) -> Pose2 {
+    if reach_m.is_infinite() {
+        return world.random_free_pose(seed, CLEARANCE_M);
+    }
+    let here = Point2::from(from.translation.vector);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut draw = || {
+        let (bearing, apart_m) = (rng.random_range(-PI..PI), rng.random_range(LEAST_APART_M.min(reach_m)..=reach_m));
+        pose(here.x + apart_m * bearing.cos(), here.y + apart_m * bearing.sin(), rng.random_range(-PI..PI))
+    };
+    let is_free = |place: &Pose2| {
+        let there = Point2::from(place.translation.vector);
+        world.plan().clearance_m(there) >= CLEARANCE_M && world.is_clear(here, there, SimConfig::default().radius_m)
+    };
+    (0..10_000).map(|_| draw()).find(is_free).unwrap_or(*from)
+}
