@@ -16,7 +16,7 @@ use fht_proto::{Descriptor, MapName};
 use fht_robot::descriptor::DescriptorNet;
 use fht_robot::frame::{Panorama, SensorFrame};
 use fht_robot::link::{LinkConfig, LinkError, open};
-use fht_robot::pose::{Point2, Pose2, pose};
+use fht_robot::pose::{self, Point2, Pose2};
 use fht_sim::{SimConfig, Simulator, WorldError};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsString;
@@ -101,11 +101,11 @@ struct RobotArgs {
     #[arg(long, default_value_t = 1)]
     world_seed: u64,
     /// Where the robot starts: x,y,yaw in the world frame, metres and radians. Default: anywhere free, by the seed.
-    #[arg(long, value_parser = parse_pose, allow_hyphen_values = true)]
+    #[arg(long, value_parser = pose::parse, allow_hyphen_values = true)]
     start: Option<Pose2>,
     /// Where the map's frame truly is: x,y,yaw in the world frame. For scoring only. Default: the world's start, where
     /// explorers start.
-    #[arg(long, value_parser = parse_pose, allow_hyphen_values = true)]
+    #[arg(long, value_parser = pose::parse, allow_hyphen_values = true)]
     map_origin: Option<Pose2>,
     /// Seed of start, noise and wandering.
     #[arg(long, default_value_t = 1)]
@@ -143,19 +143,6 @@ struct RobotArgs {
 fn parse_seconds(text: &str) -> Result<f64, String> {
     let value = text.parse::<f64>().ok().filter(|value| (0.0..=1e7).contains(value));
     value.ok_or_else(|| format!("'{text}' is not a number of seconds from 0 to 10000000"))
-}
-
-fn parse_pose(text: &str) -> Result<Pose2, String> {
-    let numbers: Vec<f64> = text
-        .split(',')
-        .map(|part| part.trim().parse::<f64>().ok().filter(|value| value.is_finite()))
-        .collect::<Option<_>>()
-        .ok_or_else(|| format!("'{text}' is not x,y,yaw"))?;
-    match *numbers.as_slice() {
-        [x, y, yaw] => Ok(pose(x, y, yaw)),
-        [x, y] => Ok(pose(x, y, 0.0)),
-        _ => Err(format!("'{text}' is not x,y,yaw")),
-    }
 }
 
 /// Why the program ends early.

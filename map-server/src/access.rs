@@ -175,9 +175,11 @@ const ROUTER_RULES: [&str; 2] = ["routers send", "routers are sent"];
 fn own_rules(role: &str, name: &str) -> Vec<Value> {
     let own = [format!("fht/*/robots/{name}/**")];
     let id = |what: &str| format!("{role}:{name} {what}");
+    // An explorer holds a token for where it is going, too.
+    let present = [format!("fht/*/robots/{name}"), format!("fht/*/robots/{name}/goal")];
     let mut rules = vec![
         rule(id("reports"), "ingress", &["put", "delete"], &own),
-        rule(id("is there"), "ingress", &["liveliness_token"], &[format!("fht/*/robots/{name}")]),
+        rule(id("is there"), "ingress", &["liveliness_token"], &present),
     ];
     if role != "client" {
         let author = AuthorId::of_robot(name);

@@ -1,6 +1,6 @@
 //! The robots of all maps: what each said last, whether it is there, and whether it keeps up.
 
-use fht_proto::fleet::{FleetReply, RobotStatus, RobotView};
+use fht_proto::fleet::{FleetReply, RobotRole, RobotStatus, RobotView};
 use fht_proto::query::Head;
 use fht_proto::{MapName, VersionVector};
 use std::collections::BTreeMap;
@@ -103,7 +103,9 @@ impl Fleet {
 }
 
 fn lacks_anything(status: &RobotStatus, head: &Head) -> bool {
-    lacking(&head.vector, &status.vector) > 0 || status.release != head.enabled
+    // Explorers work on the newest state, whatever others are to run.
+    let is_elsewhere = status.role == RobotRole::Client && status.release != head.enabled;
+    lacking(&head.vector, &status.vector) > 0 || is_elsewhere
 }
 
 #[cfg(test)]

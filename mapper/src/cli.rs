@@ -11,6 +11,7 @@ use crate::run::{ExploreTask, Snapshot, explore};
 use clap::{Args, Parser, Subcommand};
 use fht_proto::MapName;
 use fht_robot::link::LinkConfig;
+use fht_robot::pose::{self, Pose2};
 use fht_robot::stop::Stop;
 use fht_sim::SimConfig;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -29,9 +30,14 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Explores a simulated building until nothing reachable is unknown, building the map on the way.
+    ///
+    /// If the server has the map already, or another explorer is about to begin it, the robot joins: it explores, finds its place in the map
+    /// without a guess, goes where no other explorer goes, and adds what the map lacks. So several explorers can be started at once, and one
+    /// that failed can be followed by another.
     #[command(after_help = "Examples:
   map-server --data maps &
   mapper explore --world museum --map museum
+  mapper explore --world museum --map museum --robot second --start 2,1,0   # a second robot, at the same time or later
   mapper explore --world floor/map.yaml --textures pictures/ --map floor --seed 3
   mapper explore --world office --offline --json        # no server: how good is the map?
   mapper explore --world museum --offline --record run.mcap   # look at it in Foxglove, or replay it
@@ -80,6 +86,12 @@ struct ExploreArgs {
     /// Map without a server.
     #[arg(long)]
     offline: bool,
+    /// Where the robot begins: x,y,yaw in the world frame, metres and radians. Default: the world's own start.
+    #[arg(long, value_parser = pose::parse, allow_hyphen_values = true)]
+    start: Option<Pose2>,
+    /// Where the frame of a map that is joined truly lies: x,y,yaw in the world frame. For scoring only. Default: the world's own start.
+    #[arg(long, value_parser = pose::parse, allow_hyphen_values = true)]
+    map_origin: Option<Pose2>,
     /// Seed of the sensors' noise and of the wheels' errors.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -117,7 +129,7 @@ struct ExploreArgs {
     /// Print the figures as JSON.
     #[arg(long)]
     json: bool,
-    /// Print a line of JSON about every simulated second: sim_s, free_area_m2, nodes, written, acknowledged.
+    /// Print a line of JSON about every simulated second: sim_s, free_area_m2, nodes, written, acknowledged, placed.
     #[arg(long)]
     progress_json: bool,
     /// No progress bar.
@@ -174,6 +186,8 @@ impl ExploreArgs {
             world_seed: self.world_seed,
             sim: SimConfig { light_seed: self.light_seed, drift_factor: self.drift, ..SimConfig::default() },
             seed: self.seed,
+            start: self.start,
+            map_origin: self.map_origin,
             map,
             robot: self.robot.clone(),
             link: (!self.offline).then(|| self.link.config()),
@@ -254,11 +268,13 @@ fn run(args: &ExploreArgs) -> Result<bool, String> {
                     "nodes": snapshot.nodes,
                     "written": snapshot.written,
                     "acknowledged": snapshot.acknowledged,
+                    "placed": snapshot.placed,
                 })
             );
         }
+        let place = if snapshot.placed { "" } else { "looking for its place in the map, " };
         watched.set_message(format!(
-            "{:.0} m² free, {} nodes, {} of {} increments stored, {:.0} s of robot time",
+            "{place}{:.0} m² free, {} nodes, {} of {} increments stored, {:.0} s of robot time",
             snapshot.free_area_m2, snapshot.nodes, snapshot.acknowledged, snapshot.written, snapshot.sim_s
         ));
         watched.tick();
@@ -294,6 +310,9 @@ fn spinner() -> ProgressBar {
 fn print_report(report: &ExploreReport) {
     println!("explored    {:.1} % of {:.0} m²", report.explored_fraction * 100.0, report.free_area_m2);
     println!("ended       {}", report.ending);
+    if let Some([seconds, metres]) = report.joined.filter(|[seconds, _]| *seconds > 0.0) {
+        println!("joined      the map after {seconds:.0} s and {metres:.1} m");
+    }
     println!(
         "map         {} main nodes, {} support nodes, {} edges, version {}",
         report.main_nodes, report.support_nodes, report.edges, report.version

@@ -14,6 +14,7 @@
 //! | [`publish`] | increments to the server, kept until acknowledged |
 //! | [`window`] | which increment goes out next, and when again |
 //! | [`linked`] | a run whose map goes to a server while it is made |
+//! | [`fellows`] | the other explorers of the same map |
 //! | [`record`] | the run as a bag |
 //! | [`run`], [`report`] | exploring a simulated building |
 //! | [`replay`] | mapping from a bag |
@@ -25,6 +26,7 @@ pub mod camera;
 pub mod cli;
 pub mod construct;
 pub mod explore;
+pub mod fellows;
 pub mod frontier;
 pub mod joining;
 pub mod journal;

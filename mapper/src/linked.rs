@@ -1,10 +1,16 @@
 //! A run whose map goes to a server while it is made.
 
+use crate::fellows::{EnterError, Entry, Fellows};
 use crate::mapping::Mapper;
 use crate::publish::{Outbox, Progress, PublishError, find_head, outbox};
-use fht_proto::{AuthorId, MapName, keys};
+use client_robot::replica::ReplicaError;
+use fht_proto::keys::Key;
+use fht_proto::query::Head;
+use fht_proto::{AuthorId, MapName};
 use fht_robot::link::{self, LinkConfig, LinkError};
 use std::time::{Duration, Instant};
+use zenoh::Session;
+use zenoh::liveliness::LivelinessToken;
 
 /// How long the server may take to tell whether the map exists.
 const SERVER_PATIENCE: Duration = Duration::from_secs(30);
@@ -31,10 +37,10 @@ pub enum LinkedError {
     /// Publishing failed.
     #[error(transparent)]
     Publish(#[from] PublishError),
-    /// The map is there already: a second run would be in another frame.
+    /// The map is there already: a recorded run would be in another frame.
     #[error(
-        "the map '{map}' already has {version} increments on the server; choose another --map (a run starts a map of its \
-         own, in a frame of its own)"
+        "the map '{map}' already has {version} increments on the server; choose another --map (a recorded run starts a map of \
+         its own, in a frame of its own)"
     )]
     MapExists {
         /// Its name.
@@ -42,44 +48,94 @@ pub enum LinkedError {
         /// Its version.
         version: u64,
     },
+    /// There is no copy of the map to join.
+    #[error(transparent)]
+    Replica(#[from] ReplicaError),
+    /// The map cannot be joined.
+    #[error(transparent)]
+    Enter(#[from] EnterError),
     /// The run ended early: a defect.
     #[error("the mapping loop failed: {0}")]
     Loop(#[from] tokio::task::JoinError),
 }
 
-/// Runs `work` in a thread, publishes what it puts in its outbox, and waits until the server has it. The outcome of `work`
-/// comes with how far publishing got.
-///
-/// # Errors
-/// [`LinkedError`]; a server that falls silent is none (the progress tells).
-pub async fn publish_while<R: Send + 'static>(
-    publication: &Publication,
-    work: impl FnOnce(&Outbox) -> R + Send + 'static,
-) -> Result<(R, Progress), LinkedError> {
-    let Publication { link, map, robot, linger } = publication;
-    let session = link::open(link).await?;
-    if let Some(head) = find_head(&session, map, SERVER_PATIENCE).await?
-        && head.version > 0
-    {
-        return Err(LinkedError::MapExists { map: map.clone(), version: head.version });
+/// A session with a server, over which a run is published.
+pub struct Linked {
+    publication: Publication,
+    session: Session,
+    head: Option<Head>,
+    token: LivelinessToken,
+}
+
+impl Linked {
+    /// Opens the session and asks the server about the map.
+    ///
+    /// # Errors
+    /// [`LinkedError`].
+    pub async fn open(publication: Publication) -> Result<Self, LinkedError> {
+        let Publication { link, map, robot, .. } = &publication;
+        let session = link::open(link).await?;
+        let head = find_head(&session, map, SERVER_PATIENCE).await?;
+        let presence = Key::Robot { map: map.clone(), robot: robot.clone() }.to_string();
+        let token = session.liveliness().declare_token(presence).await.map_err(PublishError::from)?;
+        Ok(Self { head, session, token, publication })
     }
-    let presence = keys::Key::Robot { map: map.clone(), robot: robot.clone() }.to_string();
-    let token = session.liveliness().declare_token(presence).await.map_err(PublishError::from)?;
-    let (outbox, publisher) = outbox(session.clone(), map.clone(), AuthorId::of_robot(robot));
-    let mut publisher = tokio::spawn(publisher);
-    // Once the outbox is closed, the publisher ends when everything is acknowledged.
-    let run = tokio::task::spawn_blocking(move || (work(&outbox), outbox.close()));
-    let (outcome, progress) = run.await?;
-    let published = match tokio::time::timeout(*linger, &mut publisher).await {
-        Ok(published) => published??,
-        Err(_) => {
-            publisher.abort();
-            progress.borrow().clone()
+
+    /// Insists that nobody has written the map before.
+    ///
+    /// # Errors
+    /// [`LinkedError::MapExists`].
+    pub fn require_new(&self) -> Result<(), LinkedError> {
+        match &self.head {
+            Some(head) if head.version > 0 => {
+                Err(LinkedError::MapExists { map: self.publication.map.clone(), version: head.version })
+            }
+            _ => Ok(()),
         }
-    };
-    token.undeclare().await.map_err(PublishError::from)?;
-    session.close().await.map_err(PublishError::from)?;
-    Ok((outcome, published))
+    }
+
+    /// Begins to listen to other explorers, and finds out whether this one begins the map or joins it.
+    ///
+    /// # Errors
+    /// [`LinkedError`].
+    pub async fn enter(&self) -> Result<(Fellows, Entry), LinkedError> {
+        let (session, head, Publication { map, robot, .. }) =
+            (self.session.clone(), self.head.clone(), self.publication.clone());
+        let enter = move || {
+            let fellows = Fellows::start(&session, &map, &robot)?;
+            let entry = fellows.enter(head.as_ref(), SERVER_PATIENCE)?;
+            Ok::<_, LinkedError>((fellows, entry))
+        };
+        tokio::task::spawn_blocking(enter).await?
+    }
+
+    /// Runs `work` in a thread, publishes what it puts in its outbox, and waits until the server has it. The outcome of `work`
+    /// comes with how far publishing got. `stored` are the increments of earlier runs of this robot, which the server has.
+    ///
+    /// # Errors
+    /// [`LinkedError`]; a server that falls silent is none (the progress tells).
+    pub async fn publish_while<R: Send + 'static>(
+        self,
+        stored: u64,
+        work: impl FnOnce(&Outbox) -> R + Send + 'static,
+    ) -> Result<(R, Progress), LinkedError> {
+        let Self { publication: Publication { map, robot, linger, .. }, session, token, .. } = self;
+        let (outbox, publisher) = outbox(session.clone(), map, AuthorId::of_robot(&robot), stored);
+        let mut publisher = tokio::spawn(publisher);
+        // Once the outbox is closed, the publisher ends when everything is acknowledged.
+        let run = tokio::task::spawn_blocking(move || (work(&outbox), outbox.close()));
+        let (outcome, progress) = run.await?;
+        let published = match tokio::time::timeout(linger, &mut publisher).await {
+            Ok(published) => published??,
+            Err(_) => {
+                publisher.abort();
+                progress.borrow().clone()
+            }
+        };
+        token.undeclare().await.map_err(PublishError::from)?;
+        session.close().await.map_err(PublishError::from)?;
+        Ok((outcome, published))
+    }
 }
 
 /// Hands what a mapper writes to the outbox, if there is one.

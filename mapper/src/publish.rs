@@ -100,16 +100,20 @@ impl Outbox {
     }
 }
 
-/// Makes an outbox and the future that empties it over `session`. The future ends when the outbox is closed and all is
+/// Makes an outbox and the future that empties it over `session`. `stored` are the increments of earlier runs of this author, which the
+/// server has. The future ends when the outbox is closed and all is
 /// acknowledged, or with the reason why that cannot be.
 pub fn outbox(
     session: zenoh::Session,
     map: MapName,
     author: AuthorId,
+    stored: u64,
 ) -> (Outbox, impl Future<Output = Result<Progress, PublishError>>) {
     let (increments, incoming) = mpsc::channel(QUEUE);
-    let (report, progress) = watch::channel(Progress::default());
-    let publisher = Publisher { session, map, author, window: Window::new(WindowConfig::default()), report };
+    let begun = Progress { written: stored, acknowledged: stored, ..Progress::default() };
+    let (report, progress) = watch::channel(begun);
+    let window = Window::after(WindowConfig::default(), stored);
+    let publisher = Publisher { session, map, author, window, report };
     (Outbox { increments, progress }, publisher.run(incoming))
 }
 

@@ -1,7 +1,7 @@
 //! Mapping from a bag: the frames come from a recorded run, and somebody else has driven.
 
 use crate::camera::CameraError;
-use crate::linked::{Handover, LinkedError, Publication, publish_while, wait_for};
+use crate::linked::{Handover, Linked, LinkedError, Publication, wait_for};
 use crate::mapping::{Mapper, MapperConfig};
 use crate::publish::Outbox;
 use crate::record::MapRecorder;
@@ -149,7 +149,9 @@ pub async fn replay(
     };
     let publication = Publication { link, map: task.map.clone(), robot: task.robot.clone(), linger };
     let run = move |outbox: &Outbox| feed(&task, frames, mapper, recorder, Some(outbox), watch);
-    let (report, published) = publish_while(&publication, run).await?;
+    let linked = Linked::open(publication).await?;
+    linked.require_new()?;
+    let (report, published) = linked.publish_while(0, run).await?;
     let mut report = report?;
     report.map_bytes = published.map_bytes;
     report.wire_bytes = published.wire_bytes;

@@ -17,7 +17,10 @@ pub struct ExploreReport {
     pub world: String,
     /// Pose of the map frame in the world: `[x, y, yaw]`, metres and radians.
     pub world_from_map: [f64; 3],
-    /// Why the exploration ended: `complete`, `stuck`, `out_of_time` or `interrupted`.
+    /// Seconds and metres of driving after which the robot knew where in the map it is: at once, unless it joined one that others had begun;
+    /// none if it never did.
+    pub joined: Option<[f64; 2]>,
+    /// Why the exploration ended: `complete`, `stuck`, `out_of_time`, `interrupted` or `unplaced`.
     pub ending: Ending,
     /// Area that is free and that the robot can see from where it can drive, square metres.
     pub free_area_m2: f64,

@@ -2,7 +2,8 @@
 
 use crate::camera::CameraError;
 use crate::explore::Ending;
-use crate::linked::{Handover, LinkedError, Publication, publish_while, wait_for};
+use crate::fellows::{Entry, Fellows};
+use crate::linked::{Handover, Linked, LinkedError, Publication, wait_for};
 use crate::mapping::{Located, Mapper, MapperConfig, Step};
 use crate::publish::Outbox;
 use crate::record::MapRecorder;
@@ -32,6 +33,10 @@ pub struct ExploreTask {
     pub sim: SimConfig,
     /// Seed of the sensors' noise and of the wheels' errors.
     pub seed: u64,
+    /// Where the robot begins, world frame; none: the world's own start.
+    pub start: Option<Pose2>,
+    /// For scoring: where the frame of the map that it joins truly lies in the world; none: the world's own start.
+    pub map_origin: Option<Pose2>,
     /// Name of the map to write.
     pub map: MapName,
     /// Name of this robot; its author id follows from it.
@@ -98,6 +103,8 @@ pub struct Snapshot {
     pub written: u64,
     /// Increments that the server has durably.
     pub acknowledged: u64,
+    /// Whether the robot knows where in the map it is.
+    pub placed: bool,
 }
 
 /// Explores, publishes, and scores the result. `watch` is called about once a simulated second from the loop's thread.
@@ -109,20 +116,30 @@ pub async fn explore(
     watch: impl FnMut(Snapshot) + Send + 'static,
 ) -> Result<ExploreReport, ExploreError> {
     let world = Arc::new(fht_sim::load(&task.world, task.textures.as_deref(), task.world_seed)?);
-    let net = if task.cameras { Some(DescriptorNet::load(task.model.as_deref())?) } else { None };
+    let net = || task.cameras.then(|| DescriptorNet::load(task.model.as_deref())).transpose();
     let author = AuthorId::of_robot(&task.robot);
-    let mapper = Mapper::new(task.mapper.clone(), author, net)?;
     // What is no duration is for ever.
     let linger = Duration::try_from_secs_f64(task.linger_s.max(0.0)).unwrap_or(Duration::MAX);
     let recorder = task.record.as_deref().map(MapRecorder::start).transpose()?;
 
     let Some(link_config) = task.link.clone() else {
+        let mapper = Mapper::new(task.mapper.clone(), author, net()?)?;
         let run = tokio::task::spawn_blocking(move || drive(task, world, mapper, recorder, None, watch));
         return run.await?;
     };
     let publication = Publication { link: link_config, map: task.map.clone(), robot: task.robot.clone(), linger };
-    let run = move |outbox: &Outbox| drive(task, world, mapper, recorder, Some(outbox), watch);
-    let (report, published) = publish_while(&publication, run).await?;
+    let linked = Linked::open(publication).await?;
+    let (fellows, entry) = linked.enter().await?;
+    let (mapper, stored) = match entry {
+        Entry::Found { stored } => {
+            let mut mapper = Mapper::new(task.mapper.clone(), author, net()?)?;
+            mapper.share(&fellows.map(), stored);
+            (mapper, stored)
+        }
+        Entry::Join { stored } => (Mapper::joining(task.mapper.clone(), author, net()?, net()?)?, stored),
+    };
+    let run = move |outbox: &Outbox| drive(task, world, mapper, recorder, Some((outbox, fellows)), watch);
+    let (report, published) = linked.publish_while(stored, run).await?;
     let mut report = report?;
     report.map_bytes = published.map_bytes;
     report.wire_bytes = published.wire_bytes;
@@ -136,11 +153,15 @@ fn drive(
     world: Arc<World>,
     mut mapper: Mapper,
     mut recorder: Option<MapRecorder>,
-    outbox: Option<&Outbox>,
+    link: Option<(&Outbox, Fellows)>,
     mut watch: impl FnMut(Snapshot),
 ) -> Result<ExploreReport, ExploreError> {
     let begin = Instant::now();
-    let start = world.start();
+    let start = task.start.unwrap_or_else(|| world.start());
+    let (outbox, mut fellows) = link.unzip();
+    // A map that this robot begins has its frame where the robot begins.
+    let founded = mapper.is_placed().then_some(start);
+    let world_from_map = founded.or(task.map_origin).unwrap_or_else(|| world.start());
     let mut sim_config = task.sim.clone();
     if !task.cameras {
         sim_config.camera_every = 0;
@@ -149,16 +170,24 @@ fn drive(
     let mut sim = Simulator::new(world.clone(), sim_config, start, task.seed);
     let mut frame: SensorFrame = sim.sense_first();
     let mut truth: Vec<Pose2> = Vec::new();
-    let mut located: Vec<Located> = Vec::new();
+    // Since the robot has known where in the map it is.
+    let mut located: Vec<(Located, Pose2)> = Vec::new();
+    let mut joined: Option<[f64; 2]> = None;
     let mut frame_max = Duration::ZERO;
     let mut next_watch_us = 0;
     let mut handover = Handover::new(outbox);
     let ending = loop {
         truth.push(sim.truth());
         let thinking = Instant::now();
+        if let Some(fellows) = &mut fellows {
+            fellows.exchange(&mut mapper, frame.time_us, handover.acknowledged());
+        }
         let step = mapper.step(&frame)?;
         mapper.check()?;
-        located.extend(mapper.latest().copied());
+        if mapper.is_placed() {
+            joined.get_or_insert_with(|| [frame.time_us as f64 * 1e-6, sim.driven_m()]);
+            located.extend(mapper.latest().map(|latest| (*latest, sim.truth())));
+        }
         let written = handover.take_from(&mut mapper);
         frame_max = frame_max.max(thinking.elapsed());
         if let Some(recorder) = &mut recorder {
@@ -173,6 +202,7 @@ fn drive(
                 nodes: counts.main_nodes + counts.support_nodes,
                 written,
                 acknowledged: handover.acknowledged(),
+                placed: mapper.is_placed(),
             });
         }
         if handover.has_ended() {
@@ -189,17 +219,22 @@ fn drive(
     };
     mapper.finish();
     let version = handover.take_from(&mut mapper);
+    if let Some(fellows) = &mut fellows {
+        fellows.finish(&mapper);
+    }
     if let Some(recorder) = recorder {
         recorder.finish(&mapper)?;
     }
-    let (free_area_m2, explored_fraction) = explored(world.plan(), mapper.grid(), &start, radius_m);
-    let online: Vec<Pose2> = located.iter().map(|located| located.map_from_base).collect();
-    let corrected: Vec<Pose2> = located.iter().map(|located| mapper.locate(&located.anchored)).collect();
-    let nodes = main_node_errors(&mapper, &truth, &start);
+    let (free_area_m2, explored_fraction) = explored(world.plan(), mapper.grid(), &world_from_map, radius_m);
+    let online: Vec<Pose2> = located.iter().map(|(located, _)| located.map_from_base).collect();
+    let corrected: Vec<Pose2> = located.iter().map(|(located, _)| mapper.locate(&located.anchored)).collect();
+    let located_truth: Vec<Pose2> = located.iter().map(|(_, truth)| *truth).collect();
+    let nodes = main_node_errors(&mapper, &truth, &world_from_map);
     let counts = mapper.map().counts();
     Ok(ExploreReport {
         world: world.name().to_owned(),
-        world_from_map: [start.translation.x, start.translation.y, start.rotation.angle()],
+        world_from_map: [world_from_map.translation.x, world_from_map.translation.y, world_from_map.rotation.angle()],
+        joined,
         ending,
         free_area_m2,
         explored_fraction,
@@ -213,8 +248,8 @@ fn drive(
         delivered: false,
         driven_m: sim.driven_m(),
         collisions: sim.collisions(),
-        trajectory_error: trajectory_error(&online, &truth, &start),
-        corrected_trajectory_error: trajectory_error(&corrected, &truth, &start),
+        trajectory_error: trajectory_error(&online, &located_truth, &world_from_map),
+        corrected_trajectory_error: trajectory_error(&corrected, &located_truth, &world_from_map),
         main_nodes_within_5cm: nodes.iter().filter(|error_m| **error_m < 0.05).count() as f64
             / nodes.len().max(1) as f64,
         main_node_error_max_m: nodes.into_iter().fold(0.0, f64::max),

@@ -42,7 +42,7 @@ pub struct ForeignWriter {
     pub written: u64,
 }
 
-/// The increments of one run that are not acknowledged, numbered from 1 without gaps.
+/// The increments of one run that are not acknowledged, numbered without gaps.
 #[derive(Clone, Debug)]
 pub struct Window {
     config: WindowConfig,
@@ -62,13 +62,19 @@ impl Window {
     /// Before the first increment.
     #[must_use]
     pub fn new(config: WindowConfig) -> Self {
+        Self::after(config, 0)
+    }
+
+    /// Before the first increment of a run that goes on where earlier ones ended, of which the server has `stored` increments.
+    #[must_use]
+    pub fn after(config: WindowConfig, stored: u64) -> Self {
         let patience = config.patience;
         Self {
             config,
             encoded: BTreeMap::new(),
-            written: 0,
-            sent: 0,
-            acknowledged: 0,
+            written: stored,
+            sent: stored,
+            acknowledged: stored,
             bytes_under_way: 0,
             quiet_since: None,
             patience,

@@ -21,6 +21,8 @@ fn explored(record: Option<PathBuf>, cameras: bool, seconds: f64, seed: u64) -> 
         world_seed: 1,
         sim: SimConfig::default(),
         seed,
+        start: None,
+        map_origin: None,
         map: "museum".parse().unwrap(),
         robot: "explorer".to_owned(),
         link: None,

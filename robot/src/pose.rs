@@ -32,3 +32,20 @@ pub fn to_fixed(pose: &Pose2) -> FixedPose {
 pub fn from_fixed(fixed: FixedPose) -> Pose2 {
     pose(fixed.position.x(), fixed.position.y(), fixed.yaw())
 }
+
+/// Reads `x,y,yaw` or `x,y`: metres and radians.
+///
+/// # Errors
+/// A sentence with the text.
+pub fn parse(text: &str) -> Result<Pose2, String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse::<f64>().ok().filter(|value| value.is_finite()))
+        .collect::<Option<_>>()
+        .ok_or_else(|| format!("'{text}' is not x,y,yaw"))?;
+    match *numbers.as_slice() {
+        [x, y, yaw] => Ok(pose(x, y, yaw)),
+        [x, y] => Ok(pose(x, y, 0.0)),
+        _ => Err(format!("'{text}' is not x,y,yaw")),
+    }
+}

@@ -1,14 +1,18 @@
-//! The demo: a server, an explorer and a client as processes of their own, talking over Zenoh on loopback.
+//! The demo: a server, explorers and a client as processes of their own, talking over Zenoh on loopback.
+
+mod explorers;
+
+pub use explorers::{Crew, ExplorerFigures};
 
 use crate::picture::{PictureConfig, PictureError, Scene, save};
 use crate::process::{Process, ProcessError, Role};
 use client_robot::replica::{LiveReplica, ReplicaConfig, ReplicaError};
-use fht_proto::{MapName, VersionVector};
+use explorers::Explored;
+use fht_proto::MapName;
 use fht_robot::link::{self, LinkConfig, LinkError};
 use fht_robot::pose::{Point2, pose};
 use fht_sim::WorldError;
 use indicatif::{ProgressBar, ProgressStyle};
-use mapper::report::ExploreReport;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -25,6 +29,8 @@ pub struct HandoffConfig {
     pub textures: Option<PathBuf>,
     /// Seed of everything: drawing, noise, light, start and goal.
     pub seed: u64,
+    /// Who explores.
+    pub crew: Crew,
     /// Where the server listens.
     pub endpoint: String,
     /// Folder for the server's data and the reports of the programs.
@@ -58,9 +64,13 @@ pub struct HandoffReport {
     pub wire_bytes: u64,
     /// Mean error of the explorer's estimated positions, metres.
     pub mapping_error_m: f64,
-    /// Distance that the explorer drove, metres.
+    /// Distance that the explorers drove, metres.
     pub explorer_driven_m: f64,
-    /// Whether the digests of explorer and server agree.
+    /// Each explorer.
+    pub explorers: Vec<ExplorerFigures>,
+    /// Robot time from the first explorer's beginning to the last one's end, seconds.
+    pub explore_sim_s: f64,
+    /// Whether the digests of explorer and server agree; of several explorers, those of the server and of a copy.
     pub digests_agree: bool,
     /// Whether the client found its place.
     pub localized: bool,
@@ -158,6 +168,9 @@ pub enum HandoffError {
     /// Zenoh failed.
     #[error("zenoh: {0}")]
     Zenoh(#[from] zenoh::Error),
+    /// A thread that followed an explorer failed: a defect.
+    #[error("an explorer was not followed to its end")]
+    Thread,
     /// No runtime.
     #[error("no runtime: {0}")]
     Runtime(#[from] std::io::Error),
@@ -193,7 +206,7 @@ pub fn run(config: &HandoffConfig) -> Result<(HandoffReport, Process), HandoffEr
     )?;
     server.wait_until_listening(&config.endpoint, PATIENCE)?;
 
-    let explored = explore(config, &map)?;
+    let explored = explorers::explore(config, &map)?;
     let explore_wall_s = begin.elapsed().as_secs_f64();
     let client = client(config, &map, &explored)?;
     let digests_agree = draw(config, &map, &explored, &client)?;
@@ -209,8 +222,10 @@ pub fn run(config: &HandoffConfig) -> Result<(HandoffReport, Process), HandoffEr
         edges: explored.edges,
         map_bytes: explored.map_bytes,
         wire_bytes: explored.wire_bytes,
-        mapping_error_m: explored.trajectory_error.mean_m,
+        mapping_error_m: explored.error_mean_m,
         explorer_driven_m: explored.driven_m,
+        explore_sim_s: explored.sim_s,
+        explorers: explored.explorers,
         digests_agree,
         localized: client.localized,
         relocalization_error_m: client.relocalization_error_m,
@@ -265,33 +280,7 @@ fn world_args(config: &HandoffConfig, map: &MapName, report: &Path) -> Vec<std::
     args
 }
 
-fn explore(config: &HandoffConfig, map: &MapName) -> Result<ExploreReport, HandoffError> {
-    #[derive(Deserialize)]
-    struct Line {
-        sim_s: f64,
-        free_area_m2: f64,
-        nodes: usize,
-        written: u64,
-        acknowledged: u64,
-    }
-    let report = config.folder.join("explorer.json");
-    let mut args = vec!["explore".into()];
-    args.extend(world_args(config, map, &report));
-    args.extend(["--seed", &config.seed.to_string(), "--light-seed", "0", "--progress-json"].map(Into::into));
-    let bar = bar(config, "exploring");
-    Process::start(&config.executable, Role::Mapper, args)?.follow(|line| {
-        if let Ok(line) = serde_json::from_str::<Line>(line) {
-            bar.set_message(format!(
-                "{:.0} m² seen, {} nodes, {} of {} increments stored, {:.0} s of robot time",
-                line.free_area_m2, line.nodes, line.acknowledged, line.written, line.sim_s
-            ));
-        }
-    })?;
-    bar.finish_with_message("done");
-    read_report(&report)
-}
-
-fn client(config: &HandoffConfig, map: &MapName, explored: &ExploreReport) -> Result<ClientReport, HandoffError> {
+fn client(config: &HandoffConfig, map: &MapName, explored: &Explored) -> Result<ClientReport, HandoffError> {
     let report = config.folder.join("client.json");
     let mut args = vec!["go".into()];
     args.extend(world_args(config, map, &report));
@@ -319,14 +308,14 @@ fn client(config: &HandoffConfig, map: &MapName, explored: &ExploreReport) -> Re
 fn draw(
     config: &HandoffConfig,
     map: &MapName,
-    explored: &ExploreReport,
+    explored: &Explored,
     client: &ClientReport,
 ) -> Result<bool, HandoffError> {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let session = runtime.block_on(link::open(&LinkConfig::from_options(vec![config.endpoint.clone()], None)))?;
     let replica = LiveReplica::start(&session, map, "witness", ReplicaConfig::default())?;
-    let vector: VersionVector = client_robot::replica::ask_head(&session, map, PATIENCE)?.vector;
-    if !replica.wait_for(&vector, PATIENCE) {
+    let head = client_robot::replica::ask_head(&session, map, PATIENCE)?;
+    if !replica.wait_for(&head.vector, PATIENCE) {
         return Err(HandoffError::Incomplete(PATIENCE.as_secs()));
     }
     let world = fht_sim::load(&config.world, config.textures.as_deref(), config.seed)?;
@@ -343,7 +332,8 @@ fn draw(
             ends: client.goal.map(|goal| (Point2::new(client.start[0], client.start[1]), point(goal))),
         };
         save(&scene, &PictureConfig::default(), &config.picture)?;
-        replica.state().digest() == explored.digest
+        // The last of several explorers may have ended before what another one wrote last was there.
+        replica.state().digest() == explored.digest.unwrap_or(head.digest)
     };
     drop(replica);
     session.close().wait()?;

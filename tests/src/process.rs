@@ -154,6 +154,14 @@ impl Process {
         Ok(())
     }
 
+    /// Reads its standard output line by line until it ends or `goes_on` says no.
+    pub fn listen(&mut self, mut goes_on: impl FnMut(&str) -> bool) {
+        if let Some(stdout) = self.child.stdout.take() {
+            let lines = BufReader::new(stdout).lines().map_while(Result::ok);
+            let _ = lines.take_while(|line| goes_on(line)).last();
+        }
+    }
+
     /// Reads its standard output line by line until it ends; fails unless it ends well.
     ///
     /// # Errors

@@ -223,7 +223,7 @@ fn robots(world: &Arc<World>, task: &TeamTask) -> Result<Vec<Robot>, TeamError> 
         let author = AuthorId::of_robot(&format!("explorer{}", number + 1));
         let mapper = if number == 0 {
             let mut mapper = Mapper::new(task.mapper.clone(), author, net()?)?;
-            mapper.share();
+            mapper.share(&MapState::new(), 0);
             mapper
         } else {
             Mapper::joining(task.mapper.clone(), author, net()?, net()?)?

@@ -73,7 +73,7 @@ pub fn seen_area(grid: &OccupancyGrid, author: AuthorId, upto: u64) -> Option<Se
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fht_proto::Validate;
+    use fht_proto::validate::Validate;
     use fht_robot::frame::LaserScan;
     use fht_robot::grid::{CellState, GridConfig};
     use fht_robot::pose::pose;

@@ -91,9 +91,10 @@ impl Mapper {
         Ok(Self { slam, newcomer, ..Self::new(config, author, net)? })
     }
 
-    /// From now on others may write the map, too, and what they write is given by [`take_in`](Self::take_in).
-    pub fn share(&mut self) {
-        self.journal.share();
+    /// From now on others may write the map, too, and what they write is given by [`take_in`](Self::take_in). It is `shared` now, and has no
+    /// nodes; `stored` are the increments of earlier runs of this robot.
+    pub fn share(&mut self, shared: &MapState, stored: u64) {
+        self.journal.resume(shared, stored);
     }
 
     /// Whether the robot knows where in the map it is: from the first frame on, unless it is to join one.

@@ -1,7 +1,7 @@
 //! The handoff demo, and the programs that it starts (`handoff role NAME -- ARGS`).
 
 use clap::{Parser, Subcommand};
-use fht_tests::handoff::{HandoffConfig, HandoffReport, map_name, run};
+use fht_tests::handoff::{Crew, HandoffConfig, HandoffReport, map_name, run};
 use fht_tests::process::{Role, this_executable};
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -19,6 +19,8 @@ use std::process::ExitCode;
     after_help = "Examples:
   handoff                                  the built-in museum
   handoff --world office --seed 3
+  handoff --explorers 2                    two explorers at once
+  handoff --succeed                        an explorer dies half-way, another one finishes the job
   handoff --world floor/map.yaml --textures pictures/
   handoff --keep                           the server stays up, for `zenoh get`"
 )]
@@ -34,6 +36,12 @@ struct Cli {
     /// Seed of the drawing, the noise, the light, start and goal.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// So many explorers at once: they begin in one room, and divide the building among them.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=8), conflicts_with = "succeed")]
+    explorers: u8,
+    /// The explorer dies half-way (SIGKILL), and another one finishes the job.
+    #[arg(long)]
+    succeed: bool,
     /// Where the server listens.
     #[arg(long, default_value = "tcp/127.0.0.1:7447")]
     listen: String,
@@ -96,6 +104,11 @@ fn demo(cli: &Cli) -> Result<bool, String> {
         world: cli.world.clone(),
         textures: cli.textures.clone(),
         seed: cli.seed,
+        crew: match cli.explorers {
+            _ if cli.succeed => Crew::Succession,
+            0 | 1 => Crew::One,
+            several => Crew::Team(several.into()),
+        },
         endpoint: cli.listen.clone(),
         folder: folder.path().to_owned(),
         picture: picture.clone(),
@@ -134,6 +147,17 @@ fn print_report(report: &HandoffReport) {
         report.explorer_driven_m,
         report.mapping_error_m
     );
+    for explorer in report.explorers.iter().filter(|_| report.explorers.len() > 1) {
+        let joined = explorer.joined.filter(|[seconds, _]| *seconds > 0.0);
+        println!(
+            "  {:<12}{}{}{:.0} s of robot time: {}",
+            explorer.robot,
+            joined.map_or_else(String::new, |[s, m]| format!("joined the map after {s:.0} s and {m:.1} m, ")),
+            explorer.driven_m.map_or_else(String::new, |metres| format!("{metres:.0} m, ")),
+            explorer.sim_s,
+            explorer.ending
+        );
+    }
     println!(
         "map           {} main nodes, {} support nodes, {} edges",
         report.main_nodes, report.support_nodes, report.edges

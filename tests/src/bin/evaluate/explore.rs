@@ -72,6 +72,8 @@ fn explore_once(world: &str, seed: u64, drift: f64, cameras: bool) -> Result<Exp
         world_seed: 1,
         sim: SimConfig { drift_factor: drift, ..SimConfig::default() },
         seed,
+        start: None,
+        map_origin: None,
         map,
         robot: "explorer".to_owned(),
         link: None,

@@ -1,0 +1,341 @@
+//! The other explorers of the same map, over Zenoh: what they write, where they are going, what they have seen; and what this one says
+//! of itself.
+
+use crate::explore::Teammate;
+use crate::mapping::Mapper;
+use client_robot::replica::{LiveReplica, ReplicaConfig, ReplicaError};
+use fht_map::MapState;
+use fht_proto::fleet::{ExplorerGoal, RobotPose, RobotRole, RobotStatus};
+use fht_proto::keys::{Key, RobotTopic, robots_of};
+use fht_proto::query::Head;
+use fht_proto::validate::Validate;
+use fht_proto::{AuthorId, MapName, SeenArea, decode, encode};
+use fht_robot::pose::Pose2;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use zenoh::bytes::Encoding;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::{Sample, SampleKind};
+use zenoh::{Session, Wait};
+
+/// What others write and say is taken in this often, microseconds of the sensors' time.
+const LISTEN_EVERY_US: u64 = 1_000_000;
+/// What the robot has seen it tells this often, microseconds.
+const TELL_EVERY_US: u64 = 5_000_000;
+/// Longest message of another explorer that is read, bytes.
+const MAX_BYTES: usize = 1 << 20;
+/// Explorers of one map that are listened to.
+const MAX_FELLOWS: usize = 64;
+/// How long to wait for the names of explorers that are there already.
+const ROLL_CALL: Duration = Duration::from_secs(1);
+
+/// How an explorer begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Entry {
+    /// Its frame is the map's.
+    Found {
+        /// Increments of earlier runs of this robot.
+        stored: u64,
+    },
+    /// It has to find its place in a map that exists, or that another explorer is about to begin.
+    Join {
+        /// Increments of earlier runs of this robot.
+        stored: u64,
+    },
+}
+
+/// Why a map cannot be joined.
+#[derive(Debug, thiserror::Error)]
+pub enum EnterError {
+    /// It does not come.
+    #[error("the map '{map}' did not arrive within {seconds} s")]
+    Incomplete {
+        /// Its name.
+        map: MapName,
+        /// How long was waited.
+        seconds: u64,
+    },
+    /// Nobody can find a place in it.
+    #[error(
+        "the map '{map}' has {nodes} nodes, none of which is a main node: nobody can find its place in it; choose another --map"
+    )]
+    NoMainNodes {
+        /// Its name.
+        map: MapName,
+        /// Nodes.
+        nodes: usize,
+    },
+    /// Zenoh refused a question.
+    #[error("who else explores is not known: {0}")]
+    Zenoh(#[from] zenoh::Error),
+}
+
+/// What one explorer has said last.
+#[derive(Default)]
+struct Fellow {
+    is_there: bool,
+    goal: Option<ExplorerGoal>,
+    /// What it has seen, of which its increments are not all here.
+    offered: Option<SeenArea>,
+    seen: Option<SeenArea>,
+}
+
+/// What all have said, by name.
+#[derive(Default)]
+struct Heard {
+    fellows: BTreeMap<String, Fellow>,
+}
+
+impl Heard {
+    fn of(&mut self, robot: &str) -> Option<&mut Fellow> {
+        // Names are free to invent.
+        let has_room = self.fellows.len() < MAX_FELLOWS || self.fellows.contains_key(robot);
+        has_room.then(|| self.fellows.entry(robot.to_owned()).or_default())
+    }
+
+    fn take(&mut self, own: &str, sample: &Sample) -> Result<(), String> {
+        let key = sample.key_expr().as_str().parse();
+        let Ok(Key::RobotTopic { robot, topic, .. }) = key else { return Ok(()) };
+        if robot == own || sample.kind() != SampleKind::Put {
+            return Ok(());
+        }
+        if sample.payload().len() > MAX_BYTES {
+            return Err(format!("{} bytes of {robot} are too many", sample.payload().len()));
+        }
+        let payload = sample.payload().to_bytes();
+        match topic {
+            RobotTopic::Goal => {
+                let goal: ExplorerGoal = serde_json::from_slice(&payload).map_err(|error| error.to_string())?;
+                goal.validate().map_err(|error| error.to_string())?;
+                self.of(&robot).into_iter().for_each(|fellow| fellow.goal = Some(goal.clone()));
+            }
+            RobotTopic::Seen => {
+                let area: SeenArea = decode(&payload).map_err(|error| error.to_string())?;
+                if area.author != AuthorId::of_robot(&robot) {
+                    return Err(format!("{robot} tells what {} has seen", area.author));
+                }
+                self.of(&robot).into_iter().for_each(|fellow| fellow.offered = Some(area.clone()));
+            }
+            RobotTopic::Pose | RobotTopic::Status | RobotTopic::Blocked => {}
+        }
+        Ok(())
+    }
+
+    fn take_token(&mut self, own: &str, sample: &Sample) {
+        if let Ok(Key::RobotTopic { robot, .. }) = sample.key_expr().as_str().parse()
+            && robot != own
+            && let Some(fellow) = self.of(&robot)
+        {
+            fellow.is_there = sample.kind() == SampleKind::Put;
+        }
+    }
+
+    /// Those who are there, and those who have said that they have nothing left to see.
+    fn mates(&self) -> Vec<Teammate> {
+        let told = self.fellows.iter().filter_map(|(robot, fellow)| Some((robot, fellow, fellow.goal.as_ref()?)));
+        told.filter(|(_, fellow, goal)| fellow.is_there || goal.finished)
+            .map(|(robot, _, goal)| Teammate::new(AuthorId::of_robot(robot), goal))
+            .collect()
+    }
+}
+
+/// The other explorers, and this one's word to them.
+pub struct Fellows {
+    session: Session,
+    map: MapName,
+    robot: String,
+    replica: LiveReplica,
+    heard: Arc<Mutex<Heard>>,
+    _subscribers: [Subscriber<()>; 3],
+    _token: LivelinessToken,
+    taken_changes: Option<u64>,
+    listened_us: Option<u64>,
+    told_us: Option<u64>,
+}
+
+impl Fellows {
+    /// Begins to listen, and holds a token that says that an explorer of this name is there.
+    ///
+    /// # Errors
+    /// If Zenoh refuses the subscriptions.
+    pub fn start(session: &Session, map: &MapName, robot: &str) -> Result<Self, ReplicaError> {
+        let heard = Arc::new(Mutex::new(Heard::default()));
+        let hear = |topic: RobotTopic| {
+            let (heard, own) = (Arc::clone(&heard), robot.to_owned());
+            let take = move |sample: Sample| {
+                let taken = lock(&heard).take(&own, &sample);
+                taken.unwrap_or_else(|reason| tracing::warn!("another explorer's word was refused: {reason}"));
+            };
+            session.declare_subscriber(robots_of(map, topic)).callback(take).wait()
+        };
+        let (goals, seen) = (hear(RobotTopic::Goal)?, hear(RobotTopic::Seen)?);
+        let (tokens, own) = (Arc::clone(&heard), robot.to_owned());
+        let token = move |sample: Sample| lock(&tokens).take_token(&own, &sample);
+        let tokens = session
+            .liveliness()
+            .declare_subscriber(robots_of(map, RobotTopic::Goal))
+            .history(true)
+            .callback(token)
+            .wait()?;
+        Ok(Self {
+            _token: session.liveliness().declare_token(Key::robot(map, robot, RobotTopic::Goal).to_string()).wait()?,
+            replica: LiveReplica::start(session, map, robot, ReplicaConfig::default())?,
+            session: session.clone(),
+            map: map.clone(),
+            robot: robot.to_owned(),
+            heard,
+            _subscribers: [goals, seen, tokens],
+            taken_changes: None,
+            listened_us: None,
+            told_us: None,
+        })
+    }
+
+    /// Whether this explorer begins the map or joins it: `head` is what the server has. Of several that find no map, the one whose name comes
+    /// first begins it. Waits for the copy of the map, for as long as `patience`.
+    ///
+    /// # Errors
+    /// [`EnterError`].
+    pub fn enter(&self, head: Option<&Head>, patience: Duration) -> Result<Entry, EnterError> {
+        let vector = head.map(|head| head.vector.clone()).unwrap_or_default();
+        let map = || self.map.clone();
+        if !self.replica.wait_for(&vector, patience) {
+            return Err(EnterError::Incomplete { map: map(), seconds: patience.as_secs() });
+        }
+        let stored = vector.get(AuthorId::of_robot(&self.robot));
+        let counts = self.replica.read().state().counts();
+        let nodes = counts.main_nodes + counts.support_nodes;
+        match counts.main_nodes {
+            0 if nodes > 0 => Err(EnterError::NoMainNodes { map: map(), nodes }),
+            0 if self.is_first()? => Ok(Entry::Found { stored }),
+            _ => Ok(Entry::Join { stored }),
+        }
+    }
+
+    /// The map as it is here.
+    #[must_use]
+    pub fn map(&self) -> MapState {
+        self.replica.read().state().clone()
+    }
+
+    /// Whether, of the explorers that are there, this one's name comes first.
+    fn is_first(&self) -> Result<bool, zenoh::Error> {
+        let answers =
+            self.session.liveliness().get(robots_of(&self.map, RobotTopic::Goal)).timeout(ROLL_CALL).wait()?;
+        let mut names = BTreeSet::new();
+        while let Ok(answer) = answers.recv() {
+            if let Ok(sample) = answer.result()
+                && let Ok(Key::RobotTopic { robot, .. }) = sample.key_expr().as_str().parse()
+            {
+                names.insert(robot);
+            }
+        }
+        let there = lock(&self.heard);
+        names.extend(there.fellows.iter().filter(|(_, fellow)| fellow.is_there).map(|(robot, _)| robot.clone()));
+        Ok(names.first().is_none_or(|first| *first >= self.robot))
+    }
+
+    /// Once per frame, before it is mapped: lets the mapper know what others wrote and said, and tells them what it is about. The server has
+    /// this robot's increments up to `acknowledged`.
+    pub fn exchange(&mut self, mapper: &mut Mapper, time_us: u64, acknowledged: u64) {
+        if self.listened_us.is_some_and(|at_us| time_us < at_us.saturating_add(LISTEN_EVERY_US)) {
+            return;
+        }
+        self.listened_us = Some(time_us);
+        let changes = self.replica.changes();
+        if self.taken_changes.replace(changes) != Some(changes) {
+            mapper.take_in(&self.map(), acknowledged);
+        }
+        let (mates, areas) = self.listen();
+        mapper.hear(mates);
+        if let Some(areas) = areas {
+            mapper.hear_seen(&areas);
+        }
+        self.say(mapper);
+        if self.told_us.is_none_or(|at_us| time_us >= at_us.saturating_add(TELL_EVERY_US)) {
+            self.told_us = Some(time_us);
+            self.tell_seen(mapper);
+        }
+    }
+
+    /// After the last frame: the others learn that this robot has nothing left to see.
+    pub fn finish(&mut self, mapper: &Mapper) {
+        self.tell_seen(mapper);
+        self.say(mapper);
+    }
+
+    /// The others, and what they have seen if there is news of that.
+    fn listen(&self) -> (Vec<Teammate>, Option<Vec<SeenArea>>) {
+        let mut heard = lock(&self.heard);
+        let vector = self.replica.read().vector().clone();
+        let mut is_news = false;
+        for fellow in heard.fellows.values_mut() {
+            if let Some(area) = fellow.offered.take_if(|area| vector.get(area.author) >= area.upto) {
+                fellow.seen = Some(area);
+                is_news = true;
+            }
+        }
+        let areas = || heard.fellows.values().filter_map(|fellow| fellow.seen.clone()).collect();
+        (heard.mates(), is_news.then(areas))
+    }
+
+    fn say(&self, mapper: &Mapper) {
+        let place = |at: &Pose2| [at.translation.x, at.translation.y, at.rotation.angle()];
+        let about = mapper.whereabouts();
+        let map_from_base = about.map_from_base.as_ref().map(place);
+        let (robot, state) = (self.robot.clone(), about.state);
+        let pose = RobotPose {
+            robot: robot.clone(),
+            localized: map_from_base.is_some(),
+            state,
+            confidence: about.confidence,
+            candidates: about.candidates.iter().map(place).collect(),
+            map_from_base,
+        };
+        let vector = self.replica.read().vector().clone();
+        let status = RobotStatus {
+            robot,
+            role: RobotRole::Explorer,
+            map: self.map.clone(),
+            version: vector.version(),
+            vector,
+            release: None,
+            state,
+            map_from_base,
+        };
+        self.put_json(RobotTopic::Pose, &pose);
+        self.put_json(RobotTopic::Status, &status);
+        if let Some(goal) = mapper.goal() {
+            self.put_json(RobotTopic::Goal, &goal);
+        }
+    }
+
+    fn tell_seen(&self, mapper: &Mapper) {
+        match mapper.seen().as_ref().map(encode).transpose() {
+            Ok(Some(bytes)) => self.put(RobotTopic::Seen, bytes, Encoding::APPLICATION_OCTET_STREAM),
+            Ok(None) => {}
+            Err(error) => tracing::warn!("what was seen cannot be told: {error}"),
+        }
+    }
+
+    fn put_json<T: serde::Serialize>(&self, topic: RobotTopic, message: &T) {
+        if let Ok(json) = serde_json::to_vec(message) {
+            self.put(topic, json, Encoding::APPLICATION_JSON);
+        }
+    }
+
+    /// Lost ones do no harm: the next is soon there.
+    fn put(&self, topic: RobotTopic, bytes: Vec<u8>, encoding: Encoding) {
+        let key = Key::robot(&self.map, &self.robot, topic).to_string();
+        if let Err(error) = self.session.put(&key, bytes).encoding(encoding).wait() {
+            tracing::debug!(%error, key, "not published");
+        }
+    }
+}
+
+// A panic while it was held is a bug, and leaves every word whole.
+fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
+    heard.lock().unwrap_or_else(PoisonError::into_inner)
+}

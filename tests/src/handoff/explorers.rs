@@ -1,0 +1,276 @@
+//! The explorers of the demo: one, several at once, or one that dies half-way and another that finishes the job.
+
+use super::{HandoffConfig, HandoffError, bar, read_report, world_args};
+use crate::process::{Process, Role};
+use crate::team::start_near;
+use fht_proto::keys::{RobotTopic, robots_of};
+use fht_proto::{Digest, MapName, SeenArea, decode};
+use fht_robot::grid::Cell;
+use fht_robot::link::{self, LinkConfig};
+use fht_robot::pose::{Point2, pose};
+use fht_sim::{SimConfig, World};
+use indicatif::ProgressBar;
+use mapper::explore::SeenSquares;
+use mapper::report::ExploreReport;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use zenoh::Wait;
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::Sample;
+
+/// Who explores.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Crew {
+    /// One robot.
+    One,
+    /// So many at once, that begin in one room.
+    Team(usize),
+    /// One that dies when it has seen half of the building, and another that finishes the job.
+    Succession,
+}
+
+/// One explorer, in figures.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ExplorerFigures {
+    /// Its name.
+    pub robot: String,
+    /// How it ended; `killed`.
+    pub ending: String,
+    /// Seconds and metres after which it knew its place in the map.
+    pub joined: Option<[f64; 2]>,
+    /// Driven, metres; of one that was killed it is not known.
+    pub driven_m: Option<f64>,
+    /// Robot time from its beginning to its end, seconds.
+    pub sim_s: f64,
+}
+
+/// What the explorers came to.
+pub(super) struct Explored {
+    pub(super) world_from_map: [f64; 3],
+    pub(super) free_area_m2: f64,
+    pub(super) explored_fraction: f64,
+    pub(super) main_nodes: usize,
+    pub(super) support_nodes: usize,
+    pub(super) edges: usize,
+    pub(super) map_bytes: u64,
+    pub(super) wire_bytes: u64,
+    pub(super) error_mean_m: f64,
+    pub(super) driven_m: f64,
+    pub(super) collisions: u64,
+    pub(super) sim_s: f64,
+    /// The explorer's own, if it was alone.
+    pub(super) digest: Option<Digest>,
+    pub(super) explorers: Vec<ExplorerFigures>,
+}
+
+/// Robot seconds a second of explorers that work at once: as fast as they can, they would not be equally fast.
+const TEAM_RATE: &str = "8";
+/// The others begin within this of the first, in its sight, metres.
+const APART_M: f64 = 3.0;
+/// An explorer that is to die does so when it has seen this share of the building.
+const DIES_AT: f64 = 0.5;
+
+/// A line of an explorer's progress.
+#[derive(Deserialize)]
+struct Line {
+    sim_s: f64,
+    free_area_m2: f64,
+    nodes: usize,
+    written: u64,
+    acknowledged: u64,
+    placed: bool,
+}
+
+impl Line {
+    fn show(&self, bar: &ProgressBar) {
+        let Self { free_area_m2, nodes, acknowledged, written, sim_s, placed } = self;
+        let place = if *placed { "" } else { "looking for its place, " };
+        bar.set_message(format!(
+            "{place}{free_area_m2:.0} m² seen, {nodes} nodes, {acknowledged} of {written} increments stored, {sim_s:.0} s of \
+             robot time"
+        ));
+    }
+}
+
+pub(super) fn explore(config: &HandoffConfig, map: &MapName) -> Result<Explored, HandoffError> {
+    let world = fht_sim::load(&config.world, config.textures.as_deref(), config.seed)?;
+    match config.crew {
+        Crew::One => {
+            let report = run(config, map, 0, &world, false)?;
+            Ok(Explored { digest: Some(report.digest), ..sum(vec![(name(0), report)], None) })
+        }
+        Crew::Team(count) => {
+            let witness = Witness::start(config, map)?;
+            let world = &world;
+            let reports = std::thread::scope(|scope| {
+                let threads: Vec<_> = (0..count.max(1))
+                    .map(|number| scope.spawn(move || Ok((name(number), run(config, map, number, world, true)?))))
+                    .collect();
+                let joined = threads.into_iter().map(|thread| thread.join().map_err(|_| HandoffError::Thread)?);
+                joined.collect::<Result<Vec<_>, HandoffError>>()
+            })?;
+            let seen = witness.explored(world);
+            Ok(sum(reports, Some(seen)))
+        }
+        Crew::Succession => {
+            let witness = Witness::start(config, map)?;
+            let died_s = run_until_half(config, map, &world)?;
+            let report = run(config, map, 1, &world, false)?;
+            let mut explored = sum(vec![(name(1), report)], Some(witness.explored(&world)));
+            let ending = "killed".to_owned();
+            let dead = ExplorerFigures { robot: name(0), ending, joined: None, driven_m: None, sim_s: died_s };
+            explored.explorers.insert(0, dead);
+            explored.sim_s += died_s;
+            Ok(explored)
+        }
+    }
+}
+
+fn name(number: usize) -> String {
+    if number == 0 { "explorer".to_owned() } else { format!("explorer{}", number + 1) }
+}
+
+/// The arguments of one explorer: the first begins at the world's start, the others near it.
+fn args(
+    config: &HandoffConfig,
+    map: &MapName,
+    number: usize,
+    world: &World,
+    is_paced: bool,
+) -> Vec<std::ffi::OsString> {
+    let report = config.folder.join(format!("{}.json", name(number)));
+    let mut args = vec!["explore".into()];
+    args.extend(world_args(config, map, &report));
+    let seed = (config.seed + 1000 * number as u64).to_string();
+    args.extend(["--seed", &seed, "--light-seed", "0", "--progress-json", "--robot", &name(number)].map(Into::into));
+    if number > 0 {
+        let start = start_near(world, &world.start(), APART_M, config.seed + number as u64);
+        let start = format!("{},{},{}", start.translation.x, start.translation.y, start.rotation.angle());
+        args.extend(["--start", &start].map(Into::into));
+    }
+    if is_paced {
+        args.extend(["--rate", TEAM_RATE].map(Into::into));
+    }
+    args
+}
+
+/// Runs one explorer to its end.
+fn run(
+    config: &HandoffConfig,
+    map: &MapName,
+    number: usize,
+    world: &World,
+    is_paced: bool,
+) -> Result<ExploreReport, HandoffError> {
+    let bar = bar(config, ["exploring", "second", "another"][number.min(2)]);
+    let args = args(config, map, number, world, is_paced);
+    Process::start(&config.executable, Role::Mapper, args)?.follow(|line| {
+        if let Ok(line) = serde_json::from_str::<Line>(line) {
+            line.show(&bar);
+        }
+    })?;
+    bar.finish_with_message("done");
+    read_report(&config.folder.join(format!("{}.json", name(number))))
+}
+
+/// Runs the first explorer until it has seen half of the building, and kills it. Returns how long it worked, robot seconds.
+fn run_until_half(config: &HandoffConfig, map: &MapName, world: &World) -> Result<f64, HandoffError> {
+    let plan = world.plan();
+    let free = plan.reachable_free(Point2::from(world.start().translation.vector), SimConfig::default().radius_m);
+    let enough_m2 = DIES_AT * plan.area_m2(&free);
+    let bar = bar(config, "exploring");
+    let mut process = Process::start(&config.executable, Role::Mapper, args(config, map, 0, world, false))?;
+    let mut died_s = 0.0;
+    process.listen(|line| {
+        let Ok(line) = serde_json::from_str::<Line>(line) else { return true };
+        line.show(&bar);
+        died_s = line.sim_s;
+        line.free_area_m2 < enough_m2
+    });
+    process.kill()?;
+    bar.finish_with_message(format!("killed half-way, after {died_s:.0} s of robot time"));
+    Ok(died_s)
+}
+
+/// What several reports add up to; the map is as the last one has it, the frame as the first.
+fn sum(reports: Vec<(String, ExploreReport)>, explored_fraction: Option<f64>) -> Explored {
+    let all = || reports.iter().map(|(_, report)| report);
+    let most = |of: fn(&ExploreReport) -> usize| all().map(of).max().unwrap_or(0);
+    let figures = |(robot, report): &(String, ExploreReport)| ExplorerFigures {
+        robot: robot.clone(),
+        ending: report.ending.to_string(),
+        joined: report.joined,
+        driven_m: Some(report.driven_m),
+        sim_s: report.sim_s,
+    };
+    Explored {
+        world_from_map: all().map(|report| report.world_from_map).next().unwrap_or_default(),
+        free_area_m2: all().map(|report| report.free_area_m2).fold(0.0, f64::max),
+        explored_fraction: explored_fraction
+            .unwrap_or_else(|| all().map(|report| report.explored_fraction).fold(0.0, f64::max)),
+        main_nodes: most(|report| report.main_nodes),
+        support_nodes: most(|report| report.support_nodes),
+        edges: most(|report| report.edges),
+        map_bytes: all().map(|report| report.map_bytes).sum(),
+        wire_bytes: all().map(|report| report.wire_bytes).sum(),
+        error_mean_m: all().map(|report| report.trajectory_error.mean_m).fold(0.0, f64::max),
+        driven_m: all().map(|report| report.driven_m).sum(),
+        collisions: all().map(|report| report.collisions).sum(),
+        sim_s: all().map(|report| report.sim_s).fold(0.0, f64::max),
+        digest: None,
+        explorers: reports.iter().map(figures).collect(),
+    }
+}
+
+/// What several explorers say that they have seen.
+struct Witness {
+    seen: Arc<Mutex<BTreeMap<String, SeenArea>>>,
+    session: zenoh::Session,
+    subscriber: Subscriber<()>,
+    _runtime: tokio::runtime::Runtime,
+}
+
+impl Witness {
+    fn start(config: &HandoffConfig, map: &MapName) -> Result<Self, HandoffError> {
+        let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+        let session = runtime.block_on(link::open(&LinkConfig::from_options(vec![config.endpoint.clone()], None)))?;
+        let seen: Arc<Mutex<BTreeMap<String, SeenArea>>> = Arc::default();
+        let hearing = Arc::clone(&seen);
+        let hear = move |sample: Sample| {
+            if let Ok(area) = decode::<SeenArea>(&sample.payload().to_bytes()) {
+                let mut seen = hearing.lock().unwrap_or_else(PoisonError::into_inner);
+                seen.insert(sample.key_expr().to_string(), area);
+            }
+        };
+        let subscriber = session.declare_subscriber(robots_of(map, RobotTopic::Seen)).callback(hear).wait()?;
+        Ok(Self { seen, session, subscriber, _runtime: runtime })
+    }
+
+    /// The share of the free area that can be seen that some explorer has seen.
+    fn explored(self, world: &World) -> f64 {
+        /// Cells in which squares are looked up, metres.
+        const CELL_M: f64 = 0.05;
+        let seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        let squares: Vec<SeenSquares> = seen.values().filter_map(|area| SeenSquares::new(area, CELL_M)).collect();
+        let plan = world.plan();
+        let world_from_map =
+            pose(world.start().translation.x, world.start().translation.y, world.start().rotation.angle());
+        let reachable =
+            plan.reachable_free(Point2::from(world_from_map.translation.vector), SimConfig::default().radius_m);
+        let (mut total, mut known) = (0_usize, 0_usize);
+        for row in 0..plan.height() {
+            for column in (0..plan.width()).filter(|column| reachable.contains(*column, row)) {
+                let place = world_from_map.inverse() * plan.centre_of(column, row);
+                let cell = Cell { i: (place.x / CELL_M).floor() as i32, j: (place.y / CELL_M).floor() as i32 };
+                total += 1;
+                known += usize::from(squares.iter().any(|squares| squares.has(cell)));
+            }
+        }
+        drop(seen);
+        // A session that is dropped closes; nothing is lost by an error.
+        let _ = self.subscriber.undeclare().wait();
+        let _ = self.session.close().wait();
+        known as f64 / total.max(1) as f64
+    }
+}
