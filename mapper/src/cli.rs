@@ -5,6 +5,7 @@ mod replay;
 use self::replay::{InfoArgs, ReplayArgs};
 use crate::beside::Pace;
 use crate::explore::Ending;
+use crate::joining::JoinConfig;
 use crate::mapping::MapperConfig;
 use crate::report::ExploreReport;
 use crate::run::{ExploreTask, Snapshot, explore};
@@ -38,6 +39,7 @@ enum Command {
   map-server --data maps &
   mapper explore --world museum --map museum
   mapper explore --world museum --map museum --robot second --start 2,1,0   # a second robot, at the same time or later
+  mapper explore --world museum --map museum --robot third --again          # after the building has changed
   mapper explore --world floor/map.yaml --textures pictures/ --map floor --seed 3
   mapper explore --world office --offline --json        # no server: how good is the map?
   mapper explore --world museum --offline --record run.mcap   # look at it in Foxglove, or replay it
@@ -86,6 +88,10 @@ struct ExploreArgs {
     /// Map without a server.
     #[arg(long)]
     offline: bool,
+    /// Look at the whole building again, also where the map is complete: what has changed is corrected, and nodes that are not as they were
+    /// lose trust and are retired.
+    #[arg(long)]
+    again: bool,
     /// Where the robot begins: x,y,yaw in the world frame, metres and radians. Default: the world's own start.
     #[arg(long, value_parser = pose::parse, allow_hyphen_values = true)]
     start: Option<Pose2>,
@@ -198,6 +204,7 @@ impl ExploreArgs {
             linger_s: self.linger,
             mapper: MapperConfig {
                 pace: if self.real_time { Pace::RealTime } else { Pace::Repeatable },
+                join: JoinConfig { looks_again: self.again, ..JoinConfig::default() },
                 ..MapperConfig::default()
             },
             record: self.record.clone(),

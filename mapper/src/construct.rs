@@ -26,7 +26,7 @@ use crate::slam::{Anchored, Estimate};
 use coverage::{CoverageConfig, Gaps, Goal, Patch};
 use doubt::{Doubt, DoubtConfig};
 use edges::EdgeConfig;
-use fht_map::MapState;
+use fht_map::{MapState, NodeRef};
 use fht_proto::{Descriptor, EdgeKey, FixedPoint, Increment, NodeId, NodeKind, Op, Rect, ScanRecord, Signature};
 use fht_robot::grid::OccupancyGrid;
 use fht_robot::planning::{PlanConfig, UnknownCells};
@@ -500,14 +500,24 @@ impl Builder {
         })
     }
 
-    /// At the end: rectangles that have become larger since their node was made or that something stands in, and edges that walls now cross.
+    /// At the end: rectangles that have become larger since their node was made or that something stands in, edges that walls now cross, and
+    /// this run's support nodes that no edge leads to any more: nobody could go by them, and what is free there is covered anew.
     #[must_use]
     pub fn finish(&self, journal: &Journal, grid: &OccupancyGrid) -> Vec<Op> {
         let state = journal.state();
-        let blocked = edges::blocked(state, grid, |id| self.is_own(id), &self.config.edges);
-        let removals = blocked.into_iter().map(|edge| Op::RemoveEdge { edge });
-        let rectangles = state.nodes().filter_map(|node| self.free_space_op(node.id, journal, grid));
-        removals.chain(rectangles).collect()
+        let blocked: BTreeSet<EdgeKey> =
+            edges::blocked(state, grid, |id| self.is_own(id), &self.config.edges).into_iter().collect();
+        let is_left_alone = |id: NodeId| {
+            let is_way = |other: NodeId| !blocked.contains(&EdgeKey::new(id, other));
+            !state.neighbours(id).any(|other| is_way(other.id))
+        };
+        let is_alone =
+            |node: &NodeRef<'_>| node.kind == NodeKind::Support && self.is_own(node.id) && is_left_alone(node.id);
+        let (alone, kept): (Vec<_>, Vec<_>) = state.nodes().partition(is_alone);
+        let alone = alone.into_iter().map(|node| Op::RemoveNode { id: node.id });
+        let rectangles = kept.into_iter().filter_map(|node| self.free_space_op(node.id, journal, grid));
+        let removals = blocked.iter().map(|edge| Op::RemoveEdge { edge: *edge });
+        removals.chain(alone).chain(rectangles).collect()
     }
 }
 

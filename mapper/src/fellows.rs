@@ -13,7 +13,7 @@ use fht_proto::{AuthorId, MapName, SeenArea, decode, encode};
 use fht_robot::pose::Pose2;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use zenoh::bytes::Encoding;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
@@ -30,6 +30,8 @@ const MAX_BYTES: usize = 1 << 20;
 const MAX_FELLOWS: usize = 64;
 /// How long to wait for the names of explorers that are there already.
 const ROLL_CALL: Duration = Duration::from_secs(1);
+/// Within this a claim to begin a map has reached the others.
+const CLAIM_TIME: Duration = Duration::from_millis(500);
 
 /// How an explorer begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,6 +152,8 @@ pub struct Fellows {
     heard: Arc<Mutex<Heard>>,
     _subscribers: [Subscriber<()>; 3],
     _token: LivelinessToken,
+    /// Says that this explorer begins the map.
+    claim: Option<LivelinessToken>,
     taken_changes: Option<u64>,
     listened_us: Option<u64>,
     told_us: Option<u64>,
@@ -181,6 +185,7 @@ impl Fellows {
             .wait()?;
         Ok(Self {
             _token: session.liveliness().declare_token(Key::robot(map, robot, RobotTopic::Goal).to_string()).wait()?,
+            claim: None,
             replica: LiveReplica::start(session, map, robot, ReplicaConfig::default())?,
             session: session.clone(),
             map: map.clone(),
@@ -193,12 +198,12 @@ impl Fellows {
         })
     }
 
-    /// Whether this explorer begins the map or joins it: `head` is what the server has. Of several that find no map, the one whose name comes
-    /// first begins it. Waits for the copy of the map, for as long as `patience`.
+    /// Whether this explorer begins the map or joins it: `head` is what the server has. Of several that find no map, one begins it. Waits for
+    /// the copy of the map, for as long as `patience`.
     ///
     /// # Errors
     /// [`EnterError`].
-    pub fn enter(&self, head: Option<&Head>, patience: Duration) -> Result<Entry, EnterError> {
+    pub fn enter(&mut self, head: Option<&Head>, patience: Duration) -> Result<Entry, EnterError> {
         let vector = head.map(|head| head.vector.clone()).unwrap_or_default();
         let map = || self.map.clone();
         if !self.replica.wait_for(&vector, patience) {
@@ -209,32 +214,54 @@ impl Fellows {
         let nodes = counts.main_nodes + counts.support_nodes;
         match counts.main_nodes {
             0 if nodes > 0 => Err(EnterError::NoMainNodes { map: map(), nodes }),
-            0 if self.is_first()? => Ok(Entry::Found { stored }),
+            0 if self.may_found(patience)? => Ok(Entry::Found { stored }),
             _ => Ok(Entry::Join { stored }),
         }
+    }
+
+    /// Of the explorers that are there, the one whose name comes first claims the map; whoever sees a claim joins. Two that did not see
+    /// each other in time have both claimed it: the one whose name comes later withdraws.
+    fn may_found(&mut self, patience: Duration) -> Result<bool, zenoh::Error> {
+        let deadline = Instant::now() + patience;
+        while Instant::now() < deadline && self.replica.read().state().counts().main_nodes == 0 {
+            if !self.names(RobotTopic::Pose)?.is_empty() {
+                return Ok(false);
+            }
+            let comes_first = |names: &BTreeSet<String>| names.first().is_none_or(|first| *first >= self.robot);
+            if comes_first(&self.names(RobotTopic::Goal)?) {
+                let key = Key::robot(&self.map, &self.robot, RobotTopic::Pose).to_string();
+                self.claim = Some(self.session.liveliness().declare_token(key).wait()?);
+                std::thread::sleep(CLAIM_TIME);
+                if comes_first(&self.names(RobotTopic::Pose)?) {
+                    return Ok(true);
+                }
+                self.claim = None;
+                return Ok(false);
+            }
+            std::thread::sleep(CLAIM_TIME);
+        }
+        Ok(false)
+    }
+
+    /// The names of the other robots that hold a token under a topic.
+    fn names(&self, topic: RobotTopic) -> Result<BTreeSet<String>, zenoh::Error> {
+        let answers = self.session.liveliness().get(robots_of(&self.map, topic)).timeout(ROLL_CALL).wait()?;
+        let mut names = BTreeSet::new();
+        while let Ok(answer) = answers.recv() {
+            if let Ok(sample) = answer.result()
+                && let Ok(Key::RobotTopic { robot, .. }) = sample.key_expr().as_str().parse()
+                && robot != self.robot
+            {
+                names.insert(robot);
+            }
+        }
+        Ok(names)
     }
 
     /// The map as it is here.
     #[must_use]
     pub fn map(&self) -> MapState {
         self.replica.read().state().clone()
-    }
-
-    /// Whether, of the explorers that are there, this one's name comes first.
-    fn is_first(&self) -> Result<bool, zenoh::Error> {
-        let answers =
-            self.session.liveliness().get(robots_of(&self.map, RobotTopic::Goal)).timeout(ROLL_CALL).wait()?;
-        let mut names = BTreeSet::new();
-        while let Ok(answer) = answers.recv() {
-            if let Ok(sample) = answer.result()
-                && let Ok(Key::RobotTopic { robot, .. }) = sample.key_expr().as_str().parse()
-            {
-                names.insert(robot);
-            }
-        }
-        let there = lock(&self.heard);
-        names.extend(there.fellows.iter().filter(|(_, fellow)| fellow.is_there).map(|(robot, _)| robot.clone()));
-        Ok(names.first().is_none_or(|first| *first >= self.robot))
     }
 
     /// Once per frame, before it is mapped: lets the mapper know what others wrote and said, and tells them what it is about. The server has

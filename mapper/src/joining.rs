@@ -24,11 +24,24 @@ pub struct JoinConfig {
     pub agree_m: f64,
     /// And this, radians. Default 0.02.
     pub agree_rad: f64,
+    /// The robot stands for so long at the start while the map has no main node: another explorer is about to begin it, perhaps
+    /// beside it. Seconds. Default 30.
+    pub wait_s: f64,
+    /// Whether the robot looks at everything again with its own eyes, as when the building has changed; else it goes only where nobody has
+    /// been. Default false.
+    pub looks_again: bool,
 }
 
 impl Default for JoinConfig {
     fn default() -> Self {
-        Self { localize: LocalizeConfig::default(), confirm_m: 1.0, agree_m: 0.15, agree_rad: 0.02 }
+        Self {
+            localize: LocalizeConfig::default(),
+            confirm_m: 1.0,
+            agree_m: 0.15,
+            agree_rad: 0.02,
+            wait_s: 30.0,
+            looks_again: false,
+        }
     }
 }
 
@@ -81,6 +94,12 @@ impl Joining {
     #[must_use]
     pub fn confidence(&self) -> f64 {
         self.localizer.current().confidence
+    }
+
+    /// Whether there is nothing yet to find a place by.
+    #[must_use]
+    pub fn is_map_bare(&self) -> bool {
+        self.landmarks.is_empty()
     }
 
     /// Takes in a frame at which the robot was at `run_from_base` in its own frame. Where that frame lies in the map, once it is known.

@@ -102,7 +102,7 @@ impl Linked {
         let (session, head, Publication { map, robot, .. }) =
             (self.session.clone(), self.head.clone(), self.publication.clone());
         let enter = move || {
-            let fellows = Fellows::start(&session, &map, &robot)?;
+            let mut fellows = Fellows::start(&session, &map, &robot)?;
             let entry = fellows.enter(head.as_ref(), SERVER_PATIENCE)?;
             Ok::<_, LinkedError>((fellows, entry))
         };

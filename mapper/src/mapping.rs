@@ -99,6 +99,7 @@ pub struct Mapper {
     newcomer: Option<Newcomer>,
     others: Others,
     odometer_m: f64,
+    began_us: u64,
     refine: Beside<RefineJob, Vec<Shortcut>>,
     to_refine: VecDeque<NodeId>,
     frame: u64,
@@ -145,6 +146,7 @@ impl Mapper {
             newcomer: None,
             others: Others::default(),
             odometer_m: 0.0,
+            began_us: 0,
             refine: refine::start(config.refine.clone(), config.pace)?,
             to_refine: VecDeque::new(),
             frame: 0,
@@ -209,6 +211,9 @@ impl Mapper {
     /// As [`observe`](Self::observe).
     pub fn step(&mut self, frame: &SensorFrame) -> Result<Step, FrameError> {
         let map_from_base = self.observe(frame)?;
+        if self.is_waiting(frame.time_us) {
+            return Ok(Step::Drive(Twist::default()));
+        }
         if let Some(answer) = self.goals.take_due(self.frame) {
             self.explorer.answer(answer);
         }
@@ -238,6 +243,8 @@ impl Mapper {
         if let Some(before) = &self.latest {
             let way = before.map_from_base.translation.vector - map_from_base.translation.vector;
             self.odometer_m += way.norm();
+        } else {
+            self.began_us = time_us;
         }
         self.latest = Some(Located { time_us, map_from_base, anchored, tracking: update.tracking });
         if self.newcomer.is_some() {

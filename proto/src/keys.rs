@@ -99,7 +99,7 @@ impl Topic {
 /// What a robot puts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum RobotTopic {
-    /// Where it is: [`crate::fleet::RobotPose`].
+    /// Where it is: [`crate::fleet::RobotPose`]. An explorer that begins a map holds a liveliness token under it.
     Pose,
     /// What it runs: [`crate::fleet::RobotStatus`].
     Status,

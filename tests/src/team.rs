@@ -10,6 +10,7 @@ use fht_robot::pose::{Point2, Pose2, pose};
 use fht_sim::{SimConfig, Simulator, World};
 use mapper::camera::CameraError;
 use mapper::explore::{Ending, Teammate};
+use mapper::joining::JoinConfig;
 use mapper::mapping::{Mapper, MapperConfig, Step};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -24,7 +25,7 @@ const DELAY_FRAMES: u64 = 5;
 const TELL_EVERY_S: f64 = 5.0;
 
 /// One explorer.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone)]
 pub struct Member {
     /// Where it begins, world frame.
     pub start: Pose2,
@@ -32,10 +33,22 @@ pub struct Member {
     pub begins_s: f64,
     /// When it dies, seconds after the first one began, if it does.
     pub dies_s: Option<f64>,
+    /// The building as it is for this one, if it has changed since the first began.
+    pub world: Option<Arc<World>>,
+    /// Whether it looks at everything again.
+    pub looks_again: bool,
+}
+
+impl Member {
+    /// One that begins with the first and does not die.
+    #[must_use]
+    pub fn at(start: Pose2) -> Self {
+        Self { start, begins_s: 0.0, dies_s: None, world: None, looks_again: false }
+    }
 }
 
 /// A building, and who explores it. The first member begins the map; the others join it.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct TeamTask {
     /// Who.
     pub members: Vec<Member>,
@@ -129,6 +142,8 @@ struct Robot {
     frame: Option<SensorFrame>,
     truth: Vec<Pose2>,
     joined: Option<[f64; 2]>,
+    /// Whether it was given the map.
+    has_map: bool,
     /// How it ended, and when.
     ended: Option<(Option<Ending>, f64)>,
 }
@@ -221,17 +236,20 @@ fn robots(world: &Arc<World>, task: &TeamTask) -> Result<Vec<Robot>, TeamError> 
     let sim = SimConfig { camera_every: if task.cameras { sim.camera_every } else { 0 }, ..sim };
     let robot = |(number, member): (usize, &Member)| {
         let author = AuthorId::of_robot(&format!("explorer{}", number + 1));
+        let join = JoinConfig { looks_again: member.looks_again, ..task.mapper.join.clone() };
+        let config = MapperConfig { join, ..task.mapper.clone() };
         let mapper = if number == 0 {
-            let mut mapper = Mapper::new(task.mapper.clone(), author, net()?)?;
+            let mut mapper = Mapper::new(config, author, net()?)?;
             mapper.share(&MapState::new(), 0);
             mapper
         } else {
-            Mapper::joining(task.mapper.clone(), author, net()?, net()?)?
+            Mapper::joining(config, author, net()?, net()?)?
         };
         let seed = task.seed + 1000 * number as u64;
+        let world = member.world.as_ref().unwrap_or(world);
         let simulator = Simulator::new(world.clone(), sim.clone(), member.start, seed);
-        let (truth, member) = (Vec::new(), *member);
-        Ok(Robot { author, member, mapper, simulator, frame: None, truth, joined: None, ended: None })
+        let (truth, member) = (Vec::new(), member.clone());
+        Ok(Robot { author, member, mapper, simulator, frame: None, truth, joined: None, has_map: false, ended: None })
     };
     task.members.iter().enumerate().map(robot).collect()
 }
@@ -260,7 +278,7 @@ fn tell(robots: &mut [Robot], exchange: &mut Exchange, is_news: bool, now_s: f64
         }
         let others = goals.iter().filter(|(author, _)| *author != robot.author);
         robot.mapper.hear(others.filter_map(|(_, mate)| mate.clone()).collect());
-        if is_news || robot.truth.is_empty() {
+        if is_news || !std::mem::replace(&mut robot.has_map, true) {
             let acknowledged = exchange.acknowledged(robot.author);
             robot.mapper.take_in(&exchange.map, acknowledged);
         }

@@ -134,14 +134,20 @@ impl Doubt {
     }
 }
 
-/// The rectangle of a node that another robot made, if this robot has seen something well inside of it: what is free there now.
+/// The rectangle of a node that another robot made, if it has none, or if this robot has seen something well inside of it: what is free
+/// there now.
 pub(super) fn free_space_op(
     node: &NodeRef<'_>,
     grid: &OccupancyGrid,
     free_space: &FreeSpaceConfig,
     config: &DoubtConfig,
 ) -> Option<Op> {
-    let (rect, position) = (node.free_space?, node.pose.position);
+    let position = node.pose.position;
+    let Some(rect) = node.free_space else {
+        // Its maker grows it when it makes the next one, if it lives to do so.
+        let rect = free_space::grow(grid, position, free_space);
+        return rect.map(|rect| Op::SetFreeSpace { id: node.id, rect: Some(rect) });
+    };
     let slack_mm = (config.slack_m * 1000.0) as u16;
     let inner = |reach_mm: u16| reach_mm.saturating_sub(slack_mm);
     let inside = Rect {

@@ -153,16 +153,24 @@ impl Mapper {
     /// The other explorers that are there, and what they are about.
     pub fn hear(&mut self, mates: Vec<Teammate>) {
         self.others.team.mates = mates;
-        self.explorer.hear(self.others.team.clone());
+        self.tell_explorer();
+    }
+
+    /// What others say is of use once this robot knows where in the map it is.
+    fn tell_explorer(&mut self) {
+        if self.is_placed() {
+            self.explorer.hear(self.others.team.clone());
+        }
     }
 
     /// What other explorers have seen: by author, the newest word of each whose increments are here that it had written by then. What one has
     /// seen that died before it could write of it must be seen again.
     pub fn hear_seen(&mut self, areas: &[SeenArea]) {
         let resolution_m = self.grid().resolution_m();
+        let areas = if self.config.join.looks_again { &[] } else { areas };
         let squares = areas.iter().filter_map(|area| SeenSquares::new(area, resolution_m));
         self.others.team.seen = squares.map(Arc::new).collect();
-        self.explorer.hear(self.others.team.clone());
+        self.tell_explorer();
     }
 
     /// The map is `shared` now, of which the server has this robot's increments up to number `acknowledged`.
@@ -173,7 +181,8 @@ impl Mapper {
             return;
         }
         self.journal.follow(shared, acknowledged);
-        let news = self.others.news(self.journal.state(), |id| self.builder.is_own(id));
+        let is_shown = !self.config.join.looks_again;
+        let news = self.others.news(self.journal.state(), |id| self.builder.is_own(id), is_shown);
         if news.is_empty() {
             return;
         }
@@ -182,7 +191,13 @@ impl Mapper {
             self.builder.tell(*id, position.map(|node| to_fixed(&node.map_from_node).position));
         }
         self.slam.tell(news);
-        self.explorer.hear(self.others.team.clone());
+        self.tell_explorer();
+    }
+
+    /// Whether the robot stands and waits for another one to begin the map.
+    pub(super) fn is_waiting(&self, time_us: u64) -> bool {
+        let wait_us = self.began_us.saturating_add((self.config.join.wait_s.max(0.0) * 1e6) as u64);
+        self.newcomer.as_ref().is_some_and(|newcomer| newcomer.joining.is_map_bare()) && time_us < wait_us
     }
 
     /// A frame of a robot that does not know yet where in the map it is.
@@ -247,7 +262,7 @@ impl Mapper {
 
 impl Others {
     /// What has become of the nodes that others made since the last call.
-    fn news(&mut self, state: &MapState, is_own: impl Fn(NodeId) -> bool) -> Vec<Told> {
+    fn news(&mut self, state: &MapState, is_own: impl Fn(NodeId) -> bool, is_shown: bool) -> Vec<Told> {
         let mut news: Vec<Told> = Vec::new();
         let mut now = BTreeMap::new();
         for node in state.nodes().filter(|node| !is_own(node.id)) {
@@ -255,8 +270,8 @@ impl Others {
             now.insert(node.id, known);
             if self.nodes.get(&node.id) != Some(&known) {
                 let is_anchor = node.kind == NodeKind::Main && self.seniors.contains(&node.id.author);
-                let told = ToldNode::new(from_fixed(node.pose), node.free_space, node.signature, is_anchor);
-                news.push((node.id, Some(told)));
+                let told = ToldNode::new(from_fixed(node.pose), node.free_space, node.signature);
+                news.push((node.id, Some(ToldNode { is_anchor, is_shown, ..told })));
             }
         }
         news.extend(self.nodes.keys().filter(|id| !now.contains_key(id)).map(|id| (*id, None)));

@@ -21,14 +21,16 @@ pub struct ToldNode {
     pub free_space: Option<Rect>,
     /// Whether this robot holds itself to it.
     pub is_anchor: bool,
+    /// Whether what it saw need not be seen again.
+    pub is_shown: bool,
 }
 
 impl ToldNode {
     /// A node of the map.
     #[must_use]
-    pub fn new(map_from_node: Pose2, free_space: Option<Rect>, signature: Option<&Signature>, is_anchor: bool) -> Self {
+    pub fn new(map_from_node: Pose2, free_space: Option<Rect>, signature: Option<&Signature>) -> Self {
         let scan = signature.map(|signature| Arc::new(LaserScan::from_record(&signature.scan)));
-        Self { map_from_node, scan, free_space, is_anchor }
+        Self { map_from_node, scan, free_space, is_anchor: false, is_shown: true }
     }
 
     fn position(&self) -> FixedPoint {
@@ -55,7 +57,7 @@ impl ToldNode {
     }
 
     fn draw_free_space(&self, grid: &mut OccupancyGrid) {
-        if let Some(rect) = &self.free_space {
+        if let Some(rect) = self.free_space.as_ref().filter(|_| self.is_shown) {
             let (min, max) = (rect.min(self.position()), rect.max(self.position()));
             grid.suppose_free(Point2::new(min.0, min.1), Point2::new(max.0, max.1));
         }
@@ -64,7 +66,7 @@ impl ToldNode {
     /// Draws it into a grid.
     pub fn draw(&self, grid: &mut OccupancyGrid) {
         self.draw_free_space(grid);
-        if let Some(scan) = &self.scan {
+        if let Some(scan) = self.scan.as_ref().filter(|_| self.is_shown) {
             grid.integrate_told(&self.map_from_node, scan);
         }
     }

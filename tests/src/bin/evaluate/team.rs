@@ -85,19 +85,19 @@ pub fn run(args: &TeamArgs) -> Result<(), String> {
 }
 
 fn compare(args: &TeamArgs, spec: &str, world: &Arc<World>, seed: u64) -> Result<Row, String> {
-    let first = Member { start: world.start(), begins_s: 0.0, dies_s: None };
-    let alone = explore(args, world, vec![first], seed, "alone")?;
+    let first = Member::at(world.start());
+    let alone = explore(args, world, vec![first.clone()], seed, "alone")?;
     let members = match args.succeed_at {
         Some(share) => {
             let dies_s = share * alone.report.time_s;
             let begins_s = dies_s + SUCCEEDED_AFTER_S;
-            let start = start_near(world, &first.start, args.apart_m, seed);
-            vec![Member { dies_s: Some(dies_s), ..first }, Member { start, begins_s, dies_s: None }]
+            let next = Member { begins_s, ..Member::at(start_near(world, &first.start, args.apart_m, seed)) };
+            vec![Member { dies_s: Some(dies_s), ..first }, next]
         }
         None => {
             let start = |number: usize| start_near(world, &first.start, args.apart_m, 100 * seed + number as u64);
-            let others = (1..args.explorers).map(|number| Member { start: start(number), ..first });
-            std::iter::once(first).chain(others).collect()
+            let others = (1..args.explorers).map(|number| Member::at(start(number)));
+            std::iter::once(first.clone()).chain(others).collect()
         }
     };
     let team = explore(args, world, members, seed, "team")?;

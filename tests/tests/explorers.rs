@@ -1,0 +1,114 @@
+//! Several explorers of one building: together, one after the other, and after the building has changed. In simulated time, without
+//! cameras; the last test runs real processes.
+
+use fht_map::{FreeSpace, MapState, SpaceConfig, route::RouteConfig, taut};
+use fht_proto::FixedPoint;
+use fht_robot::pose::{Point2, Pose2};
+use fht_sim::{Changes, SimConfig, World, load, load_with};
+use fht_tests::team::{Member, TeamRun, TeamTask, run, start_near};
+use mapper::explore::Ending;
+use mapper::mapping::MapperConfig;
+use std::sync::Arc;
+
+fn museum() -> Arc<World> {
+    Arc::new(load("museum", None, 1).unwrap())
+}
+
+fn explored(world: &Arc<World>, members: Vec<Member>, seed: u64) -> TeamRun {
+    println!("seed {seed}");
+    let task = TeamTask { members, seed, cameras: false, mapper: MapperConfig::default(), most_s: 3600.0 };
+    run(world, &task, |_, _| {}).unwrap()
+}
+
+/// How many of the paths between random places of `world` touch something, and how many there are.
+fn blocked_paths(map: &MapState, world: &World, world_from_map: &Pose2) -> (usize, usize) {
+    let radius_m = SimConfig::default().radius_m;
+    let space = FreeSpace::of(map, &SpaceConfig::default());
+    let fixed = |point: Point2| FixedPoint::from_metres(point.x, point.y);
+    let place = |seed: u64| Point2::from(world.random_free_pose(seed, 0.2).translation.vector);
+    let (mut blocked, mut planned) = (0, 0);
+    for pair in 0..150 {
+        let [from, to] = [place(2 * pair), place(2 * pair + 1)].map(|place| world_from_map.inverse() * place);
+        let Ok(route) = taut::plan(map, &space, fixed(from), fixed(to), &RouteConfig::default()) else { continue };
+        let points: Vec<Point2> = route
+            .waypoints
+            .iter()
+            .map(|waypoint| world_from_map * Point2::new(waypoint.point.x(), waypoint.point.y()))
+            .collect();
+        planned += 1;
+        blocked += usize::from(points.windows(2).any(|way| !world.is_clear(way[0], way[1], radius_m)));
+    }
+    (blocked, planned)
+}
+
+#[test]
+fn two_explorers_divide_a_building_and_make_one_map() {
+    let world = museum();
+    let second = start_near(&world, &world.start(), 3.0, 1);
+    let alone = explored(&world, vec![Member::at(world.start())], 1).report;
+    let team = explored(&world, vec![Member::at(world.start()), Member::at(second)], 1);
+    let report = &team.report;
+    assert!(report.members.iter().all(|member| member.ending == Some(Ending::Complete)), "{report:?}");
+    assert_eq!(report.parts, 1, "{report:?}");
+    assert!(report.explored_fraction > 0.99 && report.members[1].joined.is_some(), "{report:?}");
+    assert!(report.members.iter().all(|member| member.node_error_max_m < 0.05 && member.main_nodes > 3), "{report:?}");
+    // In a building of seven rooms there is less to divide than in an office.
+    assert!(report.time_s < 0.85 * alone.time_s, "{} s and {} s", report.time_s, alone.time_s);
+    let (blocked, planned) = blocked_paths(&team.map, &world, &team.world_from_map);
+    assert!(planned == 150 && blocked == 0, "{blocked} of {planned}");
+}
+
+#[test]
+fn one_that_begins_far_away_joins_when_it_comes_to_what_is_known() {
+    let world = museum();
+    let far = start_near(&world, &world.start(), f64::INFINITY, 3);
+    let team = explored(&world, vec![Member::at(world.start()), Member::at(far)], 2);
+    let report = &team.report;
+    assert!(report.parts == 1 && report.explored_fraction > 0.99, "{report:?}");
+    assert!(report.members[1].joined.is_some_and(|[_, metres]| metres > 1.0), "{report:?}");
+    assert!(report.members.iter().all(|member| member.node_error_max_m < 0.05), "{report:?}");
+}
+
+#[test]
+fn an_explorer_that_dies_is_succeeded_by_another_that_finishes_the_map() {
+    let world = museum();
+    let first = Member { dies_s: Some(100.0), ..Member::at(world.start()) };
+    let next = Member { begins_s: 130.0, ..Member::at(start_near(&world, &world.start(), 3.0, 2)) };
+    let team = explored(&world, vec![first, next], 3);
+    let report = &team.report;
+    assert_eq!((report.members[0].ending, report.members[1].ending), (None, Some(Ending::Complete)), "{report:?}");
+    assert!(report.parts == 1 && report.explored_fraction > 0.99, "{report:?}");
+    assert!(report.members[0].main_nodes > 0 && report.members[1].main_nodes > 0, "{report:?}");
+    let (blocked, planned) = blocked_paths(&team.map, &world, &team.world_from_map);
+    assert!(planned == 150 && blocked == 0, "{blocked} of {planned}");
+}
+
+#[test]
+fn what_has_changed_is_found_by_one_that_looks_again() {
+    let world = museum();
+    // Nothing new stands where the robots begin.
+    let here = Point2::from(world.start().translation.vector);
+    let changed = (5..).map(|seed| load_with("museum", None, 1, Some(&Changes { share: 0.6, seed })).unwrap());
+    let changed = Arc::new(changed.into_iter().find(|changed| changed.is_clear(here, here, 0.4)).unwrap());
+    assert!(changed.changes() > 5);
+    let before = explored(&world, vec![Member::at(world.start())], 4);
+    let first = Member::at(world.start());
+    let again = Member {
+        begins_s: before.report.time_s + 10.0,
+        world: Some(changed.clone()),
+        looks_again: true,
+        ..Member::at(start_near(&changed, &world.start(), 3.0, 4))
+    };
+    let after = explored(&world, vec![first, again], 4);
+    assert_eq!(after.report.members[1].ending, Some(Ending::Complete), "{:?}", after.report);
+    let (stale, _) = blocked_paths(&before.map, &changed, &before.world_from_map);
+    let (blocked, planned) = blocked_paths(&after.map, &changed, &after.world_from_map);
+    println!("paths that touch something: {stale} before, {blocked} of {planned} after");
+    assert!(stale >= 5, "the changes stand in nobody's way: {stale}");
+    assert!(planned > 140 && blocked * 10 <= stale, "{blocked} of {planned}, {stale} before");
+    // Nodes that stood where something stands now are gone, and the rest keeps its trust.
+    let gone = before.map.nodes().filter(|node| after.map.node(node.id).is_none()).count();
+    let doubted = after.map.nodes().filter(|node| node.trust < fht_map::FULL_TRUST).count();
+    println!("{gone} nodes of {} retired, {doubted} doubted", before.map.nodes().count());
+    assert!(gone > 0 && gone * 4 < before.map.nodes().count());
+}
