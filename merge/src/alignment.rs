@@ -49,7 +49,8 @@ pub struct AlignmentFigures {
     pub contradicted: f64,
     /// Ways to lay one on the other that were weighed.
     pub ways: usize,
-    /// Median of how much places look alike above what their model calls near; none without pictures.
+    /// How surely looks say that places are where they are, 0 to 1, by chance 0.5: the mean share of the first map's places elsewhere that
+    /// look less like one than what is there. None without pictures of one model.
     pub look: Option<f64>,
 }
 
@@ -70,17 +71,12 @@ pub fn lay(a: &MapState, b: &MapState, config: &MergeConfig) -> Result<Alignment
     let found = candidates(&a_side, &b_side, a, &config.candidates, &config.evidence);
     let sets = hypotheses(&b_side, &found, &config.agreement);
     tracing::debug!(candidates = found.len(), hypotheses = sets.len(), "places of the second map in the first");
-    let near = |one: usize, other: usize| {
-        let (one, other) = (a_side.places[one].descriptor?, b_side.places[other].descriptor?);
-        let model = a.models().find(|model| model.id == one.model)?;
-        Some(f64::from(one.similarity(other)?) - f64::from(model.match_threshold_e3) / 1000.0)
-    };
     let mut ways = Vec::new();
     for set in &sets {
         let matches: Vec<&Candidate> = set.iter().map(|&index| &found[index]).collect();
         let MergeConfig { candidates, agreement, evidence, align: graph, .. } = config;
         let aligned = align(&a_side, &b_side, &matches, candidates, agreement, evidence, graph)?;
-        let verdict = weigh(&a_side, &b_side, &aligned, near, &config.evidence);
+        let verdict = weigh(&a_side, &b_side, &aligned, &config.evidence);
         tracing::debug!(
             agreeing = set.len(),
             matched = aligned.matched.len(),

@@ -2,7 +2,7 @@
 //! other knows as walls.
 
 use crate::align::Aligned;
-use crate::side::Side;
+use crate::side::{Place, Side};
 use fht_robot::known_space::{Evidence, EvidenceConfig, KnownSpace, Sighting};
 use fht_robot::pose::{Point2, Pose2};
 
@@ -19,8 +19,8 @@ pub(crate) struct Verdict {
     pub(crate) overlap_of_smaller: f64,
     /// Greatest distance between matched places, metres.
     pub(crate) spread_m: f64,
-    /// Median of how much matched places look like the nearest ones of the other map, above what the model calls near; where both look like
-    /// anything.
+    /// How surely looks say that matched places are where they are, 0 to 1: the mean share of the first map's places elsewhere that look
+    /// less like one than what is there. Half of them by chance.
     pub(crate) look: Option<f64>,
 }
 
@@ -32,13 +32,7 @@ impl Verdict {
 }
 
 /// Weighs an alignment.
-pub(crate) fn weigh(
-    a: &Side<'_>,
-    b: &Side<'_>,
-    aligned: &Aligned,
-    near: impl Fn(usize, usize) -> Option<f64>,
-    config: &EvidenceConfig,
-) -> Verdict {
+pub(crate) fn weigh(a: &Side<'_>, b: &Side<'_>, aligned: &Aligned, config: &EvidenceConfig) -> Verdict {
     let mut beams = Evidence::default();
     for (place, a_from_node) in b.places.iter().zip(&aligned.a_from_nodes) {
         beams.add(a.walls.known.weigh(&place.beams, a_from_node, config));
@@ -59,27 +53,41 @@ pub(crate) fn weigh(
     let place = |index: usize| Point2::from(aligned.a_from_nodes[index].translation.vector);
     let matched = || aligned.matched.iter().map(|&(index, _)| place(index));
     let spread_m = matched().flat_map(|one| matched().map(move |other| (one - other).norm())).fold(0.0, f64::max);
-    let mut looks: Vec<f64> =
-        aligned.matched.iter().filter_map(|&(index, _)| look(a, index, &aligned.a_from_nodes[index], &near)).collect();
-    looks.sort_by(f64::total_cmp);
+    let looks: Vec<f64> = aligned
+        .matched
+        .iter()
+        .filter_map(|&(index, _)| look(a, &b.places[index], &aligned.a_from_nodes[index]))
+        .collect();
     Verdict {
         beams,
         overlap_m2: both as f64 * cell_m2,
         overlap_share: both as f64 / b_cells.max(1) as f64,
         overlap_of_smaller: both as f64 / b_cells.min(a_cells).max(1) as f64,
         spread_m,
-        look: (looks.len() >= LEAST_LOOKS).then(|| looks[looks.len() / 2]),
+        look: (looks.len() >= LEAST_LOOKS).then(|| looks.iter().sum::<f64>() / looks.len() as f64),
     }
 }
 
-/// Fewer say nothing.
-const LEAST_LOOKS: usize = 3;
-/// Places this far apart look alike in one building, metres.
-const LOOK_M: f64 = 2.5;
+/// Fewer say nothing, be they matched places or places elsewhere.
+const LEAST_LOOKS: usize = 4;
+/// What is seen from places this far apart is alike, metres.
+const HERE_M: f64 = 2.5;
+/// Places this far off are elsewhere, metres.
+const ELSEWHERE_M: f64 = 5.0;
 
-/// How much a place looks like the ones of `a` around it: the best of them.
-fn look(a: &Side<'_>, place: usize, a_from_node: &Pose2, near: impl Fn(usize, usize) -> Option<f64>) -> Option<f64> {
+/// The share of `a`'s places elsewhere that look less like a place of `b` than the nearest one does.
+fn look(a: &Side<'_>, place: &Place<'_>, a_from_node: &Pose2) -> Option<f64> {
     let here = Point2::from(a_from_node.translation.vector);
-    let around = a.places.iter().enumerate().filter(|(_, other)| (other.position() - here).norm() <= LOOK_M);
-    around.filter_map(|(other, _)| near(other, place)).max_by(f64::total_cmp)
+    let descriptor = place.descriptor?;
+    let alike = a
+        .places
+        .iter()
+        .filter_map(|other| Some(((other.position() - here).norm(), other.descriptor?.similarity(descriptor)?)));
+    let alike: Vec<(f64, f32)> = alike.collect();
+    let nearest =
+        alike.iter().filter(|(metres, _)| *metres <= HERE_M).min_by(|one, other| one.0.total_cmp(&other.0))?;
+    let elsewhere: Vec<f32> =
+        alike.iter().filter(|(metres, _)| *metres >= ELSEWHERE_M).map(|(_, cosine)| *cosine).collect();
+    let less = elsewhere.iter().filter(|cosine| **cosine < nearest.1).count();
+    (elsewhere.len() >= LEAST_LOOKS).then(|| less as f64 / elsewhere.len() as f64)
 }

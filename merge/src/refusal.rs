@@ -66,12 +66,12 @@ pub enum Refusal {
     },
     /// The walls fit, but nothing looks alike: another storey.
     #[error(
-        "the walls fit, but the places do not look alike (median cosine {below:.2} below what the model calls near): another storey, perhaps, \
-         or all is redecorated"
+        "the walls fit, but the places do not look alike ({:.0} % of the places elsewhere look less like one than what is there; by chance 50 %): \
+         another storey, perhaps, or all is redecorated", 100.0 * share
     )]
     LooksDifferent {
-        /// How far below the model's threshold the median is.
-        below: f64,
+        /// Mean share of places elsewhere that look less alike.
+        share: f64,
     },
     /// There are two places for it.
     #[error(

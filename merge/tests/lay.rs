@@ -59,7 +59,8 @@ fn another_building_is_refused() {
         let _ = refused(&a, &b);
         let _ = refused(&b, &a);
     }
-    let mirrored: Vec<Room> = ROOMS.iter().rev().map(|&(width, depth, door)| (width, depth, width - door - 0.9)).collect();
+    let mirrored: Vec<Room> =
+        ROOMS.iter().rev().map(|&(width, depth, door)| (width, depth, width - door - 0.9)).collect();
     let b = Building::wing(&mirrored).mapped(&pose(3.0, 1.0, 1.0), "other", 2);
     let _ = refused(&a, &b);
 }
@@ -100,7 +101,10 @@ fn what_cannot_be_compared_is_refused() {
     let nothing = refused(&a, &MapState::new());
     assert!(matches!(nothing, Refusal::NothingSeen { map: "the second map" }), "{nothing}");
     let small = MergeConfig { most_main_nodes: 10, ..config() };
-    assert!(matches!(lay(&a, &building.mapped(&pose(1.0, 0.0, 0.0), "other", 2), &small), Err(Refusal::TooLarge { .. })));
+    assert!(matches!(
+        lay(&a, &building.mapped(&pose(1.0, 0.0, 0.0), "other", 2), &small),
+        Err(Refusal::TooLarge { .. })
+    ));
     // One room is too little.
     let b = building.seen_within(0.0..3.1).mapped(&pose(1.0, 0.0, 1.0), "other", 2);
     let little = refused(&a, &b);

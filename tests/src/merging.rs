@@ -4,7 +4,7 @@ use crate::survey::Survey;
 use fht_map::rules::Rules;
 use fht_map::{FreeSpace, MapState, RouteConfig};
 use fht_merge::{AlignmentFigures, JoinFigures, MergeConfig, Order, Refusal, join, lay};
-use fht_proto::{AuthorId, FixedPoint, Increment, NodeId, NodeKind, Op, Rect};
+use fht_proto::{AuthorId, FixedPoint, Increment, NodeId, Op, Rect};
 use fht_robot::pose::{Point2, Pose2, from_fixed};
 use fht_sim::{SimConfig, World};
 use serde::{Deserialize, Serialize};
@@ -210,13 +210,7 @@ fn parts(map: &MapState) -> usize {
     count
 }
 
-/// How many main nodes.
-#[must_use]
-pub fn main_nodes(map: &MapState) -> usize {
-    map.nodes().filter(|node| node.kind == NodeKind::Main).count()
-}
-
-/// Where the middle of a map's main nodes lies along an axis of the world (the given share of them lies below), metres.
+/// Below which x in the world the given share of a map's main nodes lies, metres.
 #[must_use]
 pub fn quantile_x(made: &MadeMap, share: f64) -> f64 {
     let x = |node: fht_map::NodeRef<'_>| (made.world_from_map * from_fixed(node.pose)).translation.x;

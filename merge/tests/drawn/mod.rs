@@ -3,8 +3,8 @@
 
 use fht_map::MapState;
 use fht_proto::{
-    AuthorId, Descriptor, DescriptorModel, EdgeKey, FixedPose, Increment, ModelId, NodeId, NodeKind, Op, Rect, ScanRecord,
-    Signature,
+    AuthorId, Descriptor, DescriptorModel, EdgeKey, FixedPose, Increment, ModelId, NodeId, NodeKind, Op, Rect,
+    ScanRecord, Signature,
 };
 use fht_robot::pose::{Point2, Pose2, pose, to_fixed};
 

@@ -41,7 +41,16 @@ struct Made {
     building: String,
     name: String,
     made: MadeMap,
-    world: Arc<fht_sim::World>,
+    /// What paths are checked against; where furniture has moved there is no one truth.
+    world: Option<Arc<fht_sim::World>>,
+}
+
+/// Two maps.
+struct Pair {
+    first: (String, MadeMap),
+    second: (String, MadeMap),
+    is_one_building: bool,
+    world: Option<Arc<fht_sim::World>>,
 }
 
 /// One pair.
@@ -71,44 +80,8 @@ pub fn run(args: &MergeArgs) -> Result<(), String> {
     )?;
     say("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")?;
     let mut rows = Vec::new();
-    let mut pairs: Vec<(String, MadeMap, String, MadeMap, bool, Arc<fht_sim::World>)> = Vec::new();
-    for (index, one) in maps.iter().enumerate() {
-        for other in &maps[index + 1..] {
-            let is_one = one.building == other.building;
-            pairs.push((
-                one.name.clone(),
-                one.made.clone(),
-                other.name.clone(),
-                other.made.clone(),
-                is_one,
-                Arc::clone(&one.world),
-            ));
-            if is_one {
-                for share in [0.5, 0.3] {
-                    // Two thirds or so each, so that the given share of the building is in both.
-                    let (low, high) =
-                        (quantile_x(&one.made, 0.5 - 0.5 * share), quantile_x(&one.made, 0.5 + 0.5 * share));
-                    let (west, east) = (one.made.part(|at| at.x <= high), other.made.part(|at| at.x >= low));
-                    let name = |name: &str| format!("{name}, a part ({:.0} % in both)", 100.0 * share);
-                    pairs.push((name(&one.name), west, name(&other.name), east, true, Arc::clone(&one.world)));
-                }
-            }
-        }
-        let is_first = maps[..index].iter().all(|other| other.building != one.building);
-        if is_first && let Some(other) = maps[index + 1..].iter().find(|other| other.building == one.building) {
-            let name = format!("{}, mirrored", other.name);
-            pairs.push((
-                one.name.clone(),
-                one.made.clone(),
-                name,
-                other.made.mirrored(),
-                false,
-                Arc::clone(&one.world),
-            ));
-        }
-    }
-    for (first, a, second, b, is_one_building, world) in pairs {
-        let outcome = merge(&a, &b, Some(&world).filter(|_| is_one_building).map(Arc::as_ref), &MergeConfig::default());
+    for Pair { first: (first, a), second: (second, b), is_one_building, world } in pairs(&maps) {
+        let outcome = merge(&a, &b, world.as_deref(), &MergeConfig::default());
         let (merged, refusal) = match outcome {
             Ok(merged) => (Some(merged), None),
             Err(refusal) => (None, Some(refusal.to_string())),
@@ -142,7 +115,36 @@ fn survey(args: &MergeArgs, world: &str, drawn: u64, start: u64, changes: Option
     let drawn = if drawn == 1 { String::new() } else { format!(" drawn {drawn}") };
     let building = format!("{}{drawn}", short_name(world));
     let name = format!("{building} {start}{}", if changes.is_some() { ", furniture moved" } else { "" });
-    Ok(Made { building, name, made: MadeMap::of(&survey), world: Arc::clone(&survey.world) })
+    let world = changes.is_none().then(|| Arc::clone(&survey.world));
+    Ok(Made { building, name, made: MadeMap::of(&survey), world })
+}
+
+/// All pairs; of one building also parts of both maps, and one in a mirror.
+fn pairs(maps: &[Made]) -> Vec<Pair> {
+    let mut pairs = Vec::new();
+    let named = |one: &Made| (one.name.clone(), one.made.clone());
+    for (index, one) in maps.iter().enumerate() {
+        for other in &maps[index + 1..] {
+            let is_one_building = one.building == other.building;
+            let world = one.world.clone().filter(|_| is_one_building && other.world.is_some());
+            pairs.push(Pair { first: named(one), second: named(other), is_one_building, world: world.clone() });
+            for share in [0.5, 0.3].into_iter().filter(|_| is_one_building) {
+                // The given share of the building is in both; the rest is in one of them.
+                let (low, high) = (quantile_x(&one.made, 0.5 - 0.5 * share), quantile_x(&one.made, 0.5 + 0.5 * share));
+                let (west, east) = (one.made.part(|at| at.x <= high), other.made.part(|at| at.x >= low));
+                let name = |name: &str| format!("{name}, a part ({:.0} % in both)", 100.0 * share);
+                let (first, second) = ((name(&one.name), west), (name(&other.name), east));
+                pairs.push(Pair { first, second, is_one_building, world: world.clone() });
+            }
+        }
+        let is_first = maps[..index].iter().all(|other| other.building != one.building);
+        let second = maps[index + 1..].iter().find(|other| other.building == one.building);
+        if let Some(other) = second.filter(|_| is_first) {
+            let second = (format!("{}, mirrored", other.name), other.made.mirrored());
+            pairs.push(Pair { first: named(one), second, is_one_building: false, world: None });
+        }
+    }
+    pairs
 }
 
 fn line(row: &Row) -> String {
