@@ -18,9 +18,13 @@ pub struct DecideConfig {
     pub least_overlap_m2: f64,
     /// And its least share of the map that has less. Default 0.1.
     pub least_overlap_share: f64,
-    /// Greatest share of beams that contradict the other map, among those that say something. Default 0.12: with a third of the
-    /// furniture moved it is 0.06, in the same rooms with other furniture 0.24, in another building 0.4 and more.
+    /// Greatest share of beams that contradict the other map, among those that say something, before any place is matched. Default 0.05.
     pub max_contradicted: f64,
+    /// So much more for each matched place: furniture may have moved, if all the rest fits in many places. Default 0.003.
+    pub max_contradicted_per_place: f64,
+    /// But never more than this. Default 0.12: with a third of the furniture moved it is 0.06, in the same rooms with other furniture 0.24, in
+    /// another building 0.4 and more.
+    pub most_contradicted: f64,
     /// A contradicted beam counts against as many explained ones. Default 5.
     pub contradiction_cost: f64,
     /// Greatest share of the best way's gain that a second one may have. Default 0.7.
@@ -40,7 +44,9 @@ impl Default for DecideConfig {
             least_spread_m: 4.0,
             least_overlap_m2: 20.0,
             least_overlap_share: 0.1,
-            max_contradicted: 0.12,
+            max_contradicted: 0.05,
+            max_contradicted_per_place: 0.003,
+            most_contradicted: 0.12,
             contradiction_cost: 5.0,
             max_rival: 0.7,
             apart_m: 0.5,
@@ -77,8 +83,10 @@ pub(crate) fn decide(mut ways: Vec<Weighed>, config: &DecideConfig) -> Result<We
         return Err(Refusal::TooLittleOverlap { agreeing, spread_m, overlap_m2, share });
     }
     let contradicted = contradiction(&best.verdict.beams);
-    if contradicted > config.max_contradicted {
-        return Err(Refusal::Contradiction { share: contradicted, most: config.max_contradicted });
+    let most = config.max_contradicted + config.max_contradicted_per_place * agreeing as f64;
+    let most = most.min(config.most_contradicted);
+    if contradicted > most {
+        return Err(Refusal::Contradiction { share: contradicted, most });
     }
     for other in &ways {
         let share = gain(other) / gain(&best).max(1.0);
