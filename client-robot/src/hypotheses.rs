@@ -4,10 +4,10 @@
 //! explains or contradicts, and pictures that look like those of the nodes there or do not. A corridor that looks like another
 //! is two hypotheses of nearly the same weight, until something tells them apart.
 
-use crate::known_space::{Beams, Evidence, EvidenceConfig};
 use crate::landmarks::Landmarks;
 use crate::odometry::Odometry;
 use fht_proto::NodeId;
+use fht_robot::known_space::{Beams, Evidence, EvidenceConfig};
 use fht_robot::matching::{MatchConfig, refine};
 use fht_robot::pose::{Point2, Pose2, wrap_angle};
 

@@ -2,12 +2,13 @@
 //!
 //! What they saw together is put together when it is first asked for after the map has changed.
 
-use crate::walls::Walls;
 use fht_map::MapState;
 use fht_proto::{Descriptor, DescriptorModel, FixedPoint, ModelId, NodeId, Rect, Signature};
 use fht_robot::frame::LaserScan;
+use fht_robot::known_space::Sighting;
 use fht_robot::matching::EverywhereConfig;
 use fht_robot::pose::{Point2, Pose2, from_fixed};
+use fht_robot::walls::Walls;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, OnceLock};
 
@@ -91,8 +92,8 @@ impl WallsTask {
     /// Makes them: some 20 ms for 100 nodes.
     #[must_use]
     pub fn run(self) -> Walls {
-        let landmarks = self.landmarks.iter().map(Arc::as_ref);
-        Walls::new(landmarks, &self.free_space, &EverywhereConfig::default())
+        let sightings: Vec<Sighting> = self.landmarks.iter().map(|landmark| landmark.sighting()).collect();
+        Walls::new(&sightings, &self.free_space, &EverywhereConfig::default())
     }
 }
 
@@ -194,6 +195,11 @@ impl Landmark {
             points,
             signature: signature.clone(),
         }
+    }
+
+    fn sighting(&self) -> Sighting {
+        let ends = self.points.iter().map(|point| self.map_from_node * point).collect();
+        Sighting { from: self.map_from_node * self.scanner, ends }
     }
 }
 

@@ -9,11 +9,9 @@
 //! | [`ask`] | questions to the server |
 //! | [`inquiry`] | questions put beside the robot's loop |
 //! | [`landmarks`] | the replica's main nodes: what they look like, and what they saw |
-//! | [`walls`] | what all of them saw, as one |
 //! | [`preparation`] | putting it together beside the robot's loop |
-//! | [`known_space`] | what the map knows to be free, and what a scan says for or against a pose in it |
 //! | [`odometry`] | wheel odometry corrected by scans |
-//! | [`estimate`] | one estimation of the place, and how odometry errors grow |
+//! | [`estimate`] | one estimation of the place |
 //! | [`consensus`] | which estimations agree |
 //! | [`hypotheses`] | where the robot may be, weighed by all that it saw |
 //! | [`settle`] | the pose of a fix: the optimum over the estimations that agree |
@@ -43,7 +41,6 @@ pub mod follow;
 pub mod free_space;
 pub mod hypotheses;
 pub mod inquiry;
-pub mod known_space;
 pub mod landmarks;
 pub mod local_map;
 pub mod localize;
@@ -61,5 +58,4 @@ pub mod settle;
 pub mod steering;
 pub mod sync;
 pub mod tracking;
-pub mod walls;
 pub mod wander;

@@ -2,8 +2,8 @@
 
 use crate::inquiry::{Inquiry, Taking};
 use crate::landmarks::{Landmarks, WallsTask};
-use crate::walls::Walls;
 use fht_map::MapState;
+use fht_robot::walls::Walls;
 use std::time::Duration;
 
 /// Longest that a run in simulated time waits for the thread.

@@ -6,12 +6,12 @@
 //! from these places agree. Otherwise the robot says that it does not know.
 
 use crate::hypotheses::{Hypothesis, View, WeighConfig, held};
-use crate::known_space::Beams;
 use crate::landmarks::Landmarks;
 use crate::odometry::Odometry;
 use crate::settle::{Fix, SettleConfig, settle};
 use fht_proto::Descriptor;
 use fht_robot::frame::LaserScan;
+use fht_robot::known_space::Beams;
 use fht_robot::matching::{Favour, MatchConfig};
 use fht_robot::pose::{Point2, Pose2};
 

@@ -4,11 +4,13 @@
 //! Each view is matched to the map by itself. Estimations that contradict the odometry between them are thrown out; the rest hold a
 //! chain of poses to the map, in a robust pose graph.
 
-use crate::consensus::{ConsensusConfig, agreement_graph, heaviest_clique, members};
-use crate::estimate::{Estimate, OdometryNoise, propagate};
+use crate::consensus::agreement_graph;
+use crate::estimate::Estimate;
 use crate::hypotheses::{Hypothesis, View};
 use crate::landmarks::Landmarks;
 use crate::odometry::Odometry;
+use fht_robot::consensus::{ConsensusConfig, heaviest_clique, members};
+use fht_robot::drift::{OdometryNoise, propagate};
 use fht_robot::matching::{MatchConfig, refine};
 use fht_robot::pose::Pose2;
 use fht_robot::pose_graph::{Edge, GraphConfig, optimise};

@@ -1,10 +1,10 @@
 //! Keeping the pose right while driving: each scan against what all main nodes saw, fused with odometry (a Kalman filter).
 
-use crate::estimate::{OdometryNoise, difference, propagate};
-use crate::known_space::{Beams, EvidenceConfig};
 use crate::landmarks::Landmarks;
 use crate::odometry::Odometry;
+use fht_robot::drift::{OdometryNoise, difference, propagate};
 use fht_robot::frame::LaserScan;
+use fht_robot::known_space::{Beams, EvidenceConfig};
 use fht_robot::matching::{MatchConfig, refine};
 use fht_robot::pose::{Point2, Pose2, pose, wrap_angle};
 use nalgebra::{Matrix3, Vector3};

@@ -82,6 +82,7 @@ Examples:
   map-server release enable museum 2026-11-21.1
   map-server place museum dock 1.5,-2,90
   map-server zone museum wet-floor '1,1 3,1 3,2 1,2'
+  map-server merge museum museum-2 --dry-run
   map-server robots museum --watch
       operate it, from any machine that reaches it (--connect)
 

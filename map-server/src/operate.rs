@@ -1,7 +1,8 @@
 //! What operators do, talking to a running server over Zenoh: look at maps, name places, draw zones, close edges, make and enable
-//! releases, fold, export and import.
+//! releases, fold, export, import and merge.
 
 mod command;
+mod merge;
 mod release;
 mod robots;
 mod rule;
@@ -79,6 +80,12 @@ pub enum OperateError {
         /// What is wrong.
         source: fht_proto::archive::ArchiveError,
     },
+    /// Two maps are not merged.
+    #[error("not merged: {0}")]
+    Merge(#[from] fht_merge::Refusal),
+    /// The merge ended for no reason that it gave: a defect.
+    #[error("the merge failed: {0}")]
+    Lost(#[from] tokio::task::JoinError),
     /// The system gives no threads.
     #[error("no threads: {0}")]
     Runtime(std::io::Error),

@@ -6,7 +6,6 @@
 //! | [`known`] | what of a scan the main nodes know (not in the paper) |
 //! | [`support`] | the two rules for support nodes (equations 5 and 6) |
 //! | [`edges`] | edges that lie in free space (equation 7) |
-//! | [`free_space`] | rectangles of local free space |
 //! | [`doubt`] | nodes that others made and that are not as they say any more (not in the paper) |
 //! | [`coverage`] | support nodes for free space that no rectangle covers (not in the paper) |
 //!
@@ -16,7 +15,6 @@
 pub mod coverage;
 pub mod doubt;
 pub mod edges;
-pub mod free_space;
 pub mod known;
 pub mod selection;
 pub mod support;
@@ -28,10 +26,10 @@ use doubt::{Doubt, DoubtConfig};
 use edges::EdgeConfig;
 use fht_map::{MapState, NodeRef};
 use fht_proto::{Descriptor, EdgeKey, FixedPoint, Increment, NodeId, NodeKind, Op, Rect, ScanRecord, Signature};
+use fht_robot::free_space::{self, FreeSpaceConfig};
 use fht_robot::grid::OccupancyGrid;
 use fht_robot::planning::{PlanConfig, UnknownCells};
 use fht_robot::pose::{Point2, Pose2, from_fixed, pose, to_fixed};
-use free_space::FreeSpaceConfig;
 use selection::{Place, Selection, SelectionConfig};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use support::{Hierarchy, Need, SupportConfig};

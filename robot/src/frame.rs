@@ -2,6 +2,7 @@
 
 use crate::pose::{Point2, Pose2, from_fixed, to_fixed};
 use fht_proto::ScanRecord;
+#[cfg(feature = "camera")]
 use image::RgbImage;
 
 /// A planar laser scan. Beam `i` looks at `angle_min + i·angle_increment` in the sensor's frame (counter-clockwise).
@@ -112,6 +113,7 @@ impl LaserScan {
 
 /// Four pinhole views of 90° × 90° that together are one seamless panorama: ahead, left, behind, right (yaw 0, 90, 180,
 /// 270° in the base frame). All views are square and of one size. Pixel (0, 0) is top left; columns run to the right.
+#[cfg(feature = "camera")]
 #[derive(Clone, Debug)]
 pub struct Panorama {
     /// Ahead, left, behind, right.
@@ -128,6 +130,7 @@ pub struct SensorFrame {
     /// The laser scan.
     pub scan: LaserScan,
     /// The cameras' pictures, when they took one at this instant (cameras are slower than the LiDAR).
+    #[cfg(feature = "camera")]
     pub panorama: Option<Panorama>,
 }
 
@@ -234,7 +237,13 @@ mod tests {
             range_max_m: 7.0,
             ranges_m: vec![1.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0],
         };
-        SensorFrame { time_us: 0, odom_from_base: pose(1.0, 2.0, 0.5), scan, panorama: None }
+        SensorFrame {
+            time_us: 0,
+            odom_from_base: pose(1.0, 2.0, 0.5),
+            scan,
+            #[cfg(feature = "camera")]
+            panorama: None,
+        }
     }
 
     #[test]

@@ -48,6 +48,10 @@ fn load(name: &str, world: &str) -> Option<Building> {
     let task = SurveyTask {
         world: world.to_owned(),
         textures: None,
+        world_seed: 1,
+        changes: None,
+        start: None,
+        cameras: true,
         seed: 1,
         drift: 1.0,
         variant: "ours".to_owned(),

@@ -15,6 +15,7 @@
 //! | [`simulation`] | a fleet on a bad network, in simulated time |
 //! | [`team`] | several explorers in one building, in simulated time |
 //! | [`trial`] | one system on one drive |
+//! | [`merging`] | maps made apart, merged, against the truth |
 //! | [`ledger`] | results that cost minutes, kept as they come |
 
 pub mod drive;
@@ -22,6 +23,7 @@ pub mod grid_map;
 pub mod handoff;
 pub mod known;
 pub mod ledger;
+pub mod merging;
 pub mod picture;
 pub mod process;
 pub mod python;

@@ -9,7 +9,7 @@ use fht_robot::descriptor::{DescriptorError, DescriptorNet};
 use fht_robot::frame::FrameError;
 use fht_robot::frame::SensorFrame;
 use fht_robot::pose::{Pose2, pose};
-use fht_sim::{SimConfig, Simulator, World, WorldError};
+use fht_sim::{Changes, SimConfig, Simulator, World, WorldError};
 use mapper::camera::CameraError;
 use mapper::explore::Ending;
 use mapper::mapping::{Mapper, MapperConfig, Step};
@@ -25,8 +25,16 @@ pub struct SurveyTask {
     pub world: String,
     /// Pictures for the walls of a floor plan.
     pub textures: Option<PathBuf>,
+    /// Seed of what is drawn in it. Usually 1.
+    pub world_seed: u64,
+    /// What has changed in it since it was drawn.
+    pub changes: Option<Changes>,
+    /// Where the explorer starts, world frame; `None` is the world's own start.
+    pub start: Option<Pose2>,
     /// Seed of noise and wheels.
     pub seed: u64,
+    /// Whether nodes have pictures.
+    pub cameras: bool,
     /// Factor of the wheels' drift.
     pub drift: f64,
     /// What the map is called among those kept: one name for each set of parameters.
@@ -40,7 +48,21 @@ impl SurveyTask {
     /// its name.
     fn path(&self, folder: &Path) -> PathBuf {
         let spec = self.world.replace(|c: char| !c.is_ascii_alphanumeric(), "_");
-        folder.join(format!("{spec}-{}-drift{}-seed{}.{FORM}", self.variant, self.drift, self.seed))
+        let mut unusual = String::new();
+        if self.world_seed != 1 {
+            unusual += &format!("-drawn{}", self.world_seed);
+        }
+        if let Some(Changes { share, seed }) = self.changes {
+            unusual += &format!("-changed{share}-{seed}");
+        }
+        if let Some(start) = self.start {
+            let (x, y, yaw) = (start.translation.x, start.translation.y, start.rotation.angle());
+            unusual += &format!("-from{x:.3},{y:.3},{yaw:.3}");
+        }
+        if !self.cameras {
+            unusual += "-dark";
+        }
+        folder.join(format!("{spec}-{}-drift{}-seed{}{unusual}.{FORM}", self.variant, self.drift, self.seed))
     }
 }
 
@@ -132,7 +154,8 @@ impl Survey {
     /// # Errors
     /// [`SurveyError`].
     pub fn of(task: &SurveyTask, folder: &Path) -> Result<Self, SurveyError> {
-        let world = Arc::new(fht_sim::load(&task.world, task.textures.as_deref(), 1)?);
+        let world = fht_sim::load_with(&task.world, task.textures.as_deref(), task.world_seed, task.changes.as_ref())?;
+        let world = Arc::new(world);
         let path = task.path(folder);
         let kept_error = |reason: String| SurveyError::Kept { path: path.clone(), reason };
         if let Ok(bytes) = std::fs::read(&path) {
@@ -171,12 +194,15 @@ impl Survey {
 }
 
 fn explore(task: &SurveyTask, world: &Arc<World>) -> Result<Kept, SurveyError> {
-    let start = world.start();
-    let sim = SimConfig { drift_factor: task.drift, ..SimConfig::default() };
+    let start = task.start.unwrap_or_else(|| world.start());
+    let mut sim = SimConfig { drift_factor: task.drift, ..SimConfig::default() };
+    if !task.cameras {
+        sim.camera_every = 0;
+    }
     let mut simulator = Simulator::new(world.clone(), sim, start, task.seed);
-    let mut mapper =
-        Mapper::new(task.mapper.clone(), AuthorId::of_robot("explorer"), Some(DescriptorNet::load(None)?))?;
-    let mut witness = Witness { net: DescriptorNet::load(None)?, seen: Vec::new() };
+    let net = || task.cameras.then(|| DescriptorNet::load(None)).transpose();
+    let mut mapper = Mapper::new(task.mapper.clone(), AuthorId::of_robot("explorer"), net()?)?;
+    let mut witness = Witness { net: net()?, seen: Vec::new() };
     let mut frame = simulator.sense_first();
     let ending = loop {
         let step = mapper.step(&frame)?;
@@ -200,18 +226,20 @@ fn explore(task: &SurveyTask, world: &Arc<World>) -> Result<Kept, SurveyError> {
 
 /// Sees what the explorer sees, for maps of other kinds.
 struct Witness {
-    net: DescriptorNet,
+    net: Option<DescriptorNet>,
     seen: Vec<(Anchored, Descriptor)>,
 }
 
 impl Witness {
     fn look(&mut self, frame: &SensorFrame, mapper: &Mapper) {
-        let (Some(panorama), Some(latest)) = (&frame.panorama, mapper.latest()) else { return };
+        let (Some(net), Some(panorama), Some(latest)) = (&mut self.net, &frame.panorama, mapper.latest()) else {
+            return;
+        };
         let is_new = self.seen.last().is_none_or(|(last, _)| {
             let off = mapper.locate(last).translation.vector - latest.map_from_base.translation.vector;
             off.norm() >= PASS_M
         });
-        if is_new && let Ok(descriptor) = self.net.descriptor(panorama) {
+        if is_new && let Ok(descriptor) = net.descriptor(panorama) {
             self.seen.push((latest.anchored, descriptor));
         }
     }

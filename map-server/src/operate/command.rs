@@ -1,5 +1,6 @@
 //! The operators' subcommands.
 
+use super::merge::{self, MergeOrder};
 use super::release;
 use super::robots;
 use super::rule::{self, Corners, parse_corners, parse_pose, parse_speed};
@@ -142,6 +143,29 @@ pub enum Operation {
         #[arg(long)]
         map: Option<MapName>,
     },
+    /// Merges two maps of one building that were made apart: finds out where the second lies in the first, and brings over what the first
+    /// lacks. Refused, with the reason, when they are not surely of one building.
+    #[command(after_help = "Examples:
+  map-server merge museum museum-2 --dry-run        do they fit?
+  map-server merge museum museum-2                  museum grows by what museum-2 has and it has not
+  map-server merge museum museum-2 --into whole     both stay as they are
+
+What is written is the operator's, like places and zones. A release before is the way back.")]
+    Merge {
+        /// The map whose frame stays.
+        first: MapName,
+        /// The map that is brought over. It stays as it is.
+        second: MapName,
+        /// Write to a new map of this name, which begins with all of the first, instead of into the first.
+        #[arg(long, value_name = "MAP")]
+        into: Option<MapName>,
+        /// Only say how they fit.
+        #[arg(long)]
+        dry_run: bool,
+        /// Leave out what operators wrote of the second: places, zones, closed edges.
+        #[arg(long)]
+        only_map: bool,
+    },
 }
 
 /// What an operator can do with releases.
@@ -256,6 +280,14 @@ impl Operation {
                 show(&done, json, |done| {
                     format!("version {} of {} in {} ({} bytes)", done.version, done.map, file.display(), done.bytes)
                 })
+            }
+            Self::Merge { first, second, into, dry_run, only_map } => {
+                let order = MergeOrder { first, second, into, dry_run, only_map, operator, quiet: json };
+                let outcome = merge::merge(session, &order).await;
+                if let (Err(OperateError::Merge(refusal)), true) = (&outcome, json) {
+                    show(&merge::refused(&order, refusal), json, |_| String::new())?;
+                }
+                show(&outcome?, json, merge::in_words)
             }
             Self::Import { file, map } => {
                 let done = transfer::import(session, &file, map, json).await?;

@@ -59,9 +59,28 @@ pub(super) async fn export(
     };
     let bar = progress(vector.version(), quiet);
     bar.set_prefix("export");
+    let whole = fetch_whole(session, map, &vector, &bar).await?;
+    let header = Header::new(map.clone(), vector, digest);
+    let mut bytes = header_line(&header).map_err(|error| OperateError::json(&error))?;
+    for series in pieces(whole) {
+        bytes.extend(encode(&series).map_err(|error| OperateError::Answer(error.to_string()))?);
+    }
+    bar.finish_and_clear();
+    let failed = |source| OperateError::File { path: path.to_owned(), source };
+    write_whole(path, &bytes).map_err(failed)?;
+    Ok(Transferred { map: map.clone(), version: header.version, digest, bytes: bytes.len() as u64 })
+}
+
+/// The increments that a state consists of.
+pub(super) async fn fetch_whole(
+    session: &Session,
+    map: &MapName,
+    vector: &VersionVector,
+    bar: &ProgressBar,
+) -> Result<Snapshot, OperateError> {
     let (mut have, mut whole) = (VersionVector::default(), Snapshot::default());
-    while have != vector {
-        let series = fetch(session, map, &vector, &have).await?;
+    while have != *vector {
+        let series = fetch(session, map, vector, &have).await?;
         let before = have.clone();
         series.folds.iter().for_each(|fold| have.set(fold.author, fold.last));
         series.increments.iter().for_each(|increment| have.set(increment.author, increment.number));
@@ -72,15 +91,7 @@ pub(super) async fn export(
         whole.folds.extend(series.folds);
         whole.increments.extend(series.increments);
     }
-    let header = Header::new(map.clone(), vector, digest);
-    let mut bytes = header_line(&header).map_err(|error| OperateError::json(&error))?;
-    for series in pieces(whole) {
-        bytes.extend(encode(&series).map_err(|error| OperateError::Answer(error.to_string()))?);
-    }
-    bar.finish_and_clear();
-    let failed = |source| OperateError::File { path: path.to_owned(), source };
-    write_whole(path, &bytes).map_err(failed)?;
-    Ok(Transferred { map: map.clone(), version: header.version, digest, bytes: bytes.len() as u64 })
+    Ok(whole)
 }
 
 async fn fetch(
@@ -94,8 +105,16 @@ async fn fetch(
     decode(&bytes).map_err(|error| OperateError::Answer(error.to_string()))
 }
 
+/// Has the server take in a part of a map; the head that it has then.
+pub(super) async fn put_series(session: &Session, map: &MapName, series: &Snapshot) -> Result<Head, OperateError> {
+    let key = Key::Admin { map: map.clone(), action: AdminAction::Import }.to_string();
+    let payload = encode(series).map_err(|error| OperateError::Answer(error.to_string()))?;
+    let answer = ask(session, &key, Some(payload)).await?;
+    serde_json::from_slice(&answer).map_err(|error| OperateError::json(&error))
+}
+
 /// In messages of sensible length, folds first.
-fn pieces(whole: Snapshot) -> Vec<Snapshot> {
+pub(super) fn pieces(whole: Snapshot) -> Vec<Snapshot> {
     let mut pieces = Vec::new();
     let (mut piece, mut length) = (Snapshot::default(), 0);
     let mut close = |piece: &mut Snapshot, length: &mut usize, more: usize| {
@@ -142,15 +161,12 @@ pub(super) async fn import(
     }
     let header = archive.header.clone();
     let map = name.unwrap_or_else(|| header.map.clone());
-    let key = Key::Admin { map: map.clone(), action: AdminAction::Import }.to_string();
     let bar = progress(bytes.len() as u64, quiet);
     bar.set_prefix("import");
     let mut archive = archive;
     let mut head: Option<Head> = None;
     while let Some(series) = archive.next() {
-        let payload = encode(&series.map_err(damaged)?).map_err(|error| OperateError::Answer(error.to_string()))?;
-        let answer = ask(session, &key, Some(payload)).await?;
-        head = Some(serde_json::from_slice(&answer).map_err(|error| OperateError::json(&error))?);
+        head = Some(put_series(session, &map, &series.map_err(damaged)?).await?);
         bar.set_position(archive.position() as u64);
     }
     bar.finish_and_clear();

@@ -4,10 +4,10 @@
 //! Two things are to be covered: where the centre of a robot may be that keeps the distance from walls that paths keep; and the
 //! ground under a robot that squeezes into a gap too narrow for that, for nobody else can tell the way out of it.
 
-use super::free_space::{FreeSpaceConfig, grow};
 use super::plan_config;
 use fht_map::MapState;
 use fht_proto::{FixedPoint, Rect};
+use fht_robot::free_space::{FreeSpaceConfig, grow};
 use fht_robot::grid::{Cell, CellBounds, OccupancyGrid};
 use fht_robot::planning::Traversable;
 use fht_robot::pose::Point2;

@@ -5,11 +5,11 @@
 //! node that saw what is no longer there loses trust each time that a robot comes by, gets it back when what it saw is there,
 //! and is retired when little is left; a node in whose place something stands is retired at once.
 
-use super::{BuilderConfig, edges, free_space, point};
-use crate::construct::free_space::FreeSpaceConfig;
+use super::{BuilderConfig, edges, point};
 use fht_map::{FULL_TRUST, MapState, NodeRef};
 use fht_proto::{FixedPoint, NodeId, NodeKind, Op, Rect};
 use fht_robot::frame::LaserScan;
+use fht_robot::free_space::{self, FreeSpaceConfig};
 use fht_robot::grid::{Cell, CellState, OccupancyGrid};
 use fht_robot::pose::{Point2, from_fixed};
 use std::collections::BTreeMap;

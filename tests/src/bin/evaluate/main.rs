@@ -7,6 +7,7 @@ mod explore;
 mod figures;
 mod knobs;
 mod maps;
+mod merge;
 mod output;
 mod paper;
 mod paths;
@@ -82,6 +83,11 @@ pose of the scan taken at t2 in the frame of the scan taken at t1, metres and ra
   evaluate relocalize --worlds ../shared/data/maps/museum.yaml --starts 100
   evaluate relocalize --worlds museum --starts 20")]
     Relocalize(relocalize::RelocalizeArgs),
+    /// Maps of one building that were made from different starts, merged; and maps of different buildings, refused.
+    #[command(after_help = "Examples:
+  evaluate merge                                             the museum from three starts, and a second building
+  evaluate merge --worlds museum,office,../shared/data/maps/museum.yaml --starts 4 --no-cameras")]
+    Merge(merge::MergeArgs),
 }
 
 fn main() -> ExitCode {
@@ -97,6 +103,7 @@ fn main() -> ExitCode {
         Part::Contents(args) => contents::run(&args),
         Part::Knobs(args) => knobs::run(&args),
         Part::Relocalize(args) => relocalize::run(&args),
+        Part::Merge(args) => merge::run(&args),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

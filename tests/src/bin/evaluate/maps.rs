@@ -66,6 +66,10 @@ impl MapArgs {
         let task = SurveyTask {
             world: world.to_owned(),
             textures: None,
+            world_seed: 1,
+            changes: None,
+            start: None,
+            cameras: true,
             seed: self.seed,
             drift: 1.0,
             variant: name.clone(),

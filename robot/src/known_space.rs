@@ -3,9 +3,9 @@
 //! A beam that ends where the map has a wall speaks for the pose. One that ends well before, where the map is free, or goes on well
 //! behind a wall speaks against it, whatever the scan matcher thought. One that ends where nobody looked says little.
 
+use crate::frame::LaserScan;
+use crate::pose::{Point2, Pose2};
 use fht_proto::{FixedPoint, Rect};
-use fht_robot::frame::LaserScan;
-use fht_robot::pose::{Point2, Pose2};
 use nalgebra::Vector2;
 
 /// Side of a cell, metres.
@@ -83,6 +83,18 @@ impl KnownSpace {
             let cell = Vector2::new((index % self.width) as f64 + 0.5, (index / self.width) as f64 + 0.5);
             self.min + cell * CELL_M
         })
+    }
+
+    /// Whether a place is known to be free.
+    #[must_use]
+    pub fn is_free(&self, place: Point2) -> bool {
+        self.cell(place) & (FREE | WALL) == FREE
+    }
+
+    /// Side of a cell, metres.
+    #[must_use]
+    pub fn resolution_m(&self) -> f64 {
+        CELL_M
     }
 
     fn index(&self, point: Point2) -> Option<usize> {
@@ -282,7 +294,7 @@ impl KnownSpace {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fht_robot::pose::pose;
+    use crate::pose::pose;
 
     /// What a scanner at `at` sees of a room of 6 m × 4 m around the origin with a box in a corner.
     fn scan(at: &Pose2) -> LaserScan {

@@ -1,9 +1,8 @@
 //! Rectangles of local free space (paper, section III-B-3; after Gao et al., JFR 2018).
 
-use super::point;
+use crate::grid::{Cell, CellState, OccupancyGrid};
+use crate::pose::Point2;
 use fht_proto::{FixedPoint, Rect};
-use fht_robot::grid::{Cell, CellState, OccupancyGrid};
-use fht_robot::pose::Point2;
 
 /// Parameters of the rectangles.
 #[derive(Clone, Debug)]
@@ -38,7 +37,7 @@ pub fn is_obstructed(grid: &OccupancyGrid, node: FixedPoint, rect: &Rect) -> boo
 #[must_use]
 pub fn grow(grid: &OccupancyGrid, node: FixedPoint, config: &FreeSpaceConfig) -> Option<Rect> {
     let is_free = |i: i32, j: i32| grid.is_surely_free(Cell { i, j });
-    let seed = grid.cell_of(point(node));
+    let seed = grid.cell_of(Point2::new(node.x(), node.y()));
     if grid.state(seed) != CellState::Free {
         return None;
     }
