@@ -13,7 +13,7 @@
 //! | client | its own `robots/{name}`, questions | increments, heads, robots, replies |
 //! | explorer | the same, and its own increments | the same, and its own refusals |
 //! | operator | the same as an explorer, and admin orders | everything |
-//! | server | heads, refusals, replies, admin notices, questions | everything |
+//! | server | heads, refusals, replies, admin notices, questions, what storages keep | everything |
 //! | router | everything | everything |
 //!
 //! A router trusts the others: they have checked what they pass on, by the same list.
@@ -21,7 +21,7 @@
 pub mod command;
 
 use fht_proto::AuthorId;
-use fht_proto::keys::ALL_QUERIES;
+use fht_proto::keys::{ALL_KEPT, ALL_QUERIES};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -143,7 +143,7 @@ fn shared_rules() -> Vec<Value> {
         rule("operators ask routers", "ingress", &["query"], &ZENOH_ADMIN),
         rule("operators hear", "egress", &["put", "delete", "reply"], &EVERYTHING),
         rule("operators are answered by routers", "egress", &["reply"], &ZENOH_ADMIN),
-        rule("servers say", "ingress", &["put"], &["fht/*/head", "fht/*/refused/*", "fht/*/admin/**"]),
+        rule("servers say", "ingress", &["put"], &["fht/*/head", "fht/*/refused/*", "fht/*/admin/**", ALL_KEPT]),
         rule("servers serve", "ingress", &["declare_queryable", "reply", "declare_subscriber", "query"], &EVERYTHING),
         rule("servers see robots", "ingress", &liveliness, &ROBOTS),
         rule("servers are sent", "egress", &ALL_MESSAGES, &EVERYTHING),
@@ -260,16 +260,22 @@ pub fn section(roles: &Roles) -> Result<Value, AccessError> {
     }))
 }
 
-/// `config` (JSON5) with the section for `roles` in it, in place of any that it had. Its comments are lost; an empty object
-/// gives the section alone.
+/// The sections of a configuration (JSON5). Its comments are lost.
 ///
 /// # Errors
 /// [`AccessError`].
-pub fn configuration(config: &str, roles: &Roles) -> Result<String, AccessError> {
-    let mut config: Map<String, Value> = match json5::from_str(config)? {
-        Value::Object(fields) => fields,
-        _ => return Err(AccessError::NotAnObject),
-    };
+pub fn object(config: &str) -> Result<Map<String, Value>, AccessError> {
+    match json5::from_str(config)? {
+        Value::Object(fields) => Ok(fields),
+        _ => Err(AccessError::NotAnObject),
+    }
+}
+
+/// `config` with the section for `roles` in it, in place of any that it had; without others it is the section alone.
+///
+/// # Errors
+/// [`AccessError`].
+pub fn configuration(mut config: Map<String, Value>, roles: &Roles) -> Result<String, AccessError> {
     config.insert("access_control".to_owned(), Value::Null);
     let mut text =
         String::from("// Written by `map-server access-control`: change the list of roles, not this file.\n{\n");
@@ -320,7 +326,8 @@ mod tests {
 
     #[test]
     fn zenoh_understands_it_and_it_denies_what_it_does_not_say() {
-        let text = configuration("{mode: 'router', listen: {endpoints: ['tls/[::]:7447']}}", &roles(FLEET)).unwrap();
+        let text = object("{mode: 'router', listen: {endpoints: ['tls/[::]:7447']}}").unwrap();
+        let text = configuration(text, &roles(FLEET)).unwrap();
         let config = zenoh::Config::from_json5(&text).unwrap();
         let section: Value = serde_json::from_str(&config.get_json("access_control").unwrap()).unwrap();
         assert_eq!((&section["enabled"], &section["default_permission"]), (&json!(true), &json!("deny")));
@@ -337,6 +344,8 @@ mod tests {
         };
         assert!(writes("explorer:ana", "ana") && !writes("explorer:ana", "ben"));
         assert!(writes("operator:desk", "desk") && !writes("operator:desk", "ana"));
+        let keeps = |subject: &str| granted(&section, subject).contains(ALL_KEPT);
+        assert!(keeps("server:maps") && !keeps("explorer:ana") && !keeps("operator:desk") && !keeps("client:tug"));
         assert!(!writes("client:tug", "tug") && !granted(&section, "client:tug").contains("/admin/"));
     }
 
@@ -365,6 +374,6 @@ mod tests {
         assert!(said("{explorers: ['']}").contains("''"));
         assert!(section(&roles("{routers: ['maps'], servers: ['maps'], explorers: ['maps']}")).is_ok(), "no authors");
         assert!(parse("{explorer: ['ana']}").unwrap_err().to_string().contains("explorer"));
-        assert!(matches!(configuration("[]", &roles(FLEET)), Err(AccessError::NotAnObject)));
+        assert!(matches!(object("[]"), Err(AccessError::NotAnObject)));
     }
 }

@@ -1,6 +1,7 @@
 //! What is wrong with an arriving increment: everything that can be said without knowing its map.
 
 use crate::config::Limits;
+use crate::log::Origin;
 use fht_proto::envelope::is_canonical;
 use fht_proto::keys::Key;
 use fht_proto::query::{ErrorCode, ErrorReply};
@@ -32,6 +33,8 @@ pub struct Checked {
     pub increment: Increment,
     /// The increment in its envelope.
     pub bytes: Vec<u8>,
+    /// Where it comes from.
+    pub origin: Origin,
 }
 
 impl Checked {
@@ -52,7 +55,7 @@ impl PartialEq for Checked {
 /// Why an increment was refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
-    /// The key is not `fht/{map}/inc/{author}/{number}`.
+    /// The key is neither `fht/{map}/inc/{author}/{number}` nor `fht/{map}/kept/{author}/{number}`.
     #[error("the key is not that of an increment")]
     Key,
     /// Increments cannot be deleted.
@@ -90,6 +93,9 @@ pub enum Refusal {
     /// A fold would come before increments that the map has, or leaves a gap.
     #[error("folded increments go only into a new map: give another name")]
     FoldBeside,
+    /// Other servers stand on the same increments, one by one.
+    #[error("folded increments go only to a server that keeps its own log: this one stands on storages")]
+    FoldShared,
     /// Over one of [`Limits`], or the limit of authors.
     #[error("the limit of {0} is reached")]
     Full(&'static str),
@@ -106,7 +112,9 @@ impl Refusal {
             Self::Future { .. } => ErrorCode::Future,
             Self::TooLong { .. } => ErrorCode::TooLong,
             // Damaged on the way, or not from a writer at all.
-            Self::Key | Self::Delete | Self::Codec(_) | Self::OtherKey { .. } => ErrorCode::BadRequest,
+            Self::FoldShared | Self::Key | Self::Delete | Self::Codec(_) | Self::OtherKey { .. } => {
+                ErrorCode::BadRequest
+            }
         };
         ErrorReply::new(code, &self.to_string())
     }
@@ -123,7 +131,11 @@ pub fn map_of(key: &str) -> Option<MapName> {
 /// # Errors
 /// The first thing that is wrong.
 pub fn check(arrival: Arrival, limits: &Limits, now_us: u64) -> Result<Checked, Refusal> {
-    let Ok(Key::Increment { map, author, number }) = arrival.key.parse() else { return Err(Refusal::Key) };
+    let (map, author, number, origin) = match arrival.key.parse() {
+        Ok(Key::Increment { map, author, number }) => (map, author, number, Origin::Writer),
+        Ok(Key::Kept { map, author, number }) => (map, author, number, Origin::Storages { copies: 0 }),
+        _ => return Err(Refusal::Key),
+    };
     let bytes = arrival.payload?;
     if bytes.len() > limits.max_increment_bytes {
         return Err(Refusal::TooLong { bytes: bytes.len() });
@@ -136,8 +148,9 @@ pub fn check(arrival: Arrival, limits: &Limits, now_us: u64) -> Result<Checked, 
         return Err(Refusal::NotCanonical);
     }
     let ahead_s = increment.hlc_us.saturating_sub(now_us) / 1_000_000;
-    if ahead_s > limits.max_clock_ahead_s {
+    // What is kept was let in by a server already, and must be let in by all.
+    if ahead_s > limits.max_clock_ahead_s && origin == Origin::Writer {
         return Err(Refusal::Future { ahead_s });
     }
-    Ok(Checked { map, increment, bytes })
+    Ok(Checked { map, increment, bytes, origin })
 }

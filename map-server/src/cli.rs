@@ -3,6 +3,7 @@
 use crate::access::command::AccessArgs;
 use crate::config::{LinkConfig, ServerConfig};
 use crate::operate::{OperateError, Operation, OperatorArgs};
+use crate::storages::QuorumConfig;
 use crate::{ServerError, denials, run};
 use clap::Parser;
 use std::ffi::OsString;
@@ -44,6 +45,15 @@ struct ServeArgs {
     /// Directory that keeps the maps; made if absent. One server at a time.
     #[arg(long, value_name = "DIR", default_value = "fht-data")]
     data: PathBuf,
+    /// Keep nothing here: the maps are in so many replicated Zenoh storages (fht/*/kept/**), each in a router of its own.
+    ///
+    /// Any number of servers may stand on the same storages. Each has the maps in memory and reads them at its start; the
+    /// nearest answers. It needs --connect or --zenoh-config, with all routers.
+    #[arg(long, value_name = "COUNT", conflicts_with = "data", value_parser = clap::value_parser!(u8).range(1..=99))]
+    storages: Option<u8>,
+    /// Storages that must hold an increment before it counts as acknowledged [default: more than half of them].
+    #[arg(long, value_name = "COUNT", requires = "storages", value_parser = clap::value_parser!(u8).range(1..=99))]
+    confirm: Option<u8>,
     /// Listen here for robots and tools (repeatable) [default: tcp/127.0.0.1:7447, unless --connect or --zenoh-config
     /// is given].
     ///
@@ -72,6 +82,9 @@ Examples:
   map-server --data maps
       keeps maps in ./maps and listens on this machine only
 
+  map-server --storages 3 --connect tcp/router-a:7447 --connect tcp/router-b:7447 --connect tcp/router-c:7447
+      one of several servers of a site: the maps are kept by its routers
+
   pip install zenoh-cli
   zenoh --connect tcp/127.0.0.1:7447 get -s 'fht/maps' --decoder json
   zenoh --connect tcp/127.0.0.1:7447 get -s 'fht/museum/path?from=0,0;to=5,3' --decoder json
@@ -97,7 +110,13 @@ impl Cli {
             listen.push(DEFAULT_LISTEN.to_owned());
         }
         let link = LinkConfig { listen, connect: connect.clone(), zenoh_config: zenoh_config.clone(), patience: None };
-        ServerConfig::new(self.serve.data.clone(), link)
+        let quorum = |storages: u8| {
+            let majority = QuorumConfig::majority(usize::from(storages));
+            let confirm = self.serve.confirm.map_or(majority.confirm, usize::from).min(majority.storages);
+            QuorumConfig { confirm, ..majority }
+        };
+        let storages = self.serve.storages.map(quorum);
+        ServerConfig { storages, ..ServerConfig::new(self.serve.data.clone(), link) }
     }
 }
 

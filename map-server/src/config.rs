@@ -1,6 +1,7 @@
 //! What a server is told at its start.
 
 use crate::fleet::FleetConfig;
+use crate::storages::QuorumConfig;
 use fht_map::RouteConfig;
 use fht_map::sequence::SequenceConfig;
 use std::path::PathBuf;
@@ -11,6 +12,8 @@ use std::time::Duration;
 pub struct ServerConfig {
     /// Directory that keeps the maps; made if absent. One server at a time.
     pub data: PathBuf,
+    /// Storages that keep the maps, in the place of the directory: the server is one of several then. Default none.
+    pub storages: Option<QuorumConfig>,
     /// The network.
     pub link: LinkConfig,
     /// What writers may do.
@@ -26,7 +29,7 @@ impl ServerConfig {
     #[must_use]
     pub fn new(data: PathBuf, link: LinkConfig) -> Self {
         let (limits, answers, fleet) = (Limits::default(), AnswerConfig::default(), FleetConfig::default());
-        Self { data, link, limits, answers, fleet }
+        Self { data, storages: None, link, limits, answers, fleet }
     }
 }
 

@@ -4,7 +4,7 @@
 use crate::catalog::{Catalog, MapView};
 use crate::check::{Arrival, Checked, Refusal, check, map_of};
 use crate::config::Limits;
-use crate::log::{Floor, FoldRecord, IncrementLog, Record, StoreError, Stored};
+use crate::log::{Floor, FoldRecord, IncrementLog, Origin, Record, StoreError, Stored};
 use crate::nursery::Nursery;
 use crate::refusals::{Notice, Refusals};
 use crate::retention::{Retained, retain};
@@ -42,6 +42,8 @@ pub struct Taken {
     pub announce: BTreeSet<MapName>,
     /// What writers are told of refused increments.
     pub notices: Vec<Notice>,
+    /// What storages keep although another increment of that author and number is in the log.
+    pub disputed: Vec<Checked>,
 }
 
 /// What the writer knows of one map.
@@ -164,7 +166,39 @@ impl Ingest {
         Ok(outcome)
     }
 
+    /// Takes in what storages keep of a map: places and bytes, with how many of them hold each. What is not in order waits, or is left
+    /// out.
+    ///
+    /// # Errors
+    /// [`StoreError`]: the log is not usable any more.
+    pub fn restore(&mut self, kept: impl IntoIterator<Item = (Arrival, usize)>) -> Result<(), StoreError> {
+        let mut batch = Batch::default();
+        let mut bytes = 0;
+        for (arrival, copies) in kept {
+            let key = arrival.key.clone();
+            // What servers let in is taken whatever the time.
+            let outcome = match check(arrival, &self.limits, 0) {
+                Ok(checked) => {
+                    bytes += checked.bytes.len();
+                    self.sort(Checked { origin: Origin::Storages { copies }, ..checked }, &mut batch)?
+                }
+                Err(refusal) => Err(refusal),
+            };
+            if let Err(refusal) = outcome {
+                self.log_refusal(&key, &refusal);
+            }
+            if bytes >= self.limits.max_batch_bytes {
+                self.commit(&std::mem::take(&mut batch))?;
+                bytes = 0;
+            }
+        }
+        self.commit(&batch)
+    }
+
     fn import_fold(&mut self, map: &MapName, fold: &Fold) -> Result<Result<(), Refusal>, StoreError> {
+        if self.log.is_shared() {
+            return Ok(Err(Refusal::FoldShared));
+        }
         let (vector, bytes_before) = self
             .maps
             .get(map)
@@ -268,13 +302,19 @@ impl Ingest {
                     Stored::Absent => false,
                 },
             };
+            if checked.origin != Origin::Writer {
+                batch.taken.disputed.extend((!same).then_some(checked));
+                return Ok(Ok(()));
+            }
             // The writer has missed a head: it is told again.
             batch.taken.announce.insert(map);
             return Ok(if same { Ok(()) } else { Err(Refusal::Conflict) });
         }
-        // No operation makes more than one element.
+        // No operation makes more than one element. What is kept was let in by a server already, and must be let in by all.
         let elements = checked.increment.ops.len();
-        if let Err(refusal) = self.room(&map, author, checked.bytes.len() as u64, elements) {
+        if checked.origin == Origin::Writer
+            && let Err(refusal) = self.room(&map, author, checked.bytes.len() as u64, elements)
+        {
             return Ok(Err(refusal));
         }
         match self.offer(checked, batch) {
@@ -324,12 +364,12 @@ impl From<&Offered<Checked>> for Placed {
 
 impl Batch {
     fn add(&mut self, sequence: u64, item: Checked) {
-        let Checked { map, increment, bytes } = item;
+        let Checked { map, increment, bytes, origin } = item;
         let (author, number) = (increment.author, increment.number);
         self.by_key.insert((map.clone(), author, number), self.records.len());
         *self.added_bytes.entry(map.clone()).or_default() += bytes.len() as u64;
         self.increments.entry(map.clone()).or_default().push(increment);
         self.taken.announce.insert(map.clone());
-        self.records.push(Record { map, sequence, author, number, bytes });
+        self.records.push(Record { map, sequence, author, number, bytes, origin });
     }
 }

@@ -21,6 +21,10 @@
 //! | [`log`] | what a log of increments is |
 //! | [`store`] | the log in a file |
 //! | [`memory`] | the log in memory |
+//! | [`quorum`] | the log in memory, in front of storages that hold it |
+//! | [`storages`] | what storages are asked |
+//! | [`catch_up`] | what a server in front of storages has missed |
+//! | [`stateless`] | the threads of such a server |
 //! | [`retention`] | folding old increments |
 //! | [`catalog`] | the maps in memory, shared with the readers |
 //! | [`basis`] | a state that paths are planned on: the newest, or a release |
@@ -33,12 +37,13 @@
 //! | [`throttle`] | at most one log line a period |
 //!
 //! An increment counts as acknowledged when the head that is published covers it, and a head covers only what a commit has
-//! brought to the disk. Whatever waits while a commit is under way goes into the next one together.
+//! brought to the disk, or to most of the storages. Whatever waits while a commit is under way goes into the next one together.
 
 pub mod access;
 pub mod answer;
 pub mod basis;
 pub mod catalog;
+pub mod catch_up;
 pub mod check;
 pub mod cli;
 pub mod config;
@@ -52,10 +57,13 @@ pub mod memory;
 pub mod nursery;
 pub mod operate;
 pub mod queue;
+pub mod quorum;
 pub mod refusals;
 pub mod retention;
 pub mod serve;
 pub mod session;
+pub mod stateless;
+pub mod storages;
 pub mod store;
 pub mod throttle;
 
@@ -65,23 +73,26 @@ pub use config::ServerConfig;
 use answer::Sources;
 use catalog::Catalog;
 use check::{Arrival, Refusal};
-use fht_proto::keys::{ALL_INCREMENTS, ALL_QUERIES, Key, Topic};
+use fht_proto::keys::{ALL_INCREMENTS, ALL_KEPT, ALL_QUERIES, Key, Topic};
 use fht_proto::query::Head;
 use fleet::Fleet;
 use ingest::Ingest;
 use live::LiveRules;
 use log::{IncrementLog, StoreError};
 use queue::Queue;
+use quorum::QuorumLog;
 use refusals::Notice;
 use serve::Service;
+use stateless::Stateless;
 use std::collections::BTreeMap;
+use std::pin::{Pin, pin};
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 use store::Store;
 use tokio::sync::oneshot;
 use zenoh::bytes::Encoding;
 use zenoh::qos::{CongestionControl, Priority};
-use zenoh::sample::{Sample, SampleKind};
+use zenoh::sample::{Locality, Sample, SampleKind};
 use zenoh::{Session, Wait};
 
 /// Why a server ends that was not told to.
@@ -157,10 +168,12 @@ fn tell(session: &Session, notice: &Notice) {
 fn write_all(
     mut ingest: Ingest,
     queue: &Queue,
-    catalog: &Catalog,
+    sources: &Sources,
     session: &Session,
+    stateless: Option<&Stateless>,
     max_batch: usize,
 ) -> Result<(), StoreError> {
+    let catalog = &sources.catalog;
     while let Some(queue::Work { arrivals, jobs }) = queue.take(max_batch) {
         let dropped = queue.take_dropped();
         if dropped > 0 {
@@ -168,6 +181,9 @@ fn write_all(
         }
         let count = arrivals.len();
         let taken = ingest.take(arrivals, now_us())?;
+        if let Some(stateless) = stateless {
+            stateless.settle(&taken.disputed, sources.log.as_ref())?;
+        }
         taken.notices.iter().for_each(|notice| tell(session, notice));
         for map in taken.announce {
             if let Some(view) = catalog.view(&map) {
@@ -185,59 +201,144 @@ fn write_all(
     Ok(())
 }
 
-/// Runs a server until `shutdown` is done. Everything that has arrived by then is stored.
+/// Runs a server until `shutdown` is done. Everything that has arrived by then is stored, or at least not acknowledged.
 ///
 /// # Errors
-/// [`ServerError`]: it could not start, or the store failed. Whatever was acknowledged is on the disk.
+/// [`ServerError`]: it could not start, or the store failed. Whatever was acknowledged is on the disk, or in the storages.
 pub async fn run(config: ServerConfig, shutdown: impl Future<Output = ()>) -> Result<(), ServerError> {
-    let log: Arc<dyn IncrementLog> = Arc::new(Store::open(&config.data)?);
-    let catalog = Arc::new(Catalog::load(log.as_ref())?);
+    let mut shutdown = pin!(shutdown);
+    let Some(quorum) = config.storages else {
+        let log: Arc<dyn IncrementLog> = Arc::new(Store::open(&config.data)?);
+        let catalog = Arc::new(Catalog::load(log.as_ref())?);
+        let session = session::open(&config.link).await?;
+        let outcome = serve(&config, &session, log, catalog, None, shutdown).await;
+        session.close().await?;
+        return outcome;
+    };
     let session = session::open(&config.link).await?;
+    let outcome = loop {
+        let stateless = Stateless::new(&session, quorum);
+        let log = Arc::new(QuorumLog::new(stateless.storages(), quorum));
+        let outcome = serve(&config, &session, log, Arc::default(), Some(stateless), shutdown.as_mut()).await;
+        match outcome {
+            Err(ServerError::Store(reason @ StoreError::Overruled { .. })) => {
+                tracing::error!("{reason}: everything is read anew");
+            }
+            outcome => break outcome,
+        }
+    };
+    session.close().await?;
+    outcome
+}
 
+/// Serves what is in a log, until `shutdown` is done.
+async fn serve(
+    config: &ServerConfig,
+    session: &Session,
+    log: Arc<dyn IncrementLog>,
+    catalog: Arc<Catalog>,
+    stateless: Option<Stateless>,
+    mut shutdown: Pin<&mut impl Future<Output = ()>>,
+) -> Result<(), ServerError> {
     let sources = Sources {
         catalog: Arc::clone(&catalog),
         log: Arc::clone(&log),
         live: Arc::new(LiveRules::default()),
-        fleet: Arc::new(Fleet::new(config.fleet)),
-        config: Arc::new(config.answers),
+        fleet: Arc::new(Fleet::new(config.fleet.clone())),
+        config: Arc::new(config.answers.clone()),
     };
     let queue = Arc::new(Queue::new(config.limits.max_queue_bytes));
-    let hearing = hear::hear(&session, &sources).await?;
-    let service = Service::new(sources, Arc::clone(&queue), tokio::runtime::Handle::current());
-    let queryable = session.declare_queryable(ALL_QUERIES).callback(move |query| service.take(query)).await?;
-    let arriving = Arc::clone(&queue);
+    let hearing = hear::hear(session, &sources).await?;
+    let arrive = |max_bytes: usize| {
+        let arriving = Arc::clone(&queue);
+        move |sample: Sample| arriving.push(arrival(&sample, max_bytes))
+    };
     let max_bytes = config.limits.max_increment_bytes;
-    let arrive = move |sample: Sample| arriving.push(arrival(&sample, max_bytes));
-    let subscriber = session.declare_subscriber(ALL_INCREMENTS).callback(arrive).await?;
+    let subscriber = session.declare_subscriber(ALL_INCREMENTS).callback(arrive(max_bytes)).await?;
+    let of_others = match &stateless {
+        None => None,
+        Some(_) => {
+            let remote = session.declare_subscriber(ALL_KEPT).allowed_origin(Locality::Remote);
+            Some(remote.callback(arrive(max_bytes)).await?)
+        }
+    };
 
+    let (ready, is_ready) = oneshot::channel();
     let (report, mut stopped) = oneshot::channel();
     let max_batch = config.limits.max_batch_bytes;
-    let ingest = Ingest::new(log, Arc::clone(&catalog), config.limits);
+    let mut ingest = Ingest::new(log, Arc::clone(&catalog), config.limits.clone());
     let writer = {
-        let (queue, catalog, session) = (Arc::clone(&queue), Arc::clone(&catalog), session.clone());
-        let write = move || _ = report.send(write_all(ingest, &queue, &catalog, &session, max_batch));
+        let (queue, sources, session) = (Arc::clone(&queue), sources.clone(), session.clone());
+        let stateless = stateless.clone();
+        let write = move || {
+            let written =
+                stateless.as_ref().map_or(Ok(()), |stateless| stateless.restore(&mut ingest)).and_then(|()| {
+                    let _ = ready.send(()); // nobody waits for it any more if the server ends
+                    write_all(ingest, &queue, &sources, &session, stateless.as_ref(), max_batch)
+                });
+            let _ = report.send(written);
+        };
         std::thread::Builder::new().name("writer".to_owned()).spawn(write).map_err(ServerError::Runtime)?
     };
-    for head in catalog.heads() {
-        announce(&session, &head);
-    }
-    let (count, link) = (catalog.heads().len(), &config.link);
-    let file = link.zenoh_config.iter().map(|file| format!("what {} says", file.display()));
-    let endpoints: Vec<String> = link.listen.iter().chain(&link.connect).cloned().chain(file).collect();
-    eprintln!("map-server: {count} map(s) in {}, on {}", config.data.display(), endpoints.join(", "));
-
-    let outcome = tokio::select! {
-        () = shutdown => {
-            subscriber.undeclare().await?;
-            queue.close();
-            stopped.await
-        }
-        outcome = &mut stopped => outcome,
+    // Nobody is told that there is no such map while it is being read.
+    let is_ready = tokio::select! {
+        () = shutdown.as_mut() => false,
+        ready = is_ready => ready.is_ok(),
     };
-    let _ = writer.join(); // it has reported, or panicked and said so
-    drop(hearing);
-    queryable.undeclare().await?;
-    session.close().await?;
+    let mut queryable = None;
+    if is_ready {
+        let service = Service::new(sources, Arc::clone(&queue), tokio::runtime::Handle::current());
+        // The nearest of several servers answers, and no other.
+        let is_complete = stateless.is_some();
+        let answers = session.declare_queryable(ALL_QUERIES).complete(is_complete);
+        queryable = Some(answers.callback(move |query| service.take(query)).await?);
+        for head in catalog.heads() {
+            announce(session, &head);
+        }
+        tell_where(config, catalog.heads().len());
+    }
+    let looking = match &stateless {
+        Some(stateless) if is_ready => Some(stateless.look(Arc::clone(&catalog), Arc::clone(&queue))?),
+        _ => None,
+    };
+
+    let told = tokio::select! {
+        () = shutdown => None,
+        outcome = &mut stopped => Some(outcome),
+    };
+    subscriber.undeclare().await?;
+    queue.close();
+    if let Some(stateless) = &stateless {
+        stateless.close();
+    }
+    let outcome = match told {
+        Some(outcome) => outcome,
+        // What could not be confirmed in time was not acknowledged.
+        None => stopped.await.map(|written| {
+            written.or_else(|error| match error {
+                StoreError::Unconfirmed => Ok(()),
+                other => Err(other),
+            })
+        }),
+    };
+    // They have reported, or panicked and said so.
+    let _ = writer.join();
+    let _ = looking.map(std::thread::JoinHandle::join);
+    drop((hearing, of_others));
+    if let Some(queryable) = queryable {
+        queryable.undeclare().await?;
+    }
     outcome.map_err(|_| ServerError::WriterLost)??;
     Ok(())
+}
+
+fn tell_where(config: &ServerConfig, count: usize) {
+    let link = &config.link;
+    let file = link.zenoh_config.iter().map(|file| format!("what {} says", file.display()));
+    let endpoints: Vec<String> = link.listen.iter().chain(&link.connect).cloned().chain(file).collect();
+    let place = match config.storages {
+        None => config.data.display().to_string(),
+        Some(quorum) => format!("{} storages", quorum.storages),
+    };
+    eprintln!("map-server: {count} map(s) in {place}, on {}", endpoints.join(", "));
 }

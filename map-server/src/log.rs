@@ -1,5 +1,5 @@
 //! The log that a server stands on: every increment that was ever acknowledged, or what is left of it. What keeps it is behind a trait:
-//! a `redb` file ([`crate::store`]), memory in front of storages elsewhere ([`crate::memory`]), or a disk that a test lets fail.
+//! a `redb` file ([`crate::store`]), memory in front of storages elsewhere ([`crate::quorum`]), or a disk that a test lets fail.
 
 use fht_proto::envelope::FORMAT_VERSION;
 use fht_proto::{AuthorId, MapName, VersionVector};
@@ -53,6 +53,19 @@ pub enum StoreError {
         /// The format found.
         found: u8,
     },
+    /// The server was told to end while it waited for storages.
+    #[error("too few of the storages have confirmed what should be kept")]
+    Unconfirmed,
+    /// Two increments of one author and number were let in by two servers: this server has the one that gives way.
+    #[error("map {map}: the storages keep another increment {author}/{number} than this server has")]
+    Overruled {
+        /// The map.
+        map: MapName,
+        /// Who wrote it.
+        author: AuthorId,
+        /// Its place in the author's sequence.
+        number: u64,
+    },
     /// What was read is not what was written.
     #[error("the store is damaged: map {map}: {reason}")]
     Damaged {
@@ -60,6 +73,18 @@ pub enum StoreError {
         map: String,
         /// What is wrong.
         reason: String,
+    },
+}
+
+/// Where an increment comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// From its writer.
+    Writer,
+    /// From storages, or from a server that has put it there.
+    Storages {
+        /// How many storages are known to hold it.
+        copies: usize,
     },
 }
 
@@ -76,6 +101,8 @@ pub struct Record {
     pub number: u64,
     /// The increment in its envelope.
     pub bytes: Vec<u8>,
+    /// Where it comes from.
+    pub origin: Origin,
 }
 
 /// What is left of an author's increments `first` to `last`.
@@ -141,6 +168,12 @@ pub trait IncrementLog: Send + Sync + Debug {
     /// # Errors
     /// [`StoreError::Disk`].
     fn append(&self, records: &[Record]) -> Result<(), StoreError>;
+
+    /// Whether other servers stand on the same increments: then nobody may fold them, and the order in which they came here is nobody
+    /// else's.
+    fn is_shared(&self) -> bool {
+        false
+    }
 
     /// What is stored under an author and number.
     ///

@@ -5,7 +5,7 @@ use crate::ingest::Ingest;
 use crate::now_us;
 use crate::queue::Queue;
 use fht_proto::MapName;
-use fht_proto::keys::{ALL_INCREMENTS, Key, PREFIX, Topic};
+use fht_proto::keys::{ALL_INCREMENTS, ALL_KEPT, Key, PREFIX, Topic};
 use fht_proto::query::{ErrorCode, ErrorReply};
 use fht_proto::request::{Format, Order, bad_request, parse, parse_order, shown};
 use std::sync::Arc;
@@ -42,9 +42,11 @@ fn addressed(expression: &str, maps: impl Iterator<Item = MapName>) -> Addressed
     if !expression.contains('*') {
         return match expression.parse::<Key>() {
             Ok(key @ (Key::Maps | Key::Topic { .. } | Key::Admin { .. })) => Addressed::One(key),
-            Ok(Key::Increment { .. } | Key::Robot { .. } | Key::RobotTopic { .. }) => Addressed::Others,
+            Ok(Key::Increment { .. } | Key::Kept { .. } | Key::Robot { .. } | Key::RobotTopic { .. }) => {
+                Addressed::Others
+            }
             Ok(Key::Refused { .. }) => Addressed::Unknown,
-            Err(_) if matches!(expression.split('/').nth(2), Some("inc" | "robots")) => Addressed::Others,
+            Err(_) if matches!(expression.split('/').nth(2), Some("inc" | "kept" | "robots")) => Addressed::Others,
             Err(_) => Addressed::Unknown,
         };
     }
@@ -54,7 +56,7 @@ fn addressed(expression: &str, maps: impl Iterator<Item = MapName>) -> Addressed
     let several: Vec<Key> = std::iter::once(Key::Maps).chain(heads).filter(|key| covers(&key.to_string())).collect();
     if !several.is_empty() {
         Addressed::Several(several)
-    } else if covers(ALL_INCREMENTS) || covers(&format!("{PREFIX}/*/robots/**")) {
+    } else if covers(ALL_INCREMENTS) || covers(ALL_KEPT) || covers(&format!("{PREFIX}/*/robots/**")) {
         Addressed::Others
     } else {
         Addressed::Unknown
@@ -117,6 +119,16 @@ impl Service {
 
     /// Has the thread that writes do what an operator wants; it replies when that is durable.
     fn carry_out(&self, query: Query, name: String, map: MapName, order: Order) {
+        if self.sources.log.is_shared() && matches!(order, Order::Retain { .. }) {
+            reply_error(
+                &query,
+                &bad_request(
+                    "increments are folded only where one server keeps its own log: here several stand on storages"
+                        .to_owned(),
+                ),
+            );
+            return;
+        }
         let asked = query.clone();
         let catalog = Arc::clone(&self.sources.catalog);
         let job = Box::new(move |ingest: &mut Ingest| {
@@ -190,7 +202,14 @@ mod tests {
         let heads = vec![Key::topic(&a, Topic::Head), Key::topic(&b, Topic::Head)];
         assert_eq!(asked("fht/*/head"), Addressed::Several(heads));
         assert_eq!(asked("fht/*"), Addressed::Several(vec![Key::Maps]));
-        for others in ["fht/a/inc/**", "fht/*/inc/**", "fht/a/inc/00000001/1", "fht/a/robots/r", "fht/a/robots/**"] {
+        for others in [
+            "fht/a/inc/**",
+            "fht/*/inc/**",
+            "fht/a/inc/00000001/1",
+            "fht/a/robots/r",
+            "fht/a/robots/**",
+            "fht/*/kept/**",
+        ] {
             assert_eq!(asked(others), Addressed::Others, "{others}");
         }
         for unknown in

@@ -1,7 +1,8 @@
 //! The server's Zenoh session: a router when it listens, a client of other routers otherwise.
 
 use crate::config::LinkConfig;
-use zenoh::{Config, Session};
+use std::time::Duration;
+use zenoh::{Config, Session, Wait};
 
 /// Why there is no session.
 #[derive(Debug, thiserror::Error)]
@@ -27,6 +28,14 @@ pub enum SessionError {
         reason: String,
     },
 }
+
+/// Between two attempts to open a client's session, at first and at most.
+const FIRST_DELAY: Duration = Duration::from_millis(100);
+const LONGEST_DELAY: Duration = Duration::from_secs(2);
+/// A lost router is tried again after a tenth of a second, and at least every two seconds from then on.
+const RETRY: &str = "{period_init_ms: 100, period_max_ms: 2000, period_increase_factor: 2}";
+/// `connect.timeout_ms` of a session that waits for its router.
+const FOREVER: &str = "-1";
 
 /// No endpoints, as Zenoh's configuration shows them.
 const NONE: &str = "[]";
@@ -54,6 +63,9 @@ fn to_zenoh(link: &LinkConfig) -> Result<Config, zenoh::Error> {
         None => {
             set_default(&mut config, "connect/timeout_ms", "-1")?;
             set_default(&mut config, "connect/exit_on_failure", "false")?;
+            if is_client {
+                set_default(&mut config, "connect/retry", RETRY)?;
+            }
         }
         // Zenoh has to end the waiting itself: its future blocks the thread that asks for it.
         Some(patience) => {
@@ -85,7 +97,10 @@ pub async fn open(link: &LinkConfig) -> Result<Session, SessionError> {
     if !reaches_anyone(&config) {
         return Err(SessionError::NoEndpoint);
     }
-    zenoh::open(config).await.map_err(|error| {
+    let is = |key: &str, value: &str| config.get_json(key).is_ok_and(|set| set == value);
+    let waits = is("mode", "\"client\"") && is("connect/timeout_ms", FOREVER);
+    let opened = if waits { open_client(config).await } else { attempt(config).await };
+    opened.map_err(|error| {
         let (listen, reason) = (link.listen.clone(), without_source_paths(&error.to_string()));
         // Zenoh's errors are texts.
         if reason.contains("Address already in use") {
@@ -94,6 +109,26 @@ pub async fn open(link: &LinkConfig) -> Result<Session, SessionError> {
             SessionError::Open { listen, reason }
         }
     })
+}
+
+/// Opens a session on a thread of its own: Zenoh's own future blocks the thread that asks for it.
+async fn attempt(config: Config) -> Result<Session, zenoh::Error> {
+    tokio::task::spawn_blocking(|| zenoh::open(config).wait()).await?
+}
+
+/// Opens the session of a client, once one of its routers is there. One that Zenoh lets wait asks the first endpoint for ever, and
+/// nobody else; one that does not wait asks each once.
+async fn open_client(mut config: Config) -> Result<Session, zenoh::Error> {
+    config.insert_json5("connect/timeout_ms", "0")?;
+    let mut delay = FIRST_DELAY;
+    loop {
+        match attempt(config.clone()).await {
+            Ok(session) => return Ok(session),
+            Err(error) => tracing::debug!("no session yet: {error}"),
+        }
+        tokio::time::sleep(delay).await;
+        delay = (2 * delay).min(LONGEST_DELAY);
+    }
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use map_server::catalog::Catalog;
 use map_server::check::{Arrival, Refusal, check};
 use map_server::config::Limits;
 use map_server::ingest::Ingest;
-use map_server::log::{IncrementLog, Record, StoreError, Stored};
+use map_server::log::{IncrementLog, Origin, Record, StoreError, Stored};
 use map_server::queue::Queue;
 use map_server::store::{FILE_NAME, Store};
 use proptest::prelude::*;
@@ -252,9 +252,12 @@ fn only_the_canonical_form_is_taken() {
     assert_eq!(check(arrival, &Limits::default(), NOW_US), Err(Refusal::NotCanonical));
 }
 
+fn record(number: u64, bytes: Vec<u8>) -> Record {
+    Record { map: museum(), sequence: 1, author: ANA, number, bytes, origin: Origin::Writer }
+}
+
 #[test]
 fn a_damaged_store_is_not_served() {
-    let record = |number, bytes: Vec<u8>| Record { map: museum(), sequence: 1, author: ANA, number, bytes };
     for damage in [record(1, b"junk".to_vec()), record(2, bytes(ANA, 2)), record(1, bytes(ANA, 2))] {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::open(dir.path()).unwrap();
@@ -269,7 +272,7 @@ fn a_later_format_is_told_from_damage() {
     let store = Store::open(dir.path()).unwrap();
     let mut newer = bytes(ANA, 1);
     newer[3] = FORMAT_VERSION + 1;
-    store.append(&[Record { map: museum(), sequence: 1, author: ANA, number: 1, bytes: newer }]).unwrap();
+    store.append(&[record(1, newer)]).unwrap();
     let error = Catalog::load(&store).unwrap_err();
     assert!(matches!(error, StoreError::IncrementFormat { found, .. } if found == FORMAT_VERSION + 1), "{error}");
     drop(store);

@@ -3,6 +3,7 @@
 //! | key | who | what |
 //! | --- | --- | --- |
 //! | `fht/{map}/inc/{author}/{number}` | writer puts | one increment |
+//! | `fht/{map}/kept/{author}/{number}` | stateless server puts, storages answer | an increment that was checked |
 //! | `fht/{map}/head` | server puts, answers | version, vector, digest, counts, bytes |
 //! | `fht/{map}/since?vector=…` | server answers | the increments that a replica lacks |
 //! | `fht/{map}/snapshot?version=…` | server answers | the map then, or at `vector=…`; without what `have=…` contains |
@@ -31,6 +32,12 @@ pub const PREFIX: &str = "fht";
 
 /// Matches the increments of every map (a server subscribes to it).
 pub const ALL_INCREMENTS: &str = "fht/*/inc/**";
+/// Matches what servers have storages keep, of every map.
+pub const ALL_KEPT: &str = "fht/*/kept/**";
+/// Matches the first increment that storages keep of each author of every map.
+pub const ALL_FIRST_KEPT: &str = "fht/*/kept/*/1";
+/// Where servers see which storages are there. It is among the keys that storages keep, and is no increment's.
+pub const STORAGE_PRESENCE: &str = "fht/-/kept/presence";
 /// Matches what robots say of themselves on every map, but not their tokens (a server subscribes to it).
 pub const ALL_ROBOT_TOPICS: &str = "fht/*/robots/*/*";
 /// Matches the tokens of all robots on every map.
@@ -165,6 +172,15 @@ pub enum Key {
         /// The writer's running number.
         number: u64,
     },
+    /// `fht/{map}/kept/{author}/{number}`
+    Kept {
+        /// The map written to.
+        map: MapName,
+        /// The writer.
+        author: AuthorId,
+        /// The writer's running number.
+        number: u64,
+    },
     /// `fht/{map}/{topic}`
     Topic {
         /// The map asked.
@@ -211,6 +227,12 @@ impl Key {
         Self::Increment { map: map.clone(), author, number }
     }
 
+    /// The key under which storages keep one increment.
+    #[must_use]
+    pub fn kept(map: &MapName, author: AuthorId, number: u64) -> Self {
+        Self::Kept { map: map.clone(), author, number }
+    }
+
     /// The key under which the server says why it refused an increment of `author`.
     #[must_use]
     pub fn refused(map: &MapName, author: AuthorId) -> Self {
@@ -236,6 +258,12 @@ pub fn increments_of(map: &MapName) -> String {
     format!("{PREFIX}/{map}/inc/**")
 }
 
+/// The expression that matches everything that storages keep of one author.
+#[must_use]
+pub fn kept_of(map: &MapName, author: AuthorId) -> String {
+    format!("{PREFIX}/{map}/kept/{author}/*")
+}
+
 /// The expression that matches what all robots of a map say of one topic.
 #[must_use]
 pub fn robots_of(map: &MapName, topic: RobotTopic) -> String {
@@ -247,6 +275,7 @@ impl fmt::Display for Key {
         match self {
             Self::Maps => write!(f, "{PREFIX}/maps"),
             Self::Increment { map, author, number } => write!(f, "{PREFIX}/{map}/inc/{author}/{number}"),
+            Self::Kept { map, author, number } => write!(f, "{PREFIX}/{map}/kept/{author}/{number}"),
             Self::Topic { map, topic } => write!(f, "{PREFIX}/{map}/{}", topic.as_str()),
             Self::Refused { map, author } => write!(f, "{PREFIX}/{map}/refused/{author}"),
             Self::Robot { map, robot } => write!(f, "{PREFIX}/{map}/robots/{robot}"),
@@ -270,15 +299,16 @@ impl FromStr for Key {
         let chunks: Vec<&str> = text.split('/').collect();
         match chunks.as_slice() {
             [PREFIX, "maps"] => Ok(Self::Maps),
-            [PREFIX, name, "inc", author, number] => {
+            [PREFIX, name, kind @ ("inc" | "kept"), author, number] => {
                 let canonical = !number.starts_with('0') && number.bytes().all(|b| b.is_ascii_digit());
                 if !canonical {
                     return Err(error());
                 }
-                Ok(Self::Increment {
-                    map: map(name)?,
-                    author: author.parse().map_err(|_| error())?,
-                    number: number.parse().map_err(|_| error())?,
+                let (map, author) = (map(name)?, author.parse().map_err(|_| error())?);
+                let number = number.parse().map_err(|_| error())?;
+                Ok(match *kind {
+                    "inc" => Self::Increment { map, author, number },
+                    _ => Self::Kept { map, author, number },
                 })
             }
             [PREFIX, name, "refused", author] => {

@@ -246,6 +246,7 @@ pub fn parse<'a>(
         | Key::Refused { .. }
         | Key::Robot { .. }
         | Key::RobotTopic { .. }
+        | Key::Kept { .. }
         | Key::Admin { .. } => Err(bad_request(format!("{key} is not a topic"))),
     }
 }

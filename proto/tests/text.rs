@@ -116,6 +116,8 @@ fn wrong_keys_are_refused() {
         "fht/a/inc/1a2b3c4/1",
         "fht/a/inc/1a2b3c4d/99999999999999999999",
         "fht/a/inc/1a2b3c4d/",
+        "fht/a/kept/1a2b3c4d/0",
+        "fht/-/kept/presence",
         "fht/a/robots/r/p",
         "fht/a/admin/x",
         "fht/a/admin",

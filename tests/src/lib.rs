@@ -3,6 +3,7 @@
 //! | module | idea |
 //! | --- | --- |
 //! | [`process`] | the programs as child processes that end with their parent |
+//! | [`router`] | a Zenoh router with storages, in zenohd's place |
 //! | [`handoff`] | the demo: map, keep, relocalize, drive |
 //! | [`python`] | other people's programs, from PyPI |
 //! | [`picture`] | a map as a picture, like the paper's figure 1 |
@@ -14,6 +15,7 @@
 //! | [`systems`] | the systems that are compared: ours, AMCL, MR-TopoMap |
 //! | [`simulation`] | a fleet on a bad network, in simulated time |
 //! | [`team`] | several explorers in one building, in simulated time |
+//! | [`site`] | several routers and servers, killed again and again under load |
 //! | [`trial`] | one system on one drive |
 //! | [`merging`] | maps made apart, merged, against the truth |
 //! | [`ledger`] | results that cost minutes, kept as they come |
@@ -27,7 +29,9 @@ pub mod merging;
 pub mod picture;
 pub mod process;
 pub mod python;
+pub mod router;
 pub mod simulation;
+pub mod site;
 pub mod storage;
 pub mod survey;
 pub mod systems;

@@ -16,6 +16,8 @@ pub enum Role {
     Mapper,
     /// The robot that uses the map.
     ClientRobot,
+    /// A Zenoh router with storages, in zenohd's place.
+    Router,
 }
 
 impl Role {
@@ -24,6 +26,7 @@ impl Role {
             Self::MapServer => "map-server",
             Self::Mapper => "mapper",
             Self::ClientRobot => "client-robot",
+            Self::Router => "router",
         }
     }
 }

@@ -1,5 +1,6 @@
-//! A fleet on a bad network, in one thread and simulated time: explorers, an operator, a server and clients, each made of the parts that the
-//! programs are made of, over links that lose, delay, repeat, reorder and part. The server's machine may fail at every durable write.
+//! A fleet on a bad network, in one thread and simulated time: explorers, an operator, servers and clients, each made of the parts that the
+//! programs are made of, over links that lose, delay, repeat, reorder and part. There is one server with a disk, or there are several on
+//! replicated storages; a machine may fail at every durable write.
 //!
 //! What a run must show: in the end all copies are one, nothing that was acknowledged is lost, and no release has changed. A seed
 //! decides everything.
@@ -9,6 +10,7 @@ mod disk;
 mod follower;
 mod network;
 mod server;
+mod storages;
 
 use author::Author;
 use disk::Disk;
@@ -18,15 +20,18 @@ use follower::Follower;
 use network::{Network, NetworkConfig};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use server::Server;
+use server::{Ground, Server};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use storages::Site;
 
 /// How bad things are.
 #[derive(Clone, Debug)]
 pub struct SimulationConfig {
     /// The network while there is trouble.
     pub network: NetworkConfig,
+    /// Servers that stand on storages; 0: one with a disk. Default 0.
+    pub servers: usize,
     /// Explorers, at most. Default 3.
     pub explorers: usize,
     /// Clients, at most. Default 3.
@@ -37,7 +42,7 @@ pub struct SimulationConfig {
     pub trouble_s: u64,
     /// How long everything may take from then on, seconds. Default 300.
     pub calm_s: u64,
-    /// Share of durable writes at which the server's machine fails. Default 0.05.
+    /// Share of durable writes at which the machine fails. Default 0.05.
     pub crash_share: f64,
 }
 
@@ -45,6 +50,7 @@ impl Default for SimulationConfig {
     fn default() -> Self {
         Self {
             network: NetworkConfig::default(),
+            servers: 0,
             explorers: 3,
             clients: 3,
             increments: 60,
@@ -60,7 +66,7 @@ impl Default for SimulationConfig {
 pub struct Outcome {
     /// Increments in the end.
     pub increments: u64,
-    /// Failures of the server's machine.
+    /// Failures of machines that write, and servers killed.
     pub crashes: u64,
     /// Messages lost, and messages in all.
     pub lost: u64,
@@ -103,8 +109,8 @@ pub enum Violation {
     Failed(String),
 }
 
-/// Who is where in the network. The server is 0.
-pub(crate) const SERVER: usize = 0;
+/// The nearest server that runs.
+pub(crate) const SERVER: usize = usize::MAX - 1;
 /// Everybody else.
 pub(crate) const EVERYBODY: usize = usize::MAX;
 
@@ -141,7 +147,10 @@ struct World {
     origin: Instant,
     now_us: u64,
     network: Network,
-    server: Server,
+    /// Those are the first places in the network.
+    servers: Vec<Server>,
+    /// What they stand on, if not on a disk.
+    site: Option<Site>,
     authors: Vec<Author>,
     followers: Vec<Follower>,
 }
@@ -151,6 +160,7 @@ impl World {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let explorers = rng.random_range(1..=config.explorers);
         let clients = rng.random_range(1..=config.clients);
+        let servers = config.servers.max(1);
         let writers: Vec<Author> = (0..=explorers)
             .map(|index| {
                 let last = rng.random_range(1..=config.increments);
@@ -158,20 +168,34 @@ impl World {
                 let is_operator = index == explorers;
                 let dies_us =
                     (!is_operator && rng.random_bool(0.3)).then(|| rng.random_range(0..config.trouble_s * 1_000_000));
-                Author::new(1 + index, last, is_operator, dies_us)
+                Author::new(servers + index, last, is_operator, dies_us)
             })
             .collect();
-        let followers = (0..clients).map(|index| Follower::new(2 + explorers + index)).collect();
-        let disk = Disk::new(config.crash_share, rng.random());
+        let followers = (0..clients).map(|index| Follower::new(servers + 1 + explorers + index)).collect();
+        let seed = rng.random();
+        let site = (config.servers > 0).then(|| Site::new(&config.network, config.crash_share, servers, seed));
+        let ground = || match &site {
+            Some(site) => Ground::Site(site.clone()),
+            None => Ground::Disk(Arc::new(Disk::new(config.crash_share, seed))),
+        };
         Self {
-            network: Network::new(config.network.clone(), 2 + explorers + clients),
-            server: Server::new(disk),
+            network: Network::new(config.network.clone(), servers + 1 + explorers + clients),
+            servers: (0..servers).map(|place| Server::new(place, ground())).collect(),
+            site,
             authors: writers,
             followers,
             rng,
             origin: Instant::now(),
             now_us: 0,
         }
+    }
+
+    /// The server that somebody's questions go to.
+    fn nearest(&self, from: usize) -> &Server {
+        let count = self.servers.len();
+        let mut by_distance = (0..count).map(|step| &self.servers[(from + step) % count]);
+        let first = &self.servers[from % count];
+        by_distance.find(|server| server.is_running()).unwrap_or(first)
     }
 
     fn now(&self) -> Instant {
@@ -182,27 +206,37 @@ impl World {
     fn step(&mut self) -> Result<(), Violation> {
         let now = self.now();
         for (from, to, message) in self.network.arriving(self.now_us) {
-            if to == SERVER {
-                self.server.receive(from, message);
+            if let Some(server) = self.servers.get_mut(to) {
+                server.receive(from, message);
             } else if let Some(author) = self.authors.iter_mut().find(|author| author.place() == to) {
                 author.receive(message, now)?;
             } else if let Some(follower) = self.followers.iter_mut().find(|follower| follower.place() == to) {
                 follower.receive(message, now);
             }
         }
-        let mut sent = self.server.act(self.now_us, &mut self.rng)?;
-        for author in &mut self.authors {
-            sent.extend(author.act(now, self.now_us, &mut self.rng, &self.server));
+        if let Some(site) = &self.site {
+            site.step(self.now_us, self.network.cut(self.servers.len(), self.now_us));
+        }
+        let mut sent = Vec::new();
+        for server in &mut self.servers {
+            sent.extend(server.act(self.now_us, &mut self.rng)?);
+        }
+        let heads: Vec<_> = self.authors.iter().map(|author| self.nearest(author.place()).head()).collect();
+        for (author, head) in self.authors.iter_mut().zip(heads) {
+            sent.extend(author.act(now, self.now_us, &mut self.rng, head.as_deref()));
         }
         for follower in &mut self.followers {
             sent.extend(follower.act(now, &mut self.rng));
         }
         self.network.weather(self.now_us, &mut self.rng);
         for (from, to, message) in sent {
-            if to == EVERYBODY {
-                self.network.publish(from, &message, self.now_us, &mut self.rng);
-            } else {
-                self.network.send(from, to, message, self.now_us, &mut self.rng);
+            match to {
+                EVERYBODY => self.network.publish(from, &message, self.now_us, &mut self.rng),
+                SERVER => {
+                    let nearest = self.nearest(from).place();
+                    self.network.send(from, nearest, message, self.now_us, &mut self.rng);
+                }
+                to => self.network.send(from, to, message, self.now_us, &mut self.rng),
             }
         }
         Ok(())
@@ -210,18 +244,27 @@ impl World {
 
     /// Whether all is written, acknowledged and copied.
     fn is_settled(&self) -> bool {
-        let Some(head) = self.server.head() else { return false };
+        let Some(head) = self.servers[0].head() else { return false };
         let is_equal = |follower: &Follower| {
             *follower.copy().vector() == head.vector
                 && follower.copy().state().digest() == head.digest
-                && self.server.runs().is_none_or(|should| should == follower.runs())
+                && self.servers[0].runs().is_none_or(|should| should == follower.runs())
         };
-        self.authors.iter().all(Author::is_done) && self.followers.iter().all(is_equal)
+        let are_one = self.servers.iter().all(|server| server.head().is_some_and(|other| other.digest == head.digest));
+        are_one && self.authors.iter().all(Author::is_done) && self.followers.iter().all(is_equal)
     }
 
     fn check(&self, seconds: u64) -> Result<(), Violation> {
-        let head = self.server.head().ok_or_else(|| Violation::Failed("the server has no map".to_owned()))?;
+        let first = &self.servers[0];
+        let head = first.head().ok_or_else(|| Violation::Failed("the server has no map".to_owned()))?;
         let server = format!("{} ({})", head.vector, head.digest);
+        for other in &self.servers[1..] {
+            let has = other.head().map(|head| (head.vector.clone(), head.digest));
+            if has.as_ref().is_none_or(|(vector, digest)| (vector, digest) != (&head.vector, &head.digest)) {
+                let who = format!("server {}", other.place());
+                return Err(Violation::Apart { seconds, who, has: format!("{has:?}"), server });
+            }
+        }
         if let Some(author) = self.authors.iter().find(|author| !author.is_done()) {
             let (who, has) = (format!("author {}", author.id()), author.progress());
             return Err(Violation::Apart { seconds, who, has, server });
@@ -232,7 +275,7 @@ impl World {
                 let has = format!("{} ({})", copy.vector(), copy.state().digest());
                 return Err(Violation::Apart { seconds, who: format!("client {}", follower.place()), has, server });
             }
-            let (should, runs) = (self.server.runs(), follower.runs());
+            let (should, runs) = (first.runs(), follower.runs());
             if should.is_some_and(|should| should != runs) {
                 let (has, server) = (format!("{runs:?}"), format!("{should:?}"));
                 return Err(Violation::Apart {
@@ -243,12 +286,12 @@ impl World {
                 });
             }
         }
-        // What is acknowledged is durable: it is asked of the disk alone.
+        // What is acknowledged is durable: it is asked of the disk alone, or of the storages and every server.
         let mut whole = fht_map::MapState::new();
         for author in &self.authors {
             for increment in author.written().iter().take(usize::try_from(author.acknowledged()).unwrap_or(usize::MAX))
             {
-                if !self.server.disk().holds(increment) {
+                if !self.servers.iter().all(|server| server.holds(increment)) {
                     return Err(Violation::Lost(format!("{}/{}", increment.author, increment.number)));
                 }
             }
@@ -258,7 +301,7 @@ impl World {
         if whole.digest() != head.digest {
             return Err(Violation::Sum);
         }
-        self.server.check_releases()
+        self.servers.iter().try_for_each(Server::check_releases)
     }
 }
 
@@ -275,7 +318,7 @@ pub fn run(seed: u64, config: &SimulationConfig) -> Result<Outcome, Violation> {
     while world.now_us < end_us {
         if world.now_us == trouble_us {
             world.network.calm();
-            world.server.calm();
+            world.servers.iter_mut().for_each(Server::calm);
             world.followers.iter_mut().for_each(Follower::calm);
         }
         world.step()?;
@@ -287,13 +330,14 @@ pub fn run(seed: u64, config: &SimulationConfig) -> Result<Outcome, Violation> {
     let seconds = world.now_us / 1_000_000;
     world.check(seconds)?;
     let (sent, lost) = world.network.counts();
+    let sum = |of: fn(&Server) -> u64| world.servers.iter().map(of).sum::<u64>();
     Ok(Outcome {
-        increments: world.server.head().map_or(0, |head| head.version),
-        crashes: world.server.crashes(),
+        increments: world.servers[0].head().map_or(0, |head| head.version),
+        crashes: sum(Server::crashes) + world.site.as_ref().map_or(0, Site::crashes),
         lost,
         sent,
-        releases: world.server.releases(),
-        folded: world.server.folded(),
+        releases: world.servers[0].releases(),
+        folded: sum(Server::folded),
         seconds,
     })
 }

@@ -124,7 +124,34 @@ fn the_walk_through_makes_every_file_that_the_compose_file_mounts() {
     let zenohd = String::from_utf8(written.stdout).unwrap();
     assert!(zenohd.contains(&AuthorId::of_robot(&roles().explorers[0]).to_string()));
 
-    let compose: Value = serde_saphyr::from_str(&read("compose.yaml")).unwrap();
+    let with_storages = map_server(&[
+        "access-control",
+        deploy("roles.json5").to_str().unwrap(),
+        "--into",
+        deploy("router.json5").to_str().unwrap(),
+        "--into",
+        deploy("storages.json5").to_str().unwrap(),
+    ]);
+    assert!(with_storages.status.success(), "{}", said(&with_storages));
+    let with_storages = String::from_utf8(with_storages.stdout).unwrap();
+    config(&with_storages);
+
+    // More servers are made in the same way.
+    let stateless = ["maps-1", "maps-2", "maps-3"].map(|name| format!("server-{name}"));
+    for name in &stateless {
+        assert!(
+            make_certificates(&dir.path().join("certificates"), &["server", &name["server-".len()..]]).status.success()
+        );
+    }
+    for (file, zenohd) in [("compose.yaml", &zenohd), ("compose-stateless.yaml", &with_storages)] {
+        mounts_what_there_is(file, zenohd, &made);
+    }
+}
+
+/// Everything that a compose file mounts is made by the README's commands or in this folder, and is where the routers' configuration looks
+/// for it; but the libraries of plugins, which come from elsewhere.
+fn mounts_what_there_is(file: &str, zenohd: &str, made: &impl Fn(&str) -> bool) {
+    let compose: Value = serde_saphyr::from_str(&read(file)).unwrap();
     let services = compose["services"].as_object().unwrap();
     let volumes = compose["volumes"].as_object().unwrap();
     let mut used = BTreeSet::new();
@@ -135,7 +162,7 @@ fn the_walk_through_makes_every_file_that_the_compose_file_mounts() {
                 assert_eq!(parts.len(), 3, "{name}: {file} is mounted for writing");
                 let there = file
                     .strip_prefix("certificates/")
-                    .map_or_else(|| file == "zenohd.json5" || deploy(file).exists(), made);
+                    .map_or_else(|| ["zenohd.json5", "plugins"].contains(&file) || deploy(file).exists(), made);
                 assert!(there, "{name}: {file} is nowhere");
                 // Where the configuration looks for it.
                 let target = parts[1].trim_end_matches(".json5");
@@ -148,9 +175,30 @@ fn the_walk_through_makes_every_file_that_the_compose_file_mounts() {
     assert_eq!(used.len(), volumes.len());
 }
 
+/// What RocksDB's volume is replaced by where there is none.
+fn in_memory(config: &str) -> Value {
+    let mut config: Value = json5::from_str(config).unwrap();
+    let storages = &mut config["plugins"]["storage_manager"];
+    assert!(storages["volumes"]["rocksdb"].is_object(), "{storages}");
+    assert_eq!(storages["storages"]["increments"]["volume"]["id"], "rocksdb");
+    storages["volumes"] = serde_json::json!({});
+    storages["storages"]["increments"]["volume"] = "memory".into();
+    config
+}
+
 #[test]
-fn the_compose_file_names_what_it_runs() {
-    let compose: Value = serde_saphyr::from_str(&read("compose.yaml")).unwrap();
+fn the_storages_keep_what_servers_put_and_nothing_else() {
+    let text = in_memory(&read("storages.json5"));
+    let storage = &text["plugins"]["storage_manager"]["storages"]["increments"];
+    assert_eq!(storage["key_expr"], fht_proto::keys::ALL_KEPT);
+    assert!(storage["replication"]["interval"].as_f64().unwrap() > 0.5, "twice the delay of propagation at least");
+    assert_eq!(text["plugins_loading"]["enabled"], true, "zenohd loads no plugin otherwise");
+    let router: Value = json5::from_str(&read("router.json5")).unwrap();
+    assert_eq!(router["timestamping"]["enabled"], true, "the storage manager does not start otherwise");
+}
+
+fn names_what_it_runs(file: &str) {
+    let compose: Value = serde_saphyr::from_str(&read(file)).unwrap();
     let services = compose["services"].as_object().unwrap();
     let lock = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.lock")).unwrap();
     let zenoh = lock.split("[[package]]\nname = \"zenoh\"\nversion = \"").nth(1).unwrap().split('"').next().unwrap();
@@ -184,6 +232,12 @@ fn the_compose_file_names_what_it_runs() {
             assert!(map_server(&[&command[..], &["--help"]].concat()).status.success(), "{command:?}");
         }
     }
+}
+
+#[test]
+fn the_compose_files_name_what_they_run() {
+    names_what_it_runs("compose.yaml");
+    names_what_it_runs("compose-stateless.yaml");
     assert!(!map_server(&["--nonsense", "--help"]).status.success());
     let dockerfile = read("Dockerfile");
     let images = dockerfile.lines().filter_map(|line| line.strip_prefix("FROM "));

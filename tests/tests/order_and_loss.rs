@@ -1,18 +1,29 @@
-//! Order and loss: two hundred fleets on bad networks. A longer run: `cargo run --release --bin simulate -- --seeds 2000`.
+//! Order and loss: two hundred fleets on bad networks. A longer run: `cargo run --release --bin simulate -- --seeds 2000`, and the same
+//! with `--servers 3`.
 
-use fht_tests::simulation::{SimulationConfig, run};
+use fht_tests::simulation::{Outcome, SimulationConfig, run};
+
+fn two_hundred(config: &SimulationConfig) -> Outcome {
+    let mut sum = Outcome::default();
+    for seed in 1..=200 {
+        let outcome = run(seed, config).unwrap_or_else(|violation| panic!("seed {seed}: {violation}"));
+        sum.crashes += outcome.crashes;
+        sum.lost += outcome.lost;
+        sum.folded += outcome.folded;
+        sum.releases += outcome.releases;
+    }
+    sum
+}
 
 #[test]
 fn all_copies_are_one_nothing_acknowledged_is_lost_no_release_changes() {
-    let config = SimulationConfig::default();
-    let (mut crashes, mut lost, mut folded, mut releases) = (0, 0, 0, 0);
-    for seed in 1..=200 {
-        let outcome = run(seed, &config).unwrap_or_else(|violation| panic!("seed {seed}: {violation}"));
-        crashes += outcome.crashes;
-        lost += outcome.lost;
-        folded += outcome.folded;
-        releases += outcome.releases;
-    }
+    let sum = two_hundred(&SimulationConfig::default());
     // Otherwise the runs were too kind.
-    assert!(crashes > 200 && lost > 10_000 && folded > 200 && releases > 200, "{crashes} {lost} {folded} {releases}");
+    assert!(sum.crashes > 200 && sum.lost > 10_000 && sum.folded > 200 && sum.releases > 200, "{sum:?}");
+}
+
+#[test]
+fn the_same_holds_of_several_servers_on_replicated_storages() {
+    let sum = two_hundred(&SimulationConfig { servers: 3, ..SimulationConfig::default() });
+    assert!(sum.crashes > 200 && sum.lost > 10_000 && sum.releases > 200, "{sum:?}");
 }

@@ -8,6 +8,7 @@ use fht_proto::encode;
 use fht_proto::keys::Key;
 use fht_proto::query::{ErrorReply, Head};
 use fht_robot::link::{self, LinkConfig};
+use fht_tests::process::{Process, Role};
 use site::{
     MOMENT, PATIENCE, Site, author, certificates, config, free_endpoint, guarded, in_file, increment, museum, serve,
     shipped, try_once,
@@ -22,6 +23,7 @@ use std::time::{Duration, Instant};
 use tokio::time::timeout;
 use zenoh::handlers::FifoChannelHandler;
 use zenoh::pubsub::Subscriber;
+use zenoh::query::{ConsolidationMode, QueryTarget};
 use zenoh::sample::Sample;
 use zenoh::{Session, Wait};
 
@@ -437,4 +439,98 @@ async fn a_robot_says_why_it_has_no_server() {
         check.await.unwrap();
     }
     router.close().await.unwrap();
+}
+
+/// A router of `deploy/` with access control and the storages, but in memory, as a process.
+fn with_storages(dir: &Path, own: &str, listen: &str, others: &[&str]) -> Process {
+    let mut config: serde_json::Value = json5::from_str(&guarded("router.json5", own, &[listen])).unwrap();
+    let mut plugins = json5::from_str::<serde_json::Value>(&site::read("storages.json5")).unwrap()["plugins"].take();
+    let manager = &mut plugins["storage_manager"];
+    manager["volumes"] = serde_json::json!({});
+    manager["storages"]["increments"]["volume"] = "memory".into();
+    manager["storages"]["increments"]["replication"]["interval"] = 1.into();
+    config["plugins"] = plugins;
+    config["connect"]["endpoints"] = others.into();
+    let file = in_file(dir, own, &config.to_string());
+    let handoff = Path::new(env!("CARGO_BIN_EXE_handoff"));
+    let mut router = Process::start(handoff, Role::Router, ["-c".as_ref(), file.as_os_str()]).unwrap();
+    router.wait_until_listening(&listen.replace("tls/", "tcp/"), PATIENCE).unwrap();
+    router
+}
+
+/// What each storage holds under keys, as an operator may ask.
+async fn held(operator: &Session, keys: &str) -> Vec<(String, Vec<u8>)> {
+    let ask = operator.get(keys).target(QueryTarget::All).consolidation(ConsolidationMode::None);
+    let replies = ask.timeout(Duration::from_secs(3)).await.unwrap();
+    let mut held = Vec::new();
+    while let Ok(reply) = replies.recv_async().await {
+        let sample = reply.result().unwrap();
+        held.push((sample.key_expr().to_string(), sample.payload().to_bytes().into_owned()));
+    }
+    held
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
+async fn storages_hold_what_servers_put_and_nobody_else() {
+    let (first, second) = (free_endpoint(), free_endpoint());
+    let dir = tempfile::tempdir().unwrap();
+    let mut a = with_storages(dir.path(), "router-a", &first, &[]);
+    let _b = with_storages(dir.path(), "router-b", &second, &[&first]);
+    let server = |number: usize, at: &str| {
+        let file =
+            in_file(dir.path(), &format!("server-{number}"), &shipped("server.json5", "server-maps", &[], &[at]));
+        let link = map_server::config::LinkConfig { zenoh_config: Some(file), ..Default::default() };
+        let storages = Some(map_server::storages::QuorumConfig::majority(2));
+        let config = map_server::ServerConfig { storages, ..map_server::ServerConfig::new("unused".into(), link) };
+        let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+        (stop, tokio::spawn(map_server::run(config, async { _ = stopped.await })))
+    };
+    let session = async |file: &str, own: &str| {
+        let file = in_file(dir.path(), own, &shipped(file, own, &[], &[&second]));
+        link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap()
+    };
+    let ana = session("explorer.json5", "explorer-ana").await;
+    let desk = session("operator.json5", "operator-desk").await;
+    let servers = [server(1, &first), server(2, &second)];
+    assert_eq!(mapper::publish::find_head(&ana, &museum(), PATIENCE).await.unwrap(), None);
+    let head = write(&ana, "ana", 1).await;
+    assert_eq!(head.vector.get(author("ana")), 1);
+    let keys = "fht/museum/kept/**";
+    let both = held(&desk, keys).await;
+    assert_eq!(both.len(), 2, "both storages have to confirm it");
+    assert!(both.iter().all(|(_, bytes)| *bytes == encode(&increment("ana", 1)).unwrap()));
+
+    // Neither an explorer nor an operator puts anything there, not even under its own name, nor takes anything away.
+    for (liar, name) in [(&ana, "ana"), (&desk, "desk")] {
+        for number in [1, 2] {
+            let key = Key::kept(&museum(), author(name), number).to_string();
+            liar.put(key.as_str(), "lies").await.unwrap();
+        }
+        liar.delete(Key::kept(&museum(), author("ana"), 1).to_string()).await.unwrap();
+        liar.delete(keys).await.unwrap();
+    }
+    tokio::time::sleep(MOMENT).await;
+    assert_eq!(held(&desk, keys).await, both);
+    assert_eq!(write(&ana, "ana", 2).await.version, 2);
+
+    for (stop, ended) in servers {
+        stop.send(()).unwrap();
+        ended.await.unwrap().unwrap();
+    }
+    // Nothing is left but what the storages hold; a router that comes anew has it from the other.
+    a.kill().unwrap();
+    let _a = with_storages(dir.path(), "router-a", &first, &[&second]);
+    let start = Instant::now();
+    while held(&desk, keys).await.len() < 4 {
+        assert!(start.elapsed() < PATIENCE, "the storages do not become one again");
+        tokio::time::sleep(MOMENT).await;
+    }
+    let (stop, ended) = server(3, &first);
+    let found = mapper::publish::find_head(&ana, &museum(), PATIENCE).await.unwrap().unwrap();
+    assert_eq!((found.version, found.vector.get(author("ana"))), (2, 2));
+    stop.send(()).unwrap();
+    ended.await.unwrap().unwrap();
+    for session in [ana, desk] {
+        session.close().await.unwrap();
+    }
 }

@@ -1,7 +1,8 @@
 //! `map-server access-control`: the list of roles on the command line.
 
-use super::{AccessError, configuration, parse};
+use super::{AccessError, configuration, object, parse};
 use clap::Args;
+use serde_json::Map;
 use std::path::{Path, PathBuf};
 
 /// Writes the access control section of a Zenoh router's configuration from a list of who has which role.
@@ -13,15 +14,17 @@ pub struct AccessArgs {
     #[arg(value_name = "ROLES.json5")]
     roles: PathBuf,
     /// A router's configuration (JSON5) to put the section into, in place of one that it has; its comments are lost. Without
-    /// it the section is written alone.
+    /// it the section is written alone. Repeatable: sections of later files, such as storages, are put into the first.
     #[arg(long, value_name = "FILE")]
-    into: Option<PathBuf>,
+    into: Vec<PathBuf>,
 }
 
 const EXAMPLES: &str = "\
 Examples:
   map-server access-control roles.json5 --into router.json5 > zenohd.json5
       what a router needs: give all routers the same list
+  map-server access-control roles.json5 --into router.json5 --into storages.json5 > zenohd.json5
+      the same with storages, for map-servers that keep nothing themselves
 
 A list of roles:
   {
@@ -64,10 +67,11 @@ impl AccessArgs {
     pub fn run(&self) -> Result<String, AccessCommandError> {
         let roles_in = |source| AccessCommandError::Access { file: self.roles.clone(), source };
         let roles = parse(&read(&self.roles)?).map_err(roles_in)?;
-        let Some(file) = &self.into else { return configuration("{}", &roles).map_err(roles_in) };
-        configuration(&read(file)?, &roles).map_err(|source| {
-            let is_of_the_list = !matches!(source, AccessError::Syntax(_) | AccessError::NotAnObject);
-            AccessCommandError::Access { file: if is_of_the_list { &self.roles } else { file }.clone(), source }
-        })
+        let mut whole = Map::new();
+        for file in &self.into {
+            let in_file = |source| AccessCommandError::Access { file: file.clone(), source };
+            whole.extend(object(&read(file)?).map_err(in_file)?);
+        }
+        configuration(whole, &roles).map_err(roles_in)
     }
 }

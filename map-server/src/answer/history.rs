@@ -30,6 +30,13 @@ fn vector_of(view: &MapView, log: &dyn IncrementLog, moment: &Moment) -> Result<
             if vector.covers(&floor.vector) || is_kept() { Ok(vector.clone()) } else { Err(folded(floor.version)) }
         }
         Moment::Version(version) if *version > head.version => Err(unknown(format!("version {version}"))),
+        Moment::Version(version) if log.is_shared() && *version != head.version => {
+            let text = format!(
+                "map {map} has several servers, and each counts in its own order: name a release or a vector instead of \
+                 version {version}"
+            );
+            Err(error(ErrorCode::UnknownVersion, text))
+        }
         Moment::Version(version) => match log.vector_at(map, *version).map_err(internal)? {
             Some(vector) => Ok(vector),
             None => Err(folded(log.floor(map).map_err(internal)?.version)),

@@ -61,7 +61,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum RoleCommand {
-    /// Runs one of the programs: map-server, mapper or client-robot.
+    /// Runs one of the programs: map-server, mapper, client-robot or router.
     Role {
         /// Which.
         role: Role,
@@ -79,6 +79,7 @@ fn main() -> ExitCode {
             Role::MapServer => map_server::main_with_args(with_name("map-server")),
             Role::Mapper => mapper::main_with_args(with_name("mapper")),
             Role::ClientRobot => client_robot::cli::main_with_args(with_name("client-robot")),
+            Role::Router => fht_tests::router::main_with_args(with_name("router")),
         };
     }
     match demo(&cli) {

@@ -5,8 +5,8 @@ use fht_tests::simulation::{Outcome, SimulationConfig, run};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::process::ExitCode;
 
-/// Simulates explorers, an operator, a server and clients over a network that loses, delays, repeats, reorders and parts,
-/// with a server that fails at durable writes.
+/// Simulates explorers, an operator, servers and clients over a network that loses, delays, repeats, reorders and parts, with machines
+/// that fail at durable writes.
 ///
 /// Ends with 1 at the first seed after which copies differ, an acknowledged increment is lost, or a release has changed.
 #[derive(Debug, Parser)]
@@ -17,6 +17,9 @@ struct Args {
     /// The first seed.
     #[arg(long, default_value_t = 1)]
     first: u64,
+    /// Servers that stand on replicated storages; 0: one with a disk.
+    #[arg(long, default_value_t = 0)]
+    servers: usize,
     /// No progress bar.
     #[arg(long)]
     quiet: bool,
@@ -28,7 +31,7 @@ fn main() -> ExitCode {
     if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {pos}/{len} seeds, {eta} left") {
         bar.set_style(style);
     }
-    let config = SimulationConfig::default();
+    let config = SimulationConfig { servers: args.servers, ..SimulationConfig::default() };
     let mut sum = Outcome::default();
     for seed in args.first..args.first.saturating_add(args.seeds) {
         match run(seed, &config) {

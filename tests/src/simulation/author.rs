@@ -1,8 +1,8 @@
 //! Those who write: explorers, and an operator who makes releases. What is sent and sent again is decided by the real window.
 
-use super::server::Server;
 use super::{EVERYBODY, Message, SERVER, Violation, map};
 use fht_proto::keys::Key;
+use fht_proto::query::Head;
 use fht_proto::{
     AuthorId, EdgeKey, FixedPose, Increment, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, encode,
 };
@@ -99,7 +99,7 @@ impl Author {
         now: Instant,
         now_us: u64,
         rng: &mut ChaCha8Rng,
-        server: &Server,
+        head: Option<&Head>,
     ) -> Vec<(usize, usize, Message)> {
         self.is_dead |= self.dies_us.is_some_and(|dies_us| now_us >= dies_us);
         if self.is_dead {
@@ -107,7 +107,7 @@ impl Author {
         }
         let chance = if self.is_operator { WRITE_CHANCE / 5.0 } else { WRITE_CHANCE };
         if (self.written.len() as u64) < self.last && rng.random_bool(chance) {
-            self.write(now_us, rng, server);
+            self.write(now_us, rng, head);
         }
         let mut sent = Vec::new();
         while let Some((number, bytes)) = self.window.next() {
@@ -127,10 +127,10 @@ impl Author {
         sent
     }
 
-    fn write(&mut self, now_us: u64, rng: &mut ChaCha8Rng, server: &Server) {
+    fn write(&mut self, now_us: u64, rng: &mut ChaCha8Rng, head: Option<&Head>) {
         let mut ops: Vec<Op> = (0..rng.random_range(1..4)).map(|_| op(rng)).collect();
         if self.is_operator
-            && let Some(head) = server.head()
+            && let Some(head) = head
         {
             // As an operator's program does: of what the server says that it has.
             let name = format!("r.{}", self.written.len() / 2);

@@ -63,6 +63,11 @@ impl Network {
         self.cut_until_us.get(place).is_some_and(|until_us| *until_us > now_us)
     }
 
+    /// Which of the first `count` places are cut off.
+    pub(super) fn cut(&self, count: usize, now_us: u64) -> Vec<bool> {
+        (0..count).map(|place| self.is_cut(place, now_us)).collect()
+    }
+
     /// What is sent between two places overtakes what was sent before; but the end of an answer comes last, as Zenoh sees to.
     pub(super) fn send(&mut self, from: usize, to: usize, message: Message, now_us: u64, rng: &mut ChaCha8Rng) {
         self.sent += 1;

@@ -1,24 +1,36 @@
-//! The server: what comes in goes through the real intake onto a disk that may fail; questions are answered from the real catalog and log.
+//! A server: what comes in goes through the real intake, onto a disk that may fail or into storages that may; questions are answered from
+//! the real catalog and log.
 
 use super::disk::Disk;
-use super::{EVERYBODY, Message, SERVER, Violation, map, unpack};
+use super::storages::Site;
+use super::{EVERYBODY, Message, Violation, map, unpack};
 use fht_proto::keys::{Key, Topic};
 use fht_proto::query::Head;
 use fht_proto::request::parse;
-use fht_proto::{Digest, Release};
+use fht_proto::{Digest, Increment, Release};
 use map_server::answer::{Answer, Sources, answer};
 use map_server::basis::state_at;
 use map_server::catalog::Catalog;
+use map_server::catch_up::{self, CatchUp, CatchUpConfig};
 use map_server::check::Arrival;
 use map_server::config::{AnswerConfig, Limits};
 use map_server::fleet::Fleet;
 use map_server::ingest::Ingest;
 use map_server::live::LiveRules;
-use map_server::log::IncrementLog;
+use map_server::log::{IncrementLog, StoreError};
+use map_server::quorum::QuorumLog;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+
+/// What a server stands on.
+pub(super) enum Ground {
+    /// A disk of its own.
+    Disk(Arc<Disk>),
+    /// The storages of a site that it shares with others.
+    Site(Site),
+}
 
 /// What runs until the machine fails.
 struct Running {
@@ -26,15 +38,19 @@ struct Running {
     sources: Sources,
     arrivals: Vec<Arrival>,
     questions: Vec<(usize, Message)>,
+    missed: CatchUp,
+    look_at_us: u64,
 }
 
 pub(super) struct Server {
-    disk: Arc<Disk>,
+    place: usize,
+    ground: Ground,
     /// None while the machine is down.
     running: Option<Running>,
     up_at_us: u64,
     is_calm: bool,
     folded: u64,
+    crashes: u64,
     /// The releases as they were first seen; none for those of states that had been folded away before the release came.
     releases: BTreeMap<String, Option<Release>>,
 }
@@ -43,26 +59,60 @@ pub(super) struct Server {
 const DOWN_S: u64 = 5;
 /// Chance of folding the log in a step.
 const FOLD_CHANCE: f64 = 0.002;
+/// Chance that a server without a disk is killed in a step.
+const KILL_CHANCE: f64 = 0.0005;
+/// How often such a server looks for what it has missed, microseconds.
+const LOOK_EVERY_US: u64 = 1_000_000;
 /// Clocks of the explorers start at 0; nobody is ahead of this.
 const WALL_US: u64 = 1_795_000_000_000_000;
 
 impl Server {
-    pub(super) fn new(disk: Disk) -> Self {
-        let disk = Arc::new(disk);
-        Self { disk, running: None, up_at_us: 0, is_calm: false, folded: 0, releases: BTreeMap::new() }
+    pub(super) fn new(place: usize, ground: Ground) -> Self {
+        Self {
+            place,
+            ground,
+            running: None,
+            up_at_us: 0,
+            is_calm: false,
+            folded: 0,
+            crashes: 0,
+            releases: BTreeMap::new(),
+        }
     }
 
     pub(super) fn calm(&mut self) {
         self.is_calm = true;
-        self.disk.calm();
+        match &self.ground {
+            Ground::Disk(disk) => disk.calm(),
+            Ground::Site(site) => site.calm(),
+        }
     }
 
-    pub(super) fn disk(&self) -> &Disk {
-        &self.disk
+    pub(super) fn place(&self) -> usize {
+        self.place
+    }
+
+    pub(super) fn is_running(&self) -> bool {
+        self.running.is_some()
+    }
+
+    /// Whether an acknowledged increment is where it must be.
+    pub(super) fn holds(&self, increment: &Increment) -> bool {
+        match &self.ground {
+            Ground::Disk(disk) => disk.holds(increment),
+            Ground::Site(site) => {
+                let head = self.head();
+                let is_here = head.is_some_and(|head| head.vector.get(increment.author) >= increment.number);
+                is_here && site.copies(increment) >= Site::quorum().confirm
+            }
+        }
     }
 
     pub(super) fn crashes(&self) -> u64 {
-        self.disk.crashes()
+        match &self.ground {
+            Ground::Disk(disk) => disk.crashes(),
+            Ground::Site(_) => self.crashes,
+        }
     }
 
     pub(super) fn folded(&self) -> u64 {
@@ -96,11 +146,15 @@ impl Server {
         }
     }
 
-    fn start(&self) -> Result<Running, Violation> {
-        let failed =
-            |error: map_server::log::StoreError| Violation::Failed(format!("the server does not start: {error}"));
-        let catalog = Arc::new(Catalog::load(self.disk.as_ref()).map_err(failed)?);
-        let log: Arc<dyn IncrementLog> = Arc::clone(&self.disk) as _;
+    /// Starts the server; `None` if it cannot reach what it needs yet.
+    fn start(&self, now_us: u64) -> Result<Option<Running>, Violation> {
+        let failed = |error: StoreError| Violation::Failed(format!("the server does not start: {error}"));
+        let (log, catalog): (Arc<dyn IncrementLog>, Arc<Catalog>) = match &self.ground {
+            Ground::Disk(disk) => (Arc::clone(disk) as _, Arc::new(Catalog::load(disk.as_ref()).map_err(failed)?)),
+            Ground::Site(site) => {
+                (Arc::new(QuorumLog::new(site.seen_by(self.place), Site::quorum())), Arc::new(Catalog::default()))
+            }
+        };
         let sources = Sources {
             catalog: Arc::clone(&catalog),
             log: Arc::clone(&log),
@@ -108,49 +162,90 @@ impl Server {
             fleet: Arc::new(Fleet::default()),
             config: Arc::new(AnswerConfig::default()),
         };
-        let ingest = Ingest::new(log, catalog, Limits::default());
-        Ok(Running { ingest, sources, arrivals: Vec::new(), questions: Vec::new() })
+        let mut ingest = Ingest::new(log, catalog, Limits::default());
+        if let Ground::Site(site) = &self.ground {
+            match catch_up::restore(site.seen_by(self.place).as_ref(), Site::quorum(), &mut ingest) {
+                Ok(()) => {}
+                Err(StoreError::Unconfirmed) => return Ok(None),
+                Err(other) => return Err(failed(other)),
+            }
+        }
+        let missed =
+            CatchUp::new(CatchUpConfig { part: 3, max_increments: 10, list_every: 5, ..CatchUpConfig::default() });
+        let (arrivals, questions) = (Vec::new(), Vec::new());
+        Ok(Some(Running { ingest, sources, arrivals, questions, missed, look_at_us: now_us }))
+    }
+
+    /// What has arrived, if there is a way to keep it now; and what is found to have been missed.
+    fn arrivals(&mut self, now_us: u64) -> Vec<Arrival> {
+        let Some(running) = &mut self.running else { return Vec::new() };
+        if let Ground::Site(site) = &self.ground {
+            if now_us >= running.look_at_us {
+                running.look_at_us = now_us + LOOK_EVERY_US;
+                let heads = running.sources.catalog.heads();
+                running.arrivals.extend(running.missed.look(site.seen_by(self.place).as_ref(), &heads));
+            }
+            if !site.is_within_reach(self.place) {
+                return Vec::new();
+            }
+        }
+        std::mem::take(&mut running.arrivals)
+    }
+
+    /// Takes in what has arrived; what others should hear of it. `None` when the machine fails.
+    fn take(&mut self, arrivals: Vec<Arrival>, rng: &mut ChaCha8Rng) -> Result<Option<Vec<Message>>, Violation> {
+        let Some(running) = &mut self.running else { return Ok(Some(Vec::new())) };
+        let taken = match running.ingest.take(arrivals, WALL_US) {
+            Ok(taken) => taken,
+            Err(other @ StoreError::Overruled { .. }) => return Err(Violation::Failed(other.to_string())),
+            Err(_) => return Ok(None),
+        };
+        if let Some(notice) = taken.notices.first().filter(|notice| notice.reply.code.is_permanent_refusal()) {
+            return Err(Violation::Failed(format!("an honest writer was refused: {}", notice.reply)));
+        }
+        if !taken.disputed.is_empty() {
+            return Err(Violation::Failed("storages keep another increment than a server".to_owned()));
+        }
+        let announced = running.sources.catalog.view(&map()).filter(|_| !taken.announce.is_empty());
+        let folds = matches!(self.ground, Ground::Disk(_)) && rng.random_bool(FOLD_CHANCE);
+        if folds {
+            match running.ingest.retain(&map(), rng.random_range(0..40)) {
+                Ok(retained) => self.folded += u64::from(retained.is_some_and(|retained| retained.folded > 0)),
+                Err(_) => return Ok(None),
+            }
+        }
+        Ok(Some(announced.map(|view| Message::Head(view.head)).into_iter().collect()))
     }
 
     /// What everybody is sent, and what those who asked are answered.
     pub(super) fn act(&mut self, now_us: u64, rng: &mut ChaCha8Rng) -> Result<Vec<(usize, usize, Message)>, Violation> {
         if self.running.is_none() && (now_us >= self.up_at_us || self.is_calm) {
-            self.running = Some(self.start()?);
+            self.running = self.start(now_us)?;
+            self.up_at_us = now_us + 1_000_000;
         }
-        let Some(running) = &mut self.running else { return Ok(Vec::new()) };
-        let mut sent = Vec::new();
-        let arrivals = std::mem::take(&mut running.arrivals);
-        let has_failed = match running.ingest.take(arrivals, WALL_US) {
-            Ok(taken) => {
-                if let Some(notice) = taken.notices.first().filter(|notice| notice.reply.code.is_permanent_refusal()) {
-                    return Err(Violation::Failed(format!("an honest writer was refused: {}", notice.reply)));
-                }
-                if !taken.announce.is_empty()
-                    && let Some(view) = running.sources.catalog.view(&map())
-                {
-                    sent.push((SERVER, EVERYBODY, Message::Head(view.head)));
-                }
-                false
-            }
-            Err(_) => true,
-        };
-        let folds = !has_failed && rng.random_bool(FOLD_CHANCE);
-        let has_failed = has_failed
-            || folds
-                && match running.ingest.retain(&map(), rng.random_range(0..40)) {
-                    Ok(retained) => {
-                        self.folded += u64::from(retained.is_some_and(|retained| retained.folded > 0));
-                        false
-                    }
-                    Err(_) => true,
-                };
-        if has_failed {
-            self.running = None;
-            self.up_at_us = now_us + 1_000_000 * rng.random_range(0..=DOWN_S);
+        if self.running.is_none() {
             return Ok(Vec::new());
         }
+        let arrivals = self.arrivals(now_us);
+        let is_killed = matches!(self.ground, Ground::Site(_)) && !self.is_calm && rng.random_bool(KILL_CHANCE);
+        let announced = self.take(arrivals, rng)?.filter(|_| !is_killed);
+        let mut sent = Vec::new();
+        if let Ground::Site(site) = &self.ground {
+            // What it put is out, whatever becomes of it.
+            for put in site.take_heard(self.place) {
+                let others = (0..site.servers()).filter(|other| *other != self.place);
+                sent.extend(others.map(|other| (self.place, other, put.clone())));
+            }
+        }
+        let Some((announced, running)) = announced.zip(self.running.as_mut()) else {
+            self.running = None;
+            self.crashes += 1;
+            self.up_at_us = now_us + 1_000_000 * rng.random_range(0..=DOWN_S);
+            return Ok(sent);
+        };
+        sent.extend(announced.into_iter().map(|head| (self.place, EVERYBODY, head)));
         for (from, question) in std::mem::take(&mut running.questions) {
-            sent.extend(answers(&running.sources, question)?.into_iter().map(|message| (SERVER, from, message)));
+            sent.extend(answers(&running.sources, question)?.into_iter().map(|message| (self.place, from, message)));
         }
         self.note_releases()?;
         Ok(sent)
@@ -158,15 +253,14 @@ impl Server {
 
     /// A release is what it was when it was first seen.
     fn note_releases(&mut self) -> Result<(), Violation> {
-        let Some(view) = self.running.as_ref().and_then(|running| running.sources.catalog.view(&map())) else {
-            return Ok(());
-        };
+        let Some(running) = &self.running else { return Ok(()) };
+        let (log, Some(view)) = (&running.sources.log, running.sources.catalog.view(&map())) else { return Ok(()) };
         for release in view.state.annotations().releases() {
             let id = release.id.to_string();
             let first = match self.releases.get(&id) {
                 Some(first) => first,
                 None => {
-                    let floor = self.disk.floor(&map()).map_err(|error| Violation::Failed(error.to_string()))?;
+                    let floor = log.floor(&map()).map_err(|error| Violation::Failed(error.to_string()))?;
                     let is_whole = release.release.vector.covers(&floor.vector);
                     self.releases.entry(id.clone()).or_insert(is_whole.then(|| release.release.clone()))
                 }
@@ -180,9 +274,10 @@ impl Server {
 
     /// Every release adds up to what it was made of.
     pub(super) fn check_releases(&self) -> Result<(), Violation> {
+        let Some(running) = &self.running else { return Ok(()) };
         for (id, release) in &self.releases {
             let Some(release) = release else { continue };
-            let state = state_at(&map(), &release.vector, self.disk.as_ref());
+            let state = state_at(&map(), &release.vector, running.sources.log.as_ref());
             let state = state.map_err(|error| Violation::Failed(error.to_string()))?;
             if state.is_none_or(|state| state.digest() != release.digest) {
                 return Err(Violation::Release(id.clone()));

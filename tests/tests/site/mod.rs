@@ -3,7 +3,7 @@
 
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op};
 use fht_robot::link::{self, LinkConfig};
-use map_server::access::{Roles, configuration, parse};
+use map_server::access::{Roles, configuration, object, parse};
 use map_server::config::LinkConfig as ServerLink;
 use map_server::{ServerConfig, ServerError};
 use std::net::TcpListener;
@@ -95,7 +95,7 @@ pub fn shipped(file: &str, own: &str, listen: &[&str], connect: &[&str]) -> Stri
 
 /// The same with the fleet's access control.
 pub fn guarded(file: &str, own: &str, listen: &[&str]) -> String {
-    configuration(&shipped(file, own, listen, &[]), &fleet()).unwrap()
+    configuration(object(&shipped(file, own, listen, &[])).unwrap(), &fleet()).unwrap()
 }
 
 pub fn in_file(dir: &Path, name: &str, text: &str) -> PathBuf {

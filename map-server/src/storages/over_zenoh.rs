@@ -1,0 +1,180 @@
+//! The storages of Zenoh routers. All of them get every question (`QueryTarget::All`), and each answers for itself: nothing is
+//! consolidated, so that the answers to one key are the storages that hold it.
+
+use super::{Held, Place, Storages};
+use fht_proto::keys::{ALL_FIRST_KEPT, Key, STORAGE_PRESENCE, kept_of};
+use fht_proto::{AuthorId, MapName};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Condvar, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use zenoh::bytes::Encoding;
+use zenoh::qos::CongestionControl;
+use zenoh::query::{ConsolidationMode, QueryTarget, Reply};
+use zenoh::{Session, Wait};
+
+/// How long an answer about one place may take. A router that is gone without a word holds up its part of an answer for so long.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(1);
+/// How long everything of an author may take.
+const ALL_TIMEOUT: Duration = Duration::from_secs(60);
+/// Questions under way at one time.
+const AT_A_TIME: usize = 64;
+/// The first wait before a question is put again, and the longest.
+const FIRST_PAUSE: Duration = Duration::from_millis(2);
+const LONGEST_PAUSE: Duration = Duration::from_millis(200);
+
+/// The storages that a session reaches.
+#[derive(Debug)]
+pub struct ZenohStorages {
+    session: Session,
+    closed: Mutex<bool>,
+    closing: Condvar,
+}
+
+/// One answer: the number of the question, key and payload.
+type Answer = (usize, String, Vec<u8>);
+
+impl ZenohStorages {
+    /// Those that are reached over `session`.
+    #[must_use]
+    pub fn new(session: Session) -> Self {
+        Self { session, closed: Mutex::new(false), closing: Condvar::new() }
+    }
+
+    /// Nothing is waited for any more.
+    pub fn close(&self) {
+        *self.closed.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        self.closing.notify_all();
+    }
+
+    /// Waits for `time`; false when closed.
+    pub fn wait(&self, time: Duration) -> bool {
+        let closed = self.closed.lock().unwrap_or_else(PoisonError::into_inner);
+        let waited = self.closing.wait_timeout_while(closed, time, |closed| !*closed);
+        !*waited.unwrap_or_else(PoisonError::into_inner).0
+    }
+
+    /// Puts a question to all storages; the answers come over `answers` until the last of them has come, or `timeout` is over.
+    fn ask(&self, number: usize, key: &str, timeout: Duration, answers: Sender<Answer>) {
+        let answered = move |reply: Reply| {
+            if let Ok(sample) = reply.result() {
+                let key = sample.key_expr().as_str().to_owned();
+                // Nobody waits any more: enough others have answered.
+                let _ = answers.send((number, key, sample.payload().to_bytes().into_owned()));
+            }
+        };
+        let asked = self
+            .session
+            .get(key)
+            .target(QueryTarget::All)
+            .consolidation(ConsolidationMode::None)
+            .timeout(timeout)
+            .callback(answered)
+            .wait();
+        if let Err(error) = asked {
+            tracing::debug!(%key, "storages cannot be asked: {error}");
+        }
+    }
+
+    fn ask_one(&self, key: &str, timeout: Duration) -> Answers {
+        let (sender, answers) = channel();
+        self.ask(0, key, timeout, sender);
+        Answers { answers, deadline: Instant::now() + timeout }
+    }
+
+    fn send(&self, key: &str, bytes: &[u8]) {
+        let sent = self
+            .session
+            .put(key, bytes)
+            .encoding(Encoding::APPLICATION_OCTET_STREAM)
+            .congestion_control(CongestionControl::Block)
+            .wait();
+        if let Err(error) = sent {
+            tracing::debug!(%key, "nothing can be put: {error}");
+        }
+    }
+
+    /// At most [`AT_A_TIME`] places.
+    fn held_at(&self, places: &[Place], enough: usize) -> Vec<Held> {
+        let mut held = vec![Held::default(); places.len()];
+        let (sender, answers) = channel();
+        for (index, place) in places.iter().enumerate() {
+            self.ask(index, &key_of(place), ANSWER_TIMEOUT, sender.clone());
+        }
+        drop(sender);
+        let mut wanting = places.len();
+        for (index, _, bytes) in (Answers { answers, deadline: Instant::now() + ANSWER_TIMEOUT }) {
+            let Some(held) = held.get_mut(index) else { continue };
+            held.add(bytes);
+            wanting -= usize::from(held.answers() == enough);
+            if wanting == 0 {
+                break;
+            }
+        }
+        held
+    }
+}
+
+fn key_of(place: &Place) -> String {
+    Key::kept(&place.map, place.author, place.number).to_string()
+}
+
+/// The place of an increment that storages keep.
+fn place_of(key: &str) -> Option<Place> {
+    match key.parse() {
+        Ok(Key::Kept { map, author, number }) => Some(Place { map, author, number }),
+        _ => None,
+    }
+}
+
+/// Answers until all have come, or their time is over.
+struct Answers {
+    answers: Receiver<Answer>,
+    deadline: Instant,
+}
+
+impl Iterator for Answers {
+    type Item = Answer;
+
+    fn next(&mut self) -> Option<Answer> {
+        let left = self.deadline.saturating_duration_since(Instant::now());
+        self.answers.recv_timeout(left).ok()
+    }
+}
+
+impl Storages for ZenohStorages {
+    fn put(&self, place: &Place, bytes: &[u8]) {
+        self.send(&key_of(place), bytes);
+    }
+
+    fn held(&self, places: &[Place], enough: usize) -> Vec<Held> {
+        places.chunks(AT_A_TIME).flat_map(|places| self.held_at(places, enough)).collect()
+    }
+
+    fn present(&self) -> usize {
+        self.send(STORAGE_PRESENCE, &[]);
+        // Routers pass a question on beside what was put before it.
+        self.wait(FIRST_PAUSE);
+        self.ask_one(STORAGE_PRESENCE, ANSWER_TIMEOUT).count()
+    }
+
+    fn authors(&self) -> BTreeSet<(MapName, AuthorId)> {
+        let answers = self.ask_one(ALL_FIRST_KEPT, ANSWER_TIMEOUT);
+        answers.filter_map(|(_, key, _)| place_of(&key)).map(|place| (place.map, place.author)).collect()
+    }
+
+    fn all_of(&self, map: &MapName, author: AuthorId) -> BTreeMap<u64, Held> {
+        let mut all: BTreeMap<u64, Held> = BTreeMap::new();
+        for (_, key, bytes) in self.ask_one(&kept_of(map, author), ALL_TIMEOUT) {
+            if let Some(place) = place_of(&key) {
+                all.entry(place.number).or_default().add(bytes);
+            }
+        }
+        all
+    }
+
+    fn pause(&self, attempts: u32) -> bool {
+        let factor = 1 << attempts.min(16);
+        self.wait((FIRST_PAUSE * factor).min(LONGEST_PAUSE))
+    }
+}

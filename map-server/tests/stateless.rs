@@ -1,0 +1,265 @@
+//! Servers that stand on storages, without a network: what counts as acknowledged, what is read at a start, and who gives way.
+#![allow(clippy::unwrap_used)] // tests may panic
+
+mod support;
+
+use fht_proto::keys::Key;
+use fht_proto::{AuthorId, Increment, MapName, Op, encode};
+use map_server::catalog::Catalog;
+use map_server::catch_up::{CatchUp, CatchUpConfig, restore};
+use map_server::check::{Arrival, Refusal};
+use map_server::config::Limits;
+use map_server::ingest::Ingest;
+use map_server::log::{IncrementLog, StoreError};
+use map_server::quorum::{QuorumLog, settle};
+use map_server::storages::{Held, Place, QuorumConfig, Storages};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex};
+use support::{ANA, BEN, bytes, expected, increment, key, museum};
+
+const NOW_US: u64 = 1_795_000_000_000_000;
+const QUORUM: QuorumConfig = QuorumConfig { storages: 3, confirm: 2 };
+
+/// Three storages, of which some are deaf.
+#[derive(Debug, Default)]
+struct Three {
+    held: Mutex<[BTreeMap<Place, Vec<u8>>; 3]>,
+    deaf: Mutex<BTreeSet<usize>>,
+    /// After so many questions somebody hears again.
+    heals: Mutex<Option<(u32, usize)>>,
+    puts: Mutex<usize>,
+}
+
+impl Three {
+    fn hearing(&self) -> Vec<usize> {
+        (0..3).filter(|storage| !self.deaf.lock().unwrap().contains(storage)).collect()
+    }
+
+    fn deafen(&self, storages: &[usize]) {
+        *self.deaf.lock().unwrap() = storages.iter().copied().collect();
+    }
+
+    fn copies(&self, author: AuthorId, number: u64) -> usize {
+        let place = Place { map: museum(), author, number };
+        self.held.lock().unwrap().iter().filter(|held| held.contains_key(&place)).count()
+    }
+}
+
+impl Storages for Three {
+    fn put(&self, place: &Place, bytes: &[u8]) {
+        *self.puts.lock().unwrap() += 1;
+        for storage in self.hearing() {
+            self.held.lock().unwrap()[storage].insert(place.clone(), bytes.to_vec());
+        }
+    }
+
+    fn held(&self, places: &[Place], enough: usize) -> Vec<Held> {
+        let of_place = |place: &Place| {
+            let mut held = Held::default();
+            for storage in self.hearing() {
+                if held.answers() < enough {
+                    self.held.lock().unwrap()[storage].get(place).into_iter().for_each(|bytes| held.add(bytes.clone()));
+                }
+            }
+            held
+        };
+        places.iter().map(of_place).collect()
+    }
+
+    fn present(&self) -> usize {
+        self.hearing().len()
+    }
+
+    fn authors(&self) -> BTreeSet<(MapName, AuthorId)> {
+        let held = self.held.lock().unwrap();
+        let places = self.hearing().into_iter().flat_map(|storage| held[storage].keys());
+        places.filter(|place| place.number == 1).map(|place| (place.map.clone(), place.author)).collect()
+    }
+
+    fn all_of(&self, map: &MapName, author: AuthorId) -> BTreeMap<u64, Held> {
+        let mut all: BTreeMap<u64, Held> = BTreeMap::new();
+        for storage in self.hearing() {
+            for (place, bytes) in &self.held.lock().unwrap()[storage] {
+                if (&place.map, place.author) == (map, author) {
+                    all.entry(place.number).or_default().add(bytes.clone());
+                }
+            }
+        }
+        all
+    }
+
+    fn pause(&self, attempts: u32) -> bool {
+        if let Some((_, storage)) = self.heals.lock().unwrap().filter(|(after, _)| attempts >= *after) {
+            self.deaf.lock().unwrap().remove(&storage);
+        }
+        attempts < 50
+    }
+}
+
+struct Server {
+    log: Arc<QuorumLog>,
+    catalog: Arc<Catalog>,
+    ingest: Ingest,
+}
+
+impl Server {
+    fn new(storages: &Arc<Three>) -> Self {
+        let log = Arc::new(QuorumLog::new(Arc::clone(storages) as _, QUORUM));
+        let catalog = Arc::new(Catalog::default());
+        let ingest = Ingest::new(Arc::clone(&log) as _, Arc::clone(&catalog), Limits::default());
+        Self { log, catalog, ingest }
+    }
+
+    /// One that has read what there is.
+    fn begin(storages: &Arc<Three>) -> Self {
+        let mut server = Self::new(storages);
+        restore(storages.as_ref(), QUORUM, &mut server.ingest).unwrap();
+        server
+    }
+
+    fn has(&self, author: AuthorId) -> u64 {
+        self.catalog.view(&museum()).map_or(0, |view| view.head.vector.get(author))
+    }
+}
+
+fn from_writer(author: AuthorId, number: u64) -> Arrival {
+    Arrival { key: key(author, number), payload: Ok(bytes(author, number)) }
+}
+
+fn kept(increment: &Increment) -> Arrival {
+    let key = Key::kept(&museum(), increment.author, increment.number).to_string();
+    Arrival { key, payload: Ok(encode(increment).unwrap()) }
+}
+
+#[test]
+fn what_a_head_covers_is_held_by_most_of_the_storages() {
+    let storages = Arc::new(Three::default());
+    let mut server = Server::begin(&storages);
+    storages.deafen(&[2]);
+    server.ingest.take((1..=20).map(|number| from_writer(ANA, number)).collect(), NOW_US).unwrap();
+    assert_eq!((server.has(ANA), storages.copies(ANA, 20)), (20, 2));
+    // One is too few: nothing is acknowledged until there are two, and what the other has not heard is put again.
+    storages.deafen(&[1, 2]);
+    *storages.heals.lock().unwrap() = Some((3, 1));
+    server.ingest.take(vec![from_writer(ANA, 21)], NOW_US).unwrap();
+    assert_eq!((server.has(ANA), storages.copies(ANA, 21)), (21, 2));
+    *storages.heals.lock().unwrap() = None;
+    storages.deafen(&[0, 2]);
+    let error = server.ingest.take(vec![from_writer(ANA, 22)], NOW_US).unwrap_err();
+    assert!(matches!(error, StoreError::Unconfirmed), "{error}");
+    assert_eq!(server.has(ANA), 21);
+}
+
+#[test]
+fn a_server_begins_with_all_that_was_acknowledged_whichever_storages_are_there() {
+    let storages = Arc::new(Three::default());
+    let mut first = Server::begin(&storages);
+    for (deaf, number) in [(0, 1), (1, 2), (2, 3)] {
+        storages.deafen(&[deaf]);
+        first.ingest.take(vec![from_writer(ANA, number), from_writer(BEN, number)], NOW_US).unwrap();
+    }
+    for deaf in 0..3 {
+        storages.deafen(&[deaf]);
+        let server = Server::begin(&storages);
+        assert_eq!((server.has(ANA), server.has(BEN)), (3, 3), "without {deaf}");
+        let head = server.catalog.view(&museum()).unwrap().head;
+        assert_eq!(head.digest, expected(&[(ANA, 3), (BEN, 3)]).0.digest());
+    }
+    storages.deafen(&[0, 1]);
+    let error = restore(storages.as_ref(), QUORUM, &mut Server::new(&storages).ingest).unwrap_err();
+    assert!(matches!(error, StoreError::Unconfirmed), "one of three may have missed anything");
+}
+
+#[test]
+fn what_was_missed_is_found_and_what_is_known_is_not_put_again() {
+    let storages = Arc::new(Three::default());
+    let (mut one, mut other) = (Server::begin(&storages), Server::begin(&storages));
+    one.ingest.take((1..=150).map(|number| from_writer(ANA, number)).collect(), NOW_US).unwrap();
+    one.ingest.take(vec![from_writer(BEN, 1)], NOW_US).unwrap();
+    let puts = *storages.puts.lock().unwrap();
+    let mut missed =
+        CatchUp::new(CatchUpConfig { part: 10, max_increments: 100, list_every: 1, ..CatchUpConfig::default() });
+    for _ in 0..3 {
+        let found = missed.look(storages.as_ref(), &other.catalog.heads());
+        let taken = other.ingest.take(found, 0).unwrap();
+        assert!(taken.disputed.is_empty() && taken.notices.is_empty());
+    }
+    assert_eq!((other.has(ANA), other.has(BEN)), (150, 1));
+    assert_eq!(one.catalog.heads()[0].digest, other.catalog.heads()[0].digest);
+    assert!(missed.look(storages.as_ref(), &other.catalog.heads()).is_empty());
+    assert_eq!(*storages.puts.lock().unwrap(), puts);
+}
+
+#[test]
+fn of_two_increments_put_at_one_time_everybody_ends_with_the_lesser() {
+    let [less, more] = {
+        let mut two = [
+            increment(ANA, 1),
+            Increment { ops: vec![Op::RemoveNode { id: support::node(BEN, 1) }], ..increment(ANA, 1) },
+        ];
+        two.sort_by_key(|increment| encode(increment).unwrap());
+        two
+    };
+    let place = Place { map: museum(), author: ANA, number: 1 };
+    let arrival = |increment: &Increment| Arrival { key: key(ANA, 1), payload: Ok(encode(increment).unwrap()) };
+    // At one time: neither saw what the other put.
+    let (storages, elsewhere) = (Arc::new(Three::default()), Arc::new(Three::default()));
+    let (mut has_less, mut has_more) = (Server::begin(&storages), Server::begin(&elsewhere));
+    has_less.ingest.take(vec![arrival(&less)], NOW_US).unwrap();
+    has_more.ingest.take(vec![arrival(&more)], NOW_US).unwrap();
+    storages.put(&place, &encode(&more).unwrap());
+    // The server that has the lesser has it put in the place of the other.
+    let taken = has_less.ingest.take(vec![kept(&more)], NOW_US).unwrap();
+    assert_eq!(taken.disputed.len(), 1);
+    settle(&taken.disputed, has_less.log.as_ref(), storages.as_ref()).unwrap();
+    // The other server gives way, and reads everything anew.
+    let taken = has_more.ingest.take(vec![kept(&less)], NOW_US).unwrap();
+    let error = settle(&taken.disputed, has_more.log.as_ref(), storages.as_ref()).unwrap_err();
+    assert!(matches!(error, StoreError::Overruled { author: ANA, number: 1, .. }), "{error}");
+    let anew = Server::begin(&storages);
+    assert_eq!(anew.catalog.heads()[0].digest, has_less.catalog.heads()[0].digest);
+}
+
+#[test]
+fn what_storages_hold_already_stays_whatever_a_server_has_not_heard_of() {
+    let storages = Arc::new(Three::default());
+    Server::begin(&storages).ingest.take(vec![from_writer(ANA, 1)], NOW_US).unwrap();
+    let puts = *storages.puts.lock().unwrap();
+    // A writer that goes on where a server that is behind says that it is.
+    let other = Increment { ops: vec![Op::RemoveNode { id: support::node(BEN, 1) }], ..increment(ANA, 1) };
+    let arrival = Arrival { key: key(ANA, 1), payload: Ok(encode(&other).unwrap()) };
+    let error = Server::new(&storages).ingest.take(vec![arrival], NOW_US).unwrap_err();
+    assert!(matches!(error, StoreError::Overruled { .. }), "{error}");
+    assert_eq!(*storages.puts.lock().unwrap(), puts);
+    let notices = Server::begin(&storages).ingest.take(vec![from_writer(ANA, 1)], NOW_US).unwrap().notices;
+    assert!(notices.is_empty(), "what was there is there");
+}
+
+#[test]
+fn rubbish_in_a_storage_stands_in_nobodys_way() {
+    let storages = Arc::new(Three::default());
+    storages.put(&Place { map: museum(), author: ANA, number: 1 }, b"");
+    let mut server = Server::begin(&storages);
+    assert_eq!(server.has(ANA), 0);
+    server.ingest.take(vec![from_writer(ANA, 1)], NOW_US).unwrap();
+    assert_eq!((server.has(ANA), Server::begin(&storages).has(ANA)), (1, 1));
+}
+
+#[test]
+fn what_a_server_has_let_in_is_let_in_by_all_and_nothing_is_folded() {
+    let storages = Arc::new(Three::default());
+    let mut server = Server::begin(&storages);
+    // Far ahead of this server's clock, and over its limits.
+    let mut later = increment(ANA, 1);
+    later.hlc_us = 1 << 52;
+    let refused =
+        server.ingest.take(vec![Arrival { key: key(ANA, 1), payload: Ok(encode(&later).unwrap()) }], 0).unwrap();
+    assert_eq!(refused.notices.len(), 1);
+    storages.put(&Place { map: museum(), author: ANA, number: 1 }, &encode(&later).unwrap());
+    server.ingest.take(vec![kept(&later)], 0).unwrap();
+    assert_eq!(server.has(ANA), 1);
+    assert!(server.log.is_shared());
+    let fold = fht_proto::Fold { author: BEN, first: 1, last: 2, rests: Vec::new() };
+    let series = fht_proto::query::Snapshot { folds: vec![fold], ..Default::default() };
+    assert_eq!(server.ingest.import(&"other".parse().unwrap(), series, NOW_US).unwrap(), Err(Refusal::FoldShared));
+}

@@ -1,0 +1,72 @@
+//! A Zenoh router with the storage manager linked in: what zenohd with its plugin is to a site, as a process that tests can kill.
+
+use clap::Parser;
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use tracing_subscriber::EnvFilter;
+use zenoh::config::Config;
+use zenoh::internal::plugins::PluginsManager;
+use zenoh::internal::runtime::RuntimeBuilder;
+use zenoh_plugin_storage_manager::StoragesPlugin;
+
+/// What zenohd calls the plugin.
+const PLUGIN: &str = "storage_manager";
+
+/// A Zenoh router with storages. The options are those of zenohd.
+#[derive(Debug, Parser)]
+struct Cli {
+    /// The configuration (JSON5).
+    #[arg(short, long, value_name = "FILE")]
+    config: PathBuf,
+    /// Listen here instead of where the configuration says (repeatable).
+    #[arg(short, long, value_name = "ENDPOINT")]
+    listen: Vec<String>,
+    /// Connect to these routers as well (repeatable).
+    #[arg(short = 'e', long, value_name = "ENDPOINT")]
+    connect: Vec<String>,
+}
+
+fn config(cli: &Cli) -> Result<Config, zenoh::Error> {
+    let mut config = Config::from_file(&cli.config)?;
+    for (key, endpoints) in [("listen/endpoints", &cli.listen), ("connect/endpoints", &cli.connect)] {
+        if !endpoints.is_empty() {
+            config.insert_json5(key, &serde_json::to_string(endpoints)?)?;
+        }
+    }
+    Ok(config)
+}
+
+/// Runs until it is killed.
+async fn run(config: Config) -> Result<(), zenoh::Error> {
+    let mut plugins = PluginsManager::static_plugins_only();
+    if config.get_json("plugins")?.contains(PLUGIN) {
+        plugins.declare_static_plugin::<StoragesPlugin, &str>(PLUGIN, true);
+    }
+    let mut runtime = RuntimeBuilder::new(config).plugins_manager(plugins).build().await?;
+    let _session = zenoh::session::init(runtime.clone().into()).await?;
+    runtime.start().await?;
+    std::future::pending().await
+}
+
+/// Runs the program with the given arguments, the program's name first.
+pub fn main_with_args<I, T>(args: I) -> ExitCode
+where
+    I: IntoIterator<Item = T>,
+    T: Into<OsString> + Clone,
+{
+    let cli = Cli::parse_from(args);
+    let _ = tracing_subscriber::fmt()
+        .with_env_filter(EnvFilter::from_default_env())
+        .with_writer(std::io::stderr)
+        .try_init();
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build();
+    let outcome = config(&cli).and_then(|config| runtime?.block_on(run(config)));
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("router: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! The machines of a site: routers and servers as processes, killed as a power cut would.
+
+use super::{SiteConfig, SiteError, rotated};
+use crate::process::{Process, Role, free_endpoint};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// How long a router may take to listen.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// The storages of `deploy/`.
+const STORAGES: &str = include_str!("../../../deploy/storages.json5");
+
+/// What zenohd is told in `deploy/`, but for TLS, and with a volume that forgets everything when its router ends.
+fn router() -> Result<String, SiteError> {
+    let unreadable = |error: json5::Error| SiteError::Late(format!("storages.json5: {error}"));
+    let mut storages: Value = json5::from_str::<Value>(STORAGES).map_err(unreadable)?["plugins"].take();
+    let manager = &mut storages["storage_manager"];
+    manager["volumes"] = json!({});
+    manager["storages"]["increments"]["volume"] = "memory".into();
+    let config = json!({
+        "mode": "router",
+        "connect": { "timeout_ms": -1, "exit_on_failure": false, "retry": { "period_init_ms": 100, "period_max_ms": 1000 } },
+        "scouting": { "multicast": { "enabled": false } },
+        "timestamping": { "enabled": true },
+        "plugins": storages,
+    });
+    Ok(config.to_string())
+}
+
+/// The processes.
+pub(super) struct Machines {
+    executable: PathBuf,
+    configuration: PathBuf,
+    endpoints: Vec<String>,
+    /// None while one is down.
+    routers: Vec<Option<Process>>,
+    servers: Vec<Option<Process>>,
+    storages: usize,
+}
+
+impl Machines {
+    pub(super) fn start(config: &SiteConfig) -> Result<Self, SiteError> {
+        let configuration = config.folder.join("router.json5");
+        std::fs::write(&configuration, router()?)?;
+        let endpoints = (0..config.routers).map(|_| free_endpoint()).collect::<Result<_, _>>()?;
+        let mut machines = Self {
+            executable: config.executable.clone(),
+            configuration,
+            endpoints,
+            routers: Vec::new(),
+            servers: Vec::new(),
+            storages: config.routers,
+        };
+        for index in 0..config.routers {
+            let router = machines.router(index)?;
+            machines.routers.push(Some(router));
+        }
+        for (router, endpoint) in machines.routers.iter_mut().flatten().zip(&machines.endpoints) {
+            router.wait_until_listening(endpoint, PATIENCE)?;
+        }
+        for index in 0..config.servers {
+            let server = machines.server(index)?;
+            machines.servers.push(Some(server));
+        }
+        Ok(machines)
+    }
+
+    /// Where the routers listen.
+    pub(super) fn endpoints(&self) -> &[String] {
+        &self.endpoints
+    }
+
+    fn router(&self, index: usize) -> Result<Process, SiteError> {
+        let mut args = vec!["-c".to_owned(), self.configuration.display().to_string()];
+        for (other, endpoint) in self.endpoints.iter().enumerate() {
+            args.extend([if other == index { "-l" } else { "-e" }.to_owned(), endpoint.clone()]);
+        }
+        Ok(Process::start(&self.executable, Role::Router, args)?)
+    }
+
+    /// Each has another router that is its first.
+    fn server(&self, index: usize) -> Result<Process, SiteError> {
+        let mut args = vec!["--storages".to_owned(), self.storages.to_string()];
+        for endpoint in rotated(&self.endpoints, index) {
+            args.extend(["--connect".to_owned(), endpoint]);
+        }
+        Ok(Process::start(&self.executable, Role::MapServer, args)?)
+    }
+
+    /// Kills a router and a server.
+    pub(super) fn kill(&mut self, router: usize, server: usize) -> Result<(), SiteError> {
+        for process in [&mut self.routers[router], &mut self.servers[server]] {
+            if let Some(mut process) = process.take() {
+                process.kill()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Starts a router and a server that were killed.
+    pub(super) fn start_again(&mut self, router: usize, server: usize) -> Result<(), SiteError> {
+        self.routers[router] = Some(self.router(router)?);
+        self.servers[server] = Some(self.server(server)?);
+        Ok(())
+    }
+
+    /// Kills all servers, so that nothing is left but what the storages keep, and starts them.
+    pub(super) fn begin_anew(&mut self) -> Result<(), SiteError> {
+        for server in self.servers.iter_mut().flatten() {
+            server.kill()?;
+        }
+        for index in 0..self.servers.len() {
+            self.servers[index] = Some(self.server(index)?);
+        }
+        Ok(())
+    }
+}
