@@ -147,7 +147,7 @@ mod nodes {
     #[divan::bench]
     fn blocked_edges(bencher: Bencher<'_, '_>) {
         let (map, grid, _) = here();
-        bencher.bench(|| edges::blocked(map, grid, &EdgeConfig::default()));
+        bencher.bench(|| edges::blocked(map, grid, |_| true, &EdgeConfig::default()));
     }
 
     /// Shortcuts of one node, beside the loop.

@@ -196,20 +196,6 @@ impl Merged {
     }
 }
 
-/// How many parts hang together by edges.
-fn parts(map: &MapState) -> usize {
-    let mut open: BTreeSet<NodeId> = map.nodes().map(|node| node.id).collect();
-    let mut count = 0;
-    while let Some(first) = open.pop_first() {
-        count += 1;
-        let mut waiting = vec![first];
-        while let Some(here) = waiting.pop() {
-            waiting.extend(map.neighbours(here).map(|node| node.id).filter(|id| open.remove(id)));
-        }
-    }
-    count
-}
-
 /// Below which x in the world the given share of a map's main nodes lies, metres.
 #[must_use]
 pub fn quantile_x(made: &MadeMap, share: f64) -> f64 {

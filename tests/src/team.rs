@@ -184,7 +184,8 @@ impl Exchange {
     }
 
     fn deliver(&mut self, frame: u64) {
-        while let Some((_, increment)) = self.under_way.pop_front_if(|(due, _)| *due <= frame) {
+        while self.under_way.front().is_some_and(|(due, _)| *due <= frame) {
+            let Some((_, increment)) = self.under_way.pop_front() else { break };
             self.map.apply(&increment);
             self.delivered.push(increment);
         }

@@ -54,7 +54,7 @@ impl Running {
 
     /// A whole run of `count` increments.
     async fn write(&self, count: u64, x: f64) -> Result<Progress, PublishError> {
-        let (outbox, publisher) = outbox(self.session.clone(), museum(), author());
+        let (outbox, publisher) = outbox(self.session.clone(), museum(), author(), 0);
         let made = tokio::task::spawn_blocking(move || {
             for number in 1..=count {
                 outbox.send(increment(number, x));
