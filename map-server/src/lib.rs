@@ -190,9 +190,23 @@ fn write_all(
 /// # Errors
 /// [`ServerError`]: it could not start, or the store failed. Whatever was acknowledged is on the disk.
 pub async fn run(config: ServerConfig, shutdown: impl Future<Output = ()>) -> Result<(), ServerError> {
+    run_beside(config, shutdown, |_| Ok(())).await
+}
+
+/// As [`run`], with something else on the server's session: `beside` is called when the session is open, and what it returns is kept
+/// until the server ends.
+///
+/// # Errors
+/// As [`run`]; [`ServerError::Zenoh`] when `beside` fails.
+pub async fn run_beside<T>(
+    config: ServerConfig,
+    shutdown: impl Future<Output = ()>,
+    beside: impl FnOnce(&Session) -> Result<T, zenoh::Error>,
+) -> Result<(), ServerError> {
     let log: Arc<dyn IncrementLog> = Arc::new(Store::open(&config.data)?);
     let catalog = Arc::new(Catalog::load(log.as_ref())?);
     let session = session::open(&config.link).await?;
+    let beside = beside(&session)?;
 
     let sources = Sources {
         catalog: Arc::clone(&catalog),
@@ -235,7 +249,7 @@ pub async fn run(config: ServerConfig, shutdown: impl Future<Output = ()>) -> Re
         outcome = &mut stopped => outcome,
     };
     let _ = writer.join(); // it has reported, or panicked and said so
-    drop(hearing);
+    drop((hearing, beside));
     queryable.undeclare().await?;
     session.close().await?;
     outcome.map_err(|_| ServerError::WriterLost)??;

@@ -1,6 +1,7 @@
 //! The server's Zenoh session: a router when it listens, a client of other routers otherwise.
 
 use crate::config::LinkConfig;
+use fht_link::waiting::{OpenError, set_default};
 use zenoh::{Config, Session};
 
 /// Why there is no session.
@@ -18,6 +19,9 @@ pub enum SessionError {
         /// What should have been listened on.
         listen: Vec<String>,
     },
+    /// There is none for another reason: a certificate or key is of no use.
+    #[error(transparent)]
+    Link(OpenError),
     /// The endpoint cannot be used.
     #[error("no session: {reason} (listening on [{}])", listen.join(", "))]
     Open {
@@ -33,11 +37,6 @@ const NONE: &str = "[]";
 
 fn to_zenoh(link: &LinkConfig) -> Result<Config, zenoh::Error> {
     let mut config = link.zenoh_config.as_ref().map_or_else(|| Ok(Config::default()), Config::from_file)?;
-    let untouched = Config::default();
-    let set_default = |config: &mut Config, key: &str, value: &str| {
-        let is_set = config.get_json(key)? != untouched.get_json(key)?;
-        if is_set { Ok(()) } else { config.insert_json5(key, value) }
-    };
     for (key, endpoints) in [("listen/endpoints", &link.listen), ("connect/endpoints", &link.connect)] {
         if endpoints.is_empty() {
             // Zenoh's own default is to listen on all interfaces.
@@ -55,7 +54,7 @@ fn to_zenoh(link: &LinkConfig) -> Result<Config, zenoh::Error> {
             set_default(&mut config, "connect/timeout_ms", "-1")?;
             set_default(&mut config, "connect/exit_on_failure", "false")?;
         }
-        // Zenoh has to end the waiting itself: its future blocks the thread that asks for it.
+        // For all but clients, Zenoh has to end the waiting itself.
         Some(patience) => {
             config.insert_json5("connect/timeout_ms", &patience.as_millis().to_string())?;
             config.insert_json5("connect/exit_on_failure", "true")?;
@@ -71,12 +70,7 @@ fn reaches_anyone(config: &Config) -> bool {
     !is("listen/endpoints", NONE) || !is("connect/endpoints", NONE) || is("scouting/multicast/enabled", "true")
 }
 
-/// Zenoh's errors end in the place in its source where they arose, which helps nobody here.
-fn without_source_paths(text: &str) -> String {
-    text.split(" at /").next().unwrap_or(text).trim_end_matches('.').to_owned()
-}
-
-/// Opens the session.
+/// Opens the session. One that is a client waits for its routers and tries all of them ([`fht_link::waiting::open`]).
 ///
 /// # Errors
 /// [`SessionError`]; an address that is in use, above all.
@@ -85,8 +79,9 @@ pub async fn open(link: &LinkConfig) -> Result<Session, SessionError> {
     if !reaches_anyone(&config) {
         return Err(SessionError::NoEndpoint);
     }
-    zenoh::open(config).await.map_err(|error| {
-        let (listen, reason) = (link.listen.clone(), without_source_paths(&error.to_string()));
+    fht_link::waiting::open(config, link.patience).await.map_err(|error| {
+        let OpenError::Refused { reason, .. } = error else { return SessionError::Link(error) };
+        let listen = link.listen.clone();
         // Zenoh's errors are texts.
         if reason.contains("Address already in use") {
             SessionError::InUse { listen }

@@ -11,14 +11,12 @@
 //! | [`planning`] | shortest ways over the grid |
 //! | [`motion`] | following a path with a differential drive |
 //! | [`descriptor`] | a CNN over the panorama, a unit vector |
-//! | [`link`] | the robot's Zenoh session |
 //! | [`stop`] | ending on Ctrl-C, in order |
 
 pub mod bag;
 pub mod descriptor;
 pub mod frame;
 pub mod grid;
-pub mod link;
 pub mod matching;
 pub mod motion;
 pub mod planning;
