@@ -3,6 +3,7 @@
 //! | module | idea |
 //! | --- | --- |
 //! | [`process`] | the programs as child processes that end with their parent |
+//! | [`fleet`] | many clients on one server, beside bare queries |
 //! | [`handoff`] | the demo: map, keep, relocalize, drive |
 //! | [`python`] | other people's programs, from PyPI |
 //! | [`picture`] | a map as a picture, like the paper's figure 1 |
@@ -18,6 +19,7 @@
 //! | [`ledger`] | results that cost minutes, kept as they come |
 
 pub mod drive;
+pub mod fleet;
 pub mod grid_map;
 pub mod handoff;
 pub mod known;
