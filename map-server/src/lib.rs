@@ -24,6 +24,7 @@
 //! | [`retention`] | folding old increments |
 //! | [`catalog`] | the maps in memory, shared with the readers |
 //! | [`basis`] | a state that paths are planned on: the newest, or a release |
+//! | [`head_index`] | what finds things in a large map, kept up with it |
 //! | [`live`] | what is closed now |
 //! | [`fleet`] | the robots |
 //! | [`hear`] | what robots say of themselves |
@@ -44,6 +45,7 @@ pub mod cli;
 pub mod config;
 pub mod denials;
 pub mod fleet;
+pub mod head_index;
 pub mod hear;
 pub mod ingest;
 pub mod live;

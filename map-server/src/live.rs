@@ -58,6 +58,15 @@ impl LiveRules {
         rules
     }
 
+    /// The rules that hold on a map at `now_us`, if they are at hand. Never waits.
+    #[must_use]
+    pub fn rules_at_hand(&self, view: &MapView, now_us: u64) -> Option<Arc<Rules>> {
+        let mut maps = self.maps.try_lock().ok()?;
+        let live = maps.get_mut(&view.head.map)?;
+        let now = (view.head.version, live.reports.changes(now_us));
+        live.rules.as_ref().filter(|(at, of, _)| (*at, *of) == now).map(|(_, _, rules)| Arc::clone(rules))
+    }
+
     /// What robots found blocked on a map, and for how long yet.
     #[must_use]
     pub fn blocked(&self, map: &MapName, now_us: u64) -> Vec<BlockedView> {

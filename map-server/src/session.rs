@@ -32,6 +32,13 @@ pub enum SessionError {
     },
 }
 
+/// A router drops what a link cannot take, rather than to wait for it: Zenoh would let the thread that brings others their messages wait,
+/// for seconds, and then close the transport. Nothing is lost by it: whoever lacks an increment asks for it. Replies go as their queries came.
+const DROP_RATHER_THAN_WAIT: &str = r#"[
+    {id: "puts", messages: ["put", "delete"], flows: ["egress"], overwrite: {congestion_control: "drop"}},
+    {id: "queries", messages: ["query"], flows: ["ingress"], overwrite: {congestion_control: "drop"}},
+]"#;
+
 /// No endpoints, as Zenoh's configuration shows them.
 const NONE: &str = "[]";
 
@@ -48,6 +55,9 @@ fn to_zenoh(link: &LinkConfig) -> Result<Config, zenoh::Error> {
     // A router puts its clients in touch with each other: explorers, robots and tools need no other program between them.
     let is_client = config.get_json("listen/endpoints")? == NONE;
     set_default(&mut config, "mode", if is_client { "\"client\"" } else { "\"router\"" })?;
+    if !is_client {
+        set_default(&mut config, "qos/network", DROP_RATHER_THAN_WAIT)?;
+    }
     match link.patience {
         // Other routers may come up later than this one.
         None => {

@@ -9,25 +9,22 @@ pub mod latencies;
 pub mod server;
 pub mod usage;
 
+use crate::feed::{FeedError, put, write};
 use crate::process::{Process, ProcessError, free_endpoint};
 use client_robot::replica::{AskError, ask_head};
 use clients::{Event, Kind, Outcome, Report};
 use fht_link::{LinkConfig, LinkError};
-use fht_proto::keys::Key;
-use fht_proto::{AuthorId, CodecError, FixedPose, Increment, MapName, NodeId, NodeKind, Op, VersionVector, encode};
+use fht_proto::{AuthorId, CodecError, FixedPose, Increment, MapName, NodeId, NodeKind, Op, VersionVector};
 use latencies::Latencies;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use zenoh::qos::CongestionControl;
 use zenoh::{Session, Wait};
 
-/// How long the server may take to start, and to take the map in.
+/// How long the server may take to start.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Increments put ahead of the acknowledgement.
-const WINDOW: usize = 500;
 /// How often the server's memory is looked at.
 const MEMORY_EVERY: Duration = Duration::from_millis(200);
 
@@ -144,17 +141,9 @@ pub enum FleetError {
     /// Zenoh refuses.
     #[error("Zenoh refuses: {0}")]
     Zenoh(#[from] zenoh::Error),
-    /// An increment cannot be written or read.
+    /// The map is not on the server.
     #[error(transparent)]
-    Codec(#[from] CodecError),
-    /// The server did not take the map in.
-    #[error("the server has {has} of {wanted} after {} s", PATIENCE.as_secs())]
-    NotStored {
-        /// What it has.
-        has: VersionVector,
-        /// What it was sent.
-        wanted: VersionVector,
-    },
+    Feed(#[from] FeedError),
     /// The clients did not report.
     #[error("the clients ended without a report")]
     NoReport,
@@ -221,33 +210,6 @@ fn clients_of(config: &FleetConfig, endpoint: &str, is_alone: bool) -> Command {
         command.args([name, &value]);
     }
     command
-}
-
-/// Puts a map's increments, no more at a time than the server acknowledges, and again what it has not got. Returns what it then has.
-fn write(session: &Session, map: &MapName, increments: &[Increment]) -> Result<VersionVector, FleetError> {
-    let mut wanted = VersionVector::default();
-    let deadline = Instant::now() + PATIENCE;
-    for part in increments.chunks(WINDOW) {
-        part.iter().for_each(|increment| _ = wanted.set(increment.author, increment.number));
-        let mut has = VersionVector::default();
-        while !has.covers(&wanted) {
-            if Instant::now() > deadline {
-                return Err(FleetError::NotStored { has, wanted });
-            }
-            let is_lacking = |increment: &&Increment| increment.number > has.get(increment.author);
-            part.iter().filter(is_lacking).try_for_each(|increment| put(session, map, increment))?;
-            // A server that has just started may not listen to increments yet, nor know the map.
-            std::thread::sleep(Duration::from_millis(200));
-            has = ask_head(session, map, PATIENCE).map_or(has, |head| head.vector);
-        }
-    }
-    Ok(wanted)
-}
-
-fn put(session: &Session, map: &MapName, increment: &Increment) -> Result<(), FleetError> {
-    let key = Key::increment(map, increment.author, increment.number).to_string();
-    session.put(key, encode(increment)?).congestion_control(CongestionControl::Block).wait()?;
-    Ok(())
 }
 
 /// Changes the map until told to stop: moves one node to and fro. Returns how many increments the server has stored.
