@@ -4,7 +4,7 @@
 use crate::log::{IncrementLog, StoreError};
 use fht_map::{FreeSpace, IndexConfig, MapIndex, MapState, Rules};
 use fht_proto::{Fold, Increment, MapName, Release, ReleaseId, VersionVector, decode};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError, TryLockError};
+use std::sync::{Arc, OnceLock, PoisonError, RwLock, TryLockError};
 use std::time::{Duration, Instant};
 
 /// A state of a map, and its free space.
@@ -13,7 +13,7 @@ pub struct Basis {
     release: Option<ReleaseId>,
     version: u64,
     state: Arc<MapState>,
-    space: Mutex<Option<Made>>,
+    space: RwLock<Option<Made>>,
     index: OnceLock<Box<MapIndex>>,
 }
 
@@ -38,7 +38,7 @@ impl Basis {
     /// The newest state.
     #[must_use]
     pub fn of_head(state: &Arc<MapState>, version: u64) -> Self {
-        Self { release: None, version, state: Arc::clone(state), space: Mutex::default(), index: OnceLock::new() }
+        Self { release: None, version, state: Arc::clone(state), space: RwLock::default(), index: OnceLock::new() }
     }
 
     /// A release of `map`; `None` if not all of its increments are in the log, or they do not add up to it.
@@ -56,7 +56,7 @@ impl Basis {
             release: Some(id.clone()),
             version: release.vector.version(),
             state: Arc::new(state),
-            space: Mutex::default(),
+            space: RwLock::default(),
             index: OnceLock::new(),
         }))
     }
@@ -82,8 +82,11 @@ impl Basis {
     /// The free space under `rules`. Who asks first makes it, and others who ask meanwhile wait.
     #[must_use]
     pub fn free_space(&self, rules: &Arc<Rules>) -> Arc<FreeSpace> {
+        if let Some(free) = self.free_space_at_hand(rules) {
+            return free;
+        }
         // A panic while it was made leaves what was there before.
-        let mut space = self.space.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut space = self.space.write().unwrap_or_else(PoisonError::into_inner);
         match space.as_ref() {
             Some(made) if made.is_under(rules) => Arc::clone(&made.free),
             _ => {
@@ -98,7 +101,7 @@ impl Basis {
     /// The free space under `rules`, if it is there. Never waits.
     #[must_use]
     pub fn free_space_at_hand(&self, rules: &Arc<Rules>) -> Option<Arc<FreeSpace>> {
-        let space = match self.space.try_lock() {
+        let space = match self.space.try_read() {
             Ok(space) => space,
             Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
             Err(TryLockError::WouldBlock) => return None,
@@ -108,7 +111,7 @@ impl Basis {
 
     /// Makes the free space, if somebody wanted that of `before`, which this replaces, and it was quickly made.
     pub fn prepare_as(&self, before: &Self) {
-        let Ok(made) = before.space.try_lock().map(|made| made.clone()) else { return };
+        let Ok(made) = before.space.try_read().map(|made| made.clone()) else { return };
         if std::ptr::eq(self, before) || self.release.is_some() {
             return;
         }

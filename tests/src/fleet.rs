@@ -25,6 +25,11 @@ use zenoh::{Session, Wait};
 
 /// How long the server may take to start.
 const PATIENCE: Duration = Duration::from_secs(60);
+/// Zenoh's threads in the server, as `deploy/` sets them: who waits for the sockets also reads them, so that a message is not handed from
+/// thread to thread.
+pub const SERVER_THREADS: &str = "(acc: (handover: rx), net: (handover: rx))";
+/// Zenoh's threads for all clients together, which share the machine with the server.
+const CLIENT_THREADS: &str = "(acc: (handover: rx), net: (handover: rx), tx: (handover: rx))";
 /// How often the server's memory is looked at.
 const MEMORY_EVERY: Duration = Duration::from_millis(200);
 
@@ -156,7 +161,7 @@ pub enum FleetError {
 pub fn run(config: &FleetConfig, increments: &[Increment]) -> Result<FleetReport, FleetError> {
     let endpoint = free_endpoint()?;
     let mut command = Command::new(&config.executable);
-    command.args(["server", "--listen", &endpoint, "--data"]).arg(&config.data);
+    command.args(["server", "--listen", &endpoint, "--data"]).arg(&config.data).env("ZENOH_RUNTIME", SERVER_THREADS);
     let mut server = Process::run("the server", command)?;
     server.wait_until_listening(&endpoint, PATIENCE)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
@@ -197,7 +202,7 @@ pub fn run(config: &FleetConfig, increments: &[Increment]) -> Result<FleetReport
 fn clients_of(config: &FleetConfig, endpoint: &str, is_alone: bool) -> Command {
     let (clients, seconds, alone) = if is_alone { (1, 0.0, config.alone) } else { (config.clients, config.seconds, 0) };
     let mut command = Command::new(&config.executable);
-    command.args(["clients", "--connect", endpoint, "--map", config.map.as_str()]);
+    command.args(["clients", "--connect", endpoint, "--map", config.map.as_str()]).env("ZENOH_RUNTIME", CLIENT_THREADS);
     for (name, value) in [
         ("--clients", clients.to_string()),
         ("--rate", config.rate_hz.to_string()),
