@@ -9,13 +9,13 @@ use crate::replica::{AskError, LiveReplica, ReplicaConfig, ReplicaError, ask_hea
 use crate::report::Report;
 use crate::route::{PlannedPath, Planner};
 use clap::{Args, Parser, Subcommand};
+use fht_link::{LinkConfig, LinkError, open};
 use fht_proto::fleet::{LocalizationState, RobotPose, RobotRole, RobotStatus};
 use fht_proto::keys::{Key, RobotTopic};
 use fht_proto::query::Place;
 use fht_proto::{Descriptor, MapName};
 use fht_robot::descriptor::DescriptorNet;
 use fht_robot::frame::{Panorama, SensorFrame};
-use fht_robot::link::{LinkConfig, LinkError, open};
 use fht_robot::pose::{self, Point2, Pose2};
 use fht_sim::{SimConfig, Simulator, WorldError};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -191,7 +191,7 @@ pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
     };
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error,fht_robot::link=warn"));
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error,fht_link=warn"));
     // Another program may have set a logger in this process already.
     let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
     let outcome = match cli.command {

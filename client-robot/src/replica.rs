@@ -15,8 +15,8 @@ use fht_proto::query::Snapshot;
 use fht_proto::{Increment, MapName, ReleaseId, VersionVector, decode};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel, sync_channel};
-use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
-use std::thread::JoinHandle;
+use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::thread::{JoinHandle, Thread};
 use std::time::{Duration, Instant};
 use zenoh::handlers::{CallbackDrop, RingChannel, RingChannelHandler};
 use zenoh::pubsub::Subscriber;
@@ -24,6 +24,9 @@ use zenoh::qos::{CongestionControl, Priority};
 use zenoh::query::{ConsolidationMode, Reply};
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
+
+/// How late a question may be put that nothing but the time calls for.
+const LONGEST_SLEEP: Duration = Duration::from_millis(100);
 
 /// Longest message that is read: a body and the envelope around it.
 const MAX_MESSAGE_BYTES: usize = MAX_BODY_BYTES + 64;
@@ -78,6 +81,8 @@ struct Shared {
     replica: RwLock<Replica>,
     /// The release that is run; none: the copy as it is.
     running: RwLock<Option<Running>>,
+    /// The thread that takes in and asks, once it runs: it sleeps while nothing comes.
+    thread: OnceLock<Thread>,
     stop: AtomicBool,
     /// Counts changes, so that a reader sees cheaply whether there is anything new.
     changes: AtomicU64,
@@ -90,6 +95,13 @@ struct Shared {
 }
 
 impl Shared {
+    /// Something has come. Never waits.
+    fn wake(&self) {
+        if let Some(thread) = self.thread.get() {
+            thread.unpark();
+        }
+    }
+
     // A panic while writing is a bug, but the map is changed by whole operations and stays readable.
     fn read(&self) -> RwLockReadGuard<'_, Replica> {
         self.replica.read().unwrap_or_else(PoisonError::into_inner)
@@ -121,6 +133,7 @@ impl LiveReplica {
             if queue.try_send(sample).is_err() {
                 counting.dropped.fetch_add(1, Ordering::Relaxed);
             }
+            counting.wake();
         };
         let subscriber = session.declare_subscriber(increments_of(map)).callback(arrive).wait()?;
         let closures = Arc::new(Closures::new(robot));
@@ -153,6 +166,8 @@ impl LiveReplica {
             sync: Sync::new(sync),
         };
         let thread = std::thread::Builder::new().name("replica".to_owned()).spawn(move || worker.run())?;
+        // It has not slept before this for longer than it would without being woken.
+        let _ = shared.thread.set(thread.thread().clone());
         Ok(Self { shared, closures, thread: Some(thread) })
     }
 
@@ -226,6 +241,7 @@ impl LiveReplica {
 impl Drop for LiveReplica {
     fn drop(&mut self) {
         self.shared.stop.store(true, Ordering::Release);
+        self.shared.wake();
         if let Some(thread) = self.thread.take() {
             // It stops within one wait; a panic in it has been reported already.
             let _ = thread.join();
@@ -261,11 +277,10 @@ impl Worker {
         while !self.is_stopped() {
             self.ask_what_is_due();
             self.show_running();
-            if let Ok(sample) = self.increments.recv_timeout(Duration::from_millis(10)) {
+            // Until something comes, or it may be time to ask. What came meanwhile has woken it already.
+            std::thread::park_timeout(LONGEST_SLEEP);
+            while let Ok(sample) = self.increments.try_recv() {
                 self.take_live(&sample);
-                while let Ok(sample) = self.increments.try_recv() {
-                    self.take_live(&sample);
-                }
             }
             if let Ok(Some(sample)) = self.heads.try_recv() {
                 match read_head(&sample.payload().to_bytes(), &self.map) {
@@ -328,22 +343,31 @@ impl Worker {
         }
     }
 
+    /// Tells this thread what a question has led to, from another one.
+    fn teller(&self) -> impl Fn(Event) + Send + std::marker::Sync + 'static {
+        let (events, shared) = (self.to_events.clone(), Arc::clone(&self.shared));
+        move |event| {
+            let _ = events.send(event); // it has ended: nobody wants to know
+            shared.wake();
+        }
+    }
+
     fn ask_head(&self) -> Result<(), zenoh::Error> {
         let timeout = Duration::from_secs_f64(self.config.timeout_s.clamp(0.0, 1.0));
         // The first answer counts; the end of the question is told in any case.
-        let (answer, ended) = (self.to_events.clone(), self.to_events.clone());
+        let (answer, ended) = (self.teller(), self.teller());
         let is_answered = Arc::new(AtomicBool::new(false));
         let was_answered = Arc::clone(&is_answered);
         let callback = move |reply: Reply| {
             if let Ok(sample) = reply.result()
                 && !is_answered.swap(true, Ordering::AcqRel)
             {
-                let _ = answer.send(Event::Head(Some(sample.payload().to_bytes().into_owned())));
+                answer(Event::Head(Some(sample.payload().to_bytes().into_owned())));
             }
         };
         let drop = move || {
             if !was_answered.load(Ordering::Acquire) {
-                let _ = ended.send(Event::Head(None));
+                ended(Event::Head(None));
             }
         };
         let key = Key::topic(&self.map, Topic::Head).to_string();
@@ -360,15 +384,15 @@ impl Worker {
         let timeout = Duration::from_secs_f64(self.config.timeout_s.max(0.0));
         let ReplicaConfig { part_bytes, piece_bytes, .. } = self.config;
         let selector = format!("{question};max_bytes={part_bytes};piece_bytes={piece_bytes}");
-        let (piece, ended, counting) = (self.to_events.clone(), self.to_events.clone(), Arc::clone(&self.shared));
+        let (piece, ended, counting) = (self.teller(), self.teller(), Arc::clone(&self.shared));
         let callback = move |reply: Reply| match reply.result() {
             Ok(sample) => {
                 counting.fetched_bytes.fetch_add(sample.payload().len() as u64, Ordering::Relaxed);
-                let _ = piece.send(Event::Piece(sample.payload().to_bytes().into_owned()));
+                piece(Event::Piece(sample.payload().to_bytes().into_owned()));
             }
             Err(error) => tracing::debug!("nothing fetched: {}", String::from_utf8_lossy(&error.payload().to_bytes())),
         };
-        let drop = move || _ = ended.send(Event::PartEnded);
+        let drop = move || ended(Event::PartEnded);
         self.session
             .get(selector)
             .timeout(timeout)

@@ -3,11 +3,11 @@
 mod stand_in;
 
 use client_robot::replica::{LiveReplica, ReplicaConfig};
+use fht_link::{LinkConfig, open};
 use fht_map::MapState;
 use fht_proto::keys::{Key, Topic};
 use fht_proto::query::{Head, Snapshot};
 use fht_proto::{AuthorId, Digest, Increment, MapName, encode};
-use fht_robot::link::{LinkConfig, open};
 use stand_in::{WAIT, head, increment, listen, serve, vector};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};

@@ -81,14 +81,27 @@ pub fn answer(request: Request, sources: &Sources, now_us: u64) -> Result<Vec<An
         }
         Question::Head => json(view.head.as_ref()),
         Question::Path { from, to, on, format } => path::path(&view, sources, (&from, &to), &on, format, now_us),
-        Question::Nodes { near, radius_m, limit, format } => nodes::near(&view, near, radius_m, limit, format),
-        Question::Match { descriptor, limit, format } => nodes::alike(&view, &descriptor, limit, format),
+        Question::Nodes { near, radius_m, limit, format } => nodes::near(&view, catalog, near, radius_m, limit, format),
+        Question::Match { descriptor, limit, format } => nodes::alike(&view, catalog, &descriptor, limit, format),
         Question::Releases => history::releases(&view, sources.log.as_ref()),
         Question::Diff { from, to } => history::diff(&view, sources.log.as_ref(), &from, &to),
         Question::Rules => operation::rules(&view, &sources.live, now_us),
         Question::Fleet => operation::fleet(&view, &sources.fleet, now_us),
     };
     answer.map(|answer| vec![answer])
+}
+
+/// The same for questions that are short work and wait for nothing: heads, and most paths on small maps. `None`: ask [`answer`].
+#[must_use]
+pub fn answer_at_once(request: &Request, sources: &Sources, now_us: u64) -> Option<Result<Vec<Answer>, ErrorReply>> {
+    let Request::Map(map, question) = request else { return None };
+    let view = sources.catalog.view(map)?;
+    let answer = match question {
+        Question::Head => json(view.head.as_ref()),
+        Question::Path { from, to, on, format } => path::at_once(&view, sources, (from, to), on, *format, now_us)?,
+        _ => return None,
+    };
+    Some(answer.map(|answer| vec![answer]))
 }
 
 pub(crate) fn unknown_map(map: &MapName, catalog: &Catalog) -> ErrorReply {

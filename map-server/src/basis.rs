@@ -2,9 +2,10 @@
 //! when what is closed has changed.
 
 use crate::log::{IncrementLog, StoreError};
-use fht_map::{FreeSpace, MapState, Rules};
+use fht_map::{FreeSpace, IndexConfig, MapIndex, MapState, Rules};
 use fht_proto::{Fold, Increment, MapName, Release, ReleaseId, VersionVector, decode};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, OnceLock, PoisonError, RwLock, TryLockError};
+use std::time::{Duration, Instant};
 
 /// A state of a map, and its free space.
 #[derive(Debug)]
@@ -12,14 +13,32 @@ pub struct Basis {
     release: Option<ReleaseId>,
     version: u64,
     state: Arc<MapState>,
-    space: Mutex<Option<(Arc<Rules>, Arc<FreeSpace>)>>,
+    space: RwLock<Option<Made>>,
+    index: OnceLock<Box<MapIndex>>,
 }
+
+/// A free space.
+#[derive(Clone, Debug)]
+struct Made {
+    under: Arc<Rules>,
+    free: Arc<FreeSpace>,
+    took: Duration,
+}
+
+impl Made {
+    fn is_under(&self, rules: &Arc<Rules>) -> bool {
+        Arc::ptr_eq(&self.under, rules) || self.under.closes_the_same(rules)
+    }
+}
+
+/// A free space that takes no longer is made before the state is shown, so that no query waits for it.
+const SHORT: Duration = Duration::from_millis(100);
 
 impl Basis {
     /// The newest state.
     #[must_use]
     pub fn of_head(state: &Arc<MapState>, version: u64) -> Self {
-        Self { release: None, version, state: Arc::clone(state), space: Mutex::default() }
+        Self { release: None, version, state: Arc::clone(state), space: RwLock::default(), index: OnceLock::new() }
     }
 
     /// A release of `map`; `None` if not all of its increments are in the log, or they do not add up to it.
@@ -37,7 +56,8 @@ impl Basis {
             release: Some(id.clone()),
             version: release.vector.version(),
             state: Arc::new(state),
-            space: Mutex::default(),
+            space: RwLock::default(),
+            index: OnceLock::new(),
         }))
     }
 
@@ -62,18 +82,49 @@ impl Basis {
     /// The free space under `rules`. Who asks first makes it, and others who ask meanwhile wait.
     #[must_use]
     pub fn free_space(&self, rules: &Arc<Rules>) -> Arc<FreeSpace> {
+        if let Some(free) = self.free_space_at_hand(rules) {
+            return free;
+        }
         // A panic while it was made leaves what was there before.
-        let mut space = self.space.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut space = self.space.write().unwrap_or_else(PoisonError::into_inner);
         match space.as_ref() {
-            Some((made_under, free)) if Arc::ptr_eq(made_under, rules) || made_under.closes_the_same(rules) => {
-                Arc::clone(free)
-            }
+            Some(made) if made.is_under(rules) => Arc::clone(&made.free),
             _ => {
+                let begin = Instant::now();
                 let free = Arc::new(FreeSpace::of(&self.state, &rules.space_config()));
-                *space = Some((Arc::clone(rules), Arc::clone(&free)));
+                *space = Some(Made { under: Arc::clone(rules), free: Arc::clone(&free), took: begin.elapsed() });
                 free
             }
         }
+    }
+
+    /// The free space under `rules`, if it is there. Never waits.
+    #[must_use]
+    pub fn free_space_at_hand(&self, rules: &Arc<Rules>) -> Option<Arc<FreeSpace>> {
+        let space = match self.space.try_read() {
+            Ok(space) => space,
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) => return None,
+        };
+        space.as_ref().filter(|made| made.is_under(rules)).map(|made| Arc::clone(&made.free))
+    }
+
+    /// Makes the free space, if somebody wanted that of `before`, which this replaces, and it was quickly made.
+    pub fn prepare_as(&self, before: &Self) {
+        let Ok(made) = before.space.try_read().map(|made| made.clone()) else { return };
+        if std::ptr::eq(self, before) || self.release.is_some() {
+            return;
+        }
+        if let Some(made) = made.filter(|made| made.took < SHORT) {
+            // What robots found blocked stays; should it not, whoever asks makes it again.
+            let _ = self.free_space(&Arc::new(Rules::of(&self.state, made.under.blocked.clone())));
+        }
+    }
+
+    /// The index of a state that does not change any more, a release. Who asks first makes it.
+    #[must_use]
+    pub fn index(&self) -> &MapIndex {
+        self.index.get_or_init(|| Box::new(MapIndex::new(&self.state, IndexConfig::default())))
     }
 }
 

@@ -2,8 +2,9 @@
 //! writer changes a copy, which shares all that stays as it is, and puts it in the map's place.
 
 use crate::basis::Basis;
+use crate::head_index::HeadIndex;
 use crate::log::{IncrementLog, Piece, StoreError};
-use fht_map::MapState;
+use fht_map::{MapIndex, MapState};
 use fht_proto::query::Head;
 use fht_proto::{CodecError, Fold, Increment, MapName, ReleaseId, VersionVector, decode};
 use std::collections::BTreeMap;
@@ -18,6 +19,8 @@ pub struct MapView {
     pub head: Arc<Head>,
     /// What robots use: the release that is enabled, or else the newest state.
     pub running: Arc<Basis>,
+    /// What finds things in the newest state, if it is large.
+    index: Arc<HeadIndex>,
     /// A release that is enabled and whose increments, though all here, do not add up to it: they were folded before it came.
     broken: Option<ReleaseId>,
 }
@@ -49,7 +52,11 @@ impl MapView {
             },
         };
         let running = of_release.unwrap_or_else(|| Arc::new(Basis::of_head(&state, head.version)));
-        Ok(Self { state, head: Arc::new(head), running, broken })
+        if let Some(before) = before {
+            running.prepare_as(&before.running);
+        }
+        let index = before.map(|view| Arc::clone(&view.index)).unwrap_or_default();
+        Ok(Self { state, head: Arc::new(head), running, index, broken })
     }
 }
 
@@ -151,6 +158,12 @@ impl Catalog {
         self.read().get(map).cloned()
     }
 
+    /// Reads the index of a map's newest state, and that state; `None` if there is no such map.
+    pub fn with_index<T>(&self, map: &MapName, read: impl FnOnce(&MapView, &MapIndex) -> T) -> Option<T> {
+        let index = self.view(map)?.index;
+        index.with(|| self.view(map), read)
+    }
+
     /// The heads of all maps, by name.
     #[must_use]
     pub fn heads(&self) -> Vec<Arc<Head>> {
@@ -187,7 +200,10 @@ impl Catalog {
         let elements = state.elements();
         let view = MapView::new(state, head, old.as_ref(), log)?;
         drop(old);
-        let replaced = self.write().insert(map.clone(), view);
+        let of_folds = folds.iter().flat_map(|fold| &fold.rests).flat_map(|rest| rest.ops.iter().map(|(_, op)| op));
+        let ops = of_folds.chain(increments.iter().flat_map(|increment| &increment.ops));
+        let (index, state) = (Arc::clone(&view.index), Arc::clone(&view.state));
+        let replaced = index.follow(&state, ops, || self.write().insert(map.clone(), view));
         drop(replaced); // a large map takes its time, and the lock is free by now
         Ok(elements)
     }

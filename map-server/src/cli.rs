@@ -4,7 +4,7 @@ use crate::access::command::AccessArgs;
 use crate::config::{LinkConfig, ServerConfig};
 use crate::operate::{OperateError, Operation, OperatorArgs};
 use crate::storages::QuorumConfig;
-use crate::{ServerError, denials, run};
+use crate::{ServerError, denials, run_beside};
 use clap::Parser;
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -147,21 +147,31 @@ async fn until_told() {
     let _ = tokio::signal::ctrl_c().await;
 }
 
-fn serve(config: ServerConfig) -> Result<(), ServerError> {
+/// Runs a server on threads of its own until it is told to end (SIGTERM, Ctrl-C); `beside` as for [`run_beside`].
+///
+/// # Errors
+/// [`ServerError`].
+pub fn serve<T>(
+    config: ServerConfig,
+    beside: impl FnOnce(&zenoh::Session) -> Result<T, zenoh::Error>,
+) -> Result<(), ServerError> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(1)
         .max_blocking_threads(config.answers.threads.max(1))
         .enable_all()
         .build()
         .map_err(ServerError::Runtime)?;
-    runtime.block_on(run(config, until_told()))
+    runtime.block_on(run_beside(config, until_told(), beside))
 }
 
 /// Zenoh brings its own threads but wants to be opened from a multi-threaded runtime.
 fn operate(operation: Operation, args: &OperatorArgs, link: LinkArgs) -> Result<(), OperateError> {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build();
+    let runtime = runtime.map_err(OperateError::Runtime)?;
     let link = LinkConfig { connect: link.connect, zenoh_config: link.zenoh_config, ..LinkConfig::default() };
-    runtime.map_err(OperateError::Runtime)?.block_on(operation.carry_out(args, link))
+    let outcome = runtime.block_on(operation.carry_out(args, link));
+    runtime.shutdown_background(); // an attempt to connect may hang
+    outcome
 }
 
 /// Runs the program with the given arguments, the program's name first.
@@ -181,7 +191,7 @@ where
     log(cli.serve.verbose);
     let config = cli.config();
     let outcome = match cli.command {
-        None => serve(config).map_err(|error| error.to_string()),
+        None => serve(config, |_| Ok(())).map_err(|error| error.to_string()),
         Some(Command::Operate(operation)) => {
             operate(operation, &cli.operator, cli.link).map_err(|error| error.to_string())
         }

@@ -101,14 +101,18 @@ impl Default for Limits {
 pub struct AnswerConfig {
     /// How paths are planned.
     pub route: RouteConfig,
-    /// Queries under way at one time; more are told that the server is busy. Default 256.
+    /// Queries under way at one time, one with a payload for several; more are told that the server is busy. Default 2048: what a
+    /// large fleet asks in some tenths of a second.
     pub max_queries: usize,
+    /// Paths on meshes of at most so many triangles are planned on the thread that brings the query, if nothing has to be made or waited for
+    /// first: to hand such a query to another thread would take as long as to answer it. Default 4000.
+    pub at_once_triangles: usize,
     /// Threads that answer. Default 4.
     pub threads: usize,
 }
 
 impl Default for AnswerConfig {
     fn default() -> Self {
-        Self { route: RouteConfig::default(), max_queries: 256, threads: 4 }
+        Self { route: RouteConfig::default(), max_queries: 2048, at_once_triangles: 4000, threads: 4 }
     }
 }

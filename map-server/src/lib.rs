@@ -28,6 +28,7 @@
 //! | [`retention`] | folding old increments |
 //! | [`catalog`] | the maps in memory, shared with the readers |
 //! | [`basis`] | a state that paths are planned on: the newest, or a release |
+//! | [`head_index`] | what finds things in a large map, kept up with it |
 //! | [`live`] | what is closed now |
 //! | [`fleet`] | the robots |
 //! | [`hear`] | what robots say of themselves |
@@ -49,6 +50,7 @@ pub mod cli;
 pub mod config;
 pub mod denials;
 pub mod fleet;
+pub mod head_index;
 pub mod hear;
 pub mod ingest;
 pub mod live;
@@ -206,16 +208,32 @@ fn write_all(
 /// # Errors
 /// [`ServerError`]: it could not start, or the store failed. Whatever was acknowledged is on the disk, or in the storages.
 pub async fn run(config: ServerConfig, shutdown: impl Future<Output = ()>) -> Result<(), ServerError> {
+    run_beside(config, shutdown, |_| Ok(())).await
+}
+
+/// As [`run`], with something else on the server's session: `beside` is called when the session is open, and what it returns is kept
+/// until the server ends.
+///
+/// # Errors
+/// As [`run`]; [`ServerError::Zenoh`] when `beside` fails.
+pub async fn run_beside<T>(
+    config: ServerConfig,
+    shutdown: impl Future<Output = ()>,
+    beside: impl FnOnce(&Session) -> Result<T, zenoh::Error>,
+) -> Result<(), ServerError> {
     let mut shutdown = pin!(shutdown);
     let Some(quorum) = config.storages else {
         let log: Arc<dyn IncrementLog> = Arc::new(Store::open(&config.data)?);
         let catalog = Arc::new(Catalog::load(log.as_ref())?);
         let session = session::open(&config.link).await?;
+        let beside = beside(&session)?;
         let outcome = serve(&config, &session, log, catalog, None, shutdown).await;
+        drop(beside);
         session.close().await?;
         return outcome;
     };
     let session = session::open(&config.link).await?;
+    let beside = beside(&session)?;
     let outcome = loop {
         let stateless = Stateless::new(&session, quorum);
         let log = Arc::new(QuorumLog::new(stateless.storages(), quorum));
@@ -227,6 +245,7 @@ pub async fn run(config: ServerConfig, shutdown: impl Future<Output = ()>) -> Re
             outcome => break outcome,
         }
     };
+    drop(beside);
     session.close().await?;
     outcome
 }

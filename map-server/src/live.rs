@@ -46,16 +46,29 @@ impl LiveRules {
     /// The rules that hold on a map at `now_us`.
     #[must_use]
     pub fn rules(&self, view: &MapView, now_us: u64) -> Arc<Rules> {
-        let mut maps = self.lock();
-        let live = maps.entry(view.head.map.clone()).or_default();
-        let (version, changes) = (view.head.version, live.reports.changes(now_us));
-        if let Some((_, _, rules)) = live.rules.as_ref().filter(|(at, of, _)| (*at, *of) == (version, changes)) {
-            return Arc::clone(rules);
+        if let Some(rules) = self.rules_at_hand(view, now_us) {
+            return rules;
         }
-        let blocked = live.reports.at(now_us).map(|(_, blocked)| blocked.clone()).collect();
+        let (changes, blocked) = {
+            let mut maps = self.lock();
+            let reports = &mut maps.entry(view.head.map.clone()).or_default().reports;
+            (reports.changes(now_us), reports.at(now_us).map(|(_, blocked)| blocked.clone()).collect())
+        };
+        // A large map takes its time; nobody waits for the lock meanwhile.
         let rules = Arc::new(Rules::of(&view.state, blocked));
-        live.rules = Some((version, changes, Arc::clone(&rules)));
+        if let Some(live) = self.lock().get_mut(&view.head.map) {
+            live.rules = Some((view.head.version, changes, Arc::clone(&rules)));
+        }
         rules
+    }
+
+    /// The same, if they are at hand. Never waits for long.
+    #[must_use]
+    pub fn rules_at_hand(&self, view: &MapView, now_us: u64) -> Option<Arc<Rules>> {
+        let mut maps = self.lock();
+        let live = maps.get_mut(&view.head.map)?;
+        let now = (view.head.version, live.reports.changes(now_us));
+        live.rules.as_ref().filter(|(at, of, _)| (*at, *of) == now).map(|(_, _, rules)| Arc::clone(rules))
     }
 
     /// What robots found blocked on a map, and for how long yet.

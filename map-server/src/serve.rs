@@ -1,6 +1,6 @@
 //! Queries over Zenoh: which are ours, who answers them, and how replies leave.
 
-use crate::answer::{Answer, Sources, answer, internal, json, unknown_map};
+use crate::answer::{Answer, Sources, answer, answer_at_once, internal, json, unknown_map};
 use crate::ingest::Ingest;
 use crate::now_us;
 use crate::queue::Queue;
@@ -15,6 +15,9 @@ use zenoh::Wait;
 use zenoh::bytes::Encoding;
 use zenoh::key_expr::{KeyExpr, keyexpr};
 use zenoh::query::Query;
+
+/// Payloads of queries that wait count one query more for each so many bytes.
+const BYTES_A_PERMIT: usize = 64 << 10;
 
 /// Answers queries on threads of its own, so many at a time.
 #[derive(Clone, Debug)]
@@ -71,9 +74,16 @@ impl Service {
         Self { sources, queue, permits, runtime }
     }
 
-    /// Takes a query. Never waits: one too many is told that the server is busy.
+    /// Takes a query. Never waits: what is short work is answered here, and one too many is told that the server is busy.
     pub fn take(&self, query: Query) {
-        let Ok(permit) = Arc::clone(&self.permits).try_acquire_owned() else {
+        if let Some((key, outcome)) = self.answer_at_once(&query) {
+            reply(&query, &key, outcome);
+            return;
+        }
+        // Each holds what it came with until it is answered.
+        let weight = query.payload().map_or(0, |payload| payload.len() / BYTES_A_PERMIT).saturating_add(1);
+        let weight = u32::try_from(weight.min(self.sources.config.max_queries)).unwrap_or(u32::MAX);
+        let Ok(permit) = Arc::clone(&self.permits).try_acquire_many_owned(weight) else {
             reply_error(&query, &busy());
             return;
         };
@@ -82,6 +92,16 @@ impl Service {
             service.reply(&query);
             drop(permit);
         });
+    }
+
+    fn answer_at_once(&self, query: &Query) -> Option<(String, Result<Vec<Answer>, ErrorReply>)> {
+        let name = query.key_expr().as_str();
+        let key @ Key::Topic { topic: Topic::Path | Topic::Head, .. } = name.parse().ok()? else { return None };
+        if query.payload().is_some() {
+            return None;
+        }
+        let request = parse(key, query.parameters().iter(), None).ok()?;
+        Some((name.to_owned(), answer_at_once(&request, &self.sources, now_us())?))
     }
 
     fn reply(&self, query: &Query) {

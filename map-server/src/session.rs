@@ -1,8 +1,8 @@
 //! The server's Zenoh session: a router when it listens, a client of other routers otherwise.
 
 use crate::config::LinkConfig;
-use std::time::Duration;
-use zenoh::{Config, Session, Wait};
+use fht_link::waiting::{OpenError, set_default};
+use zenoh::{Config, Session};
 
 /// Why there is no session.
 #[derive(Debug, thiserror::Error)]
@@ -19,6 +19,9 @@ pub enum SessionError {
         /// What should have been listened on.
         listen: Vec<String>,
     },
+    /// There is none for another reason: a certificate or key is of no use.
+    #[error(transparent)]
+    Link(OpenError),
     /// The endpoint cannot be used.
     #[error("no session: {reason} (listening on [{}])", listen.join(", "))]
     Open {
@@ -29,24 +32,20 @@ pub enum SessionError {
     },
 }
 
-/// Between two attempts to open a client's session, at first and at most.
-const FIRST_DELAY: Duration = Duration::from_millis(100);
-const LONGEST_DELAY: Duration = Duration::from_secs(2);
 /// A lost router is tried again after a tenth of a second, and at least every two seconds from then on.
 const RETRY: &str = "{period_init_ms: 100, period_max_ms: 2000, period_increase_factor: 2}";
-/// `connect.timeout_ms` of a session that waits for its router.
-const FOREVER: &str = "-1";
+/// A router drops what a link cannot take, rather than to wait for it: Zenoh would let the thread that brings others their messages wait,
+/// for seconds, and then close the transport. Nothing is lost by it: whoever lacks an increment asks for it. Replies go as their queries came.
+const DROP_RATHER_THAN_WAIT: &str = r#"[
+    {id: "puts", messages: ["put", "delete"], flows: ["egress"], overwrite: {congestion_control: "drop"}},
+    {id: "queries", messages: ["query"], flows: ["ingress"], overwrite: {congestion_control: "drop"}},
+]"#;
 
 /// No endpoints, as Zenoh's configuration shows them.
 const NONE: &str = "[]";
 
 fn to_zenoh(link: &LinkConfig) -> Result<Config, zenoh::Error> {
     let mut config = link.zenoh_config.as_ref().map_or_else(|| Ok(Config::default()), Config::from_file)?;
-    let untouched = Config::default();
-    let set_default = |config: &mut Config, key: &str, value: &str| {
-        let is_set = config.get_json(key)? != untouched.get_json(key)?;
-        if is_set { Ok(()) } else { config.insert_json5(key, value) }
-    };
     for (key, endpoints) in [("listen/endpoints", &link.listen), ("connect/endpoints", &link.connect)] {
         if endpoints.is_empty() {
             // Zenoh's own default is to listen on all interfaces.
@@ -58,6 +57,9 @@ fn to_zenoh(link: &LinkConfig) -> Result<Config, zenoh::Error> {
     // A router puts its clients in touch with each other: explorers, robots and tools need no other program between them.
     let is_client = config.get_json("listen/endpoints")? == NONE;
     set_default(&mut config, "mode", if is_client { "\"client\"" } else { "\"router\"" })?;
+    if !is_client {
+        set_default(&mut config, "qos/network", DROP_RATHER_THAN_WAIT)?;
+    }
     match link.patience {
         // Other routers may come up later than this one.
         None => {
@@ -67,7 +69,7 @@ fn to_zenoh(link: &LinkConfig) -> Result<Config, zenoh::Error> {
                 set_default(&mut config, "connect/retry", RETRY)?;
             }
         }
-        // Zenoh has to end the waiting itself: its future blocks the thread that asks for it.
+        // For all but clients, Zenoh has to end the waiting itself.
         Some(patience) => {
             config.insert_json5("connect/timeout_ms", &patience.as_millis().to_string())?;
             config.insert_json5("connect/exit_on_failure", "true")?;
@@ -83,12 +85,7 @@ fn reaches_anyone(config: &Config) -> bool {
     !is("listen/endpoints", NONE) || !is("connect/endpoints", NONE) || is("scouting/multicast/enabled", "true")
 }
 
-/// Zenoh's errors end in the place in its source where they arose, which helps nobody here.
-fn without_source_paths(text: &str) -> String {
-    text.split(" at /").next().unwrap_or(text).trim_end_matches('.').to_owned()
-}
-
-/// Opens the session.
+/// Opens the session. One that is a client waits for its routers and tries all of them ([`fht_link::waiting::open`]).
 ///
 /// # Errors
 /// [`SessionError`]; an address that is in use, above all.
@@ -97,11 +94,9 @@ pub async fn open(link: &LinkConfig) -> Result<Session, SessionError> {
     if !reaches_anyone(&config) {
         return Err(SessionError::NoEndpoint);
     }
-    let is = |key: &str, value: &str| config.get_json(key).is_ok_and(|set| set == value);
-    let waits = is("mode", "\"client\"") && is("connect/timeout_ms", FOREVER);
-    let opened = if waits { open_client(config).await } else { attempt(config).await };
-    opened.map_err(|error| {
-        let (listen, reason) = (link.listen.clone(), without_source_paths(&error.to_string()));
+    fht_link::waiting::open(config, link.patience).await.map_err(|error| {
+        let OpenError::Refused { reason, .. } = error else { return SessionError::Link(error) };
+        let listen = link.listen.clone();
         // Zenoh's errors are texts.
         if reason.contains("Address already in use") {
             SessionError::InUse { listen }
@@ -109,26 +104,6 @@ pub async fn open(link: &LinkConfig) -> Result<Session, SessionError> {
             SessionError::Open { listen, reason }
         }
     })
-}
-
-/// Opens a session on a thread of its own: Zenoh's own future blocks the thread that asks for it.
-async fn attempt(config: Config) -> Result<Session, zenoh::Error> {
-    tokio::task::spawn_blocking(|| zenoh::open(config).wait()).await?
-}
-
-/// Opens the session of a client, once one of its routers is there. One that Zenoh lets wait asks the first endpoint for ever, and
-/// nobody else; one that does not wait asks each once.
-async fn open_client(mut config: Config) -> Result<Session, zenoh::Error> {
-    config.insert_json5("connect/timeout_ms", "0")?;
-    let mut delay = FIRST_DELAY;
-    loop {
-        match attempt(config.clone()).await {
-            Ok(session) => return Ok(session),
-            Err(error) => tracing::debug!("no session yet: {error}"),
-        }
-        tokio::time::sleep(delay).await;
-        delay = (2 * delay).min(LONGEST_DELAY);
-    }
 }
 
 #[cfg(test)]

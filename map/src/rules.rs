@@ -3,7 +3,9 @@
 
 use crate::blocked::BlockedBy;
 use crate::free_space::{FreeSpace, SpaceConfig};
+use crate::map_index::MapIndex;
 use crate::route::{Route, RouteConfig, RouteError};
+use crate::shortest::Workspace;
 use crate::state::MapState;
 use crate::taut;
 use fht_proto::query::{ErrorCode, Obeyed, SpeedLimit};
@@ -154,10 +156,29 @@ impl Rules {
         to: FixedPoint,
         config: &RouteConfig,
     ) -> Result<Route, PlanError> {
+        self.obeyed_by(to, || taut::plan(map, space, from, to, config))
+    }
+
+    /// As [`plan`](Self::plan), over the map's index: for maps without a mesh.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn plan_over(
+        &self,
+        index: &MapIndex,
+        space: &FreeSpace,
+        (from, to): (FixedPoint, FixedPoint),
+        config: &RouteConfig,
+        work: &mut Workspace,
+    ) -> Result<Route, PlanError> {
+        self.obeyed_by(to, || taut::plan_over(index, space, from, to, config, work))
+    }
+
+    fn obeyed_by(&self, to: FixedPoint, plan: impl FnOnce() -> Result<Route, RouteError>) -> Result<Route, PlanError> {
         if let Some((zone, _)) = self.keep_out.iter().find(|(_, zone)| zone.contains(to)) {
             return Err(PlanError::GoalKeptOut { goal: to, zone: zone.clone() });
         }
-        taut::plan(map, space, from, to, config).map_err(|route| {
+        plan().map_err(|route| {
             let closed: Vec<String> = self.obeyed().iter().take(8).map(in_words).collect();
             if closed.is_empty() { PlanError::Route(route) } else { PlanError::Closed { route, closed } }
         })

@@ -4,8 +4,10 @@
 use crate::any_angle::shortest_way;
 use crate::approach::Approach;
 use crate::free_space::FreeSpace;
+use crate::map_index::MapIndex;
 use crate::plane::{Corner, corner_of, distance, fixed_point};
 use crate::route::{self, Route, RouteConfig, RouteError, RoutePoint};
+use crate::shortest::Workspace;
 use crate::state::MapState;
 use crate::zones::Zone;
 use fht_proto::FixedPoint;
@@ -26,6 +28,32 @@ pub fn plan(
     to: FixedPoint,
     config: &RouteConfig,
 ) -> Result<Route, RouteError> {
+    plan_or(space, from, to, config, |config| route::plan(map, from, to, config))
+}
+
+/// As [`plan`], over the map's index: where the path leads over nodes, it is found fast in a large map.
+///
+/// # Errors
+/// As [`plan`].
+pub fn plan_over(
+    index: &MapIndex,
+    space: &FreeSpace,
+    from: FixedPoint,
+    to: FixedPoint,
+    config: &RouteConfig,
+    work: &mut Workspace,
+) -> Result<Route, RouteError> {
+    plan_or(space, from, to, config, |config| route::plan_over(index, from, to, config, work))
+}
+
+/// Through the mesh, or as `over_nodes` plans.
+fn plan_or(
+    space: &FreeSpace,
+    from: FixedPoint,
+    to: FixedPoint,
+    config: &RouteConfig,
+    over_nodes: impl FnOnce(&RouteConfig) -> Result<Route, RouteError>,
+) -> Result<Route, RouteError> {
     if space.is_kept_out(to) {
         return Err(RouteError::NoPath { from, to });
     }
@@ -45,21 +73,21 @@ pub fn plan(
     match ways.min_by(|a, b| a.0.total_cmp(&b.0)) {
         Some((_, way)) => Ok(route_over(from, &way, to)),
         // The mesh has holes where nodes have no rectangles and edges no room; of an enormous map there is none.
-        None => over_nodes(map, space, from, to, config),
+        None => checked(space, from, to, config, over_nodes),
     }
 }
 
 /// Over nodes and edges. The way is not looked for around what operators closed, beyond the edges that lead through it, but it
 /// must not lead over it.
-fn over_nodes(
-    map: &MapState,
+fn checked(
     space: &FreeSpace,
     from: FixedPoint,
     to: FixedPoint,
     config: &RouteConfig,
+    over_nodes: impl FnOnce(&RouteConfig) -> Result<Route, RouteError>,
 ) -> Result<Route, RouteError> {
     let blocked = config.blocked.union(&space.closed).copied().collect();
-    let route = route::plan(map, from, to, &RouteConfig { blocked, ..config.clone() })?;
+    let route = over_nodes(&RouteConfig { blocked, ..config.clone() })?;
     let start = corner_of(from);
     let leads_over = |zone: &Zone| {
         let mut steps = route.waypoints.windows(2);

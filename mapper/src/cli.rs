@@ -10,8 +10,8 @@ use crate::mapping::MapperConfig;
 use crate::report::ExploreReport;
 use crate::run::{ExploreTask, Snapshot, explore};
 use clap::{Args, Parser, Subcommand};
+use fht_link::LinkConfig;
 use fht_proto::MapName;
-use fht_robot::link::LinkConfig;
 use fht_robot::pose::{self, Pose2};
 use fht_robot::stop::Stop;
 use fht_sim::SimConfig;
@@ -240,7 +240,7 @@ where
         }
     };
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error,fht_robot::link=warn"));
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("error,fht_link=warn"));
     // A second subscriber in one process (tests) is no harm.
     let _ = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
     let outcome = match cli.command {

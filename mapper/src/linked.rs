@@ -4,10 +4,10 @@ use crate::fellows::{EnterError, Entry, Fellows};
 use crate::mapping::Mapper;
 use crate::publish::{Outbox, Progress, PublishError, find_head, outbox};
 use client_robot::replica::ReplicaError;
+use fht_link::{LinkConfig, LinkError};
 use fht_proto::keys::Key;
 use fht_proto::query::Head;
 use fht_proto::{AuthorId, MapName};
-use fht_robot::link::{self, LinkConfig, LinkError};
 use std::time::{Duration, Instant};
 use zenoh::Session;
 use zenoh::liveliness::LivelinessToken;
@@ -74,7 +74,7 @@ impl Linked {
     /// [`LinkedError`].
     pub async fn open(publication: Publication) -> Result<Self, LinkedError> {
         let Publication { link, map, robot, .. } = &publication;
-        let session = link::open(link).await?;
+        let session = fht_link::open(link).await?;
         let head = find_head(&session, map, SERVER_PATIENCE).await?;
         let presence = Key::Robot { map: map.clone(), robot: robot.clone() }.to_string();
         let token = session.liveliness().declare_token(presence).await.map_err(PublishError::from)?;

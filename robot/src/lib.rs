@@ -17,7 +17,6 @@
 //! | [`planning`] | shortest ways over the grid |
 //! | [`motion`] | following a path with a differential drive |
 //! | [`descriptor`] | a CNN over the panorama, a unit vector |
-//! | [`link`] | the robot's Zenoh session |
 //! | [`stop`] | ending on Ctrl-C, in order |
 
 #[cfg(feature = "bag")]
@@ -31,8 +30,6 @@ pub mod frame;
 pub mod free_space;
 pub mod grid;
 pub mod known_space;
-#[cfg(feature = "program")]
-pub mod link;
 pub mod matching;
 pub mod motion;
 pub mod planning;

@@ -8,8 +8,8 @@ use crate::picture::{PictureConfig, PictureError, Scene, save};
 use crate::process::{Process, ProcessError, Role};
 use client_robot::replica::{LiveReplica, ReplicaConfig, ReplicaError};
 use explorers::Explored;
+use fht_link::{LinkConfig, LinkError};
 use fht_proto::MapName;
-use fht_robot::link::{self, LinkConfig, LinkError};
 use fht_robot::pose::{Point2, pose};
 use fht_sim::WorldError;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -312,7 +312,7 @@ fn draw(
     client: &ClientReport,
 ) -> Result<bool, HandoffError> {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
-    let session = runtime.block_on(link::open(&LinkConfig::from_options(vec![config.endpoint.clone()], None)))?;
+    let session = runtime.block_on(fht_link::open(&LinkConfig::from_options(vec![config.endpoint.clone()], None)))?;
     let replica = LiveReplica::start(&session, map, "witness", ReplicaConfig::default())?;
     let head = client_robot::replica::ask_head(&session, map, PATIENCE)?;
     if !replica.wait_for(&head.vector, PATIENCE) {

@@ -4,6 +4,10 @@
 //! | --- | --- |
 //! | [`process`] | the programs as child processes that end with their parent |
 //! | [`router`] | a Zenoh router with storages, in zenohd's place |
+//! | [`fleet`] | many clients on one server, beside bare queries |
+//! | [`thin_link`] | a slow link that breaks |
+//! | [`joining`] | a client that joins over such a link |
+//! | [`feed`] | putting a map on a server |
 //! | [`handoff`] | the demo: map, keep, relocalize, drive |
 //! | [`python`] | other people's programs, from PyPI |
 //! | [`picture`] | a map as a picture, like the paper's figure 1 |
@@ -21,8 +25,11 @@
 //! | [`ledger`] | results that cost minutes, kept as they come |
 
 pub mod drive;
+pub mod feed;
+pub mod fleet;
 pub mod grid_map;
 pub mod handoff;
+pub mod joining;
 pub mod known;
 pub mod ledger;
 pub mod merging;
@@ -36,4 +43,5 @@ pub mod storage;
 pub mod survey;
 pub mod systems;
 pub mod team;
+pub mod thin_link;
 pub mod trial;

@@ -1,6 +1,7 @@
 //! How well maps that were made apart are merged: against where things truly are.
 
 use crate::survey::Survey;
+use crate::team::parts;
 use fht_map::rules::Rules;
 use fht_map::{FreeSpace, MapState, RouteConfig};
 use fht_merge::{AlignmentFigures, JoinFigures, MergeConfig, Order, Refusal, join, lay};
@@ -8,7 +9,6 @@ use fht_proto::{AuthorId, FixedPoint, Increment, NodeId, Op, Rect};
 use fht_robot::pose::{Point2, Pose2, from_fixed};
 use fht_sim::{SimConfig, World};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
 use std::time::Instant;
 
 /// A map, and where its frame lies in the world.
@@ -137,7 +137,7 @@ pub fn merge(a: &MadeMap, b: &MadeMap, world: Option<&World>, config: &MergeConf
         joined: joined.figures,
         error_mean_m: errors.iter().sum::<f64>() / errors.len().max(1) as f64,
         error_max_m: errors.iter().copied().fold(0.0, f64::max),
-        parts: [parts(&a.map), parts(&both)],
+        parts: [parts(&a.map).0, parts(&both).0],
         paths: 0,
         planned: 0,
         touching: 0,

@@ -79,7 +79,7 @@ fn tail(stderr: &str) -> String {
 
 /// A program that runs; it is killed when this is dropped.
 pub struct Process {
-    role: Role,
+    role: &'static str,
     child: Child,
     stderr: Option<std::thread::JoinHandle<String>>,
 }
@@ -94,15 +94,19 @@ impl Process {
         role: Role,
         args: impl IntoIterator<Item = A>,
     ) -> Result<Self, ProcessError> {
-        let start_error = |source| ProcessError::Start { role: role.name(), source };
-        let mut child = Command::new(executable)
-            .args(["role", role.name(), "--"])
-            .args(args)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .map_err(start_error)?;
+        let mut command = Command::new(executable);
+        command.args(["role", role.name(), "--"]).args(args);
+        Self::run(role.name(), command)
+    }
+
+    /// Runs a command, which errors call `role`.
+    ///
+    /// # Errors
+    /// [`ProcessError::Start`].
+    pub fn run(role: &'static str, mut command: Command) -> Result<Self, ProcessError> {
+        let start_error = |source| ProcessError::Start { role, source };
+        let mut child =
+            command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().map_err(start_error)?;
         // Read all the time, or a talkative child would block; keep the last of it.
         let stderr = child.stderr.take().map(|mut pipe| {
             std::thread::spawn(move || {
@@ -130,7 +134,7 @@ impl Process {
     /// # Errors
     /// [`ProcessError::Wait`].
     pub fn kill(&mut self) -> Result<(), ProcessError> {
-        let wait_error = |source| ProcessError::Wait { role: self.role.name(), source };
+        let wait_error = |source| ProcessError::Wait { role: self.role, source };
         self.child.kill().map_err(wait_error)?;
         self.child.wait().map_err(wait_error)?;
         Ok(())
@@ -144,13 +148,13 @@ impl Process {
         let address = endpoint.strip_prefix("tcp/").unwrap_or(endpoint);
         let deadline = Instant::now() + patience;
         while std::net::TcpStream::connect(address).is_err() {
-            let wait_error = |source| ProcessError::Wait { role: self.role.name(), source };
+            let wait_error = |source| ProcessError::Wait { role: self.role, source };
             if let Some(status) = self.child.try_wait().map_err(wait_error)? {
                 return Err(self.failure(status));
             }
             if Instant::now() > deadline {
                 let endpoint = endpoint.to_owned();
-                return Err(ProcessError::Silent { role: self.role.name(), endpoint, seconds: patience.as_secs() });
+                return Err(ProcessError::Silent { role: self.role, endpoint, seconds: patience.as_secs() });
             }
             std::thread::sleep(Duration::from_millis(50));
         }
@@ -173,14 +177,14 @@ impl Process {
         if let Some(stdout) = self.child.stdout.take() {
             BufReader::new(stdout).lines().map_while(Result::ok).for_each(|line| each_line(&line));
         }
-        let wait_error = |source| ProcessError::Wait { role: self.role.name(), source };
+        let wait_error = |source| ProcessError::Wait { role: self.role, source };
         let status = self.child.wait().map_err(wait_error)?;
         if status.success() { Ok(()) } else { Err(self.failure(status)) }
     }
 
     fn failure(&mut self, status: ExitStatus) -> ProcessError {
         let stderr = self.stderr.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
-        ProcessError::Failed { role: self.role.name(), status, stderr }
+        ProcessError::Failed { role: self.role, status, stderr }
     }
 }
 

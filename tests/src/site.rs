@@ -7,11 +7,11 @@ mod load;
 mod machines;
 
 use crate::process::ProcessError;
+use fht_link::{LinkConfig, LinkError};
 use fht_map::MapState;
 use fht_proto::keys::{Key, Topic};
 use fht_proto::query::Head;
 use fht_proto::{AuthorId, MapName};
-use fht_robot::link::{self, LinkConfig, LinkError};
 use load::{Asked, Reader, Writer, Written};
 use machines::Machines;
 use rand::{RngExt, SeedableRng};
@@ -162,7 +162,7 @@ fn rotated(endpoints: &[String], first: usize) -> Vec<String> {
 
 /// Opens a robot's session; its first router is the one at `first`.
 async fn session(endpoints: &[String], first: usize) -> Result<Session, SiteError> {
-    Ok(link::open(&LinkConfig::from_options(rotated(endpoints, first), None)).await?)
+    Ok(fht_link::open(&LinkConfig::from_options(rotated(endpoints, first), None)).await?)
 }
 
 /// Runs a site. `say` is told what happens.

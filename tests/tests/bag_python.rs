@@ -40,6 +40,8 @@ fn what_we_record_others_read() {
             world_seed: 1,
             sim: SimConfig::default(),
             seed: 1,
+            start: None,
+            map_origin: None,
             map: "museum".parse().unwrap(),
             robot: "explorer".to_owned(),
             link: None,

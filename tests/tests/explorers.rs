@@ -1,6 +1,8 @@
 //! Several explorers of one building: together, one after the other, and after the building has changed. In simulated time, without
 //! cameras; the last test runs real processes.
 
+#![allow(clippy::unwrap_used)] // tests may panic
+
 use fht_map::{FreeSpace, MapState, SpaceConfig, route::RouteConfig, taut};
 use fht_proto::FixedPoint;
 use fht_robot::pose::{Point2, Pose2};

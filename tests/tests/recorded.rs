@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used)] // a test: what goes wrong ends it
 
 use client_robot::replica::ask_head;
+use fht_link::LinkConfig;
 use fht_proto::Digest;
-use fht_robot::link::{self, LinkConfig};
 use fht_tests::process::{Process, Role, free_endpoint};
 use mapper::replay::ReplayReport;
 use mapper::report::ExploreReport;
@@ -50,7 +50,7 @@ fn a_recorded_run_replayed_through_the_server_is_the_same_map() {
     assert_eq!((replayed.digest, replayed.version), (explored.digest, explored.version));
 
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-    let session = runtime.block_on(link::open(&LinkConfig::from_options(vec![endpoint], None))).unwrap();
+    let session = runtime.block_on(fht_link::open(&LinkConfig::from_options(vec![endpoint], None))).unwrap();
     assert_eq!(head_digest(&session, "driven"), explored.digest);
     assert_eq!(head_digest(&session, "replayed"), explored.digest);
     session.close().wait().unwrap();

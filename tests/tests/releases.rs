@@ -3,11 +3,11 @@
 #![allow(clippy::unwrap_used)] // tests may panic
 
 use client_robot::replica::{LiveReplica, ReplicaConfig, ask_head};
+use fht_link::LinkConfig;
 use fht_proto::keys::{Key, RobotTopic};
 use fht_proto::{
     AuthorId, FixedPoint, FixedPose, Increment, MapName, NodeId, NodeKind, Op, Release, ReleaseId, ReleaseName, encode,
 };
-use fht_robot::link::{self, LinkConfig};
 use map_server::ServerConfig;
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
@@ -62,7 +62,7 @@ async fn a_robot_runs_what_is_enabled_until_it_is_told_otherwise() {
     let (stop, stopped) = oneshot::channel::<()>();
     let config = ServerConfig::new(data.path().to_owned(), server_link);
     let server = tokio::spawn(map_server::run(config, async { _ = stopped.await }));
-    let session = link::open(&LinkConfig::from_options(vec![endpoint], None)).await.unwrap();
+    let session = fht_link::open(&LinkConfig::from_options(vec![endpoint], None)).await.unwrap();
 
     tokio::task::spawn_blocking(move || {
         let start = |robot: &str| LiveReplica::start(&session, &museum(), robot, ReplicaConfig::default()).unwrap();

@@ -4,10 +4,10 @@
 
 mod site;
 
+use fht_link::LinkConfig;
 use fht_proto::encode;
 use fht_proto::keys::Key;
 use fht_proto::query::{ErrorReply, Head};
-use fht_robot::link::{self, LinkConfig};
 use fht_tests::process::{Process, Role};
 use site::{
     MOMENT, PATIENCE, Site, author, certificates, config, free_endpoint, guarded, in_file, increment, museum, serve,
@@ -327,7 +327,7 @@ async fn a_map_server_alone_guards_itself() {
     let (stop, server) = serve(&dir.path().join("data"), file);
     let session = async |name: &str, file: &str, own: &str| {
         let file = in_file(dir.path(), name, &shipped(file, own, &[], &[&endpoint]));
-        link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap()
+        fht_link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap()
     };
     let ana = session("ana", "explorer.json5", "explorer-ana").await;
     let tug = session("tug", "client.json5", "client-tug").await;
@@ -371,7 +371,7 @@ async fn what_is_denied_is_counted_and_told_to_the_operator() {
         .spawn()
         .unwrap();
     let file = in_file(dir.path(), "tug", &shipped("client.json5", "client-tug", &[], &[&endpoint]));
-    let tug = link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap();
+    let tug = fht_link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap();
     assert!(timeout(PATIENCE, ask(&tug, "fht/maps")).await.is_ok(), "what is allowed is not counted");
     put(&tug, "tug", "tug", 1).await;
     let check = tokio::task::spawn_blocking(move || {
@@ -395,7 +395,7 @@ async fn a_robot_finds_the_router_that_is_there() {
     let dir = tempfile::tempdir().unwrap();
     let file = in_file(dir.path(), "ana", &shipped("explorer.json5", "explorer-ana", &[], &[&dead, &alive]));
     let link = LinkConfig::from_options(Vec::new(), Some(file));
-    timeout(PATIENCE, link::open(&link)).await.expect("no end").unwrap().close().await.unwrap();
+    timeout(PATIENCE, fht_link::open(&link)).await.expect("no end").unwrap().close().await.unwrap();
     router.close().await.unwrap();
 }
 
@@ -487,7 +487,7 @@ async fn storages_hold_what_servers_put_and_nobody_else() {
     };
     let session = async |file: &str, own: &str| {
         let file = in_file(dir.path(), own, &shipped(file, own, &[], &[&second]));
-        link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap()
+        fht_link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap()
     };
     let ana = session("explorer.json5", "explorer-ana").await;
     let desk = session("operator.json5", "operator-desk").await;

@@ -4,8 +4,8 @@
 #![allow(clippy::unwrap_used)] // a test: what goes wrong ends it
 
 use client_robot::replica::{LiveReplica, ReplicaConfig, ask_head};
+use fht_link::LinkConfig;
 use fht_proto::{AuthorId, MapName};
-use fht_robot::link::{self, LinkConfig};
 use fht_tests::process::{Process, Role, free_endpoint};
 use mapper::report::ExploreReport;
 use serde_json::Value;
@@ -39,7 +39,7 @@ fn nothing_acknowledged_is_lost_and_all_agree_in_the_end() {
 
     // A client that listens all the time, over the death of the server.
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-    let session = runtime.block_on(link::open(&LinkConfig::from_options(vec![endpoint.clone()], None))).unwrap();
+    let session = runtime.block_on(fht_link::open(&LinkConfig::from_options(vec![endpoint.clone()], None))).unwrap();
     let replica = LiveReplica::start(&session, &map, "r", ReplicaConfig::default()).unwrap();
 
     let report_arg = report_file.to_string_lossy().into_owned();

@@ -1,10 +1,10 @@
 //! Writers and the map server: who may write, and what a writer learns when it may not.
 #![allow(clippy::unwrap_used)] // tests may panic
 
+use fht_link::LinkConfig;
 use fht_proto::keys::{Key, Topic};
 use fht_proto::query::{ErrorCode, ErrorReply};
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op};
-use fht_robot::link::{self, LinkConfig};
 use fht_tests::process::free_endpoint;
 use map_server::config::Limits;
 use map_server::{ServerConfig, ServerError};
@@ -47,7 +47,7 @@ impl Running {
         let config = ServerConfig { limits, ..ServerConfig::new(data.path().to_owned(), server_link) };
         let (stop, stopped) = oneshot::channel::<()>();
         let server = tokio::spawn(map_server::run(config, async { _ = stopped.await }));
-        let session = link::open(&LinkConfig::from_options(vec![endpoint], None)).await.unwrap();
+        let session = fht_link::open(&LinkConfig::from_options(vec![endpoint], None)).await.unwrap();
         assert_eq!(find_head(&session, &museum(), PATIENCE).await.unwrap(), None);
         Self { session, stop, server, _data: data }
     }
@@ -105,7 +105,7 @@ async fn silence_is_not_taken_for_an_unknown_map() {
     config.insert_json5("listen/endpoints", &format!("[\"{endpoint}\"]")).unwrap();
     config.insert_json5("scouting/multicast/enabled", "false").unwrap();
     let router = zenoh::open(config).await.unwrap();
-    let robot = link::open(&LinkConfig::from_options(vec![endpoint], None)).await.unwrap();
+    let robot = fht_link::open(&LinkConfig::from_options(vec![endpoint], None)).await.unwrap();
     let unknown = find_head(&robot, &museum(), Duration::from_millis(500)).await.unwrap_err();
     assert!(matches!(unknown, PublishError::NoAnswer { .. }), "{unknown}");
 

@@ -2,10 +2,10 @@
 //! reason.
 #![allow(clippy::unwrap_used)] // tests may panic
 
+use fht_link::LinkConfig;
 use fht_proto::keys::{Key, Topic};
 use fht_proto::query::{Head, PathReply};
 use fht_proto::{AuthorId, EdgeKey, FixedPose, Increment, MapName, NodeId, NodeKind, Op, Rect, encode};
-use fht_robot::link::{self, LinkConfig};
 use fht_tests::process::{Process, Role, free_endpoint};
 use fht_tests::python::{environment, run};
 use std::path::Path;
@@ -66,7 +66,7 @@ fn a_path_is_printed_and_a_bad_request_prints_the_reason() {
     server.wait_until_listening(&endpoint, PATIENCE).unwrap();
 
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-    let session = runtime.block_on(link::open(&LinkConfig::from_options(vec![endpoint.clone()], None))).unwrap();
+    let session = runtime.block_on(fht_link::open(&LinkConfig::from_options(vec![endpoint.clone()], None))).unwrap();
     put(&session, &"museum".parse().unwrap(), &corridors());
 
     let get = |selector: &str, decoder: &[&str]| {

@@ -3,11 +3,11 @@
 use super::{Answer, error, internal, json, postcard};
 use crate::basis::state_at;
 use crate::catalog::{MapView, find_release};
-use crate::log::{IncrementLog, Lacking};
+use crate::log::{IncrementLog, Lacking, StoreError};
 use fht_map::MapState;
 use fht_proto::query::{DiffReply, ErrorCode, ErrorReply, MovedNode, ReleaseView, ReleasesReply, Snapshot, StateView};
 use fht_proto::request::Moment;
-use fht_proto::{EdgeKey, VersionVector, decode};
+use fht_proto::{AuthorId, EdgeKey, VersionVector, decode};
 use std::sync::Arc;
 
 /// The vector of a moment that the log can still show.
@@ -61,7 +61,7 @@ pub(super) fn increments(
     (max_bytes, piece_bytes): (usize, Option<usize>),
 ) -> Result<Vec<Answer>, ErrorReply> {
     let upto = vector_of(view, log, moment)?;
-    let Lacking { folds, increments } = log.lacking(&view.head.map, have, &upto, max_bytes).map_err(internal)?;
+    let Lacking { folds, increments } = lacking(view, log, have, &upto, max_bytes).map_err(internal)?;
     let piece_bytes = piece_bytes.unwrap_or(usize::MAX);
     let (mut pieces, mut length) = (vec![Snapshot::default()], 0_usize);
     let messages = folds.iter().map(|bytes| (true, bytes)).chain(increments.iter().map(|bytes| (false, bytes)));
@@ -79,6 +79,32 @@ pub(super) fn increments(
         }
     }
     pieces.iter().map(postcard).collect()
+}
+
+/// What is lacking, of those first of whom the least is lacking: somebody who missed a few live increments while the whole map is under way
+/// over a thin link gets those at once.
+fn lacking(
+    view: &MapView,
+    log: &dyn IncrementLog,
+    have: &VersionVector,
+    upto: &VersionVector,
+    max_bytes: usize,
+) -> Result<Lacking, StoreError> {
+    let mut authors: Vec<(AuthorId, u64)> = upto.iter().filter(|(author, last)| *last > have.get(*author)).collect();
+    authors.sort_unstable_by_key(|(author, last)| (last - have.get(*author), *author));
+    let (mut found, mut total) = (Lacking::default(), 0);
+    for (author, last) in authors {
+        let mut of_author = VersionVector::default();
+        of_author.set(author, last);
+        let Lacking { folds, increments } = log.lacking(&view.head.map, have, &of_author, max_bytes - total)?;
+        total += folds.iter().chain(&increments).map(Vec::len).sum::<usize>();
+        found.folds.extend(folds);
+        found.increments.extend(increments);
+        if total >= max_bytes {
+            break;
+        }
+    }
+    Ok(found)
 }
 
 pub(super) fn releases(view: &MapView, log: &dyn IncrementLog) -> Result<Answer, ErrorReply> {

@@ -1,42 +1,67 @@
 //! `nodes` and `match`: nodes by place and by appearance.
 
 use super::{Answer, error, json, postcard};
-use crate::catalog::MapView;
-use fht_map::{FULL_TRUST, MapState, NodeRef, lookup};
+use crate::catalog::{Catalog, MapView};
+use fht_map::{FULL_TRUST, MapIndex, MapState, NodeRef, lookup};
 use fht_proto::compact::{CompactNode, CompactNodes};
 use fht_proto::query::{ErrorCode, ErrorReply, NodeView, NodesReply};
 use fht_proto::request::Format;
-use fht_proto::{Descriptor, FixedPoint};
+use fht_proto::{Descriptor, FixedPoint, NodeId};
+
+/// Maps of more nodes are looked up in over their index.
+const MANY_NODES: usize = 2000;
+
+fn is_large(view: &MapView) -> bool {
+    view.head.main_nodes + view.head.support_nodes > MANY_NODES
+}
 
 pub(super) fn near(
     view: &MapView,
+    catalog: &Catalog,
     near: FixedPoint,
     radius_m: f64,
     limit: usize,
     format: Format,
 ) -> Result<Answer, ErrorReply> {
-    let near = lookup::nearest(&view.state, near, radius_m);
-    let nodes = near.into_iter().take(limit).map(|(node, _)| (node, None)).collect();
-    reply(view, nodes, format, false)
+    let reply = |view: &MapView, near: Vec<(NodeRef<'_>, f64)>| {
+        let nodes = near.into_iter().take(limit).map(|(node, _)| (node, None)).collect();
+        reply(view, nodes, format, false)
+    };
+    let scanned = || reply(view, lookup::nearest(&view.state, near, radius_m));
+    if !is_large(view) {
+        return scanned();
+    }
+    let over = |view: &MapView, index: &MapIndex| reply(view, lookup::nearest_over(&view.state, index, near, radius_m));
+    catalog.with_index(&view.head.map, over).unwrap_or_else(scanned)
 }
 
 pub(super) fn alike(
     view: &MapView,
+    catalog: &Catalog,
     descriptor: &Descriptor,
     limit: usize,
     format: Format,
 ) -> Result<Answer, ErrorReply> {
-    let nodes = matching(&view.state, descriptor, limit)?;
-    reply(view, nodes, format, true)
+    let scanned = || {
+        let similar = lookup::most_similar(&view.state, descriptor, limit);
+        reply(view, matching(&view.state, descriptor, &similar)?, format, true)
+    };
+    if !is_large(view) {
+        return scanned();
+    }
+    let over = |view: &MapView, index: &MapIndex| {
+        let similar = index.appearance().most_similar(descriptor, limit);
+        reply(view, matching(&view.state, descriptor, &similar)?, format, true)
+    };
+    catalog.with_index(&view.head.map, over).unwrap_or_else(scanned)
 }
 
 /// The most similar nodes with their cosines.
 fn matching<'a>(
     map: &'a MapState,
     descriptor: &Descriptor,
-    limit: usize,
+    similar: &[(NodeId, f32)],
 ) -> Result<Vec<(NodeRef<'a>, Option<f32>)>, ErrorReply> {
-    let similar = lookup::most_similar(map, descriptor, limit);
     if similar.is_empty() && map.main_nodes().any(|node| node.descriptor().is_some()) {
         let used: Vec<String> = map.models().map(|model| format!("{} ({:08x})", model.name, model.id.0)).collect();
         let text = format!(
@@ -47,7 +72,7 @@ fn matching<'a>(
         );
         return Err(error(ErrorCode::IncompatibleModel, text));
     }
-    Ok(similar.into_iter().filter_map(|(id, cosine)| Some((map.node(id)?, Some(cosine)))).collect())
+    Ok(similar.iter().filter_map(|&(id, cosine)| Some((map.node(id)?, Some(cosine)))).collect())
 }
 
 fn reply(

@@ -4,11 +4,13 @@ use super::{Answer, Sources, error, internal, json, postcard};
 use crate::basis::Basis;
 use crate::catalog::{MapView, find_release};
 use fht_map::route::Route;
-use fht_map::{MapState, PlanError, Rules};
+use fht_map::shortest::Workspace;
+use fht_map::{FreeSpace, MapIndex, MapState, PlanError, Rules};
 use fht_proto::compact::{CompactPath, CompactWaypoint};
 use fht_proto::query::{ErrorCode, ErrorReply, PathReply, Place, Waypoint};
 use fht_proto::request::{Format, PathOn};
-use fht_proto::{FixedPoint, Label};
+use fht_proto::{FixedPoint, Label, MapName};
+use std::cell::RefCell;
 use std::sync::Arc;
 
 pub(super) fn path(
@@ -24,8 +26,61 @@ pub(super) fn path(
     let (from, to) = (place(from)?, place(to)?);
     let rules = sources.live.rules(view, now_us);
     let space = basis.free_space(&rules);
-    let route = rules.plan(basis.state(), &space, from, to, &sources.config.route).map_err(|cause| no_route(&cause))?;
-    reply(view, &basis, &rules, &route, format)
+    let route = match space.over_budget() {
+        None => rules.plan(basis.state(), &space, from, to, &sources.config.route),
+        Some(_) => over_nodes(sources, &basis, &view.head.map, &rules, &space, (from, to)),
+    };
+    reply(view, &basis, &rules, &route.map_err(|cause| no_route(&cause))?, format)
+}
+
+/// The same, if nothing has to be waited for or made first, and it is a short search: both places in free space, of a small mesh.
+pub(super) fn at_once(
+    view: &MapView,
+    sources: &Sources,
+    (from, to): (&Place, &Place),
+    on: &PathOn,
+    format: Format,
+    now_us: u64,
+) -> Option<Result<Answer, ErrorReply>> {
+    let basis = &view.running;
+    if matches!(on, PathOn::Release(_)) || (*on == PathOn::Head && basis.release().is_some()) {
+        return None;
+    }
+    let place = |place| locate(view, basis.state(), place).ok();
+    let (from, to) = (place(from)?, place(to)?);
+    let rules = sources.live.rules_at_hand(view, now_us)?;
+    let space = basis.free_space_at_hand(&rules)?;
+    let is_short = space.over_budget().is_none() && space.triangle_count() <= sources.config.at_once_triangles;
+    if !is_short || !space.contains(from) || !space.contains(to) {
+        return None;
+    }
+    let route = rules.plan(basis.state(), &space, from, to, &sources.config.route).map_err(|cause| no_route(&cause));
+    Some(route.and_then(|route| reply(view, basis, &rules, &route, format)))
+}
+
+thread_local! {
+    /// What a search writes down.
+    static WORK: RefCell<Workspace> = RefCell::default();
+}
+
+/// On a map without a mesh: over its index.
+fn over_nodes(
+    sources: &Sources,
+    basis: &Basis,
+    map: &MapName,
+    rules: &Rules,
+    space: &FreeSpace,
+    ends: (FixedPoint, FixedPoint),
+) -> Result<Route, PlanError> {
+    let config = &sources.config.route;
+    let over = |index: &MapIndex| WORK.with_borrow_mut(|work| rules.plan_over(index, space, ends, config, work));
+    if basis.release().is_some() {
+        return over(basis.index());
+    }
+    let of_head =
+        sources.catalog.with_index(map, |newest, index| (newest.head.version == basis.version()).then(|| over(index)));
+    // The map has grown since: rarely, and then this is right and slower.
+    of_head.flatten().unwrap_or_else(|| rules.plan(basis.state(), space, ends.0, ends.1, config))
 }
 
 /// The state to plan on.

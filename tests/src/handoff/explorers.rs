@@ -3,10 +3,10 @@
 use super::{HandoffConfig, HandoffError, bar, read_report, world_args};
 use crate::process::{Process, Role};
 use crate::team::start_near;
+use fht_link::LinkConfig;
 use fht_proto::keys::{RobotTopic, robots_of};
 use fht_proto::{Digest, MapName, SeenArea, decode};
 use fht_robot::grid::Cell;
-use fht_robot::link::{self, LinkConfig};
 use fht_robot::pose::{Point2, pose};
 use fht_sim::{SimConfig, World};
 use indicatif::ProgressBar;
@@ -234,7 +234,8 @@ struct Witness {
 impl Witness {
     fn start(config: &HandoffConfig, map: &MapName) -> Result<Self, HandoffError> {
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
-        let session = runtime.block_on(link::open(&LinkConfig::from_options(vec![config.endpoint.clone()], None)))?;
+        let session =
+            runtime.block_on(fht_link::open(&LinkConfig::from_options(vec![config.endpoint.clone()], None)))?;
         let seen: Arc<Mutex<BTreeMap<String, SeenArea>>> = Arc::default();
         let hearing = Arc::clone(&seen);
         let hear = move |sample: Sample| {

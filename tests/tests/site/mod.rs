@@ -1,8 +1,8 @@
 //! A site for tests: certificates from the script, and the files of `deploy/` with their paths and endpoints replaced.
 #![allow(dead_code, clippy::unwrap_used)] // every test program uses a part of it; tests may panic
 
+use fht_link::LinkConfig;
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op};
-use fht_robot::link::{self, LinkConfig};
 use map_server::access::{Roles, configuration, object, parse};
 use map_server::config::LinkConfig as ServerLink;
 use map_server::{ServerConfig, ServerError};
@@ -149,7 +149,7 @@ impl Site {
     pub async fn session(&self, file: &str, own: &str) -> Session {
         let dir = tempfile::tempdir().unwrap();
         let file = in_file(dir.path(), "session", &shipped(file, own, &[], &[&self.endpoint]));
-        link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap()
+        fht_link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap()
     }
 
     pub async fn end(self) {

@@ -4,7 +4,7 @@
 use zenoh::Config;
 
 /// What keeps a session with `config` from each of `endpoints`, tried one after the other.
-pub(super) async fn reasons(config: &Config, endpoints: &[String]) -> String {
+pub async fn reasons(config: &Config, endpoints: &[String]) -> String {
     let mut reasons = Vec::new();
     for endpoint in endpoints {
         let reason = match trial(config, endpoint).await {
@@ -33,7 +33,7 @@ async fn trial(config: &Config, endpoint: &str) -> Result<(), zenoh::Error> {
     ] {
         config.insert_json5(key, value)?;
     }
-    super::attempt(config).await?.close().await
+    crate::waiting::attempt(config).await?.close().await
 }
 
 /// What to look at. Zenoh's errors are texts, and the best of them are those of rustls.
@@ -49,6 +49,7 @@ fn hint(reason: &str) -> Option<&'static str> {
 }
 
 /// Zenoh's errors end in the place in its source where they arose, which helps nobody here.
-pub(super) fn without_source_paths(text: &str) -> String {
+#[must_use]
+pub fn without_source_paths(text: &str) -> String {
     text.split(" at /").next().unwrap_or(text).trim_end_matches(['.', ' ']).to_owned()
 }

@@ -1,23 +1,20 @@
-//! The robot's Zenoh session: a client of the map server or of any router, which keeps trying to connect.
+//! Zenoh sessions. A robot is a client of the map server or of any router, and keeps trying to connect; the map server opens its own
+//! in the same way.
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | [`waiting`] | a session as a configuration says, waited for |
+//! | [`credentials`] | whether certificates and keys can be read |
+//! | [`trouble`] | why nobody answers |
 
 pub mod credentials;
-mod trouble;
+pub mod trouble;
+pub mod waiting;
 
-use credentials::CredentialError;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
-use zenoh::{Config, Wait};
+use waiting::{FOREVER, OpenError, endpoints, set_default};
+use zenoh::Config;
 
-/// A session that takes longer to open is remarked upon, with the reason.
-const PATIENCE: Duration = Duration::from_secs(3);
-/// … and again after this time, as long as there is none.
-const REMARK_EVERY: Duration = Duration::from_secs(30);
-
-/// Between two attempts to open a session, at first and at most.
-const FIRST_DELAY: Duration = Duration::from_millis(100);
-const LONGEST_DELAY: Duration = Duration::from_secs(2);
-/// `connect.timeout_ms` of a session that waits for its router.
-const FOREVER: &str = "-1";
 /// A lost router is tried again after a tenth of a second, and at least every two seconds from then on.
 const RETRY: &str = "{period_init_ms: 100, period_max_ms: 2000, period_increase_factor: 2}";
 /// Where a robot looks for a server that was told nothing.
@@ -75,86 +72,28 @@ pub enum LinkError {
     /// Nowhere to connect to.
     #[error("no endpoint: give --connect, or a --zenoh-config with connect.endpoints")]
     NoEndpoint,
-    /// A certificate or key that the configuration names is of no use.
+    /// There is no session.
     #[error(transparent)]
-    Credentials(#[from] CredentialError),
-    /// Zenoh opens no session.
-    #[error("no session with {endpoints:?}: {reason}")]
-    Open {
-        /// Where to.
-        endpoints: Vec<String>,
-        /// What Zenoh says.
-        reason: String,
-    },
+    Open(#[from] OpenError),
 }
 
-/// Opens the session. Waits until a server is there, without end, and says every half minute why it still waits (a log
-/// line, `WARN`): a Zenoh client is nothing without its router, and as a peer, which would not wait, a robot would not hear
-/// other robots through it. A certificate that is refused is waited out, too, since the router may be given another
-/// authority; one that cannot even be read is an error. Only a file whose `connect.timeout_ms` is not −1 ends the waiting.
+/// Opens the session. Waits until a server is there, without end, and says every half minute why it still waits ([`waiting::open`]): a
+/// Zenoh client is nothing without its router, and as a peer, which would not wait, a robot would not hear other robots through it. Only a
+/// file whose `connect.timeout_ms` is not −1 ends the waiting.
 /// Once open, the session outlives the server: it connects again, and its subscriptions, queryables and tokens are declared
 /// again. What is put meanwhile is lost, so whoever puts increments watches the head.
 ///
 /// # Errors
 /// [`LinkError`] when the configuration is no use or the session cannot be opened.
 pub async fn open(link: &LinkConfig) -> Result<zenoh::Session, LinkError> {
-    let mut config = config(link)?;
-    let endpoints = endpoints(&config);
-    if endpoints.is_empty() {
+    let config = config(link)?;
+    if endpoints(&config).is_empty() {
         return Err(LinkError::NoEndpoint);
     }
-    credentials::check(&config, &endpoints)?;
-    let is = |key: &str, value: &str| config.get_json(key).is_ok_and(|set| set == value);
-    let waits = is("mode", "\"client\"") && is("connect/timeout_ms", FOREVER);
-    let failed = |error: zenoh::Error| LinkError::Open {
-        endpoints: endpoints.clone(),
-        reason: trouble::without_source_paths(&error.to_string()),
-    };
-    if !waits {
-        return attempt(config).await.map_err(failed);
-    }
-    // A client that Zenoh lets wait asks the first endpoint for ever, and nobody else; one that does not wait asks each once.
-    config.insert_json5("connect/timeout_ms", "0").map_err(failed)?;
-    let (mut remark_at, mut delay) = (Instant::now() + PATIENCE, FIRST_DELAY);
-    loop {
-        let error = match attempt(config.clone()).await {
-            Ok(session) => return Ok(session),
-            Err(error) => error,
-        };
-        tracing::debug!("no session yet: {error}");
-        if Instant::now() >= remark_at {
-            tracing::warn!("waiting for a server: {}", trouble::reasons(&config, &endpoints).await);
-            remark_at = Instant::now() + REMARK_EVERY;
-        }
-        tokio::time::sleep(delay).await;
-        delay = (2 * delay).min(LONGEST_DELAY);
-    }
-}
-
-/// Opens a session on a thread of its own: Zenoh's own future blocks the thread that asks for it.
-async fn attempt(config: Config) -> Result<zenoh::Session, zenoh::Error> {
-    tokio::task::spawn_blocking(|| zenoh::open(config).wait()).await?
-}
-
-/// The endpoints to connect to, as texts.
-fn endpoints(config: &Config) -> Vec<String> {
-    let json = config.get_json("connect/endpoints").unwrap_or_default();
-    let mut found = Vec::new();
-    // A list, a list for each mode, or groups of links: whatever is a text with a slash is one.
-    let mut waiting: Vec<serde_json::Value> = serde_json::from_str(&json).into_iter().collect();
-    while let Some(value) = waiting.pop() {
-        match value {
-            serde_json::Value::String(text) if text.contains('/') => found.push(text),
-            serde_json::Value::Array(values) => waiting.extend(values.into_iter().rev()),
-            serde_json::Value::Object(fields) => waiting.extend(fields.into_iter().map(|(_, value)| value).rev()),
-            _ => {}
-        }
-    }
-    found
+    Ok(waiting::open(config, None).await?)
 }
 
 fn config(link: &LinkConfig) -> Result<Config, LinkError> {
-    let untouched = Config::default();
     let mut config = match &link.zenoh_config {
         None => Config::default(),
         Some(file) => Config::from_file(file).map_err(|error| LinkError::File {
@@ -177,10 +116,7 @@ fn config(link: &LinkConfig) -> Result<Config, LinkError> {
         ("connect/retry", RETRY),
         ("scouting/multicast/enabled", "false"),
     ] {
-        let json = |config: &Config| config.get_json(key).map_err(refused);
-        if json(&config)? == json(&untouched)? {
-            config.insert_json5(key, value).map_err(refused)?;
-        }
+        set_default(&mut config, key, value).map_err(refused)?;
     }
     Ok(config)
 }

@@ -1,0 +1,341 @@
+//! A fleet on one server: real processes, real sessions, and bare Zenoh queries beside ours in the same run.
+//!
+//! The server is a process of its own; on its session a bare queryable answers with as many bytes as a path has. The clients are
+//! sessions and live copies of the map, in another process. Paths and bare queries take turns, so that whatever else the machine
+//! does hits both. Meanwhile somebody changes the map.
+
+pub mod clients;
+pub mod latencies;
+pub mod server;
+pub mod usage;
+
+use crate::feed::{FeedError, put, write};
+use crate::process::{Process, ProcessError, free_endpoint};
+use client_robot::replica::{AskError, ask_head};
+use clients::{Event, Kind, Outcome, Report};
+use fht_link::{LinkConfig, LinkError};
+use fht_proto::{AuthorId, CodecError, FixedPose, Increment, MapName, NodeId, NodeKind, Op, VersionVector};
+use latencies::Latencies;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+use zenoh::{Session, Wait};
+
+/// How long the server may take to start.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// Zenoh's threads in the server, as `deploy/` sets them: who waits for the sockets also reads them, so that a message is not handed from
+/// thread to thread.
+pub const SERVER_THREADS: &str = "(acc: (handover: rx), net: (handover: rx))";
+/// Zenoh's threads for all clients together, which share the machine with the server.
+const CLIENT_THREADS: &str = "(acc: (handover: rx), net: (handover: rx), tx: (handover: rx))";
+/// How often the server's memory is looked at.
+const MEMORY_EVERY: Duration = Duration::from_millis(200);
+
+/// What is tried.
+#[derive(Clone, Debug)]
+pub struct FleetConfig {
+    /// This program: `fleet`.
+    pub executable: PathBuf,
+    /// Where the server keeps its map.
+    pub data: PathBuf,
+    /// What the map is called.
+    pub map: MapName,
+    /// Clients, their rate and how long.
+    pub clients: usize,
+    /// Questions of each client, a second.
+    pub rate_hz: f64,
+    /// How long each kind of question is asked, seconds.
+    pub seconds: f64,
+    /// The kinds take turns of this length, seconds.
+    pub turn_s: f64,
+    /// How long before anything counts, seconds, each kind.
+    pub warm_up_s: f64,
+    /// Questions of one client alone, of each kind.
+    pub alone: usize,
+    /// Increments that are written meanwhile, a second.
+    pub increments_hz: f64,
+    /// Seed of the places.
+    pub seed: u64,
+}
+
+/// What the server's process took for one kind of question.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Computed {
+    /// Time of the server on the processor, seconds.
+    pub server_s: f64,
+    /// Time of all clients on the processor, seconds.
+    pub clients_s: f64,
+    /// Time that went by, seconds.
+    pub wall_s: f64,
+}
+
+/// What came out.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct FleetReport {
+    /// Clients.
+    pub clients: usize,
+    /// Questions of each, a second.
+    pub rate_hz: f64,
+    /// How long it took until all had the map, seconds.
+    pub joined_s: f64,
+    /// Paths.
+    pub path: Outcome,
+    /// Bare queries with answers as long.
+    pub bare: Outcome,
+    /// What paths took.
+    pub path_computed: Computed,
+    /// What bare queries took.
+    pub bare_computed: Computed,
+    /// One client that waits for each answer: paths.
+    pub path_alone: Latencies,
+    /// The same, bare.
+    pub bare_alone: Latencies,
+    /// Clients whose copies are the server's map in the end.
+    pub copies_agree: usize,
+    /// Versions of the map that were written meanwhile.
+    pub versions: u64,
+    /// The most that the server had resident until it was warm, bytes.
+    pub warm_bytes: u64,
+    /// The most after that, bytes.
+    pub most_bytes: u64,
+    /// What it had in the end, bytes.
+    pub last_bytes: u64,
+    /// Programs that wanted to compute in the end, averaged over a minute.
+    pub load: f64,
+    /// Processors of the machine.
+    pub processors: usize,
+}
+
+impl FleetReport {
+    /// Refusals and questions without an answer.
+    #[must_use]
+    pub fn failures(&self) -> u64 {
+        [&self.path, &self.bare].iter().map(|outcome| outcome.errors + outcome.unanswered).sum()
+    }
+
+    /// Whether the server's memory stayed within a twentieth, or 8 MiB, of what it was when warm.
+    #[must_use]
+    pub fn memory_is_steady(&self) -> bool {
+        self.most_bytes <= self.warm_bytes + (self.warm_bytes / 20).max(8 << 20)
+    }
+
+    /// How many times a bare query's median a path's is, for one client.
+    #[must_use]
+    pub fn ratio_alone(&self) -> f64 {
+        self.path_alone.quantile_ms(0.5) / self.bare_alone.quantile_ms(0.5)
+    }
+}
+
+/// Why there is no report.
+#[derive(Debug, thiserror::Error)]
+pub enum FleetError {
+    /// A process is of no use.
+    #[error(transparent)]
+    Process(#[from] ProcessError),
+    /// The system refuses.
+    #[error(transparent)]
+    System(#[from] std::io::Error),
+    /// No session.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// The server does not answer.
+    #[error(transparent)]
+    Ask(#[from] AskError),
+    /// Zenoh refuses.
+    #[error("Zenoh refuses: {0}")]
+    Zenoh(#[from] zenoh::Error),
+    /// The map is not on the server.
+    #[error(transparent)]
+    Feed(#[from] FeedError),
+    /// The clients did not report.
+    #[error("the clients ended without a report")]
+    NoReport,
+}
+
+/// Tries a fleet on the map that `increments` make.
+///
+/// # Errors
+/// [`FleetError`]. Failures of single questions are in the report.
+pub fn run(config: &FleetConfig, increments: &[Increment]) -> Result<FleetReport, FleetError> {
+    let endpoint = free_endpoint()?;
+    let mut command = Command::new(&config.executable);
+    command.args(["server", "--listen", &endpoint, "--data"]).arg(&config.data).env("ZENOH_RUNTIME", SERVER_THREADS);
+    let mut server = Process::run("the server", command)?;
+    server.wait_until_listening(&endpoint, PATIENCE)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+    let session = runtime.block_on(fht_link::open(&LinkConfig::from_options(vec![endpoint.clone()], None)))?;
+    let vector = write(&session, &config.map, increments)?;
+
+    let mut report = FleetReport {
+        clients: config.clients,
+        rate_hz: config.rate_hz,
+        processors: std::thread::available_parallelism().map_or(0, usize::from),
+        ..FleetReport::default()
+    };
+    let watch = Watch { server: server.id(), report: &mut report, since: None, clients: 0 };
+    let alone = watch.follow(clients_of(config, &endpoint, true), &AtomicBool::default())?;
+    let is_warm = AtomicBool::default();
+    let (stop, memory) = (AtomicBool::default(), std::sync::Mutex::new(Memory::default()));
+    let together = std::thread::scope(|scope| {
+        scope.spawn(|| watch_memory(server.id(), &is_warm, &stop, &memory));
+        let writer = scope.spawn(|| change(config, &session, vector, &stop));
+        let watch = Watch { server: server.id(), report: &mut report, since: None, clients: 0 };
+        let together = watch.follow(clients_of(config, &endpoint, false), &is_warm);
+        stop.store(true, Ordering::Release);
+        let versions = writer.join().unwrap_or(Ok(0))?;
+        Ok::<_, FleetError>((together?, versions))
+    });
+    let (together, versions) = together?;
+    let memory = memory.into_inner().unwrap_or_default();
+    (report.warm_bytes, report.most_bytes, report.last_bytes) = (memory.warm, memory.most, memory.last);
+    (report.path, report.bare) = (together.path, together.bare);
+    (report.path_alone, report.bare_alone) = (alone.path_alone, alone.bare_alone);
+    (report.copies_agree, report.versions) = (together.copies_agree, versions);
+    report.load = usage::load().unwrap_or(f64::NAN);
+    session.close().wait()?;
+    Ok(report)
+}
+
+/// The clients' process: one alone that asks one question after the other, or all at their rate.
+fn clients_of(config: &FleetConfig, endpoint: &str, is_alone: bool) -> Command {
+    let (clients, seconds, alone) = if is_alone { (1, 0.0, config.alone) } else { (config.clients, config.seconds, 0) };
+    let mut command = Command::new(&config.executable);
+    command.args(["clients", "--connect", endpoint, "--map", config.map.as_str()]).env("ZENOH_RUNTIME", CLIENT_THREADS);
+    for (name, value) in [
+        ("--clients", clients.to_string()),
+        ("--rate", config.rate_hz.to_string()),
+        ("--seconds", seconds.to_string()),
+        ("--turn", config.turn_s.to_string()),
+        ("--warm-up", config.warm_up_s.to_string()),
+        ("--alone", alone.to_string()),
+        ("--seed", config.seed.to_string()),
+    ] {
+        command.args([name, &value]);
+    }
+    command
+}
+
+/// Changes the map until told to stop: moves one node to and fro. Returns how many increments the server has stored.
+fn change(
+    config: &FleetConfig,
+    session: &Session,
+    mut vector: VersionVector,
+    stop: &AtomicBool,
+) -> Result<u64, FleetError> {
+    if config.increments_hz <= 0.0 {
+        return Ok(0);
+    }
+    let author = AuthorId::of_robot("fleet-writer");
+    let id = NodeId { author, number: 0 };
+    let hlc_us = ask_head(session, &config.map, PATIENCE)?.clock_us;
+    let mut number = 0;
+    while !stop.load(Ordering::Acquire) {
+        number += 1;
+        let pose = FixedPose::from_metres(0.001 * (number % 10) as f64, 0.0, 0.0);
+        let op = if number == 1 { Op::PutNode { id, kind: NodeKind::Support, pose } } else { Op::SetPose { id, pose } };
+        put(session, &config.map, &Increment { author, number, hlc_us: hlc_us + number, ops: vec![op] })?;
+        vector.set(author, number);
+        std::thread::sleep(Duration::from_secs_f64(1.0 / config.increments_hz));
+    }
+    Ok(ask_head(session, &config.map, PATIENCE)?.vector.get(author))
+}
+
+#[derive(Debug, Default)]
+struct Memory {
+    warm: u64,
+    most: u64,
+    last: u64,
+}
+
+fn watch_memory(server: u32, is_warm: &AtomicBool, stop: &AtomicBool, memory: &std::sync::Mutex<Memory>) {
+    while !stop.load(Ordering::Acquire) {
+        if let Some(bytes) = usage::resident_bytes(server)
+            && let Ok(mut memory) = memory.lock()
+        {
+            let most = if is_warm.load(Ordering::Acquire) { &mut memory.most } else { &mut memory.warm };
+            *most = bytes.max(*most);
+            memory.last = bytes;
+        }
+        std::thread::sleep(MEMORY_EVERY);
+    }
+}
+
+/// Follows what clients say.
+struct Watch<'a> {
+    server: u32,
+    clients: u32,
+    report: &'a mut FleetReport,
+    /// When the turn under way began: on the clock, of the server, of the clients.
+    since: Option<(Instant, Duration, Duration)>,
+}
+
+impl Watch<'_> {
+    fn follow(mut self, clients: Command, is_warm: &AtomicBool) -> Result<Report, FleetError> {
+        let clients = Process::run("the clients", clients)?;
+        self.clients = clients.id();
+        let mut found = None;
+        clients.follow(|line| match serde_json::from_str::<Event>(line) {
+            Ok(Event::Joined { seconds }) => self.report.joined_s = seconds,
+            Ok(Event::Warm) => is_warm.store(true, Ordering::Release),
+            Ok(Event::Begins(_)) => self.since = self.now(),
+            Ok(Event::Ended(kind)) => self.ended(kind),
+            Ok(Event::Report(report)) => found = Some(*report),
+            Err(error) => tracing::warn!("not understood: {error}"),
+        })?;
+        found.ok_or(FleetError::NoReport)
+    }
+
+    fn now(&self) -> Option<(Instant, Duration, Duration)> {
+        Some((Instant::now(), usage::computed(self.server)?, usage::computed(self.clients)?))
+    }
+
+    fn ended(&mut self, kind: Kind) {
+        let Some((since, now)) = self.since.take().zip(self.now()) else { return };
+        let computed = match kind {
+            Kind::Path => &mut self.report.path_computed,
+            Kind::Bare => &mut self.report.bare_computed,
+        };
+        computed.wall_s += (now.0 - since.0).as_secs_f64();
+        computed.server_s += now.1.saturating_sub(since.1).as_secs_f64();
+        computed.clients_s += now.2.saturating_sub(since.2).as_secs_f64();
+    }
+}
+
+/// A map to try a fleet on where none was explored: a hall of so many rows and columns of nodes with overlapping rectangles.
+#[must_use]
+pub fn hall(rows: u32, columns: u32) -> Vec<Increment> {
+    use fht_proto::{EdgeKey, Rect};
+    let author = AuthorId::of_robot("hall");
+    let id = |row: u32, column: u32| NodeId { author, number: row * columns + column };
+    let places = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
+    let increment = |((row, column), number): ((u32, u32), u64)| {
+        let (x, y) = (f64::from(column) * 2.0, f64::from(row) * 2.0);
+        let pose = FixedPose::from_metres(x, y, 0.0);
+        let rect = Rect::around(pose.position, (x - 1.1, y - 1.1), (x + 1.1, y + 1.1));
+        let mut ops = vec![
+            Op::PutNode { id: id(row, column), kind: NodeKind::Support, pose },
+            Op::SetFreeSpace { id: id(row, column), rect: Some(rect) },
+        ];
+        let before = [(column > 0).then(|| id(row, column - 1)), (row > 0).then(|| id(row - 1, column))];
+        let edges = before.into_iter().flatten();
+        ops.extend(edges.map(|other| Op::PutEdge { edge: EdgeKey::new(other, id(row, column)) }));
+        Increment { author, number, hlc_us: number, ops }
+    };
+    places.zip(1..).map(increment).collect()
+}
+
+/// The increments of an explored world, as they travelled.
+///
+/// # Errors
+/// [`CodecError`].
+pub fn decoded(increments: &[Vec<u8>]) -> Result<Vec<Increment>, CodecError> {
+    increments.iter().map(|bytes| fht_proto::decode(bytes)).collect()
+}
+
+/// Where explored worlds are kept.
+#[must_use]
+pub fn kept() -> &'static Path {
+    Path::new("target/evaluation")
+}

@@ -1,0 +1,371 @@
+//! Many clients in one process: each a session and a live copy of the map of its own, all asking at a steady rate.
+
+use super::latencies::Latencies;
+use super::server::bare_selector;
+use client_robot::replica::{AskError, LiveReplica, ReplicaConfig, ReplicaError, ask, ask_head};
+use fht_link::{LinkConfig, LinkError};
+use fht_map::{FreeSpace, MapState, SpaceConfig};
+use fht_proto::keys::{Key, Topic};
+use fht_proto::query::PathReply;
+use fht_proto::{FixedPoint, MapName};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use zenoh::query::Reply;
+use zenoh::{Session, Wait};
+
+/// How long the whole fleet may take to join, to catch up, or to be answered at the end.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// How long one answer may take.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(10);
+/// Sessions that are opened at a time.
+const OPENING: usize = 8;
+/// Pairs of places that are asked for in turn.
+const PAIRS: usize = 500;
+/// Of so many replies one is read whole; all are looked at.
+const READ_EVERY: u64 = 64;
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// A path on the map.
+    Path,
+    /// As many bytes from the bare queryable.
+    Bare,
+}
+
+/// What clients do.
+#[derive(Clone, Debug)]
+pub struct ClientsConfig {
+    /// The server.
+    pub endpoint: String,
+    /// The map.
+    pub map: MapName,
+    /// How many.
+    pub clients: usize,
+    /// Questions of each, a second.
+    pub rate_hz: f64,
+    /// How long each kind is asked for before anything is counted, seconds.
+    pub warm_up_s: f64,
+    /// How long each kind is asked for, seconds.
+    pub seconds: f64,
+    /// The kinds take turns of this length, seconds.
+    pub turn_s: f64,
+    /// Questions of one client that waits for each answer, of each kind in turn, at the end.
+    pub alone: usize,
+    /// Seed of the places.
+    pub seed: u64,
+}
+
+/// What became of the questions of one kind.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// Questions put.
+    pub asked: u64,
+    /// Refusals, and answers that cannot be read.
+    pub errors: u64,
+    /// Questions that ended without an answer.
+    pub unanswered: u64,
+    /// From putting the question to having the answer.
+    pub latencies: Latencies,
+    /// How late questions were put: a generator that cannot keep up.
+    pub late: Latencies,
+    /// Bytes of answers.
+    pub bytes: u64,
+}
+
+/// What clients say while they are at it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Event {
+    /// All have the map.
+    Joined {
+        /// After so many seconds.
+        seconds: f64,
+    },
+    /// Warm by now: what follows counts.
+    Warm,
+    /// A turn begins.
+    Begins(Kind),
+    /// It has ended.
+    Ended(Kind),
+    /// The end.
+    Report(Box<Report>),
+}
+
+/// What clients found.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Report {
+    /// Paths.
+    pub path: Outcome,
+    /// Bare answers.
+    pub bare: Outcome,
+    /// Of one client alone.
+    pub path_alone: Latencies,
+    /// The same, bare.
+    pub bare_alone: Latencies,
+    /// Copies that are the server's map in the end.
+    pub copies_agree: usize,
+    /// Version of the map in the end.
+    pub version: u64,
+}
+
+/// Why clients cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum ClientsError {
+    /// A session cannot be opened.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// A copy cannot be kept.
+    #[error(transparent)]
+    Replica(#[from] ReplicaError),
+    /// The server does not answer.
+    #[error(transparent)]
+    Ask(#[from] AskError),
+    /// Zenoh refuses.
+    #[error("Zenoh refuses: {0}")]
+    Zenoh(#[from] zenoh::Error),
+    /// The system gives no threads.
+    #[error("no threads: {0}")]
+    Runtime(#[from] std::io::Error),
+    /// A client did not get the map in time.
+    #[error("a client did not get the map within {} s", PATIENCE.as_secs())]
+    Incomplete,
+    /// The map has no free space.
+    #[error("the map has no free space to ask for paths in")]
+    NoSpace,
+    /// An answer is no path.
+    #[error("an answer is no path: {0}")]
+    Answer(String),
+}
+
+/// Counts the answers to the questions of one kind.
+#[derive(Debug, Default)]
+struct Tally {
+    outcome: Mutex<Outcome>,
+    under_way: AtomicU64,
+}
+
+/// A question until it has ended.
+struct Asked {
+    at: Instant,
+    is_answered: AtomicBool,
+    is_read: bool,
+    tally: Arc<Tally>,
+}
+
+impl Tally {
+    fn with(&self, change: impl FnOnce(&mut Outcome)) {
+        change(&mut self.outcome.lock().unwrap_or_else(PoisonError::into_inner));
+    }
+}
+
+impl Asked {
+    fn answered(&self, reply: &Reply) {
+        let took = self.at.elapsed();
+        self.is_answered.store(true, Ordering::Relaxed);
+        let bytes = reply.result().map_or(0, |sample| sample.payload().len());
+        let is_good = match reply.result() {
+            Ok(sample) if self.is_read => serde_json::from_slice::<PathReply>(&sample.payload().to_bytes()).is_ok(),
+            Ok(_) => bytes > 0,
+            Err(_) => false,
+        };
+        self.tally.with(|outcome| {
+            outcome.bytes += bytes as u64;
+            if is_good {
+                outcome.latencies.add(took);
+            } else {
+                outcome.errors += 1;
+            }
+        });
+    }
+}
+
+impl Drop for Asked {
+    fn drop(&mut self) {
+        if !self.is_answered.load(Ordering::Relaxed) {
+            self.tally.with(|outcome| outcome.unanswered += 1);
+        }
+        self.tally.under_way.fetch_sub(1, Ordering::AcqRel);
+    }
+}
+
+/// A question, and how long the answer to it is.
+struct Pair {
+    path: String,
+    bare: String,
+}
+
+impl Pair {
+    fn selector(&self, kind: Kind) -> &str {
+        match kind {
+            Kind::Path => &self.path,
+            Kind::Bare => &self.bare,
+        }
+    }
+}
+
+/// Does all of it; `say` is told how it goes.
+///
+/// # Errors
+/// [`ClientsError`]. Questions without an answer are no error but a result.
+pub fn run(config: &ClientsConfig, mut say: impl FnMut(&Event)) -> Result<(), ClientsError> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+    let begin = Instant::now();
+    let sessions = runtime.block_on(open_all(config))?;
+    let replicas = sessions
+        .iter()
+        .enumerate()
+        .map(|(number, session)| {
+            LiveReplica::start(session, &config.map, &format!("fleet-{number}"), ReplicaConfig::default())
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    let first = sessions.first().ok_or(ClientsError::Incomplete)?;
+    let vector = ask_head(first, &config.map, PATIENCE)?.vector;
+    if !replicas.iter().all(|replica| replica.wait_for(&vector, PATIENCE)) {
+        return Err(ClientsError::Incomplete);
+    }
+    say(&Event::Joined { seconds: begin.elapsed().as_secs_f64() });
+
+    let pairs = pairs(config, first, &replicas[0].running())?;
+    let kinds = [Kind::Path, Kind::Bare];
+    for kind in kinds {
+        ask_all(config, &sessions, &pairs, kind, config.warm_up_s, &Arc::default());
+    }
+    say(&Event::Warm);
+    let tallies = kinds.map(|_| Arc::<Tally>::default());
+    let mut left_s = config.seconds;
+    while left_s > 0.0 {
+        let turn_s = config.turn_s.min(left_s);
+        for (kind, tally) in kinds.into_iter().zip(&tallies) {
+            say(&Event::Begins(kind));
+            ask_all(config, &sessions, &pairs, kind, turn_s, tally);
+            say(&Event::Ended(kind));
+        }
+        left_s -= turn_s.max(0.001);
+    }
+    let mut report = Report::default();
+    for (kind, tally) in kinds.into_iter().zip(&tallies) {
+        let outcome = tally.outcome.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        *if kind == Kind::Path { &mut report.path } else { &mut report.bare } = outcome;
+    }
+    (report.path_alone, report.bare_alone) = ask_alone(first, &pairs, config.alone)?;
+    let head = ask_head(first, &config.map, PATIENCE)?;
+    report.version = head.version;
+    report.copies_agree = replicas.iter().filter(|replica| agrees(replica, first, &config.map)).count();
+    say(&Event::Report(Box::new(report)));
+    drop(replicas);
+    for session in sessions {
+        session.close().wait()?;
+    }
+    Ok(())
+}
+
+async fn open_all(config: &ClientsConfig) -> Result<Vec<Session>, ClientsError> {
+    let link = LinkConfig::from_options(vec![config.endpoint.clone()], None);
+    let mut sessions = Vec::new();
+    while sessions.len() < config.clients {
+        let mut opening = tokio::task::JoinSet::new();
+        for _ in 0..OPENING.min(config.clients - sessions.len()) {
+            let link = link.clone();
+            opening.spawn(async move { fht_link::open(&link).await });
+        }
+        for session in opening.join_all().await {
+            sessions.push(session?);
+        }
+    }
+    Ok(sessions)
+}
+
+/// Whether a copy is the server's map: at some moment, since others may write.
+fn agrees(replica: &LiveReplica, session: &Session, map: &MapName) -> bool {
+    (0..20).any(|_| {
+        let Ok(head) = ask_head(session, map, ANSWER_TIMEOUT) else { return false };
+        let has_come = replica.wait_for(&head.vector, ANSWER_TIMEOUT);
+        let copy = replica.read();
+        has_come && *copy.vector() == head.vector && copy.state().digest() == head.digest
+    })
+}
+
+/// Pairs of places in free space, each asked for once.
+fn pairs(config: &ClientsConfig, session: &Session, map: &MapState) -> Result<Vec<Pair>, ClientsError> {
+    let space = FreeSpace::of(map, &SpaceConfig::default());
+    let places: Vec<FixedPoint> =
+        map.nodes().map(|node| node.pose.position).filter(|place| space.contains(*place)).collect();
+    if places.is_empty() {
+        return Err(ClientsError::NoSpace);
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
+    let mut draw = || {
+        let node = places[rng.random_range(0..places.len())];
+        // Beside a node, if there is room.
+        let mut off = |mm: i32| mm + rng.random_range(-400..=400);
+        let beside = FixedPoint { x_mm: off(node.x_mm), y_mm: off(node.y_mm) };
+        let place = if space.contains(beside) { beside } else { node };
+        format!("{:.3},{:.3}", place.x(), place.y())
+    };
+    let topic = Key::topic(&config.map, Topic::Path);
+    let mut pairs = Vec::new();
+    for _ in 0..PAIRS {
+        let path = format!("{topic}?from={};to={}", draw(), draw());
+        let answer = ask(session, &path, PATIENCE)?.pop().unwrap_or_default();
+        serde_json::from_slice::<PathReply>(&answer).map_err(|error| ClientsError::Answer(error.to_string()))?;
+        pairs.push(Pair { path, bare: bare_selector(answer.len()) });
+    }
+    Ok(pairs)
+}
+
+/// All clients ask at their rate, evenly spread, for so many seconds, whether they are answered or not. Waits for the answers.
+fn ask_all(config: &ClientsConfig, sessions: &[Session], pairs: &[Pair], kind: Kind, seconds: f64, tally: &Arc<Tally>) {
+    let interval_s = 1.0 / (config.rate_hz * sessions.len() as f64);
+    let count = (seconds / interval_s).round() as u64;
+    let begin = Instant::now();
+    for (number, session) in (0..count).zip(sessions.iter().cycle()) {
+        let due = begin + Duration::from_secs_f64(number as f64 * interval_s);
+        let early = due.saturating_duration_since(Instant::now());
+        if !early.is_zero() {
+            std::thread::sleep(early);
+        }
+        let pair = &pairs[number as usize % pairs.len()];
+        let is_read = kind == Kind::Path && number.is_multiple_of(READ_EVERY);
+        tally.under_way.fetch_add(1, Ordering::AcqRel);
+        let at = Instant::now();
+        let asked = Asked { at, is_answered: AtomicBool::new(false), is_read, tally: Arc::clone(tally) };
+        tally.with(|outcome| {
+            outcome.asked += 1;
+            outcome.late.add(at.saturating_duration_since(due));
+        });
+        let get = session.get(pair.selector(kind)).timeout(ANSWER_TIMEOUT);
+        // A question that cannot be put drops the callback, and counts as unanswered.
+        let _ = get.callback(move |reply| asked.answered(&reply)).wait();
+    }
+    let deadline = Instant::now() + PATIENCE;
+    while tally.under_way.load(Ordering::Acquire) > 0 && Instant::now() < deadline {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// One client that waits for each answer, of both kinds in turn: what it takes until the program has the answer.
+fn ask_alone(session: &Session, pairs: &[Pair], count: usize) -> Result<(Latencies, Latencies), ClientsError> {
+    let mut latencies = (Latencies::default(), Latencies::default());
+    let timed = |selector: &str| -> Result<Duration, ClientsError> {
+        let at = Instant::now();
+        ask(session, selector, ANSWER_TIMEOUT)?;
+        Ok(at.elapsed())
+    };
+    for (number, pair) in (0..count).zip(pairs.iter().cycle()) {
+        // Neither always comes after the other.
+        if number % 2 == 0 {
+            latencies.0.add(timed(&pair.path)?);
+            latencies.1.add(timed(&pair.bare)?);
+        } else {
+            latencies.1.add(timed(&pair.bare)?);
+            latencies.0.add(timed(&pair.path)?);
+        }
+    }
+    Ok(latencies)
+}
