@@ -38,7 +38,7 @@ pub struct ReplicaConfig {
     pub queue: usize,
     /// How long to wait for an answer, seconds. Default 5.
     pub timeout_s: f64,
-    /// How long increments that the head shows may be under way before they are asked for, seconds. Default 0.3.
+    /// How long increments that the head shows may be under way before they are asked for, seconds. Default 0.15.
     pub grace_s: f64,
     /// How long the copy may have increments that the server does not tell of before it is fetched anew, seconds. Default 10.
     pub ahead_s: f64,
@@ -55,7 +55,7 @@ impl Default for ReplicaConfig {
         Self {
             queue: 1024,
             timeout_s: 5.0,
-            grace_s: 0.3,
+            grace_s: 0.15,
             ahead_s: 10.0,
             head_every_s: 2.0,
             part_bytes: 64 << 10,

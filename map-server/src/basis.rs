@@ -32,7 +32,7 @@ impl Made {
 }
 
 /// A free space that takes no longer is made before the state is shown, so that no query waits for it.
-const SHORT: Duration = Duration::from_millis(100);
+const SHORT: Duration = Duration::from_millis(250);
 
 impl Basis {
     /// The newest state.

@@ -48,7 +48,10 @@ pub(super) fn at_once(
     }
     let place = |place| locate(view, basis.state(), place).ok();
     let (from, to) = (place(from)?, place(to)?);
-    let rules = sources.live.rules_at_hand(view, now_us)?;
+    // After every change of the map they are looked up anew: of a small map at once, too.
+    let is_small = view.head.edges <= FEW_EDGES;
+    let rules =
+        sources.live.rules_at_hand(view, now_us).or_else(|| is_small.then(|| sources.live.rules(view, now_us)))?;
     let space = basis.free_space_at_hand(&rules)?;
     let is_short = space.over_budget().is_none() && space.triangle_count() <= sources.config.at_once_triangles;
     if !is_short || !space.contains(from) || !space.contains(to) {
@@ -57,6 +60,9 @@ pub(super) fn at_once(
     let route = rules.plan(basis.state(), &space, from, to, &sources.config.route).map_err(|cause| no_route(&cause));
     Some(route.and_then(|route| reply(view, basis, &rules, &route, format)))
 }
+
+/// Edges that are looked through for those that are closed in some ten microseconds.
+const FEW_EDGES: usize = 5000;
 
 thread_local! {
     /// What a search writes down.
