@@ -77,7 +77,8 @@ impl Validate for SeenArea {
         let squares: u64 = self.runs.iter().map(|&run| u64::from(run)).sum();
         check(squares <= Self::MAX_SQUARES, || format!("a seen area of {squares} squares"))?;
         check(squares.is_multiple_of(u64::from(self.width)), || "a seen area whose last row is not whole".to_owned())?;
-        check(self.runs.iter().skip(1).all(|&run| run > 0), || "a seen area with an empty run".to_owned())
+        let is_plain = !self.runs.is_empty() && self.runs.iter().skip(1).all(|&run| run > 0);
+        check(is_plain, || "a seen area without runs, or with an empty one".to_owned())
     }
 }
 
@@ -128,6 +129,7 @@ mod tests {
             SeenArea { west: i32::MIN, ..good.clone() },
             SeenArea { runs: vec![u32::MAX; 100], ..good.clone() },
             SeenArea { runs: vec![0, 1, 0, 3], ..good.clone() },
+            SeenArea { runs: Vec::new(), ..good.clone() },
         ] {
             assert!(bad.validate().is_err(), "{bad:?}");
         }

@@ -1,5 +1,5 @@
 //! Several explorers of one building: together, one after the other, and after the building has changed. In simulated time, without
-//! cameras; the last test runs real processes.
+//! cameras; the last two tests run real processes.
 
 #![allow(clippy::unwrap_used)] // tests may panic
 
@@ -7,10 +7,15 @@ use fht_map::{FreeSpace, MapState, SpaceConfig, route::RouteConfig, taut};
 use fht_proto::FixedPoint;
 use fht_robot::pose::{Point2, Pose2};
 use fht_sim::{Changes, SimConfig, World, load, load_with};
+use fht_tests::handoff::{Crew, HandoffConfig, run as hand_off};
+use fht_tests::process::{Process, Role, free_endpoint};
 use fht_tests::team::{Member, TeamRun, TeamTask, run, start_near};
 use mapper::explore::Ending;
 use mapper::mapping::MapperConfig;
+use mapper::report::ExploreReport;
+use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 fn museum() -> Arc<World> {
     Arc::new(load("museum", None, 1).unwrap())
@@ -113,4 +118,59 @@ fn what_has_changed_is_found_by_one_that_looks_again() {
     let doubted = after.map.nodes().filter(|node| node.trust < fht_map::FULL_TRUST).count();
     println!("{gone} nodes of {} retired, {doubted} doubted", before.map.nodes().count());
     assert!(gone > 0 && gone * 4 < before.map.nodes().count());
+}
+
+fn executable() -> &'static Path {
+    Path::new(env!("CARGO_BIN_EXE_handoff"))
+}
+
+#[test]
+fn two_explorers_hand_over_to_a_client_as_processes() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = HandoffConfig {
+        executable: executable().to_owned(),
+        world: "museum".to_owned(),
+        textures: None,
+        seed: 1,
+        crew: Crew::Team(2),
+        endpoint: free_endpoint().unwrap(),
+        folder: folder.path().to_owned(),
+        picture: folder.path().join("museum.png"),
+        progress: false,
+    };
+    let (report, _server) = hand_off(&config).unwrap();
+    assert!(report.is_success() && report.explored_fraction > 0.98 && report.collisions == 0, "{report:?}");
+    // One began the map, and the other joined it.
+    let joined = report.explorers.iter().filter(|one| one.joined.is_some_and(|[seconds, _]| seconds > 0.0)).count();
+    assert!(joined == 1 && report.explorers.iter().all(|one| one.joined.is_some()), "{:?}", report.explorers);
+    assert!(report.relocalization_error_m.is_some_and(|metres| metres < 0.3), "{report:?}");
+}
+
+#[test]
+fn a_robot_that_comes_back_under_its_own_name_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let endpoint = free_endpoint().unwrap();
+    let data = folder.path().join("data");
+    let mut server = Process::start(
+        executable(),
+        Role::MapServer,
+        ["--data".as_ref(), data.as_os_str(), "--listen".as_ref(), endpoint.as_ref()],
+    )
+    .unwrap();
+    server.wait_until_listening(&endpoint, Duration::from_secs(20)).unwrap();
+    let explore = |max_sim_s: &str, report: &Path| {
+        let report = report.to_str().unwrap();
+        let flags = ["--world", "museum", "--map", "museum", "--connect", &endpoint, "--no-cameras", "--quiet"];
+        let flags = flags.into_iter().chain(["--max-sim", max_sim_s, "--report", report]);
+        let ended =
+            Process::start(executable(), Role::Mapper, std::iter::once("explore").chain(flags)).unwrap().follow(|_| ());
+        let report: ExploreReport = serde_json::from_str(&std::fs::read_to_string(report).unwrap()).unwrap();
+        (ended.is_ok(), report)
+    };
+    let (is_done, first) = explore("60", &folder.path().join("first.json"));
+    assert!(!is_done && first.ending == Ending::OutOfTime && first.delivered, "{first:?}");
+    let (is_done, second) = explore("3600", &folder.path().join("second.json"));
+    assert!(is_done && second.ending == Ending::Complete && second.delivered, "{second:?}");
+    assert!(second.version > first.version && second.joined.is_some_and(|[seconds, _]| seconds > 0.0), "{second:?}");
+    assert!(second.main_nodes > first.main_nodes && second.explored_fraction > 0.98, "{second:?}");
 }
