@@ -154,6 +154,8 @@ pub struct Fellows {
     _token: LivelinessToken,
     /// Says that this explorer begins the map.
     claim: Option<LivelinessToken>,
+    /// Whose word of what they have seen counts.
+    believed: BTreeSet<String>,
     taken_changes: Option<u64>,
     listened_us: Option<u64>,
     told_us: Option<u64>,
@@ -192,6 +194,7 @@ impl Fellows {
             robot: robot.to_owned(),
             heard,
             _subscribers: [goals, seen, tokens],
+            believed: BTreeSet::new(),
             taken_changes: None,
             listened_us: None,
             told_us: None,
@@ -294,8 +297,9 @@ impl Fellows {
     }
 
     /// The others, and what they have seen if there is news of that.
-    fn listen(&self) -> (Vec<Teammate>, Option<Vec<SeenArea>>) {
-        let mut heard = lock(&self.heard);
+    fn listen(&mut self) -> (Vec<Teammate>, Option<Vec<SeenArea>>) {
+        let heard = Arc::clone(&self.heard);
+        let mut heard = lock(&heard);
         let vector = self.replica.read().vector().clone();
         let mut is_news = false;
         for fellow in heard.fellows.values_mut() {
@@ -304,8 +308,19 @@ impl Fellows {
                 is_news = true;
             }
         }
-        let areas = || heard.fellows.values().filter_map(|fellow| fellow.seen.clone()).collect();
-        (heard.mates(), is_news.then(areas))
+        // One that died may have seen what it made no nodes of.
+        let counts = |fellow: &Fellow| {
+            fellow.seen.is_some() && (fellow.is_there || fellow.goal.as_ref().is_some_and(|goal| goal.finished))
+        };
+        let believed: BTreeSet<String> =
+            heard.fellows.iter().filter(|(_, fellow)| counts(fellow)).map(|(robot, _)| robot.clone()).collect();
+        is_news |= believed != self.believed;
+        let areas = || believed.iter().filter_map(|robot| heard.fellows.get(robot)?.seen.clone()).collect();
+        let areas = is_news.then(areas);
+        let mates = heard.mates();
+        drop(heard);
+        self.believed = believed;
+        (mates, areas)
     }
 
     fn say(&self, mapper: &Mapper) {

@@ -271,7 +271,12 @@ fn tell(robots: &mut [Robot], exchange: &mut Exchange, is_news: bool, now_s: f64
             exchange.offered.extend(robot.mapper.seen().map(|area| (robot.author, area)));
         }
     }
-    let is_seen = exchange.believe();
+    let dead: BTreeSet<AuthorId> =
+        robots.iter().filter(|robot| robot.is_dead(now_s)).map(|robot| robot.author).collect();
+    let before = exchange.seen.len();
+    exchange.seen.retain(|author, _| !dead.contains(author));
+    exchange.offered.retain(|author, _| !dead.contains(author));
+    let is_seen = exchange.believe() || exchange.seen.len() != before;
     for robot in robots.iter_mut().filter(|robot| robot.ended.is_none() && now_s >= robot.member.begins_s) {
         if is_seen {
             let others = exchange.seen.values().filter(|area| area.author != robot.author);

@@ -36,7 +36,13 @@ fn blocked_paths(map: &MapState, world: &World, world_from_map: &Pose2) -> (usiz
     let (mut blocked, mut planned) = (0, 0);
     for pair in 0..150 {
         let [from, to] = [place(2 * pair), place(2 * pair + 1)].map(|place| world_from_map.inverse() * place);
-        let Ok(route) = taut::plan(map, &space, fixed(from), fixed(to), &RouteConfig::default()) else { continue };
+        let route = match taut::plan(map, &space, fixed(from), fixed(to), &RouteConfig::default()) {
+            Ok(route) => route,
+            Err(reason) => {
+                println!("no path from {from} to {to} (map frame): {reason}");
+                continue;
+            }
+        };
         let points: Vec<Point2> = route
             .waypoints
             .iter()

@@ -163,8 +163,8 @@ impl Mapper {
         }
     }
 
-    /// What other explorers have seen: by author, the newest word of each whose increments are here that it had written by then. What one has
-    /// seen that died before it could write of it must be seen again.
+    /// What other explorers have seen: by author, the newest word of each whose increments are here that it had written by then. The word of one
+    /// that died is not to be given: it may have seen what it made no nodes of.
     pub fn hear_seen(&mut self, areas: &[SeenArea]) {
         let resolution_m = self.grid().resolution_m();
         let areas = if self.config.join.looks_again { &[] } else { areas };

@@ -14,6 +14,7 @@ use mapper::explore::SeenSquares;
 use mapper::report::ExploreReport;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
 use zenoh::Wait;
 use zenoh::pubsub::Subscriber;
@@ -97,16 +98,21 @@ pub(super) fn explore(config: &HandoffConfig, map: &MapName) -> Result<Explored,
     let world = fht_sim::load(&config.world, config.textures.as_deref(), config.seed)?;
     match config.crew {
         Crew::One => {
-            let report = run(config, map, 0, &world, false)?;
+            let report = run(config, map, 0, &world, false, None)?;
             Ok(Explored { digest: Some(report.digest), ..sum(vec![(name(0), report)], None) })
         }
         Crew::Team(count) => {
             let witness = Witness::start(config, map)?;
             let world = &world;
             let reports = std::thread::scope(|scope| {
-                let threads: Vec<_> = (0..count.max(1))
-                    .map(|number| scope.spawn(move || Ok((name(number), run(config, map, number, world, true)?))))
-                    .collect();
+                // The map's frame is to be known here: the others begin when the first one has begun the map.
+                let (begun, is_begun) = std::sync::mpsc::channel();
+                let first = scope.spawn(move || Ok((name(0), run(config, map, 0, world, true, Some(begun))?)));
+                // If it fails, it says so itself.
+                let _ = is_begun.recv();
+                let other = |number: usize| move || Ok((name(number), run(config, map, number, world, true, None)?));
+                let others = (1..count).map(|number| scope.spawn(other(number)));
+                let threads: Vec<_> = std::iter::once(first).chain(others).collect();
                 let joined = threads.into_iter().map(|thread| thread.join().map_err(|_| HandoffError::Thread)?);
                 joined.collect::<Result<Vec<_>, HandoffError>>()
             })?;
@@ -116,7 +122,7 @@ pub(super) fn explore(config: &HandoffConfig, map: &MapName) -> Result<Explored,
         Crew::Succession => {
             let witness = Witness::start(config, map)?;
             let died_s = run_until_half(config, map, &world)?;
-            let report = run(config, map, 1, &world, false)?;
+            let report = run(config, map, 1, &world, false, None)?;
             let mut explored = sum(vec![(name(1), report)], Some(witness.explored(&world)));
             let ending = "killed".to_owned();
             let dead = ExplorerFigures { robot: name(0), ending, joined: None, driven_m: None, sim_s: died_s };
@@ -155,19 +161,25 @@ fn args(
     args
 }
 
-/// Runs one explorer to its end.
+/// Runs one explorer to its end; `begun` is told when the server has something of it.
 fn run(
     config: &HandoffConfig,
     map: &MapName,
     number: usize,
     world: &World,
     is_paced: bool,
+    mut begun: Option<Sender<()>>,
 ) -> Result<ExploreReport, HandoffError> {
     let bar = bar(config, ["exploring", "second", "another"][number.min(2)]);
     let args = args(config, map, number, world, is_paced);
     Process::start(&config.executable, Role::Mapper, args)?.follow(|line| {
         if let Ok(line) = serde_json::from_str::<Line>(line) {
             line.show(&bar);
+            if line.acknowledged > 0
+                && let Some(begun) = begun.take()
+            {
+                let _ = begun.send(()); // nobody waits for it twice
+            }
         }
     })?;
     bar.finish_with_message("done");
