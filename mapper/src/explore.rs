@@ -147,8 +147,8 @@ pub struct Explorer {
     is_asking: bool,
     /// Whether the last answer was that nothing is left.
     is_all_seen: bool,
-    /// Whether it was that what is left is for others.
-    is_left_to_others: bool,
+    /// Since when no other explorer has had a goal, as seen by one that has none.
+    quiet_since_us: Option<u64>,
     setbacks: Setbacks,
     team: Team,
     began_us: Option<u64>,
@@ -171,7 +171,7 @@ impl Explorer {
             wanted: None,
             is_asking: false,
             is_all_seen: false,
-            is_left_to_others: false,
+            quiet_since_us: None,
             setbacks: Setbacks::default(),
             team: Team::default(),
             began_us: None,
@@ -297,7 +297,6 @@ impl Explorer {
             |target| self.goal.as_ref().is_some_and(|goal| goal.target == target && goal.reached_us.is_none());
         if self.recovering_since_us.is_none() && answer.underway.is_none_or(is_kept) {
             self.is_all_seen = answer.goal.is_none();
-            self.is_left_to_others = self.is_all_seen && answer.is_left_to_others;
             self.goal = answer.goal;
         }
     }
@@ -350,12 +349,22 @@ impl Explorer {
         }
     }
 
+    /// Whether a robot that has nothing left waits for the others: as long as one of them has a goal, and a little longer, because between two
+    /// goals it has none.
+    fn has_to_wait(&mut self, time_us: u64) -> bool {
+        if self.team.has_goals() {
+            self.quiet_since_us = Some(time_us);
+        }
+        let quiet_since_us = *self.quiet_since_us.get_or_insert(time_us);
+        self.team.goes_on() && seconds(quiet_since_us, time_us) < self.config.team.quiet_s
+    }
+
     /// The next command on the way to the goal. `None` when there is none left.
     fn goal_command(&mut self, map_from_base: &Pose2, time_us: u64) -> Option<Twist> {
         let Some(goal) = &mut self.goal else {
             // Waiting for an answer is not being stuck.
             self.moved = None;
-            let has_to_wait = !self.is_all_seen || (self.is_left_to_others && self.team.goes_on());
+            let has_to_wait = !self.is_all_seen || self.has_to_wait(time_us);
             return has_to_wait.then(Twist::default);
         };
         let twist = goal.follower.command(map_from_base);

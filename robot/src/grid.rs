@@ -248,21 +248,18 @@ impl OccupancyGrid {
         }
     }
 
-    /// Takes another's word that something stands at a point. It counts as much as one beam, and only where this robot has not looked.
-    pub fn suppose_occupied(&mut self, point: Point2) {
-        let is_near = |value: f64| value.is_finite() && value.abs() / self.config.resolution_m < f64::from(MAX_CELL);
-        if is_near(point.x) && is_near(point.y) {
-            let cell = self.cell_of(point);
-            self.grow_to_contain(cell);
-            if let Some(index) = self.bounds.index(cell).filter(|_| !self.is_own(cell)) {
-                self.add(index, self.config.hit_log_odds);
-            }
-        }
+    /// Adds a scan that another robot took: as [`integrate`](Self::integrate), but the cells do not count as seen by this robot.
+    pub fn integrate_told(&mut self, map_from_base: &Pose2, scan: &LaserScan) {
+        self.draw(map_from_base, scan, false);
     }
 
     /// Adds a scan taken at `map_from_base`: cells on the way of a beam become freer, the cell of its end more occupied.
     /// A cell that some beam of this scan ends in is not freed by the others, so that thin walls survive grazing beams.
     pub fn integrate(&mut self, map_from_base: &Pose2, scan: &LaserScan) {
+        self.draw(map_from_base, scan, true);
+    }
+
+    fn draw(&mut self, map_from_base: &Pose2, scan: &LaserScan, is_own: bool) {
         let map_from_sensor = map_from_base * scan.base_from_sensor;
         let origin = Point2::from(map_from_sensor.translation.vector);
         let longest =
@@ -313,12 +310,16 @@ impl OccupancyGrid {
         for index in crossed {
             if hits.binary_search(&index).is_err() {
                 self.add(index, self.config.miss_log_odds);
-                self.seen[index].count(false);
+                if is_own {
+                    self.seen[index].count(false);
+                }
             }
         }
         for index in hits {
             self.add(index, self.config.hit_log_odds);
-            self.seen[index].count(true);
+            if is_own {
+                self.seen[index].count(true);
+            }
         }
     }
 

@@ -63,26 +63,6 @@ pub struct Answer {
     pub(super) underway: Option<Point2>,
     /// What to drive to; `None` when nothing is left.
     pub(super) goal: Option<Goal>,
-    /// Whether something is left, but for others.
-    pub(super) is_left_to_others: bool,
-}
-
-/// What a search among frontiers came to.
-#[derive(Default)]
-struct Choice {
-    goal: Option<Goal>,
-    is_left_to_others: bool,
-}
-
-impl Choice {
-    /// What `otherwise` says if nothing was found.
-    fn or_else(self, otherwise: impl FnOnce() -> Self) -> Self {
-        if self.goal.is_some() {
-            return self;
-        }
-        let other = otherwise();
-        Self { is_left_to_others: other.is_left_to_others || self.is_left_to_others, ..other }
-    }
 }
 
 impl Search {
@@ -90,9 +70,9 @@ impl Search {
     #[must_use]
     pub fn run(&self, grid: &OccupancyGrid) -> Answer {
         let kept = self.underway.and_then(|underway| self.way_on(grid, &underway));
-        let choice = Choice { goal: kept, is_left_to_others: false }.or_else(|| self.choose(grid));
+        let goal = kept.or_else(|| self.choose(grid));
         let underway = self.underway.map(|underway| underway.target);
-        Answer { underway, goal: choice.goal, is_left_to_others: choice.is_left_to_others }
+        Answer { underway, goal }
     }
 
     /// The path to the same goal over the grid as it is now, if that is not much longer.
@@ -113,13 +93,13 @@ impl Search {
 
     /// The frontier of greatest utility that has not failed; if all have, the best that may be tried again. A robot that is
     /// boxed in squeezes out first.
-    fn choose(&self, grid: &OccupancyGrid) -> Choice {
+    fn choose(&self, grid: &OccupancyGrid) -> Option<Goal> {
         let config = &self.config;
         let allowed = |target: Point2| self.setbacks.allows(target, self.time_us, &config.setbacks);
         let allowed_later = |target: Point2| self.setbacks.allows_later(target, &config.setbacks);
         self.best_goal(grid, config, allowed).or_else(|| self.best_goal(grid, config, allowed_later)).or_else(|| {
             if !self.is_boxed_in(grid) {
-                return Choice::default();
+                return None;
             }
             let plan = PlanConfig { robot_radius_m: config.squeeze_m, ..config.plan.clone() };
             let tight = ExploreConfig { plan, ..config.clone() };
@@ -138,7 +118,7 @@ impl Search {
     /// The way to the frontier of greatest utility among those that `accept` allows, wherever it is.
     ///
     /// It looks near the robot first, and farther only while something farther could still be better.
-    fn best_goal(&self, grid: &OccupancyGrid, config: &ExploreConfig, accept: impl Fn(Point2) -> bool) -> Choice {
+    fn best_goal(&self, grid: &OccupancyGrid, config: &ExploreConfig, accept: impl Fn(Point2) -> bool) -> Option<Goal> {
         let map_from_base = &self.map_from_base;
         let known = Knowledge { grid, others: &self.team.seen };
         let position = Point2::from(map_from_base.translation.vector);
@@ -156,14 +136,13 @@ impl Search {
             // Without the cost of a search for ways to nowhere.
             if frontiers.is_empty() {
                 if is_all {
-                    return Choice::default();
+                    return None;
                 }
                 limit_m *= WIDEN;
                 continue;
             }
             let space = Traversable::in_region(grid, &config.plan, region);
             let distances = space.distances_within(position, limit_m);
-            let mut is_left_to_others = false;
             let candidates = frontiers.iter().filter_map(|frontier| {
                 let approach = frontier::approach(frontier, grid, &space, &distances, &config.frontier, is_open)?;
                 if frontier.is_gap && approach.distance_m > config.frontier.gap_reach_m {
@@ -177,11 +156,7 @@ impl Search {
                 };
                 let share = match self.team.worth(&prospect, &config.team) {
                     Worth::Share(share) => share,
-                    Worth::LeftToOthers => {
-                        is_left_to_others = true;
-                        return None;
-                    }
-                    Worth::Nothing => return None,
+                    Worth::LeftToOthers | Worth::Nothing => return None,
                 };
                 let path = distances.path_to(approach.stand);
                 let turn_rad = turn_to_set_off(map_from_base, &path);
@@ -199,9 +174,9 @@ impl Search {
                         follower: PathFollower::new(config.follow.clone(), space.shorten(&path)),
                         reached_us: None,
                     };
-                    return Choice { goal: Some(goal), is_left_to_others };
+                    return Some(goal);
                 }
-                _ if is_all => return Choice { goal: None, is_left_to_others },
+                _ if is_all => return None,
                 _ => limit_m *= WIDEN,
             }
         }

@@ -91,9 +91,7 @@ mod tests {
         let mut grid = OccupancyGrid::new(GridConfig::default());
         assert!(seen_area(&grid, AuthorId(1), 0).is_none());
         grid.integrate(&pose(-3.0, 1.0, 0.0), &scan);
-        let corner = |x: f64, y: f64| fht_robot::pose::Point2::new(x, y);
-        grid.suppose_free(corner(7.0, 0.0), corner(9.0, 2.0));
-        grid.suppose_occupied(corner(9.5, 1.0));
+        grid.integrate_told(&pose(8.0, 1.0, 0.0), &scan);
         let area = seen_area(&grid, AuthorId(1), 5).expect("something was seen");
         assert!(area.validate().is_ok() && area.upto == 5);
         let seen = SeenSquares::new(&area, grid.resolution_m()).expect("it fits the grid");

@@ -20,11 +20,13 @@ pub struct TeamConfig {
     pub told_worth: f64,
     /// A robot that has nothing left while others go on looks again this often, seconds. Default 3.
     pub look_again_s: f64,
+    /// It has finished when none of the others has had a goal for so long, seconds. Default 8.
+    pub quiet_s: f64,
 }
 
 impl Default for TeamConfig {
     fn default() -> Self {
-        Self { claim_m: 3.0, nearer_m: 1.0, others_worth: 0.4, told_worth: 0.5, look_again_s: 3.0 }
+        Self { claim_m: 3.0, nearer_m: 1.0, others_worth: 0.4, told_worth: 0.5, look_again_s: 3.0, quiet_s: 8.0 }
     }
 }
 
@@ -131,7 +133,12 @@ impl Team {
         })
     }
 
-    /// Whether some other explorer goes on.
+    /// Whether some other explorer is on its way to something.
+    pub(super) fn has_goals(&self) -> bool {
+        self.mates.iter().any(|mate| !mate.is_finished && mate.target.is_some())
+    }
+
+    /// Whether some other explorer has not finished.
     pub(super) fn goes_on(&self) -> bool {
         self.mates.iter().any(|mate| !mate.is_finished)
     }

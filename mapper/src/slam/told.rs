@@ -1,6 +1,6 @@
 //! What other robots have told of the building: nodes of the map that this run did not make.
 //!
-//! Their rectangles and the walls that their scans show are drawn into the grid, so that this robot can plan there. Nodes that were there
+//! Their scans and rectangles are drawn into the grid, so that what others have seen need not be seen again. Nodes that were there
 //! before this robot joined the map also hold it: see [`super::closure`].
 
 use fht_proto::{FixedPoint, NodeId, Rect, Signature};
@@ -67,9 +67,7 @@ impl ToldNode {
     pub fn draw(&self, grid: &mut OccupancyGrid) {
         self.draw_free_space(grid);
         if let Some(scan) = self.scan.as_ref().filter(|_| self.is_shown) {
-            // What the beams went through is free, but nobody has said that a robot could be there: where no rectangle is, this one looks
-            // itself, unless others say that they have looked.
-            scan.points_in_base().iter().for_each(|end| grid.suppose_occupied(self.map_from_node * end));
+            grid.integrate_told(&self.map_from_node, scan);
         }
     }
 }
