@@ -79,16 +79,24 @@ pub struct TrajectoryError {
 /// map frame) knows.
 #[must_use]
 pub fn explored(plan: &FloorPlan, grid: &OccupancyGrid, world_from_map: &Pose2, radius_m: f64) -> (f64, f64) {
+    explored_by(plan, world_from_map, radius_m, |place| grid.state_at(place) != CellState::Unknown)
+}
+
+/// The same, for whatever `is_known` says of places in the map frame.
+#[must_use]
+pub fn explored_by(
+    plan: &FloorPlan,
+    world_from_map: &Pose2,
+    radius_m: f64,
+    is_known: impl Fn(Point2) -> bool,
+) -> (f64, f64) {
     let reachable = plan.reachable_free(Point2::from(world_from_map.translation.vector), radius_m);
     let map_from_world = world_from_map.inverse();
     let (mut total, mut known) = (0_usize, 0_usize);
     for row in 0..plan.height() {
-        for column in 0..plan.width() {
-            if reachable.contains(column, row) {
-                total += 1;
-                let place = map_from_world * plan.centre_of(column, row);
-                known += usize::from(grid.state_at(place) != CellState::Unknown);
-            }
+        for column in (0..plan.width()).filter(|column| reachable.contains(*column, row)) {
+            total += 1;
+            known += usize::from(is_known(map_from_world * plan.centre_of(column, row)));
         }
     }
     (plan.area_m2(&reachable), known as f64 / total.max(1) as f64)

@@ -12,6 +12,7 @@ use mapper::camera::CameraError;
 use mapper::explore::{Ending, Teammate};
 use mapper::joining::JoinConfig;
 use mapper::mapping::{Mapper, MapperConfig, Step};
+use mapper::report::explored_by;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
@@ -372,21 +373,10 @@ fn member_report(robot: &Robot, map: &MapState, world_from_map: &Pose2) -> Membe
 
 /// Share of the free area that can be seen that some robot's grid knows.
 fn explored(world: &World, robots: &[Robot], world_from_map: &Pose2) -> f64 {
-    let plan = world.plan();
-    let start = Point2::from(world_from_map.translation.vector);
-    let reachable = plan.reachable_free(start, SimConfig::default().radius_m);
-    let map_from_world = world_from_map.inverse();
     let placed: Vec<&OccupancyGrid> =
         robots.iter().filter(|robot| robot.mapper.is_placed()).map(|robot| robot.mapper.grid()).collect();
-    let (mut total, mut known) = (0_usize, 0_usize);
-    for row in 0..plan.height() {
-        for column in (0..plan.width()).filter(|column| reachable.contains(*column, row)) {
-            let place = map_from_world * plan.centre_of(column, row);
-            total += 1;
-            known += usize::from(placed.iter().any(|grid| grid.state_at(place) != CellState::Unknown));
-        }
-    }
-    known as f64 / total.max(1) as f64
+    let is_known = |place: Point2| placed.iter().any(|grid| grid.state_at(place) != CellState::Unknown);
+    explored_by(world.plan(), world_from_map, SimConfig::default().radius_m, is_known).1
 }
 
 /// How many parts of a map no edges join, and the share of the nodes in the largest.

@@ -7,11 +7,11 @@ use fht_link::LinkConfig;
 use fht_proto::keys::{RobotTopic, robots_of};
 use fht_proto::{Digest, MapName, SeenArea, decode};
 use fht_robot::grid::Cell;
-use fht_robot::pose::{Point2, pose};
+use fht_robot::pose::Point2;
 use fht_sim::{SimConfig, World};
 use indicatif::ProgressBar;
 use mapper::explore::SeenSquares;
-use mapper::report::ExploreReport;
+use mapper::report::{ExploreReport, explored_by};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::mpsc::Sender;
@@ -266,24 +266,15 @@ impl Witness {
         const CELL_M: f64 = 0.05;
         let seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         let squares: Vec<SeenSquares> = seen.values().filter_map(|area| SeenSquares::new(area, CELL_M)).collect();
-        let plan = world.plan();
-        let world_from_map =
-            pose(world.start().translation.x, world.start().translation.y, world.start().rotation.angle());
-        let reachable =
-            plan.reachable_free(Point2::from(world_from_map.translation.vector), SimConfig::default().radius_m);
-        let (mut total, mut known) = (0_usize, 0_usize);
-        for row in 0..plan.height() {
-            for column in (0..plan.width()).filter(|column| reachable.contains(*column, row)) {
-                let place = world_from_map.inverse() * plan.centre_of(column, row);
-                let cell = Cell { i: (place.x / CELL_M).floor() as i32, j: (place.y / CELL_M).floor() as i32 };
-                total += 1;
-                known += usize::from(squares.iter().any(|squares| squares.has(cell)));
-            }
-        }
+        let is_known = |place: Point2| {
+            let cell = Cell { i: (place.x / CELL_M).floor() as i32, j: (place.y / CELL_M).floor() as i32 };
+            squares.iter().any(|squares| squares.has(cell))
+        };
+        let (_, share) = explored_by(world.plan(), &world.start(), SimConfig::default().radius_m, is_known);
         drop(seen);
         // A session that is dropped closes; nothing is lost by an error.
         let _ = self.subscriber.undeclare().wait();
         let _ = self.session.close().wait();
-        known as f64 / total.max(1) as f64
+        share
     }
 }
