@@ -8,7 +8,6 @@ use divan::{Bencher, black_box};
 use fht_map::{FreeSpace, MapState, RouteConfig, SpaceConfig, graph, lookup, taut};
 use fht_proto::{FixedPoint, NodeId};
 use fht_tests::survey::{Survey, SurveyTask};
-use mapper::mapping::MapperConfig;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::cell::Cell;
@@ -45,18 +44,7 @@ fn building(name: &str) -> Option<&'static Building> {
 }
 
 fn load(name: &str, world: &str) -> Option<Building> {
-    let task = SurveyTask {
-        world: world.to_owned(),
-        textures: None,
-        world_seed: 1,
-        changes: None,
-        start: None,
-        cameras: true,
-        seed: 1,
-        drift: 1.0,
-        variant: "ours".to_owned(),
-        mapper: MapperConfig::default(),
-    };
+    let task = SurveyTask::usual(world);
     let folder = Path::new("target/evaluation");
     if !Survey::is_kept(&task, folder) {
         eprintln!("{name}: no map in target/evaluation; `evaluate paths --worlds {world}` makes it");

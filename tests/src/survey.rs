@@ -44,6 +44,23 @@ pub struct SurveyTask {
 }
 
 impl SurveyTask {
+    /// The exploration that evaluations share: seed 1, cameras, the wheels' ordinary drift, the mapper as it is by default.
+    #[must_use]
+    pub fn usual(world: &str) -> Self {
+        Self {
+            world: world.to_owned(),
+            textures: None,
+            world_seed: 1,
+            changes: None,
+            start: None,
+            cameras: true,
+            seed: 1,
+            drift: 1.0,
+            variant: "ours".to_owned(),
+            mapper: MapperConfig::default(),
+        }
+    }
+
     /// Where its map is kept: by the whole of what was asked for, since two files may have one stem, and a built-in world
     /// its name.
     fn path(&self, folder: &Path) -> PathBuf {

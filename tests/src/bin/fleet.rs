@@ -6,7 +6,6 @@ use fht_tests::fleet::{Computed, FleetConfig, FleetReport, decoded, hall, kept, 
 use fht_tests::handoff::map_name;
 use fht_tests::process::this_executable;
 use fht_tests::survey::{Survey, SurveyTask};
-use mapper::mapping::MapperConfig;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -138,18 +137,7 @@ fn fleet(args: &FleetArgs) -> Result<bool, String> {
     let increments = if args.world == "hall" {
         hall(20, 20)
     } else {
-        let task = SurveyTask {
-            world: args.world.clone(),
-            textures: None,
-            world_seed: 1,
-            changes: None,
-            start: None,
-            cameras: true,
-            seed: 1,
-            drift: 1.0,
-            variant: "ours".to_owned(),
-            mapper: MapperConfig::default(),
-        };
+        let task = SurveyTask::usual(&args.world);
         let survey = Survey::of(&task, kept()).map_err(|error| text(&error))?;
         decoded(&survey.increments).map_err(|error| text(&error))?
     };

@@ -5,7 +5,6 @@ use fht_tests::fleet::{decoded, kept};
 use fht_tests::joining::{Joining, JoiningConfig, office, run};
 use fht_tests::survey::{Survey, SurveyTask};
 use fht_tests::thin_link::LinkShape;
-use mapper::mapping::MapperConfig;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -61,18 +60,7 @@ fn joining(args: &Args) -> Result<bool, String> {
     let increments = match &args.world {
         None => office(args.times),
         Some(world) => {
-            let task = SurveyTask {
-                world: world.clone(),
-                textures: None,
-                world_seed: 1,
-                changes: None,
-                start: None,
-                cameras: true,
-                seed: 1,
-                drift: 1.0,
-                variant: "ours".to_owned(),
-                mapper: MapperConfig::default(),
-            };
+            let task = SurveyTask::usual(world);
             decoded(&Survey::of(&task, kept()).map_err(|error| text(&error))?.increments)
                 .map_err(|error| text(&error))?
         }
