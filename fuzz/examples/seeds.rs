@@ -7,7 +7,7 @@ use fht_proto::fold::Rest;
 use fht_proto::query::Snapshot;
 use fht_proto::{
     AuthorId, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Fold, Increment, ModelId, NodeId,
-    NodeKind, Op, Rect, Release, ReleaseId, ScanRecord, SeenArea, Signature, VersionVector, Zone, ZoneRule, encode,
+    NodeKind, Op, Rect, Release, ReleaseId, ScanRecord, SeenArea, Signature, Square, VersionVector, Zone, ZoneRule, encode,
 };
 use std::error::Error;
 use std::path::Path;
@@ -118,7 +118,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         similarity: Some(0.5),
     };
     write("replies", "seed-nodes", &body(&CompactNodes { map: path.map.clone(), version: 3, nodes: vec![compact] })?)?;
-    let runs = SeenArea::runs_of([false, true, true, true, false, true]);
+    use Square::{Free, Occupied, Unseen};
+    let runs = SeenArea::runs_of([Unseen, Free, Free, Occupied, Unseen, Free]);
     let seen = SeenArea { author: ANA, upto: 6, square_mm: 200, west: -1, south: 2, width: 3, runs };
     write("replies", "seed-seen", &body(&seen)?)?;
     let mut vector = VersionVector::default();

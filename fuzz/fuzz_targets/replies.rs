@@ -2,7 +2,7 @@
 //! The other binary messages: descriptors, compact paths and nodes, what explorers have seen.
 
 use fht_fuzz::decode_all;
-use fht_proto::{Descriptor, SeenArea};
+use fht_proto::{Descriptor, SeenArea, Square};
 use fht_proto::compact::{CompactNodes, CompactPath};
 use libfuzzer_sys::fuzz_target;
 
@@ -13,7 +13,7 @@ fuzz_target!(|bytes: &[u8]| {
     decode_all::<CompactPath>(bytes);
     decode_all::<CompactNodes>(bytes);
     for area in decode_all::<SeenArea>(bytes) {
-        let squares: Vec<bool> = area.squares().collect();
+        let squares: Vec<Square> = area.squares().collect();
         assert_eq!(squares.len(), area.height() * usize::from(area.width));
         assert_eq!(SeenArea::runs_of(squares), area.runs);
     }

@@ -1,6 +1,7 @@
 //! Frontiers: where known free space ends and unknown space begins (paper section III-A, facts §1.11).
 
 use crate::explore::SeenSquares;
+use fht_proto::Square;
 use fht_robot::grid::{Cell, CellBounds, CellState, OccupancyGrid};
 use fht_robot::planning::{DistanceField, Traversable};
 use fht_robot::pose::Point2;
@@ -92,8 +93,6 @@ pub struct Knowledge<'a> {
 enum Sight {
     Free,
     Occupied,
-    /// Others have seen it; what it is they have not told.
-    SeenByOthers,
     Unknown,
 }
 
@@ -104,12 +103,21 @@ impl<'a> Knowledge<'a> {
         Self { grid, others: &[] }
     }
 
+    /// What others say of a cell, the first one's word first.
+    fn hearsay(&self, cell: Cell) -> Sight {
+        let mut words = self.others.iter().map(|seen| seen.square(cell));
+        match words.find(|word| *word != Square::Unseen) {
+            Some(Square::Free) => Sight::Free,
+            Some(Square::Occupied) => Sight::Occupied,
+            Some(Square::Unseen) | None => Sight::Unknown,
+        }
+    }
+
     fn sight(&self, cell: Cell) -> Sight {
         match self.grid.state(cell) {
             CellState::Free => Sight::Free,
             CellState::Occupied => Sight::Occupied,
-            CellState::Unknown if self.others.iter().any(|seen| seen.has(cell)) => Sight::SeenByOthers,
-            CellState::Unknown => Sight::Unknown,
+            CellState::Unknown => self.hearsay(cell),
         }
     }
 }
@@ -118,13 +126,13 @@ impl<'a> Knowledge<'a> {
 #[must_use]
 pub fn is_frontier(known: &Knowledge<'_>, cell: Cell) -> bool {
     let neighbours = (-1..=1).flat_map(|dj| (-1..=1).map(move |di| Cell { i: cell.i + di, j: cell.j + dj }));
-    known.grid.state(cell) == CellState::Free && {
+    known.sight(cell) == Sight::Free && {
         let mut unknown = false;
         for sight in neighbours.map(|cell| known.sight(cell)) {
             match sight {
                 Sight::Occupied => return false,
                 Sight::Unknown => unknown = true,
-                Sight::Free | Sight::SeenByOthers => {}
+                Sight::Free => {}
             }
         }
         unknown

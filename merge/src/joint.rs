@@ -102,7 +102,7 @@ pub(crate) fn draw(
     for block in &blocks {
         free(&mut states, &bounds, &frame, block);
     }
-    let mut grid = OccupancyGrid::from_states(config.grid.clone(), bounds, states);
+    let mut grid = OccupancyGrid::from_states(config.grid.clone(), bounds, states.iter().copied());
     for node in a.main_nodes() {
         if let Some(signature) = node.signature {
             grid.integrate(&from_fixed(node.pose), &LaserScan::from_record(&signature.scan));
@@ -113,7 +113,12 @@ pub(crate) fn draw(
             grid.integrate(a_from_node, &LaserScan::from_record(&signature.scan));
         }
     }
-    Ok(grid)
+    // What one scan from far away shows is too little to drive on: only what a map itself says is free. Beyond `bounds` no map does.
+    let free_and_empty = states.into_iter().enumerate().map(|(index, state)| match grid.state(bounds.cell(index)) {
+        CellState::Free if state != CellState::Free => CellState::Unknown,
+        seen => seen,
+    });
+    Ok(OccupancyGrid::from_states(config.grid.clone(), bounds, free_and_empty))
 }
 
 fn bounds(

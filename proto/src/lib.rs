@@ -50,7 +50,7 @@ pub use fold::Fold;
 pub use geometry::{FixedPoint, FixedPose, Rect};
 pub use ids::{AuthorId, MapName, NodeId};
 pub use increment::{EdgeKey, Increment, NodeKind, Op, Stamp};
-pub use seen::SeenArea;
+pub use seen::{Run, SeenArea, Square};
 pub use signature::{Descriptor, DescriptorModel, ModelId, ScanRecord, Signature};
 pub use validate::Invalid;
 pub use version::{Digest, VersionVector};

@@ -9,6 +9,7 @@ use fht_robot::grid::{Cell, OccupancyGrid};
 use fht_robot::motion::PathFollower;
 use fht_robot::planning::{PlanConfig, Traversable, region_around};
 use fht_robot::pose::{Point2, Pose2, wrap_angle};
+use std::borrow::Cow;
 
 /// The way's direction is taken at this distance from the robot, metres.
 const SET_OFF_M: f64 = 0.6;
@@ -66,11 +67,15 @@ pub struct Answer {
 }
 
 impl Search {
-    /// Searches `grid`, which is in the map frame.
+    /// Searches `grid`, which is in the map frame, and what others say that they have seen.
     #[must_use]
     pub fn run(&self, grid: &OccupancyGrid) -> Answer {
-        let kept = self.underway.and_then(|underway| self.way_on(grid, &underway));
-        let goal = kept.or_else(|| self.choose(grid));
+        let mut grid = Cow::Borrowed(grid);
+        for seen in &self.team.seen {
+            seen.draw_free_space(grid.to_mut());
+        }
+        let kept = self.underway.and_then(|underway| self.way_on(&grid, &underway));
+        let goal = kept.or_else(|| self.choose(&grid));
         let underway = self.underway.map(|underway| underway.target);
         Answer { underway, goal }
     }

@@ -1,17 +1,18 @@
 //! What an explorer has seen, coarsely, as it tells others ([`SeenArea`]) and as it looks up what they told.
 
-use fht_proto::{AuthorId, SeenArea};
-use fht_robot::grid::{Cell, CellBounds, OccupancyGrid};
+use fht_proto::{AuthorId, SeenArea, Square};
+use fht_robot::grid::{Cell, CellBounds, CellState, OccupancyGrid};
+use fht_robot::pose::Point2;
 
-/// Cells along the side of a square: 0.2 m.
-const CELLS_PER_SQUARE: i32 = 4;
+/// Cells along the side of a square: 0.1 m, unless that were more squares than can be told. Larger ones close narrow doors.
+const CELLS_PER_SQUARE: i32 = 2;
 
 /// What another explorer has seen, for cells of this robot's grid.
 #[derive(Clone, Debug)]
 pub struct SeenSquares {
     cells_per_square: i32,
     bounds: CellBounds,
-    squares: Vec<bool>,
+    squares: Vec<Square>,
 }
 
 impl SeenSquares {
@@ -29,42 +30,63 @@ impl SeenSquares {
         Some(Self { cells_per_square, bounds: CellBounds { min, max }, squares: area.squares().collect() })
     }
 
-    /// Whether the square of a cell was seen.
+    /// What was told of the square of a cell.
     #[must_use]
-    pub fn has(&self, cell: Cell) -> bool {
-        let square = Cell { i: cell.i.div_euclid(self.cells_per_square), j: cell.j.div_euclid(self.cells_per_square) };
-        self.bounds.index(square).is_some_and(|index| self.squares.get(index).copied().unwrap_or(false))
+    pub fn square(&self, cell: Cell) -> Square {
+        let square = square_of(cell, self.cells_per_square);
+        self.bounds.index(square).and_then(|index| self.squares.get(index).copied()).unwrap_or_default()
+    }
+
+    /// Takes its word for free squares, where `grid` knows nothing yet.
+    pub fn draw_free_space(&self, grid: &mut OccupancyGrid) {
+        let side_m = grid.resolution_m() * f64::from(self.cells_per_square);
+        let corner = |i: i32, j: i32| Point2::new(f64::from(i) * side_m, f64::from(j) * side_m);
+        for (index, _) in self.squares.iter().enumerate().filter(|(_, square)| **square == Square::Free) {
+            let Cell { i, j } = self.bounds.cell(index);
+            grid.suppose_free(corner(i, j), corner(i + 1, j + 1));
+        }
     }
 }
 
-/// What this robot's own scans have shown, for others: a square is seen when something is known of some cell in it. `upto` is the number of
-/// the newest increment written. `None` before anything was seen, and if the area is larger than can be told.
+fn square_of(cell: Cell, cells_per_square: i32) -> Cell {
+    Cell { i: cell.i.div_euclid(cells_per_square), j: cell.j.div_euclid(cells_per_square) }
+}
+
+/// What this robot's own scans have shown, for others: a square is occupied when some cell in it is, and free when some other cell in it
+/// is known. `upto` is the number of the newest increment written. `None` before anything was seen, and if the area is larger than can be
+/// told.
 #[must_use]
 pub fn seen_area(grid: &OccupancyGrid, author: AuthorId, upto: u64) -> Option<SeenArea> {
-    let bounds = grid.bounds();
-    let square = |cell: i32| cell.div_euclid(CELLS_PER_SQUARE);
-    let min = Cell { i: square(bounds.min.i), j: square(bounds.min.j) };
-    let max = Cell { i: square(bounds.max.i - 1) + 1, j: square(bounds.max.j - 1) + 1 };
-    let squares = CellBounds { min, max };
-    let mut seen = vec![false; squares.width() * squares.height()];
-    for j in bounds.min.j..bounds.max.j {
-        for i in bounds.min.i..bounds.max.i {
-            if grid.is_own(Cell { i, j })
-                && let Some(index) = squares.index(Cell { i: square(i), j: square(j) })
-            {
-                seen[index] = true;
-            }
+    let squares_of = |cells_per_square: i32| {
+        let (min, last) = (grid.bounds().min, grid.bounds().max);
+        let last = square_of(Cell { i: last.i - 1, j: last.j - 1 }, cells_per_square);
+        CellBounds { min: square_of(min, cells_per_square), max: Cell { i: last.i + 1, j: last.j + 1 } }
+    };
+    let is_few = |bounds: &CellBounds| (bounds.width() * bounds.height()) as u64 <= SeenArea::MAX_SQUARES;
+    let cells_per_square = (0..4).map(|power| CELLS_PER_SQUARE << power).find(|cells| is_few(&squares_of(*cells)))?;
+    let (bounds, squares) = (grid.bounds(), squares_of(cells_per_square));
+    let mut seen = vec![Square::Unseen; squares.width() * squares.height()];
+    for cell in (0..bounds.width() * bounds.height()).map(|index| bounds.cell(index)) {
+        let said = match grid.state(cell) {
+            CellState::Occupied => Square::Occupied,
+            CellState::Free => Square::Free,
+            CellState::Unknown => continue,
+        };
+        if let Some(index) = squares.index(square_of(cell, cells_per_square)).filter(|_| grid.is_own(cell))
+            && seen[index] != Square::Occupied
+        {
+            seen[index] = said;
         }
     }
-    if !seen.contains(&true) || seen.len() as u64 > SeenArea::MAX_SQUARES {
+    if seen.iter().all(|square| *square == Square::Unseen) {
         return None;
     }
     Some(SeenArea {
         author,
         upto,
-        square_mm: (grid.resolution_m() * 1000.0).round() as u16 * CELLS_PER_SQUARE as u16,
-        west: min.i,
-        south: min.j,
+        square_mm: u16::try_from((grid.resolution_m() * 1000.0).round() as i32 * cells_per_square).ok()?,
+        west: squares.min.i,
+        south: squares.min.j,
         width: u16::try_from(squares.width()).ok()?,
         runs: SeenArea::runs_of(seen),
     })
@@ -75,7 +97,7 @@ mod tests {
     use super::*;
     use fht_proto::validate::Validate;
     use fht_robot::frame::LaserScan;
-    use fht_robot::grid::{CellState, GridConfig};
+    use fht_robot::grid::GridConfig;
     use fht_robot::pose::pose;
 
     #[test]
@@ -97,11 +119,14 @@ mod tests {
         let seen = SeenSquares::new(&area, grid.resolution_m()).expect("it fits the grid");
         let bounds = grid.bounds();
         for cell in (0..bounds.width() * bounds.height()).map(|index| bounds.cell(index)) {
-            if grid.is_own(cell) {
-                assert!(seen.has(cell), "{cell:?}");
+            match grid.state(cell) {
+                _ if !grid.is_own(cell) => {}
+                CellState::Unknown => {}
+                CellState::Occupied => assert_eq!(seen.square(cell), Square::Occupied, "{cell:?}"),
+                CellState::Free => assert_ne!(seen.square(cell), Square::Unseen, "{cell:?}"),
             }
         }
         let told = grid.cell_of(fht_robot::pose::Point2::new(8.0, 1.0));
-        assert!(grid.state(told) == CellState::Free && !seen.has(told));
+        assert!(grid.state(told) == CellState::Free && seen.square(told) == Square::Unseen);
     }
 }

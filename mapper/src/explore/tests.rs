@@ -1,6 +1,8 @@
 use super::*;
+use fht_proto::{AuthorId, SeenArea, Square};
 use fht_robot::grid::{Cell, CellBounds, CellState, GridConfig};
 use fht_robot::pose::pose;
+use std::sync::Arc;
 
 /// What a robot at (0, 0) sees in a closed square room of side 4 m.
 fn closed_room() -> (OccupancyGrid, LaserScan) {
@@ -107,4 +109,50 @@ fn a_robot_that_is_boxed_in_squeezes_out_before_it_says_that_all_is_seen() {
     step(&mut explorer, &grid, &here, &scan, 0);
     assert!(explorer.goal().is_some_and(|goal| goal.x < -0.9), "{:?}", explorer.goal());
     assert!(matches!(explorer.step(&grid, &here, &scan, 100_000), ExploreStep::Drive(_)));
+}
+
+#[test]
+fn where_others_left_off_is_reached_through_what_they_have_seen() {
+    // A room with a door in its right wall, and a corridor behind it that only another robot has seen, up to x = 6.
+    let cells = |x: i32, y: i32| CellBounds { min: Cell { i: -40, j: -40 }, max: Cell { i: x, j: y } };
+    let is_corridor = |cell: Cell| (40..120).contains(&cell.i) && cell.j.abs() < 10;
+    let is_wall = |cell: Cell| cell.i.max(cell.j) == 39 || cell.i.min(cell.j) == -40;
+    let is_own = |cell: Cell| cell.i < 40;
+    let grid_of = |bounds: CellBounds, state: &dyn Fn(Cell) -> CellState| {
+        let count = bounds.width() * bounds.height();
+        OccupancyGrid::from_states(GridConfig::default(), bounds, (0..count).map(|index| state(bounds.cell(index))))
+    };
+    let grid = grid_of(cells(40, 40), &|cell| match is_wall(cell) {
+        true if cell.i < 39 || cell.j.abs() >= 10 => CellState::Occupied,
+        _ => CellState::Free,
+    });
+    let (_, scan) = closed_room();
+    let mut explorer = Explorer::new(ExploreConfig { first_look_s: 0.0, ..ExploreConfig::default() });
+    let here = pose(0.0, 0.0, 0.0);
+    let squares = cells(130, 40);
+    let square = |cell: Cell| match (cell.i, cell.j) {
+        _ if is_own(cell) || (is_corridor(cell) && cell.j.abs() < 8) => Square::Free,
+        _ if is_corridor(cell) || (40..120).contains(&cell.i) => Square::Occupied,
+        _ => Square::Unseen,
+    };
+    let area = SeenArea {
+        author: AuthorId(2),
+        upto: 0,
+        square_mm: 50,
+        west: squares.min.i,
+        south: squares.min.j,
+        width: squares.width() as u16,
+        runs: SeenArea::runs_of((0..squares.width() * squares.height()).map(|index| square(squares.cell(index)))),
+    };
+    let mate = Teammate {
+        author: AuthorId(2),
+        at: Point2::new(-1.0, 0.0),
+        target: Some(Point2::new(-30.0, 0.0)),
+        remaining_m: 30.0,
+        is_finished: false,
+    };
+    let seen = vec![Arc::new(SeenSquares::new(&area, grid.resolution_m()).expect("cells are its squares"))];
+    explorer.hear(Team { mates: vec![mate], told: Arc::default(), seen });
+    step(&mut explorer, &grid, &here, &scan, 0);
+    assert!(explorer.goal().is_some_and(|goal| (5.5..6.5).contains(&goal.x)), "{:?}", explorer.goal());
 }
