@@ -5,6 +5,7 @@
 //! a large grid takes longer than a frame may: the explorer puts a question ([`Explorer::question`]), which is answered beside
 //! the loop ([`Search::run`], [`Explorer::answer`]), and drives on meanwhile.
 
+mod seams;
 mod search;
 mod seen;
 mod setbacks;
@@ -18,6 +19,7 @@ pub use team::{Team, TeamConfig, Teammate};
 pub use utility::{UtilityConfig, utility};
 
 use crate::frontier::{self, FrontierConfig, Knowledge};
+use crate::refine::RefineConfig;
 use fht_robot::frame::{LaserScan, Twist};
 use fht_robot::grid::OccupancyGrid;
 use fht_robot::motion::{FollowConfig, SafetyConfig, safe_command};
@@ -48,6 +50,8 @@ pub struct ExploreConfig {
     pub setbacks: SetbackConfig,
     /// How work is divided among several explorers.
     pub team: TeamConfig,
+    /// Where the map lacks a link between what this robot and what others have seen.
+    pub links: RefineConfig,
     /// At the start the robot stands and looks for so long, seconds: the map's frame is where it stands, and many scans tell
     /// better where that is than one. Default 2.
     pub first_look_s: f64,
@@ -76,6 +80,7 @@ impl Default for ExploreConfig {
             utility: UtilityConfig::default(),
             setbacks: SetbackConfig::default(),
             team: TeamConfig::default(),
+            links: RefineConfig::default(),
             first_look_s: 2.0,
             check_period_s: 1.0,
             choose_period_s: 0.6,
@@ -310,7 +315,7 @@ impl Explorer {
             self.chosen_us = time_us;
         }
         let (config, setbacks, team) = (self.config.clone(), self.setbacks.clone(), self.team.clone());
-        self.wanted = Some(Search { config, setbacks, team, map_from_base: *map_from_base, time_us, underway });
+        self.wanted = Some(Search { config, setbacks, team, map_from_base: *map_from_base, time_us, underway, roadmap: None });
     }
 
     /// Keeps, refreshes or replaces the goal.
@@ -318,7 +323,8 @@ impl Explorer {
         let config = &self.config;
         let (mut is_spent, mut is_idle) = (true, true);
         if let Some(goal) = &self.goal {
-            let known = Knowledge { grid, others: &self.team.seen };
+            let others: &[_] = if goal.is_seam { &[] } else { &self.team.seen };
+            let known = Knowledge { grid, others };
             let seen = frontier::frontier_cells_near(&known, goal.target, config.goal_radius_m) < config.goal_cells;
             let looked = goal.reached_us.is_some_and(|at| seconds(at, time_us) >= config.look_s);
             if looked && !seen {
@@ -343,6 +349,7 @@ impl Explorer {
                 stand: goal.stand,
                 robot_radius_m: goal.robot_radius_m,
                 remaining_m: goal.follower.remaining_m(),
+                is_seam: goal.is_seam,
             };
             let underway = self.goal.as_ref().map(underway);
             self.ask(map_from_base, time_us, underway);

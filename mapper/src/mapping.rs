@@ -221,6 +221,7 @@ impl Mapper {
         if self.goals.is_idle()
             && let Some(search) = self.explorer.question()
         {
+            let search = search.over(|| Roadmap::of(self.journal.state()));
             self.goals.submit((search, self.slam.grid().clone()), self.frame + GOAL_DELAY_FRAMES);
         }
         Ok(match step {

@@ -1,10 +1,12 @@
 //! The search for a goal: the expensive part of exploration, a pure function of a grid and a question. It is asked beside the
 //! robot's loop, which drives on meanwhile.
 
+use super::seams::Seams;
 use super::setbacks::Setbacks;
 use super::team::{Prospect, Team, Worth};
 use super::{ExploreConfig, utility};
 use crate::frontier::{self, Knowledge, find_frontiers};
+use crate::refine::Roadmap;
 use fht_robot::grid::{Cell, OccupancyGrid};
 use fht_robot::motion::PathFollower;
 use fht_robot::planning::{PlanConfig, Traversable, region_around};
@@ -33,6 +35,8 @@ pub(super) struct Goal {
     pub(super) robot_radius_m: f64,
     pub(super) follower: PathFollower,
     pub(super) reached_us: Option<u64>,
+    /// Whether another robot has seen what lies beyond.
+    pub(super) is_seam: bool,
 }
 
 /// A goal that the robot is driving to already.
@@ -43,6 +47,7 @@ pub(super) struct Underway {
     pub(super) robot_radius_m: f64,
     /// What was left of the way, metres.
     pub(super) remaining_m: f64,
+    pub(super) is_seam: bool,
 }
 
 /// A question: where to drive, or how to get on to where the robot is driving already.
@@ -55,6 +60,18 @@ pub struct Search {
     pub(super) time_us: u64,
     /// The goal to be kept, unless the way there has become much longer.
     pub(super) underway: Option<Underway>,
+    /// The map, if others have seen some of the building.
+    pub(super) roadmap: Option<Roadmap>,
+}
+
+/// Where to look for a goal, and for which.
+struct Quest<'a> {
+    /// What is free, as far as anybody has seen.
+    free: &'a OccupancyGrid,
+    /// What need not be seen any more.
+    known: Knowledge<'a>,
+    /// Only frontiers at which the map lacks a link, wherever they are.
+    seams: Option<Seams<'a>>,
 }
 
 /// The answer to a [`Search`].
@@ -67,15 +84,28 @@ pub struct Answer {
 }
 
 impl Search {
+    /// The same question, given the map if it is of use: when others have seen some of the building.
+    #[must_use]
+    pub fn over(self, roadmap: impl FnOnce() -> Roadmap) -> Self {
+        let roadmap = (!self.team.seen.is_empty()).then(roadmap);
+        Self { roadmap, ..self }
+    }
+
     /// Searches `grid`, which is in the map frame, and what others say that they have seen.
     #[must_use]
     pub fn run(&self, grid: &OccupancyGrid) -> Answer {
-        let mut grid = Cow::Borrowed(grid);
+        let mut free = Cow::Borrowed(grid);
         for seen in &self.team.seen {
-            seen.draw_free_space(grid.to_mut());
+            seen.draw_free_space(free.to_mut());
         }
-        let kept = self.underway.and_then(|underway| self.way_on(&grid, &underway));
-        let goal = kept.or_else(|| self.choose(&grid));
+        let kept = self.underway.and_then(|underway| self.way_on(&free, &underway));
+        let known = Knowledge { grid: &free, others: &self.team.seen };
+        let unseen = Quest { free: &free, known, seams: None };
+        let goal = kept.or_else(|| self.choose(&unseen)).or_else(|| {
+            let (plan, config) = (&self.config.plan, &self.config.links);
+            let seams = Seams { roadmap: self.roadmap.as_ref()?, free: &free, plan, config };
+            self.choose(&Quest { free: &free, known: Knowledge::alone(grid), seams: Some(seams) })
+        });
         let underway = self.underway.map(|underway| underway.target);
         Answer { underway, goal }
     }
@@ -93,22 +123,23 @@ impl Search {
             robot_radius_m: underway.robot_radius_m,
             follower: PathFollower::new(self.config.follow.clone(), space.shorten(&path.points)),
             reached_us: None,
+            is_seam: underway.is_seam,
         })
     }
 
     /// The frontier of greatest utility that has not failed; if all have, the best that may be tried again. A robot that is
     /// boxed in squeezes out first.
-    fn choose(&self, grid: &OccupancyGrid) -> Option<Goal> {
+    fn choose(&self, quest: &Quest<'_>) -> Option<Goal> {
         let config = &self.config;
         let allowed = |target: Point2| self.setbacks.allows(target, self.time_us, &config.setbacks);
         let allowed_later = |target: Point2| self.setbacks.allows_later(target, &config.setbacks);
-        self.best_goal(grid, config, allowed).or_else(|| self.best_goal(grid, config, allowed_later)).or_else(|| {
-            if !self.is_boxed_in(grid) {
+        self.best_goal(quest, config, allowed).or_else(|| self.best_goal(quest, config, allowed_later)).or_else(|| {
+            if !self.is_boxed_in(quest.free) {
                 return None;
             }
             let plan = PlanConfig { robot_radius_m: config.squeeze_m, ..config.plan.clone() };
             let tight = ExploreConfig { plan, ..config.clone() };
-            self.best_goal(grid, &tight, allowed_later)
+            self.best_goal(quest, &tight, allowed_later)
         })
     }
 
@@ -123,12 +154,13 @@ impl Search {
     /// The way to the frontier of greatest utility among those that `accept` allows, wherever it is.
     ///
     /// It looks near the robot first, and farther only while something farther could still be better.
-    fn best_goal(&self, grid: &OccupancyGrid, config: &ExploreConfig, accept: impl Fn(Point2) -> bool) -> Option<Goal> {
+    fn best_goal(&self, quest: &Quest<'_>, config: &ExploreConfig, accept: impl Fn(Point2) -> bool) -> Option<Goal> {
         let map_from_base = &self.map_from_base;
-        let known = Knowledge { grid, others: &self.team.seen };
+        let grid = quest.free;
         let position = Point2::from(map_from_base.translation.vector);
         let is_open = |cell: Cell| accept(grid.centre(cell));
-        let mut limit_m = NEAR_M;
+        // To look twice whether a link is missing costs more than to look far.
+        let mut limit_m = if quest.seams.is_some() { f64::INFINITY } else { NEAR_M };
         loop {
             let region = region_around(grid, position, limit_m + config.frontier.vantage_reach_m + REGION_MARGIN_M);
             let is_all = region == grid.bounds();
@@ -136,7 +168,7 @@ impl Search {
                 limit_m = f64::INFINITY;
             }
             let in_reach = |cell: &Cell| is_open(*cell) && (grid.centre(*cell) - position).norm() <= limit_m;
-            let mut frontiers = find_frontiers(&known, region, &config.frontier);
+            let mut frontiers = find_frontiers(&quest.known, region, &config.frontier);
             frontiers.retain(|frontier| frontier.cells.iter().any(in_reach));
             // Without the cost of a search for ways to nowhere.
             if frontiers.is_empty() {
@@ -156,13 +188,17 @@ impl Search {
                 let prospect = Prospect {
                     target: grid.centre(approach.target),
                     distance_m: approach.distance_m,
-                    is_told: !frontier.cells.iter().any(|cell| grid.is_own(*cell)),
+                    // Who told of a seam does not know that nothing joins it.
+                    is_told: quest.seams.is_none() && !frontier.cells.iter().any(|cell| grid.is_own(*cell)),
                     is_gap: frontier.is_gap,
                 };
                 let share = match self.team.worth(&prospect, &config.team) {
                     Worth::Share(share) => share,
                     Worth::LeftToOthers | Worth::Nothing => return None,
                 };
+                if quest.seams.as_ref().is_some_and(|seams| frontier.is_gap || !seams.is_missing_link(prospect.target)) {
+                    return None;
+                }
                 let path = distances.path_to(approach.stand);
                 let turn_rad = turn_to_set_off(map_from_base, &path);
                 Some((share * utility(frontier.size, approach.distance_m, turn_rad, &config.utility), approach, path))
@@ -178,6 +214,7 @@ impl Search {
                         robot_radius_m: config.plan.robot_radius_m,
                         follower: PathFollower::new(config.follow.clone(), space.shorten(&path)),
                         reached_us: None,
+                        is_seam: quest.seams.is_some(),
                     };
                     return Some(goal);
                 }
