@@ -20,6 +20,9 @@ const SAME_MM: f64 = 1e-6;
 /// A workspace with room for more than this is not kept for the next search.
 const KEPT_REACHES: usize = 1 << 14;
 
+/// The two corners of a triangle after each.
+const AFTER: [(usize, usize); 3] = [(1, 2), (2, 0), (0, 1)];
+
 /// What a search knows of one way into one triangle.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
@@ -162,6 +165,10 @@ impl Search<'_> {
             if reach.triangle == NONE {
                 return Some(self.way(reach.root));
             }
+            let Some(reach) = self.follow(reach) else {
+                at_hand = self.choose();
+                continue;
+            };
             if reach.triangle == self.goal.triangle {
                 self.arrive(&reach);
             } else {
@@ -288,13 +295,69 @@ impl Search<'_> {
         turn.corner != NONE && turn.length > self.workspace.best[turn.corner as usize].1 + SAME_MM
     }
 
+    /// Goes on through triangles as long as each leads to one other only, with no turn: nine of ten do. `None` at a dead end.
+    fn follow(&self, mut reach: Reach) -> Option<Reach> {
+        let Workspace { search, open, turns, .. } = &*self.workspace;
+        let root = turns[reach.root as usize].place;
+        let mut here = &self.mesh.triangles[reach.triangle as usize];
+        let beyond = |triangle: &Triangle, side: usize| {
+            let next = self.mesh.triangles.get(triangle.beyond[side] as usize)?;
+            let is_open = next.block == triangle.block || open[next.block as usize] == *search;
+            is_open.then_some(next)
+        };
+        // No view leads on through more triangles than there are.
+        for _ in 0..self.mesh.triangles.len() {
+            if reach.triangle == self.goal.triangle {
+                break;
+            }
+            let left_end = usize::from(reach.side);
+            let (right_end, far_end) = AFTER[left_end];
+            let (left_side, right_side) = (far_end, right_end);
+            let far = here.places[far_end];
+            let left_of = reach.seen.left_of(root, far);
+            let right_of = reach.seen.right_of(root, far);
+            let may_turn = |ray: &Ray, end: usize| ray.corner == here.corners[end] && here.turns[end];
+            let (side, next) = if left_of > 0.0 {
+                if may_turn(&reach.seen.left, left_end) {
+                    break;
+                }
+                (right_side, beyond(here, right_side)?)
+            } else if right_of > 0.0 {
+                if may_turn(&reach.seen.right, right_end) {
+                    break;
+                }
+                (left_side, beyond(here, left_side)?)
+            } else if left_of < 0.0 && right_of < 0.0 {
+                let ray = Ray { through: far, corner: here.corners[far_end] };
+                match (beyond(here, left_side), beyond(here, right_side)) {
+                    (Some(next), None) => {
+                        reach.seen.right = ray;
+                        (left_side, next)
+                    }
+                    (None, Some(next)) => {
+                        reach.seen.left = ray;
+                        (right_side, next)
+                    }
+                    (Some(_), Some(_)) => break,
+                    (None, None) => return None,
+                }
+            } else {
+                break;
+            };
+            reach.triangle = here.beyond[side];
+            reach.side = here.entered[side];
+            here = next;
+        }
+        Some(reach)
+    }
+
     /// Goes on through a triangle. It was entered through the side from its left corner to its right one; where the far corner
     /// lies decides which of the other two sides are seen. What lies beyond a ray is seen from the corner that the ray
     /// passes, if that is an end of the side: there the way turns.
     fn expand(&mut self, reach: &Reach) {
         let triangle = &self.mesh.triangles[reach.triangle as usize];
         let left_end = usize::from(reach.side);
-        let (right_end, far_end) = ((left_end + 1) % 3, (left_end + 2) % 3);
+        let (right_end, far_end) = AFTER[left_end];
         // The sides beyond: from the far corner to the left one, and from the right one to the far one.
         let (left_side, right_side) = (far_end, right_end);
         let root = self.workspace.turns[reach.root as usize].place;
