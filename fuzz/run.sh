@@ -4,7 +4,8 @@
 # What cargo fuzz does, with a stable compiler and without a sanitizer: there is no unsafe code to watch, and what counts are panics,
 # overflows, memory and time. `cargo fuzz run TARGET` works as well.
 #
-# New inputs go to target/corpus, findings to artifacts. The inputs in corpus/ are never written to.
+# It begins with the inputs of corpus/: TARGET/seed-*, made by `cargo run --example seeds`, and TARGET.tar.gz, those that longer runs found, one
+# for each thing that they reach. New inputs go to target/corpus, findings to artifacts.
 set -euo pipefail
 cd "$(dirname "$0")"
 
@@ -23,6 +24,7 @@ cargo build --release --bins --target "$host"
 
 for target in "${targets[@]}"; do
     mkdir -p "target/corpus/$target" "artifacts/$target"
+    tar -xzf "corpus/$target.tar.gz" -C "target/corpus/$target" --skip-old-files
     echo "fuzzing $target for $seconds s"
     log="target/$target.log"
     if ! "target/$host/release/$target" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=2048 -print_final_stats=1 \

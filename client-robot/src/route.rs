@@ -37,9 +37,9 @@ pub struct PlannedPath {
 /// How a path is followed.
 #[derive(Clone, Debug)]
 pub struct RouteConfig {
-    /// A node counts as passed at this distance, metres. Default 0.5 (paper, facts §3.5).
+    /// A node counts as passed at this distance, metres. Default 0.5 (paper).
     pub node_reach_m: f64,
-    /// The goal counts as reached at this distance, metres. Default 0.1 (facts §1.12).
+    /// The goal counts as reached at this distance, metres. Default 0.1 (the paper's).
     pub goal_reach_m: f64,
     /// Points farther than this are not looked for, metres. Default 6.5, within the LiDAR's 7.
     pub see_m: f64,

@@ -10,9 +10,9 @@ use std::collections::BTreeMap;
 /// How the next place is chosen.
 #[derive(Clone, Debug)]
 pub struct WanderConfig {
-    /// Way to the next place that is liked best, metres. Default 3 (paper, facts §1.10).
+    /// Way to the next place that is liked best, metres. Default 3 (paper).
     pub liked_way_m: f64,
-    /// Weight of going on ahead over turning. Default 2 (facts §1.10).
+    /// Weight of going on ahead over turning. Default 2 (the paper's).
     pub ahead_weight: f64,
     /// Taken off for every earlier visit of the place. Default 0.7.
     pub visit_penalty: f64,

@@ -1,14 +1,17 @@
 //! Writes the first inputs of every target into `corpus/`: small messages of every sort, as robots and tools send them.
 
-use fht_proto::archive::{Header, header_line};
+use fht_proto::archive::{self, header_line};
 use fht_proto::compact::{CompactNode, CompactNodes, CompactPath, CompactWaypoint};
 use fht_proto::envelope::Message;
 use fht_proto::fold::Rest;
 use fht_proto::query::Snapshot;
 use fht_proto::{
     AuthorId, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Fold, Increment, ModelId, NodeId,
-    NodeKind, Op, Rect, Release, ReleaseId, ScanRecord, SeenArea, Signature, Square, VersionVector, Zone, ZoneRule, encode,
+    NodeKind, Op, Rect, Release, ReleaseId, ScanRecord, SeenArea, Signature, Square, VersionVector, Zone, ZoneRule,
+    encode,
 };
+use fht_robot::bag::cdr;
+use fht_robot::bag::msg::{Header, Image, LaserScan, Odometry, Pose, TfMessage, Time, TransformStamped};
 use std::error::Error;
 use std::path::Path;
 
@@ -124,7 +127,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     write("replies", "seed-seen", &body(&seen)?)?;
     let mut vector = VersionVector::default();
     vector.set(ANA, 6);
-    let mut file = header_line(&Header::new(path.map, vector, Digest([1; 32])))?;
+    let mut file = header_line(&archive::Header::new(path.map, vector, Digest([1; 32])))?;
     file.extend(encode(&series)?);
     write("archive", "seed-0", &file)?;
     for (index, selector) in [
@@ -158,5 +161,94 @@ fn main() -> Result<(), Box<dyn Error>> {
     {
         write("json", &format!("seed-{index}"), json.as_bytes())?;
     }
+    write("bag", "seed-0", &recorded()?)?;
+    for (index, file) in buildings().iter().enumerate() {
+        write("world", &format!("seed-{index}"), file)?;
+    }
     Ok(())
+}
+
+/// Two rounds of what a robot with a scanner records.
+fn recorded() -> Result<Vec<u8>, Box<dyn Error>> {
+    let mut run = Vec::new();
+    let mut add = |topic: u8, bytes: Vec<u8>| -> Result<(), Box<dyn Error>> {
+        run.push(topic);
+        run.extend(u16::try_from(bytes.len())?.to_le_bytes());
+        run.extend(bytes);
+        Ok(())
+    };
+    for round in 0..2 {
+        let header =
+            |frame: &str| Header { stamp: Time { sec: 1, nanosec: 100_000_000 * round }, frame_id: frame.to_owned() };
+        let link = |parent: &str, child: &str| TransformStamped {
+            header: header(parent),
+            child_frame_id: child.to_owned(),
+            transform: Pose::default(),
+        };
+        add(3, cdr::encode(&TfMessage { transforms: vec![link("base_link", "laser")] })?)?;
+        add(2, cdr::encode(&TfMessage { transforms: vec![link("odom", "base_link")] })?)?;
+        add(
+            1,
+            cdr::encode(&Odometry {
+                header: header("odom"),
+                child_frame_id: "base_link".to_owned(),
+                ..Odometry::default()
+            })?,
+        )?;
+        let scan = LaserScan {
+            header: header("laser"),
+            angle_max: 3.0,
+            angle_increment: 0.5,
+            range_min: 0.1,
+            range_max: 7.0,
+            ranges: vec![1.0, 2.0, f32::INFINITY, 3.0, f32::NAN, 1.5, 2.5],
+            ..LaserScan::default()
+        };
+        add(0, cdr::encode(&scan)?)?;
+        let picture = Image {
+            header: header("camera_front"),
+            height: 2,
+            width: 2,
+            encoding: "rgb8".to_owned(),
+            is_bigendian: 0,
+            step: 6,
+            data: &[7; 12],
+        };
+        add(4, cdr::encode(&picture)?)?;
+    }
+    Ok(run)
+}
+
+/// A floor plan, a room in SDF, and a board as a mesh of each sort.
+fn buildings() -> [Vec<u8>; 5] {
+    let mut floor = b"\x00image: map.pgm\nresolution: 0.5\norigin: [-1, -1, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n\0".to_vec();
+    floor.extend(b"P5 6 6 255\n");
+    floor.extend((0..36).map(|cell| if matches!(cell % 6, 0 | 5) || !(6..30).contains(&cell) { 0 } else { 255 }));
+    let wall = |pose: &str, size: &str| {
+        format!(
+            "<collision name='c'><pose>{pose} 0 0 0</pose><geometry><box><size>{size}</size></box></geometry></collision>"
+        )
+    };
+    let room = format!(
+        "\x01<sdf version='1.6'><world name='w'><model name='m'><static>true</static><link name='l'>{}{}</link></model>\
+         <include><uri>model://none</uri><pose>1 2 0 0 0 0</pose></include></world></sdf>",
+        wall("2 0 0.5", "0.1 4 1"),
+        wall("-2 0 0.5", "0.1 4 1")
+    );
+    let collada = "\x02<COLLADA version='1.4.1'><asset><unit meter='0.01'/><up_axis>Z_UP</up_axis></asset>\
+        <library_geometries><geometry id='g'><mesh>\
+        <source id='p'><float_array id='a' count='9'>0 0 0 100 0 0 0 0 100</float_array>\
+        <technique_common><accessor source='#a' count='3' stride='3'/></technique_common></source>\
+        <vertices id='v'><input semantic='POSITION' source='#p'/></vertices>\
+        <triangles count='1'><input semantic='VERTEX' offset='0' source='#v'/><p>0 1 2</p></triangles></mesh></geometry></library_geometries>\
+        <library_visual_scenes><visual_scene id='s'><node><matrix>1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</matrix><instance_geometry url='#g'/></node></visual_scene>\
+        </library_visual_scenes><scene><instance_visual_scene url='#s'/></scene></COLLADA>";
+    let obj = "\x03v 0 0 0\nv 1 0 0\nv 0 0 1\nvt 0 0\nf 1/1 2/1 3/1\n";
+    let mut stl = vec![4];
+    stl.extend([b' '; 80]);
+    stl.extend(1_u32.to_le_bytes());
+    let corners = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0_f32];
+    stl.extend(corners.iter().flat_map(|value| value.to_le_bytes()));
+    stl.extend([0, 0]);
+    [floor, room.into_bytes(), collada.into(), obj.into(), stl]
 }

@@ -3,7 +3,7 @@
 
 mod support;
 
-use fht_proto::envelope::FORMAT_VERSION;
+use fht_proto::envelope::{FORMAT_VERSION, Message, seal};
 use fht_proto::query::{ErrorCode, Head};
 use fht_proto::{AuthorId, Increment, MapName, Op, encode};
 use map_server::catalog::Catalog;
@@ -243,10 +243,7 @@ fn only_the_canonical_form_is_taken() {
     let id = body.len() - 1;
     assert_eq!(body[id], 4, "an own node, one up");
     body.splice(id.., [3, 0xa]);
-    let mut forged = canonical[..5].to_vec();
-    forged.push(body.len() as u8);
-    forged.extend(body);
-    forged.extend(crc32fast::hash(&forged).to_le_bytes());
+    let forged = seal(FORMAT_VERSION, Increment::KIND, &body).unwrap();
     assert_eq!(fht_proto::decode::<Increment>(&forged).unwrap(), one);
     let arrival = Arrival { key: key(ANA, 1), payload: Ok(forged) };
     assert_eq!(check(arrival, &Limits::default(), NOW_US), Err(Refusal::NotCanonical));

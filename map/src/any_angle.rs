@@ -150,7 +150,8 @@ impl Search<'_> {
             self.cross_side(first, side, View { left: ray((side + 1) % 3), right: ray(side) }, 0);
         }
         let mut at_hand = self.choose();
-        for _ in 0..MAX_STEPS {
+        let mut steps_left = MAX_STEPS;
+        while steps_left > 0 {
             let reach = match at_hand {
                 Some(reach) => reach,
                 None => {
@@ -165,7 +166,7 @@ impl Search<'_> {
             if reach.triangle == NONE {
                 return Some(self.way(reach.root));
             }
-            let Some(reach) = self.follow(reach) else {
+            let Some(reach) = self.follow(reach, &mut steps_left) else {
                 at_hand = self.choose();
                 continue;
             };
@@ -295,8 +296,9 @@ impl Search<'_> {
         turn.corner != NONE && turn.length > self.workspace.best[turn.corner as usize].1 + SAME_MM
     }
 
-    /// Goes on through triangles as long as each leads to one other only, with no turn: nine of ten do. `None` at a dead end.
-    fn follow(&self, mut reach: Reach) -> Option<Reach> {
+    /// Goes on through triangles as long as each leads to one other only, with no turn: nine of ten do. `None` at a dead end, and when no
+    /// steps are left.
+    fn follow(&self, mut reach: Reach, steps_left: &mut usize) -> Option<Reach> {
         let Workspace { search, open, turns, .. } = &*self.workspace;
         let root = turns[reach.root as usize].place;
         let mut here = &self.mesh.triangles[reach.triangle as usize];
@@ -305,8 +307,8 @@ impl Search<'_> {
             let is_open = next.block == triangle.block || open[next.block as usize] == *search;
             is_open.then_some(next)
         };
-        // No view leads on through more triangles than there are.
-        for _ in 0..self.mesh.triangles.len() {
+        loop {
+            *steps_left = steps_left.checked_sub(1)?;
             if reach.triangle == self.goal.triangle {
                 break;
             }
@@ -317,15 +319,14 @@ impl Search<'_> {
             let left_of = reach.seen.left_of(root, far);
             let right_of = reach.seen.right_of(root, far);
             let may_turn = |ray: &Ray, end: usize| ray.corner == here.corners[end] && here.turns[end];
+            let is_turn = (left_of >= 0.0 && may_turn(&reach.seen.left, left_end))
+                || (right_of >= 0.0 && may_turn(&reach.seen.right, right_end));
+            if is_turn {
+                break;
+            }
             let (side, next) = if left_of > 0.0 {
-                if may_turn(&reach.seen.left, left_end) {
-                    break;
-                }
                 (right_side, beyond(here, right_side)?)
             } else if right_of > 0.0 {
-                if may_turn(&reach.seen.right, right_end) {
-                    break;
-                }
                 (left_side, beyond(here, left_side)?)
             } else if left_of < 0.0 && right_of < 0.0 {
                 let ray = Ray { through: far, corner: here.corners[far_end] };

@@ -50,7 +50,7 @@ pub struct ExploreConfig {
     pub setbacks: SetbackConfig,
     /// How work is divided among several explorers.
     pub team: TeamConfig,
-    /// Where the map lacks a link between what this robot and what others have seen.
+    /// Where the map lacks a link between what this robot and what others have seen. Default: the map's way is 1.5 times as long, and 2 m longer.
     pub links: RefineConfig,
     /// At the start the robot stands and looks for so long, seconds: the map's frame is where it stands, and many scans tell
     /// better where that is than one. Default 2.
@@ -80,7 +80,7 @@ impl Default for ExploreConfig {
             utility: UtilityConfig::default(),
             setbacks: SetbackConfig::default(),
             team: TeamConfig::default(),
-            links: RefineConfig::default(),
+            links: RefineConfig { saving_m: 2.0, ..RefineConfig::default() },
             first_look_s: 2.0,
             check_period_s: 1.0,
             choose_period_s: 0.6,
@@ -141,6 +141,8 @@ const TURN_AWAY: (f64, f64) = (0.8, 2.0);
 const LOOK_AROUND: Twist = Twist { linear_mps: 0.0, angular_radps: 0.8 };
 /// A robot that does not move at all tries this often in a row to get free before it gives up.
 const MAX_RECOVERIES: u32 = 12;
+/// A goal that is chosen again so often after it was reached is none that looking helps.
+const MAX_RETURNS: u32 = 10;
 
 /// An exploration in progress.
 #[derive(Clone, Debug)]
@@ -152,6 +154,10 @@ pub struct Explorer {
     is_asking: bool,
     /// Whether the last answer was that nothing is left.
     is_all_seen: bool,
+    /// Whether another explorer has left since the last question: what was left to it is to be looked at again.
+    has_lost_mate: bool,
+    /// How often in a row a goal was chosen again that was reached.
+    returns: u32,
     /// Since when no other explorer has had a goal, as seen by one that has none.
     quiet_since_us: Option<u64>,
     setbacks: Setbacks,
@@ -176,6 +182,8 @@ impl Explorer {
             wanted: None,
             is_asking: false,
             is_all_seen: false,
+            has_lost_mate: false,
+            returns: 0,
             quiet_since_us: None,
             setbacks: Setbacks::default(),
             team: Team::default(),
@@ -207,8 +215,15 @@ impl Explorer {
         self.ended.is_some()
     }
 
+    /// Whether all was seen that could be.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.ended == Some(Ending::Complete)
+    }
+
     /// What the others are about.
     pub fn hear(&mut self, team: Team) {
+        self.has_lost_mate |= self.team.mates.iter().any(|mate| !mate.is_finished && !team.is_at_work(mate.author));
         self.team = team;
     }
 
@@ -302,6 +317,24 @@ impl Explorer {
             |target| self.goal.as_ref().is_some_and(|goal| goal.target == target && goal.reached_us.is_none());
         if self.recovering_since_us.is_none() && answer.underway.is_none_or(is_kept) {
             self.is_all_seen = answer.goal.is_none();
+            if let Some(goal) = &answer.goal {
+                self.quiet_since_us = None;
+                let Point2 { coords } = goal.target;
+                tracing::debug!(
+                    x = coords.x,
+                    y = coords.y,
+                    is_seam = goal.is_seam,
+                    at_us = self.chosen_us,
+                    "going to see"
+                );
+                // The robot is there already, and still it is the best to look at.
+                let is_back =
+                    self.goal.as_ref().is_some_and(|old| old.reached_us.is_some() && old.target == goal.target);
+                self.returns = if is_back { self.returns + 1 } else { 0 };
+                if self.returns > MAX_RETURNS {
+                    self.setbacks.record(goal.target, self.chosen_us, &self.config.setbacks);
+                }
+            }
             self.goal = answer.goal;
         }
     }
@@ -310,12 +343,16 @@ impl Explorer {
         if self.is_asking {
             return;
         }
+        if std::mem::take(&mut self.has_lost_mate) {
+            self.is_all_seen = false;
+        }
         self.checked_us = time_us;
         if underway.is_none() {
             self.chosen_us = time_us;
         }
         let (config, setbacks, team) = (self.config.clone(), self.setbacks.clone(), self.team.clone());
-        self.wanted = Some(Search { config, setbacks, team, map_from_base: *map_from_base, time_us, underway, roadmap: None });
+        self.wanted =
+            Some(Search { config, setbacks, team, map_from_base: *map_from_base, time_us, underway, map: None });
     }
 
     /// Keeps, refreshes or replaces the goal.
@@ -327,7 +364,8 @@ impl Explorer {
             let known = Knowledge { grid, others };
             let seen = frontier::frontier_cells_near(&known, goal.target, config.goal_radius_m) < config.goal_cells;
             let looked = goal.reached_us.is_some_and(|at| seconds(at, time_us) >= config.look_s);
-            if looked && !seen {
+            let is_answered = !self.is_asking && self.wanted.is_none();
+            if looked && !seen && is_answered {
                 self.setbacks.record(goal.target, time_us, &config.setbacks);
             }
             is_idle = goal.reached_us.is_some();
@@ -335,7 +373,7 @@ impl Explorer {
                 && self.team.takes_over(goal.target, goal.follower.remaining_m(), &config.team)
                 && seconds(self.chosen_us, time_us) >= config.team.look_again_s;
             is_spent = seen || looked || is_taken;
-        } else if self.is_all_seen && self.team.goes_on() {
+        } else if self.is_all_seen && !self.has_lost_mate && self.team.goes_on() {
             // Others may leave something, or die.
             is_spent = seconds(self.chosen_us, time_us) >= config.team.look_again_s;
         }
@@ -371,7 +409,7 @@ impl Explorer {
         let Some(goal) = &mut self.goal else {
             // Waiting for an answer is not being stuck.
             self.moved = None;
-            let has_to_wait = !self.is_all_seen || self.has_to_wait(time_us);
+            let has_to_wait = !self.is_all_seen || self.has_lost_mate || self.has_to_wait(time_us);
             return has_to_wait.then(Twist::default);
         };
         let twist = goal.follower.command(map_from_base);

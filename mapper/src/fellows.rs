@@ -26,6 +26,8 @@ const LISTEN_EVERY_US: u64 = 1_000_000;
 const TELL_EVERY_US: u64 = 5_000_000;
 /// Longest message of another explorer that is read, bytes.
 const MAX_BYTES: usize = 1 << 20;
+/// A goal that was not said again for so long is none: goals are said every second of the sensors' time, which a slow simulation stretches.
+const GOAL_LASTS: Duration = Duration::from_secs(30);
 /// Explorers of one map that are listened to.
 const MAX_FELLOWS: usize = 64;
 /// How long to wait for the names of explorers that are there already.
@@ -79,6 +81,8 @@ pub enum EnterError {
 struct Fellow {
     is_there: bool,
     goal: Option<ExplorerGoal>,
+    /// When it said that.
+    said: Option<Instant>,
     /// What it has seen, of which its increments are not all here.
     offered: Option<SeenArea>,
     seen: Option<SeenArea>,
@@ -111,7 +115,9 @@ impl Heard {
             RobotTopic::Goal => {
                 let goal: ExplorerGoal = serde_json::from_slice(&payload).map_err(|error| error.to_string())?;
                 goal.validate().map_err(|error| error.to_string())?;
-                self.of(&robot).into_iter().for_each(|fellow| fellow.goal = Some(goal.clone()));
+                self.of(&robot).into_iter().for_each(|fellow| {
+                    (fellow.goal, fellow.said) = (Some(goal.clone()), Some(Instant::now()));
+                });
             }
             RobotTopic::Seen => {
                 let area: SeenArea = decode(&payload).map_err(|error| error.to_string())?;
@@ -130,7 +136,12 @@ impl Heard {
             && robot != own
             && let Some(fellow) = self.of(&robot)
         {
-            fellow.is_there = sample.kind() == SampleKind::Put;
+            let is_there = sample.kind() == SampleKind::Put;
+            if is_there && !fellow.is_there {
+                // Who comes back begins anew, and says again what still holds.
+                *fellow = Fellow::default();
+            }
+            fellow.is_there = is_there;
         }
     }
 
@@ -138,7 +149,12 @@ impl Heard {
     fn mates(&self) -> Vec<Teammate> {
         let told = self.fellows.iter().filter_map(|(robot, fellow)| Some((robot, fellow, fellow.goal.as_ref()?)));
         told.filter(|(_, fellow, goal)| fellow.is_there || goal.finished)
-            .map(|(robot, _, goal)| Teammate::new(AuthorId::of_robot(robot), goal))
+            .map(|(robot, fellow, goal)| {
+                // One that is lost, or hangs, goes nowhere.
+                let is_old = fellow.said.is_none_or(|said| said.elapsed() > GOAL_LASTS);
+                let target = goal.target.filter(|_| !is_old);
+                Teammate::new(AuthorId::of_robot(robot), &ExplorerGoal { target, ..goal.clone() })
+            })
             .collect()
     }
 }
@@ -303,7 +319,7 @@ impl Fellows {
         let vector = self.replica.read().vector().clone();
         let mut is_news = false;
         for fellow in heard.fellows.values_mut() {
-            if let Some(area) = fellow.offered.take_if(|area| vector.get(area.author) >= area.upto) {
+            if let Some(area) = fellow.offered.take_if(|area| area.upto > 0 && vector.get(area.author) >= area.upto) {
                 fellow.seen = Some(area);
                 is_news = true;
             }

@@ -1,4 +1,4 @@
-//! Frontiers: where known free space ends and unknown space begins (paper section III-A, facts §1.11).
+//! Frontiers: where known free space ends and unknown space begins (paper section III-A).
 
 use crate::explore::SeenSquares;
 use fht_proto::Square;
@@ -103,14 +103,17 @@ impl<'a> Knowledge<'a> {
         Self { grid, others: &[] }
     }
 
-    /// What others say of a cell, the first one's word first.
+    /// What others say of a cell: it is free if one says so and nobody else that something stands there.
     fn hearsay(&self, cell: Cell) -> Sight {
-        let mut words = self.others.iter().map(|seen| seen.square(cell));
-        match words.find(|word| *word != Square::Unseen) {
-            Some(Square::Free) => Sight::Free,
-            Some(Square::Occupied) => Sight::Occupied,
-            Some(Square::Unseen) | None => Sight::Unknown,
+        let mut sight = Sight::Unknown;
+        for seen in self.others {
+            match seen.square(cell) {
+                Square::Occupied => return Sight::Occupied,
+                Square::Free => sight = Sight::Free,
+                Square::Unseen => {}
+            }
         }
+        sight
     }
 
     fn sight(&self, cell: Cell) -> Sight {

@@ -47,7 +47,7 @@ pub struct MapperConfig {
 }
 
 impl MapperConfig {
-    /// The paper's ablation "Main Only" (facts §3.6): no support nodes, longer edges, no refinement, no coverage; and no looks
+    /// The paper's ablation "Main Only": no support nodes, longer edges, no refinement, no coverage; and no looks
     /// into gaps, which are too narrow for edges.
     #[must_use]
     pub fn main_only() -> Self {
@@ -221,7 +221,7 @@ impl Mapper {
         if self.goals.is_idle()
             && let Some(search) = self.explorer.question()
         {
-            let search = search.over(|| Roadmap::of(self.journal.state()));
+            let search = search.over(|| self.journal.state().clone());
             self.goals.submit((search, self.slam.grid().clone()), self.frame + GOAL_DELAY_FRAMES);
         }
         Ok(match step {

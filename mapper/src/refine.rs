@@ -18,11 +18,11 @@ use fht_robot::pose::Point2;
 /// Parameters of the refinement.
 #[derive(Clone, Debug)]
 pub struct RefineConfig {
-    /// A way is significantly longer above this ratio of map length to free-space length. Default 1.5 (facts §1.5).
+    /// A way is significantly longer above this ratio of map length to free-space length. Default 1.5 (the paper's).
     pub ratio: f64,
     /// … and by at least this much, metres. Default 1.
     pub saving_m: f64,
-    /// Nodes within this of the new node are looked at, metres. Default 10 (facts §0).
+    /// Nodes within this of the new node are looked at, metres. Default 10 (the paper's).
     pub radius_m: f64,
     /// Shortcuts added for one new node at most. Default 3.
     pub max_shortcuts: usize,

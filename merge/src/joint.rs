@@ -114,11 +114,8 @@ pub(crate) fn draw(
         }
     }
     // What one scan from far away shows is too little to drive on: only what a map itself says is free. Beyond `bounds` no map does.
-    let free_and_empty = states.into_iter().enumerate().map(|(index, state)| match grid.state(bounds.cell(index)) {
-        CellState::Free if state != CellState::Free => CellState::Unknown,
-        seen => seen,
-    });
-    Ok(OccupancyGrid::from_states(config.grid.clone(), bounds, free_and_empty))
+    grid.forget_free(|cell| bounds.index(cell).is_some_and(|index| states[index] == CellState::Free));
+    Ok(grid)
 }
 
 fn bounds(

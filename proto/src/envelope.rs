@@ -206,17 +206,25 @@ pub fn is_canonical<M: Message>(message: &M, bytes: &[u8]) -> Result<bool, Codec
 fn encode_as<M: Message>(version: u8, message: &M) -> Result<Vec<u8>, CodecError> {
     message.validate()?;
     let body = postcard::to_stdvec(&message.to_wire()).map_err(|error| CodecError::Body(error.to_string()))?;
+    seal(version, M::KIND, &body)
+}
+
+/// The envelope round a body, whatever is in it: [`encode`] puts messages in.
+///
+/// # Errors
+/// [`CodecError::TooLong`] if the body is too large.
+pub fn seal(version: u8, kind: u8, body: &[u8]) -> Result<Vec<u8>, CodecError> {
     if body.len() > MAX_BODY_BYTES {
         return Err(CodecError::TooLong { bytes: body.len() });
     }
     let mut bytes = Vec::with_capacity(body.len() + 14);
     bytes.extend_from_slice(&MAGIC);
-    bytes.extend_from_slice(&[version, M::KIND]);
+    bytes.extend_from_slice(&[version, kind]);
     let length = u32::try_from(body.len()).map_err(|_| CodecError::TooLong { bytes: body.len() })?;
     let mut varint = [0; 5];
     let varint = postcard::to_slice(&length, &mut varint).map_err(|error| CodecError::Body(error.to_string()))?;
     bytes.extend_from_slice(varint);
-    bytes.extend_from_slice(&body);
+    bytes.extend_from_slice(body);
     bytes.extend_from_slice(&crc32fast::hash(&bytes).to_le_bytes());
     Ok(bytes)
 }

@@ -151,7 +151,8 @@ impl Validate for ExplorerGoal {
         let places = self.at.iter().chain(self.target.iter().flatten());
         check(places.chain([&self.remaining_m]).all(|metres| metres.abs() <= 100_000.0), || {
             "a goal over 100 km from the origin".to_owned()
-        })
+        })?;
+        check(self.remaining_m >= 0.0, || format!("{} m are left of the way", self.remaining_m))
     }
 }
 

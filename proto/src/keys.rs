@@ -22,6 +22,7 @@
 //! | `fht/{map}/robots/{robot}/status` | robot puts | what it runs |
 //! | `fht/{map}/robots/{robot}/blocked` | robot puts | what it could not pass |
 //! | `fht/{map}/robots/{robot}/goal` | explorer puts | where it is going |
+//! | `fht/{map}/robots/{robot}/seen` | explorer puts | what it has seen: [`crate::SeenArea`] |
 
 use crate::ids::{AuthorId, MapName, is_name};
 use std::fmt;

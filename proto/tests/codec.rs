@@ -7,7 +7,7 @@ mod arbitrary;
 
 use arbitrary::{descriptor, fold, increment, scan};
 use fht_proto::compact::{CompactNode, CompactNodes, CompactPath, CompactWaypoint};
-use fht_proto::envelope::{FORMAT_VERSION, MAGIC, MAX_BODY_BYTES, Message, OLDEST_FORMAT_VERSION, is_canonical};
+use fht_proto::envelope::{FORMAT_VERSION, MAGIC, MAX_BODY_BYTES, Message, OLDEST_FORMAT_VERSION, is_canonical, seal};
 use fht_proto::fold::Rest;
 use fht_proto::query::Snapshot;
 use fht_proto::{
@@ -26,19 +26,9 @@ fn decode_all(bytes: &[u8]) {
     let _ = decode::<CompactNodes>(bytes);
 }
 
-/// An envelope with a right length and checksum round any body, so that the body's decoder is reached.
+/// A right envelope round any body, so that the body's decoder is reached.
 fn envelope(kind: u8, body: &[u8]) -> Vec<u8> {
-    let mut bytes = MAGIC.to_vec();
-    bytes.extend([FORMAT_VERSION, kind]);
-    let mut length = body.len();
-    while length >= 0x80 {
-        bytes.push((length & 0x7f) as u8 | 0x80);
-        length >>= 7;
-    }
-    bytes.push(length as u8);
-    bytes.extend(body);
-    bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
-    bytes
+    seal(FORMAT_VERSION, kind, body).unwrap()
 }
 
 proptest! {

@@ -7,15 +7,15 @@ use fht_proto::{FixedPoint, NodeId};
 /// Parameters of the edges.
 #[derive(Clone, Debug)]
 pub struct EdgeConfig {
-    /// Longest edge, metres. Default 8 (facts §1.3).
+    /// Longest edge, metres. Default 8 (the paper's).
     pub longest_m: f64,
     /// Every cell whose centre lies within this of an edge must be known to be free, metres. Default 0.165: an occupied
     /// cell's centre is farther than that, and its nearest point farther than that less half a cell's diagonal (0.035 m
     /// for cells of 0.05 m), so 0.13 m are clear on either side: the radius of the paper's robot and half a cell, by which a
     /// corner of a wall may stand out of its occupied cells. Planners take edges to be that wide.
     pub half_width_m: f64,
-    /// Of edges whose directions differ by less than this, only the shortest is kept, radians. Default 0.5 (facts
-    /// §1.3; nearest first, where the paper's code takes the newest first).
+    /// Of edges whose directions differ by less than this, only the shortest is kept, radians. Default 0.5
+    /// (nearest first, where the paper's code takes the newest first).
     pub bearing_gap_rad: f64,
     /// An existing edge is removed when something stands within this of it, metres. Less than the half width, so that
     /// a wall that wavers by a cell does not make edges come and go. Default 0.1.

@@ -9,7 +9,7 @@ use crate::pose::{Point2, Pose2};
 /// How scans become cells.
 #[derive(Clone, Debug)]
 pub struct GridConfig {
-    /// Side of a cell, metres. Default 0.05 (paper, facts §1.6).
+    /// Side of a cell, metres. Default 0.05 (paper).
     pub resolution_m: f64,
     /// Added to a cell's log-odds when a beam ends in it. Default 0.9.
     pub hit_log_odds: f32,
@@ -107,6 +107,9 @@ impl CellBounds {
 const GROWTH_CELLS: i32 = 128;
 /// Farthest cell from the origin; beams beyond are ignored (100 km would not fit memory anyway).
 const MAX_CELL: i32 = 20_000;
+
+/// A grid grows to so many cells at most: 400 m by 400 m of 0.05 m, 384 MB.
+const MAX_CELLS: usize = 64_000_000;
 
 /// An occupancy grid that grows with what is seen.
 #[derive(Clone, Debug)]
@@ -248,6 +251,15 @@ impl OccupancyGrid {
         }
     }
 
+    /// Forgets that cells are free, but for those of which `is_said` holds.
+    pub fn forget_free(&mut self, is_said: impl Fn(Cell) -> bool) {
+        for (index, (log_odds, seen)) in self.log_odds.iter_mut().zip(&mut self.seen).enumerate() {
+            if *log_odds < -self.config.decided_log_odds && !is_said(self.bounds.cell(index)) {
+                (*log_odds, *seen) = (0.0, Seen::default());
+            }
+        }
+    }
+
     /// Adds a scan that another robot took: as [`integrate`](Self::integrate), but the cells do not count as seen by this robot.
     pub fn integrate_told(&mut self, map_from_base: &Pose2, scan: &LaserScan) {
         self.draw(map_from_base, scan, false);
@@ -347,6 +359,9 @@ impl OccupancyGrid {
                 j: if empty { up(cell.j) } else { old.max.j.max(up(cell.j)) },
             },
         };
+        if bounds.width() * bounds.height() > MAX_CELLS {
+            return; // what lies outside stays unknown
+        }
         let mut log_odds = vec![0.0; bounds.width() * bounds.height()];
         let mut seen = vec![Seen::default(); log_odds.len()];
         if !empty {
@@ -429,85 +444,4 @@ fn for_each_cell_between(start: Cell, end: Cell, mut visit: impl FnMut(Cell)) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::pose::pose;
-
-    /// A square room of side 4 m around the origin, seen by a LiDAR at its centre.
-    fn room_scan() -> LaserScan {
-        let beams = 720;
-        let increment = std::f64::consts::TAU / f64::from(beams);
-        let ranges_m = (0..beams)
-            .map(|beam| {
-                let (sin, cos) = (f64::from(beam) * increment).sin_cos();
-                (2.0 / cos.abs().max(sin.abs())) as f32
-            })
-            .collect();
-        LaserScan {
-            base_from_sensor: pose(0.0, 0.0, 0.0),
-            angle_min: 0.0,
-            angle_increment: increment,
-            range_min_m: 0.1,
-            range_max_m: 7.0,
-            ranges_m,
-        }
-    }
-
-    #[test]
-    fn a_room_is_free_inside_occupied_at_its_walls_and_unknown_outside() {
-        let mut grid = OccupancyGrid::new(GridConfig::default());
-        for _ in 0..3 {
-            grid.integrate(&pose(0.0, 0.0, 0.3), &{
-                let mut scan = room_scan();
-                scan.angle_min = -0.3;
-                scan
-            });
-        }
-        assert_eq!(grid.state_at(Point2::new(1.5, -1.5)), CellState::Free);
-        assert_eq!(grid.state_at(Point2::new(2.01, 0.0)), CellState::Occupied);
-        assert_eq!(grid.state_at(Point2::new(2.5, 0.0)), CellState::Unknown);
-        assert!((grid.free_area_m2() - 16.0).abs() < 0.8, "{}", grid.free_area_m2());
-    }
-
-    #[test]
-    fn a_corridor_has_a_width() {
-        let mut grid = OccupancyGrid::new(GridConfig::default());
-        for _ in 0..3 {
-            grid.integrate(&pose(0.0, 0.0, 0.0), &room_scan());
-        }
-        let at = Point2::new;
-        assert!(grid.is_corridor_free(at(-1.5, -1.5), at(1.5, 1.2), 0.2));
-        assert!(!grid.is_corridor_free(at(-1.5, 1.9), at(1.5, 1.9), 0.2), "within 0.2 m of the wall");
-        assert!(grid.is_corridor_free(at(-1.5, 1.9), at(1.5, 1.9), 0.05));
-        assert!(!grid.is_corridor_free(at(0.0, 0.0), at(3.0, 0.0), 0.0), "through the wall");
-        assert!(!grid.is_corridor_free(at(2.5, 2.5), at(2.8, 2.5), 0.0), "unknown is not free");
-        assert!(grid.is_corridor_unoccupied(at(2.5, 2.5), at(2.8, 2.5), 0.0));
-    }
-
-    #[test]
-    fn a_beam_that_met_something_too_near_erases_no_wall() {
-        let mut grid = OccupancyGrid::new(GridConfig::default());
-        for _ in 0..3 {
-            grid.integrate(&pose(0.0, 0.0, 0.0), &room_scan());
-        }
-        for too_near in [f32::NEG_INFINITY, 0.05, 0.0] {
-            let mut scan = room_scan();
-            scan.ranges_m[..90].fill(too_near);
-            for _ in 0..50 {
-                grid.integrate(&pose(0.0, 0.0, 0.0), &scan);
-            }
-            assert_eq!(grid.state_at(Point2::new(2.01, 0.2)), CellState::Occupied, "{too_near}");
-            assert_eq!(grid.state_at(Point2::new(2.5, 0.2)), CellState::Unknown, "{too_near}");
-        }
-    }
-
-    #[test]
-    fn non_finite_poses_and_ranges_change_nothing() {
-        let mut grid = OccupancyGrid::new(GridConfig::default());
-        let mut scan = room_scan();
-        grid.integrate(&pose(f64::NAN, 0.0, 0.0), &scan);
-        scan.ranges_m.iter_mut().for_each(|range| *range = f32::NAN);
-        grid.integrate(&pose(0.0, 0.0, 0.0), &scan);
-        assert!(grid.free_area_m2().abs() < 1e-9);
-    }
-}
+mod tests;

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 /// Parameters of the selection.
 ///
 /// The paper gives its thresholds as symbols; its code weighs nodes by entropy in bits (about 3.3), which leaves a
-/// window of 0.4 m to choose a place from (facts §1.1). Here information is a share of its greatest value, and the
+/// window of 0.4 m to choose a place from. Here information is a share of its greatest value, and the
 /// thresholds leave a window of about σ_c/2.
 #[derive(Clone, Debug)]
 pub struct SelectionConfig {

@@ -9,7 +9,7 @@ use fht_robot::grid::OccupancyGrid;
 /// Parameters of the support nodes.
 #[derive(Clone, Debug)]
 pub struct SupportConfig {
-    /// th_s: a support node is made when no node is this near, metres. Default 2 (facts §0).
+    /// th_s: a support node is made when no node is this near, metres. Default 2 (the paper's).
     pub spacing_m: f64,
 }
 
@@ -25,7 +25,7 @@ pub enum Hierarchy {
     /// Main nodes to relocalize by, support nodes to find ways by: the FHT-Map.
     #[default]
     MainAndSupport,
-    /// Main nodes only (the paper's ablation "Main Only", facts §3.6): where no node could be reached any more in a
+    /// Main nodes only (the paper's ablation "Main Only"): where no node could be reached any more in a
     /// straight line, a main node is made, joined to the one before if to no other.
     MainOnly,
 }

@@ -1,45 +1,58 @@
 //! Seams: where what this robot has seen ends, and another one has seen on. Nobody looks there again; but if both only looked
-//! into a passage from its ends, no node joins them, and the map leads the long way round. Such a passage has to be driven.
+//! into a passage from its ends, the map knows no way through, and leads the long way round. Such a passage has to be driven.
 
 use crate::construct::point;
-use crate::refine::{RefineConfig, Roadmap};
-use fht_proto::NodeId;
+use crate::refine::RefineConfig;
+use fht_map::{FreeSpace, MapState, RouteConfig, SpaceConfig, taut};
+use fht_proto::FixedPoint;
 use fht_robot::grid::OccupancyGrid;
-use fht_robot::planning::{PlanConfig, Traversable, region_around};
+use fht_robot::planning::{PlanConfig, Traversable, UnknownCells, region_around};
 use fht_robot::pose::Point2;
 
 /// The map beside what is known to be free.
 pub(super) struct Seams<'a> {
-    /// The nodes and edges of all explorers.
-    pub(super) roadmap: &'a Roadmap,
+    /// The map of all explorers.
+    map: &'a MapState,
+    /// Where it knows ways.
+    space: FreeSpace,
     /// What is free, as this robot and the others have seen it.
-    pub(super) free: &'a OccupancyGrid,
+    free: &'a OccupancyGrid,
     /// The planner's idea of the robot.
-    pub(super) plan: &'a PlanConfig,
+    plan: &'a PlanConfig,
     /// Which ways over the map are too long.
-    pub(super) config: &'a RefineConfig,
+    config: &'a RefineConfig,
 }
 
-impl Seams<'_> {
-    /// Whether the way through a place between two nodes around it is much shorter than the map's: by the measure of the map's
-    /// refinement.
+impl<'a> Seams<'a> {
+    pub(super) fn of(
+        map: &'a MapState,
+        free: &'a OccupancyGrid,
+        plan: &'a PlanConfig,
+        config: &'a RefineConfig,
+    ) -> Self {
+        Self { map, space: FreeSpace::of(map, &SpaceConfig::default()), free, plan, config }
+    }
+
+    /// Whether the way through a place between two nodes around it is much shorter than the map's.
     pub(super) fn is_missing_link(&self, place: Point2) -> bool {
         let radius_m = self.config.radius_m;
-        let plan = PlanConfig { comfort_weight: 0.0, ..self.plan.clone() };
-        let space = Traversable::in_region(self.free, &plan, region_around(self.free, place, radius_m));
-        let field = space.distances_within(place, radius_m);
-        let way_m = |at: Point2| field.distance_m(space.cell_of(at)).filter(|way_m| *way_m <= radius_m);
-        let near = self.roadmap.nodes().map(|(id, position)| (id, point(position)));
-        let near = near.filter(|(_, at)| (at - place).norm() <= radius_m);
-        let near: Vec<(NodeId, f64)> = near.filter_map(|(id, at)| Some((id, way_m(at)?))).collect();
-        let Some((nearest, to_it_m)) = near.iter().min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0))) else {
-            return false;
-        };
-        let on_map = self.roadmap.distances_from(*nearest);
-        near.iter().any(|(id, from_it_m)| {
+        let plan = PlanConfig { comfort_weight: 0.0, unknown: UnknownCells::Obstacle, ..self.plan.clone() };
+        let ways = Traversable::in_region(self.free, &plan, region_around(self.free, place, radius_m));
+        let field = ways.distances_within(place, radius_m);
+        let way_m = |at: Point2| field.distance_m(ways.cell_of(at)).filter(|way_m| *way_m <= radius_m);
+        // No way leads to some nodes yet, wherever one comes from.
+        let joined = self.map.nodes().filter(|node| self.map.neighbours(node.id).next().is_some());
+        let near = joined.map(|node| node.pose.position);
+        let near = near.filter(|at| (point(*at) - place).norm() <= radius_m);
+        let near: Vec<(FixedPoint, f64)> = near.filter_map(|at| Some((at, way_m(point(at))?))).collect();
+        let Some((nearest, to_it_m)) = near.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else { return false };
+        near.iter().any(|(there, from_it_m)| {
             let free_m = to_it_m + from_it_m;
-            let map_m = on_map.get(id).copied().unwrap_or(f64::INFINITY);
-            map_m > self.config.ratio * free_m && map_m - free_m > self.config.saving_m
+            let is_long = |map_m: f64| map_m > self.config.ratio * free_m && map_m - free_m > self.config.saving_m;
+            match taut::plan(self.map, &self.space, *nearest, *there, &RouteConfig::default()) {
+                Ok(route) => is_long(route.length_m),
+                Err(_) => is_long(f64::INFINITY),
+            }
         })
     }
 }
@@ -47,10 +60,10 @@ impl Seams<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fht_proto::{AuthorId, EdgeKey, FixedPoint};
+    use fht_proto::{AuthorId, EdgeKey, FixedPose, Increment, NodeId, NodeKind, Op};
     use fht_robot::grid::{Cell, CellBounds, CellState, GridConfig};
 
-    /// Two corridors side by side, joined at their left ends, and the right ends by a passage.
+    /// Two corridors, joined at their left ends, and the right ends by a passage.
     fn loop_of_corridors() -> OccupancyGrid {
         let bounds = CellBounds { min: Cell { i: 0, j: 0 }, max: Cell { i: 200, j: 100 } };
         let state = |cell: Cell| match cell {
@@ -66,19 +79,26 @@ mod tests {
     fn a_passage_that_the_map_goes_round_is_a_missing_link() {
         let free = loop_of_corridors();
         let places = [(9.2, 1.0), (5.0, 0.8), (0.8, 0.8), (0.8, 4.2), (5.0, 4.2), (9.2, 4.0)];
-        let id = |number: u32| NodeId { author: AuthorId(number % 2 + 1), number };
-        let mut roadmap = Roadmap::default();
-        for ((x, y), number) in places.into_iter().zip(0..) {
-            roadmap.add_node(id(number), FixedPoint::from_metres(x, y));
-        }
-        (0..5).for_each(|number| roadmap.add_edge(EdgeKey::new(id(number), id(number + 1))));
-        let (plan, config) = (PlanConfig::default(), RefineConfig::default());
-        let is_missing = |roadmap: &Roadmap, at: Point2| {
-            Seams { roadmap, free: &free, plan: &plan, config: &config }.is_missing_link(at)
+        let author = AuthorId(1);
+        let id = |number: u32| NodeId { author, number };
+        let node = |(number, (x, y)): (u32, (f64, f64))| Op::PutNode {
+            id: id(number),
+            kind: NodeKind::Support,
+            pose: FixedPose { position: FixedPoint::from_metres(x, y), yaw_e4: 0 },
         };
-        assert!(is_missing(&roadmap, Point2::new(9.2, 2.5)));
-        assert!(!is_missing(&Roadmap::default(), Point2::new(9.2, 2.5)));
-        roadmap.add_edge(EdgeKey::new(id(0), id(5)));
-        assert!(!is_missing(&roadmap, Point2::new(9.2, 2.5)));
+        let edge = |a: u32, b: u32| Op::PutEdge { edge: EdgeKey::new(id(a), id(b)) };
+        let mut ops: Vec<Op> = (0..).zip(places).map(node).collect();
+        ops.extend((0..5).map(|number| edge(number, number + 1)));
+        let map = |ops: &[Op]| {
+            let mut map = MapState::new();
+            map.apply(&Increment { author, number: 1, hlc_us: 1, ops: ops.to_vec() });
+            map
+        };
+        let (plan, config) = (PlanConfig::default(), RefineConfig::default());
+        let is_missing = |map: &MapState, at: Point2| Seams::of(map, &free, &plan, &config).is_missing_link(at);
+        assert!(is_missing(&map(&ops), Point2::new(9.2, 2.5)));
+        assert!(!is_missing(&MapState::new(), Point2::new(9.2, 2.5)));
+        ops.push(edge(0, 5));
+        assert!(!is_missing(&map(&ops), Point2::new(9.2, 2.5)));
     }
 }

@@ -6,7 +6,8 @@ use super::setbacks::Setbacks;
 use super::team::{Prospect, Team, Worth};
 use super::{ExploreConfig, utility};
 use crate::frontier::{self, Knowledge, find_frontiers};
-use crate::refine::Roadmap;
+use fht_map::MapState;
+use fht_proto::Square;
 use fht_robot::grid::{Cell, OccupancyGrid};
 use fht_robot::motion::PathFollower;
 use fht_robot::planning::{PlanConfig, Traversable, region_around};
@@ -61,7 +62,7 @@ pub struct Search {
     /// The goal to be kept, unless the way there has become much longer.
     pub(super) underway: Option<Underway>,
     /// The map, if others have seen some of the building.
-    pub(super) roadmap: Option<Roadmap>,
+    pub(super) map: Option<MapState>,
 }
 
 /// Where to look for a goal, and for which.
@@ -86,26 +87,31 @@ pub struct Answer {
 impl Search {
     /// The same question, given the map if it is of use: when others have seen some of the building.
     #[must_use]
-    pub fn over(self, roadmap: impl FnOnce() -> Roadmap) -> Self {
-        let roadmap = (!self.team.seen.is_empty()).then(roadmap);
-        Self { roadmap, ..self }
+    pub fn over(self, map: impl FnOnce() -> MapState) -> Self {
+        let map = (!self.team.seen.is_empty()).then(map);
+        Self { map, ..self }
     }
 
     /// Searches `grid`, which is in the map frame, and what others say that they have seen.
     #[must_use]
     pub fn run(&self, grid: &OccupancyGrid) -> Answer {
         let mut free = Cow::Borrowed(grid);
+        let is_doubted = |at: Point2| self.team.seen.iter().any(|seen| seen.square_at(at) == Square::Occupied);
         for seen in &self.team.seen {
-            seen.draw_free_space(free.to_mut());
+            seen.draw_free_space(free.to_mut(), is_doubted);
         }
-        let kept = self.underway.and_then(|underway| self.way_on(&free, &underway));
+        let (plan, config) = (&self.config.plan, &self.config.links);
+        let seams = || self.map.as_ref().map(|map| Seams::of(map, &free, plan, config));
+        // Another one may have joined a seam's ends since.
+        let is_open = |underway: &Underway| {
+            !underway.is_seam || seams().is_some_and(|seams| seams.is_missing_link(underway.target))
+        };
+        let kept = self.underway.filter(is_open).and_then(|underway| self.way_on(&free, &underway));
         let known = Knowledge { grid: &free, others: &self.team.seen };
         let unseen = Quest { free: &free, known, seams: None };
-        let goal = kept.or_else(|| self.choose(&unseen)).or_else(|| {
-            let (plan, config) = (&self.config.plan, &self.config.links);
-            let seams = Seams { roadmap: self.roadmap.as_ref()?, free: &free, plan, config };
-            self.choose(&Quest { free: &free, known: Knowledge::alone(grid), seams: Some(seams) })
-        });
+        let goal = kept
+            .or_else(|| self.choose(&unseen))
+            .or_else(|| self.choose(&Quest { free: &free, known: Knowledge::alone(grid), seams: Some(seams()?) }));
         let underway = self.underway.map(|underway| underway.target);
         Answer { underway, goal }
     }
@@ -133,7 +139,11 @@ impl Search {
         let config = &self.config;
         let allowed = |target: Point2| self.setbacks.allows(target, self.time_us, &config.setbacks);
         let allowed_later = |target: Point2| self.setbacks.allows_later(target, &config.setbacks);
-        self.best_goal(quest, config, allowed).or_else(|| self.best_goal(quest, config, allowed_later)).or_else(|| {
+        let later = || {
+            let rests = self.setbacks.has_resting(self.time_us, &config.setbacks);
+            rests.then(|| self.best_goal(quest, config, allowed_later)).flatten()
+        };
+        self.best_goal(quest, config, allowed).or_else(later).or_else(|| {
             if !self.is_boxed_in(quest.free) {
                 return None;
             }
@@ -196,7 +206,8 @@ impl Search {
                     Worth::Share(share) => share,
                     Worth::LeftToOthers | Worth::Nothing => return None,
                 };
-                if quest.seams.as_ref().is_some_and(|seams| frontier.is_gap || !seams.is_missing_link(prospect.target)) {
+                if quest.seams.as_ref().is_some_and(|seams| frontier.is_gap || !seams.is_missing_link(prospect.target))
+                {
                     return None;
                 }
                 let path = distances.path_to(approach.stand);

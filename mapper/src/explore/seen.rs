@@ -7,16 +7,22 @@ use fht_robot::pose::Point2;
 /// Cells along the side of a square: 0.1 m, unless that were more squares than can be told. Larger ones close narrow doors.
 const CELLS_PER_SQUARE: i32 = 2;
 
+/// Cells that an area may span, seen or not: what is told of may make a grid grow. 64 million: 400 m by 400 m.
+const MOST_CELLS: u64 = 64_000_000;
+
 /// What another explorer has seen, for cells of this robot's grid.
 #[derive(Clone, Debug)]
 pub struct SeenSquares {
+    author: AuthorId,
+    square_m: f64,
     cells_per_square: i32,
     bounds: CellBounds,
     squares: Vec<Square>,
 }
 
 impl SeenSquares {
-    /// What another tells, for a grid of this resolution (metres). `None` if its squares are no whole numbers of cells.
+    /// What another tells, for a grid of this resolution (metres). `None` if its squares are no whole numbers of cells, or span a
+    /// larger area than any building.
     #[must_use]
     pub fn new(area: &SeenArea, resolution_m: f64) -> Option<Self> {
         let cells = f64::from(area.square_mm) / (1000.0 * resolution_m);
@@ -27,23 +33,47 @@ impl SeenSquares {
         let min = Cell { i: area.west, j: area.south };
         let height = i32::try_from(area.height()).ok()?;
         let max = Cell { i: area.west + i32::from(area.width), j: area.south + height };
-        Some(Self { cells_per_square, bounds: CellBounds { min, max }, squares: area.squares().collect() })
+        let cells = |squares: u64| squares * u64::from(cells_per_square.unsigned_abs());
+        if cells(area.width.into()).saturating_mul(cells(area.height() as u64)) > MOST_CELLS {
+            return None;
+        }
+        let bounds = CellBounds { min, max };
+        let square_m = f64::from(area.square_mm) * 1e-3;
+        Some(Self { author: area.author, square_m, cells_per_square, bounds, squares: area.squares().collect() })
+    }
+
+    /// Who has seen it.
+    #[must_use]
+    pub fn author(&self) -> AuthorId {
+        self.author
+    }
+
+    /// What was told of the square of a place.
+    #[must_use]
+    pub fn square_at(&self, place: Point2) -> Square {
+        let index = |metres: f64| (metres / self.square_m).floor() as i32;
+        self.of_square(Cell { i: index(place.x), j: index(place.y) })
     }
 
     /// What was told of the square of a cell.
     #[must_use]
     pub fn square(&self, cell: Cell) -> Square {
-        let square = square_of(cell, self.cells_per_square);
+        self.of_square(square_of(cell, self.cells_per_square))
+    }
+
+    fn of_square(&self, square: Cell) -> Square {
         self.bounds.index(square).and_then(|index| self.squares.get(index).copied()).unwrap_or_default()
     }
 
-    /// Takes its word for free squares, where `grid` knows nothing yet.
-    pub fn draw_free_space(&self, grid: &mut OccupancyGrid) {
-        let side_m = grid.resolution_m() * f64::from(self.cells_per_square);
-        let corner = |i: i32, j: i32| Point2::new(f64::from(i) * side_m, f64::from(j) * side_m);
+    /// Takes its word for free squares, where `grid` knows nothing yet, but for those that are in doubt.
+    pub fn draw_free_space(&self, grid: &mut OccupancyGrid, is_doubted: impl Fn(Point2) -> bool) {
+        let corner = |i: i32, j: i32| Point2::new(f64::from(i) * self.square_m, f64::from(j) * self.square_m);
         for (index, _) in self.squares.iter().enumerate().filter(|(_, square)| **square == Square::Free) {
             let Cell { i, j } = self.bounds.cell(index);
-            grid.suppose_free(corner(i, j), corner(i + 1, j + 1));
+            let (low, high) = (corner(i, j), corner(i + 1, j + 1));
+            if !is_doubted(nalgebra::center(&low, &high)) {
+                grid.suppose_free(low, high);
+            }
         }
     }
 }
@@ -99,6 +129,22 @@ mod tests {
     use fht_robot::frame::LaserScan;
     use fht_robot::grid::GridConfig;
     use fht_robot::pose::pose;
+
+    #[test]
+    fn areas_larger_than_buildings_are_not_taken() {
+        let area = |width: u16, rows: u32| SeenArea {
+            author: AuthorId(1),
+            upto: 1,
+            square_mm: 2000,
+            west: -10,
+            south: -10,
+            width,
+            runs: vec![fht_proto::Run { square: Square::Free, length: u32::from(width) * rows }],
+        };
+        assert!(area(1999, 2000).validate().is_ok());
+        assert!(SeenSquares::new(&area(1999, 2000), 0.05).is_none());
+        assert!(SeenSquares::new(&area(100, 100), 0.05).is_some());
+    }
 
     #[test]
     fn others_learn_what_was_seen_and_not_what_was_told() {

@@ -55,6 +55,11 @@ impl Setbacks {
         self.near(target, config).all(|place| place.failures < config.max_failures)
     }
 
+    /// Whether some target may be tried later that may not be tried now.
+    pub(super) fn has_resting(&self, time_us: u64, config: &SetbackConfig) -> bool {
+        self.places.iter().any(|place| place.failures < config.max_failures && place.rests_until_us > time_us)
+    }
+
     fn near<'a>(&'a self, target: Point2, config: &'a SetbackConfig) -> impl Iterator<Item = &'a Setback> {
         self.places.iter().filter(move |place| (place.target - target).norm() <= config.radius_m)
     }

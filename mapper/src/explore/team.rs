@@ -2,8 +2,8 @@
 //! exploration", T-RO 2005: each robot discounts what others are about to see).
 
 use super::seen::SeenSquares;
-use fht_proto::AuthorId;
 use fht_proto::fleet::ExplorerGoal;
+use fht_proto::{AuthorId, Square};
 use fht_robot::pose::Point2;
 use std::sync::Arc;
 
@@ -100,7 +100,8 @@ impl Team {
         if prospect.is_told {
             match self.teller(prospect.target) {
                 // It knows whether there is more to see there.
-                Some(mate) if mate.is_finished => return Worth::Nothing,
+                Some(mate) if mate.is_finished && self.has_seen(mate.author, prospect.target) => return Worth::Nothing,
+                Some(mate) if mate.is_finished => {}
                 Some(_) if prospect.is_gap => return Worth::LeftToOthers,
                 Some(_) => share *= config.told_worth,
                 None => {}
@@ -133,6 +134,16 @@ impl Team {
         })
     }
 
+    /// Whether a robot says that it has seen a place.
+    fn has_seen(&self, author: AuthorId, place: Point2) -> bool {
+        self.seen.iter().any(|seen| seen.author() == author && seen.square_at(place) != Square::Unseen)
+    }
+
+    /// Whether an explorer is there that has not finished.
+    pub(super) fn is_at_work(&self, author: AuthorId) -> bool {
+        self.mates.iter().any(|mate| mate.author == author && !mate.is_finished)
+    }
+
     /// Whether some other explorer is on its way to something.
     pub(super) fn has_goals(&self) -> bool {
         self.mates.iter().any(|mate| !mate.is_finished && mate.target.is_some())
@@ -147,6 +158,7 @@ impl Team {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fht_proto::SeenArea;
 
     fn mate(author: u32, at: f64, target: Option<f64>, remaining_m: f64) -> Teammate {
         let place = |x: f64| Point2::new(x, 0.0);
@@ -176,12 +188,24 @@ mod tests {
     fn what_a_teammate_told_of_is_its_own_until_it_has_finished_or_is_gone() {
         let config = TeamConfig::default();
         let told = Arc::new(vec![(Point2::new(5.0, 0.0), AuthorId(2)), (Point2::new(50.0, 0.0), AuthorId(3))]);
-        let mut team = Team { mates: vec![mate(2, 100.0, None, 0.0)], told, ..Team::default() };
+        let area = SeenArea {
+            author: AuthorId(2),
+            upto: 1,
+            square_mm: 1000,
+            west: 0,
+            south: 0,
+            width: 8,
+            runs: SeenArea::runs_of([Square::Free; 8]),
+        };
+        let seen = vec![Arc::new(SeenSquares::new(&area, 0.05).expect("whole cells"))];
+        let mut team = Team { mates: vec![mate(2, 100.0, None, 0.0)], told, seen };
         let place = Prospect { is_told: true, ..prospect(6.0, 3.0) };
         assert_eq!(team.worth(&place, &config), Worth::Share(config.told_worth));
         assert_eq!(team.worth(&Prospect { is_gap: true, ..place }, &config), Worth::LeftToOthers);
         team.mates[0].is_finished = true;
         assert_eq!(team.worth(&place, &config), Worth::Nothing);
+        let behind_a_wall = Prospect { is_told: true, ..prospect(9.0, 3.0) };
+        assert_eq!(team.worth(&behind_a_wall, &config), Worth::Share(1.0), "it has not seen that");
         let of_one_that_died = Prospect { is_told: true, ..prospect(51.0, 3.0) };
         assert_eq!(team.worth(&of_one_that_died, &config), Worth::Share(1.0));
         assert!(!team.goes_on());

@@ -112,6 +112,35 @@ fn a_robot_that_is_boxed_in_squeezes_out_before_it_says_that_all_is_seen() {
 }
 
 #[test]
+fn who_waits_for_another_one_takes_over_when_that_one_is_gone() {
+    let (grid, scan) = half_seen_room();
+    let config = ExploreConfig { first_look_s: 0.0, ..ExploreConfig::default() };
+    let here = pose(-1.0, 0.0, 0.0);
+    let mut alone = Explorer::new(config.clone());
+    step(&mut alone, &grid, &here, &scan, 0);
+    let target = alone.goal();
+    assert!(target.is_some());
+
+    let mate = Teammate {
+        author: AuthorId(2),
+        at: here.translation.vector.into(),
+        target,
+        remaining_m: 0.0,
+        is_finished: false,
+    };
+    let config = ExploreConfig { team: TeamConfig { claim_m: 10.0, ..TeamConfig::default() }, ..config };
+    let mut explorer = Explorer::new(config);
+    explorer.hear(Team { mates: vec![mate], ..Team::default() });
+    for second in 0..20 {
+        assert_eq!(step(&mut explorer, &grid, &here, &scan, second * 1_000_000), ExploreStep::Drive(Twist::default()));
+    }
+    assert!(explorer.goal().is_none());
+    explorer.hear(Team::default());
+    assert!(matches!(step(&mut explorer, &grid, &here, &scan, 20_000_000), ExploreStep::Drive(_)));
+    assert_eq!(explorer.goal(), target);
+}
+
+#[test]
 fn where_others_left_off_is_reached_through_what_they_have_seen() {
     // A room with a door in its right wall, and a corridor behind it that only another robot has seen, up to x = 6.
     let cells = |x: i32, y: i32| CellBounds { min: Cell { i: -40, j: -40 }, max: Cell { i: x, j: y } };

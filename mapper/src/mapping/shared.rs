@@ -19,6 +19,8 @@ use std::sync::Arc;
 
 /// Frames after a change of the map at which its walls are used by a robot that looks for its place.
 const WALLS_AFTER_FRAMES: u32 = 2;
+/// Squares that others may tell of in all.
+const MOST_SQUARES: usize = 16_000_000;
 /// Way between places that a newcomer remembers, metres.
 const REMEMBER_EVERY_M: f64 = 0.5;
 
@@ -140,7 +142,7 @@ impl Mapper {
             at: [at.x, at.y],
             target: self.explorer.goal().map(|target| [target.x, target.y]),
             remaining_m: self.explorer.remaining_m(),
-            finished: self.explorer.has_ended(),
+            finished: self.explorer.is_complete(),
         })
     }
 
@@ -168,7 +170,15 @@ impl Mapper {
     pub fn hear_seen(&mut self, areas: &[SeenArea]) {
         let resolution_m = self.grid().resolution_m();
         let areas = if self.config.join.looks_again { &[] } else { areas };
-        let squares = areas.iter().filter_map(|area| SeenSquares::new(area, resolution_m));
+        // Each is read on the robot's loop: names are free to invent.
+        let mut squares_left = MOST_SQUARES;
+        let is_affordable = |area: &&SeenArea| {
+            let count = usize::from(area.width) * area.height();
+            let is_affordable = count <= squares_left;
+            squares_left -= if is_affordable { count } else { 0 };
+            is_affordable
+        };
+        let squares = areas.iter().filter(is_affordable).filter_map(|area| SeenSquares::new(area, resolution_m));
         self.others.team.seen = squares.map(Arc::new).collect();
         self.tell_explorer();
     }

@@ -50,7 +50,7 @@ pub struct SlamConfig {
     pub lost_contradiction: f64,
     /// The robot is lost after driving this far while scans contradict, metres. Default 1.
     pub lost_after_m: f64,
-    /// A robot that was not found again by then begins a new submap where the wheels say, metres. Default 8.
+    /// A robot that was not found again by then begins a new submap where the wheels say, metres. Default 30.
     pub give_up_m: f64,
 }
 

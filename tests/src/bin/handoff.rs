@@ -165,8 +165,8 @@ fn print_report(report: &HandoffReport) {
     );
     println!(
         "bytes         {:.1} KB of map, {:.1} KB put on the wire; digests {}",
-        report.map_bytes as f64 / 1024.0,
-        report.wire_bytes as f64 / 1024.0,
+        report.map_bytes as f64 / 1000.0,
+        report.wire_bytes as f64 / 1000.0,
         if report.digests_agree { "agree" } else { "DIFFER" }
     );
     if report.localized {

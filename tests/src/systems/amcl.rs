@@ -57,7 +57,7 @@ pub struct AmclConfig {
 }
 
 impl AmclConfig {
-    /// The paper's parameters (facts §3.4); no recovery.
+    /// The paper's parameters; no recovery.
     #[must_use]
     pub fn paper() -> Self {
         Self {

@@ -1,4 +1,4 @@
-//! MR-TopoMap (Dong et al., facts §3.5): nodes are places that look different, edges follow the trajectory, a robot is where
+//! MR-TopoMap (Dong et al.): nodes are places that look different, edges follow the trajectory, a robot is where
 //! the node is that its picture looks like, and ways lead from the nearest node over nodes to the nearest node.
 //!
 //! Its authors' thresholds, 0.97 for a new node and 0.98 for a match, are cosines of another network. Ours has a cosine of
@@ -22,7 +22,7 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct TopoMapConfig {
     /// Cosine above which a picture shows a place that is a node already. Default 0.85.
     pub known_similarity: f32,
-    /// No node is made nearer to another than this, metres. Default 2.5 (facts §3.5).
+    /// No node is made nearer to another than this, metres. Default 2.5 (the paper's).
     pub spacing_m: f64,
     /// Cosine above which a robot is at a node. Default 0.75.
     pub match_similarity: f32,
@@ -248,7 +248,7 @@ pub struct Fit {
 /// Rounds of reweighting.
 const ROUNDS: usize = 10;
 
-/// The motion of the plane with the least sum of distances (not squared: facts §1.10), by reweighted least squares.
+/// The motion of the plane with the least sum of distances (not squared, as in the paper's code), by reweighted least squares.
 fn fit(sightings: &[Sighting]) -> Option<Fit> {
     if sightings.len() < 2 {
         return None;
