@@ -17,7 +17,7 @@ pub struct FollowConfig {
     pub behind: Duration,
     /// How long the copy may have increments that the server does not tell of. Default 10 s.
     pub ahead: Duration,
-    /// Shortest and longest pause after a question that brought nothing. Default 0.5 s to 5 s.
+    /// Shortest and longest pause after a question that brought nothing: short, because a link that was lost may be back. Default 0.25 s to 0.5 s.
     pub ask_pause: (Duration, Duration),
     /// Shortest and longest pause after fetching the whole map again. Default 2 s to 60 s.
     pub refetch_pause: (Duration, Duration),
@@ -29,7 +29,7 @@ impl Default for FollowConfig {
         Self {
             behind: Duration::from_millis(300),
             ahead: seconds(10),
-            ask_pause: (Duration::from_millis(500), seconds(5)),
+            ask_pause: (Duration::from_millis(250), Duration::from_millis(500)),
             refetch_pause: (seconds(2), seconds(60)),
         }
     }
