@@ -17,8 +17,10 @@ pub struct FollowConfig {
     pub behind: Duration,
     /// How long the copy may have increments that the server does not tell of. Default 10 s.
     pub ahead: Duration,
-    /// Shortest and longest pause after a question that brought nothing: short, because a link that was lost may be back. Default 0.25 s to 0.5 s.
+    /// Shortest and longest pause after a question whose answer brought nothing. Default 0.5 s to 5 s.
     pub ask_pause: (Duration, Duration),
+    /// The same after one that nobody answered: the link may be back any moment. Default 0.25 s to 0.5 s.
+    pub link_pause: (Duration, Duration),
     /// Shortest and longest pause after fetching the whole map again. Default 2 s to 60 s.
     pub refetch_pause: (Duration, Duration),
 }
@@ -29,7 +31,8 @@ impl Default for FollowConfig {
         Self {
             behind: Duration::from_millis(300),
             ahead: seconds(10),
-            ask_pause: (Duration::from_millis(250), Duration::from_millis(500)),
+            ask_pause: (Duration::from_millis(500), seconds(5)),
+            link_pause: (Duration::from_millis(250), Duration::from_millis(500)),
             refetch_pause: (seconds(2), seconds(60)),
         }
     }
@@ -88,6 +91,7 @@ pub struct Follow {
     /// Whether fetching the whole map again has begun.
     is_interrupted: bool,
     ask_pause: Pause,
+    link_pause: Pause,
     refetch_pause: Pause,
 }
 
@@ -103,6 +107,7 @@ impl Follow {
             is_suspect: false,
             is_interrupted: false,
             ask_pause: Pause::new(config.ask_pause),
+            link_pause: Pause::new(config.link_pause),
             refetch_pause: Pause::new(config.refetch_pause),
             config,
         }
@@ -141,6 +146,13 @@ impl Follow {
         } else {
             self.ask_pause.end();
         }
+        self.link_pause.end();
+    }
+
+    /// What was missing was asked for, and nobody answered.
+    pub fn unanswered(&mut self, now: Instant) {
+        self.behind_since = None;
+        self.link_pause.begin(now);
     }
 
     /// The whole map was asked for again, and has come.
@@ -156,7 +168,7 @@ impl Follow {
     /// The whole map was asked for again, and the server fell silent before it had all come. The next attempt goes on there, and soon.
     pub fn interrupted(&mut self, now: Instant) {
         self.is_interrupted = true;
-        self.ask_pause.begin(now);
+        self.link_pause.begin(now);
     }
 
     /// What to do at `now` with a copy that has `mine`; its digest is asked for where it matters.
@@ -169,17 +181,19 @@ impl Follow {
                 self.refetch_pause.end();
             }
         }
-        let pause = if self.is_interrupted { &self.ask_pause } else { &self.refetch_pause };
+        let pause = if self.is_interrupted { &self.link_pause } else { &self.refetch_pause };
         if self.is_suspect && pause.is_over(now) {
             return Step::Refetch;
         }
         if mine.covers(&self.target) {
             self.behind_since = None;
             self.ask_pause.end();
+            self.link_pause.end();
             return Step::Wait;
         }
         let since = *self.behind_since.get_or_insert(now);
-        let is_due = now.duration_since(since) >= self.config.behind && self.ask_pause.is_over(now);
+        let is_paused = !self.ask_pause.is_over(now) || !self.link_pause.is_over(now);
+        let is_due = now.duration_since(since) >= self.config.behind && !is_paused;
         if is_due { Step::CatchUp } else { Step::Wait }
     }
 }

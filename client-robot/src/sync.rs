@@ -252,7 +252,12 @@ impl Sync {
                 is_whole
             }
             Fetch::Rest { brought } => {
-                self.follow.caught_up(brought, now);
+                // Whoever has nothing to say says so.
+                if brought == 0 && !part.is_complete {
+                    self.follow.unanswered(now);
+                } else {
+                    self.follow.caught_up(brought, now);
+                }
                 false
             }
             Fetch::Whole { fresh } => {
