@@ -63,18 +63,7 @@ impl MapArgs {
             knob.turn(&mut mapper);
             name = format!("{name}-{}", knob.name());
         }
-        let task = SurveyTask {
-            world: world.to_owned(),
-            textures: None,
-            world_seed: 1,
-            changes: None,
-            start: None,
-            cameras: true,
-            seed: self.seed,
-            drift: 1.0,
-            variant: name.clone(),
-            mapper,
-        };
+        let task = SurveyTask { seed: self.seed, variant: name.clone(), mapper, ..SurveyTask::usual(world) };
         if !Survey::is_kept(&task, &self.kept) {
             eprintln!("evaluate: {world} is explored ({name}), once; that takes some minutes");
         }
