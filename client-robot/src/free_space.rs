@@ -6,6 +6,7 @@ use crate::route::PlannedPath;
 use fht_map::{FreeSpace, MapState, Rules};
 use fht_proto::query::{ErrorCode, ErrorReply};
 use fht_robot::pose::Point2;
+use std::ops::Deref;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -128,12 +129,15 @@ impl FreeSpaceCache {
         self.wish = None;
     }
 
-    /// Once per frame: takes what the thread made, and plans the last way anew on it.
-    pub fn revised(&mut self, map: &MapState) -> Option<Result<PlannedPath, ErrorReply>> {
+    /// Once per frame: takes what the thread made, and plans the last way anew on it. `map` is asked only then.
+    pub fn revised<M: Deref<Target = MapState>>(
+        &mut self,
+        map: impl FnOnce() -> M,
+    ) -> Option<Result<PlannedPath, ErrorReply>> {
         let made = self.thread.as_mut().and_then(Inquiry::take)?;
         let made = self.made.insert(made);
         let wish = self.wish.take().filter(|wish| wish.basis.rules.closes_the_same(&made.basis.rules))?;
-        Some(plan_on(map, made, wish.from, wish.to))
+        Some(plan_on(&map(), made, wish.from, wish.to))
     }
 }
 
@@ -168,16 +172,16 @@ mod tests {
         let (short, long, none) = (hall(10.0), hall(20.0), Arc::default());
         let mut cache = FreeSpaceCache::beside(Taking::AfterFrames(2));
         assert!(cache.plan(&short, 1, at(1.0), at(9.0), &none).is_err() && cache.is_pending());
-        assert!(cache.revised(&short).is_none());
-        let first = cache.revised(&short).expect("due").expect("a path");
+        assert!(cache.revised(|| &short).is_none());
+        let first = cache.revised(|| &short).expect("due").expect("a path");
         assert_eq!(first.length_m, 8.0);
         assert!(!cache.is_pending());
         // At once now, and beyond the old hall two frames after the map has changed.
         assert!(cache.plan(&short, 1, at(1.0), at(5.0), &none).is_ok() && !cache.is_pending());
         assert!(cache.plan(&long, 2, at(1.0), at(9.0), &none).is_ok() && cache.is_pending());
         let _ = cache.plan(&long, 2, at(1.0), at(19.0), &none);
-        assert!(cache.revised(&long).is_none());
-        assert!(cache.revised(&long).is_some_and(|path| path.is_ok_and(|path| path.length_m == 18.0)));
+        assert!(cache.revised(|| &long).is_none());
+        assert!(cache.revised(|| &long).is_some_and(|path| path.is_ok_and(|path| path.length_m == 18.0)));
     }
 
     #[test]
@@ -186,13 +190,13 @@ mod tests {
         let blocked = rules_of_own(&BTreeSet::from([FixedPoint::from_metres(5.0, 2.0)]));
         let mut cache = FreeSpaceCache::beside(Taking::AfterFrames(1));
         let _ = cache.plan(&map, 1, at(1.0), at(9.0), &none);
-        assert!(cache.revised(&map).is_some_and(|path| path.is_ok()));
+        assert!(cache.revised(|| &map).is_some_and(|path| path.is_ok()));
         assert!(cache.plan(&map, 1, at(1.0), at(9.0), &blocked).is_err() && cache.is_pending());
-        let round = cache.revised(&map).expect("due").expect("a path");
+        let round = cache.revised(|| &map).expect("due").expect("a path");
         assert!(round.points.len() > 2);
         // What is open again is no reason to stand still.
         assert!(cache.plan(&map, 1, at(1.0), at(9.0), &none).is_ok_and(|path| path.points.len() > 2));
-        assert!(cache.revised(&map).is_some_and(|path| path.is_ok_and(|path| path.points.len() == 2)));
+        assert!(cache.revised(|| &map).is_some_and(|path| path.is_ok_and(|path| path.points.len() == 2)));
     }
 
     #[test]
@@ -201,7 +205,7 @@ mod tests {
         let mut cache = FreeSpaceCache::beside(Taking::AfterFrames(3));
         let paths = (0..12).filter(|changes| {
             let _ = cache.plan(&map, *changes, at(1.0), at(9.0), &none);
-            cache.revised(&map).is_some_and(|path| path.is_ok())
+            cache.revised(|| &map).is_some_and(|path| path.is_ok())
         });
         assert_eq!(paths.count(), 4);
     }

@@ -321,7 +321,7 @@ impl PathSource for ServerPaths<'_> {
     fn revised(&mut self) -> Option<Result<PlannedPath, ErrorReply>> {
         // Both are taken each frame; of two that come together the server's counts.
         let answer = self.inquiry.take();
-        let own = self.free_space.revised(&self.replica.running());
+        let own = self.free_space.revised(|| self.replica.running());
         match answer {
             Some(Ok(Ok(path))) => {
                 self.free_space.forget_wish();

@@ -107,11 +107,7 @@ impl Ingest {
         let mut batch = Batch::default();
         for arrival in arrivals {
             let key = arrival.key.clone();
-            let outcome = match check(arrival, &self.limits, now_us) {
-                Ok(checked) => self.sort(checked, &mut batch)?,
-                Err(refusal) => Err(refusal),
-            };
-            if let Err(refusal) = outcome {
+            if let Err(refusal) = self.check_and_sort(arrival, now_us, &mut batch)? {
                 self.log_refusal(&key, &refusal);
                 batch.taken.notices.extend(self.notice(&key, &refusal));
                 if let Some(map) = map_of(&key) {
@@ -154,10 +150,7 @@ impl Ingest {
         for increment in series.increments {
             let key = Key::increment(map, increment.author, increment.number).to_string();
             let arrival = Arrival { key, payload: encode(&increment).map_err(Refusal::from) };
-            outcome = match check(arrival, &self.limits, now_us) {
-                Ok(checked) => self.sort(checked, &mut batch)?,
-                Err(refusal) => Err(refusal),
-            };
+            outcome = self.check_and_sort(arrival, now_us, &mut batch)?;
             if outcome.is_err() {
                 break;
             }
@@ -287,6 +280,18 @@ impl Ingest {
             return Err(Refusal::Full("nodes and edges in this map"));
         }
         Ok(())
+    }
+
+    fn check_and_sort(
+        &mut self,
+        arrival: Arrival,
+        now_us: u64,
+        batch: &mut Batch,
+    ) -> Result<Result<(), Refusal>, StoreError> {
+        match check(arrival, &self.limits, now_us) {
+            Ok(checked) => self.sort(checked, batch),
+            Err(refusal) => Ok(Err(refusal)),
+        }
     }
 
     /// Puts an increment in its place: into the batch, aside until the gap before it closes, or nowhere.

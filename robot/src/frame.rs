@@ -66,6 +66,25 @@ impl LaserScan {
         self.base_from_sensor * Point2::new(range_m * cos, range_m * sin)
     }
 
+    /// What a scanner in the middle of the robot says that sees from 0.1 m to 7 m, with beams evenly all round: `range_m` is how long each is,
+    /// metres, given its cosine and sine. For rooms with known geometry.
+    #[must_use]
+    pub fn all_round(beams: u32, range_m: impl Fn(f64, f64) -> f64) -> Self {
+        let angle_increment = std::f64::consts::TAU / f64::from(beams);
+        let ranges_m = (0..beams).map(|beam| {
+            let (sin, cos) = (f64::from(beam) * angle_increment).sin_cos();
+            range_m(cos, sin) as f32
+        });
+        Self {
+            base_from_sensor: Pose2::identity(),
+            angle_min: 0.0,
+            angle_increment,
+            range_min_m: 0.1,
+            range_max_m: 7.0,
+            ranges_m: ranges_m.collect(),
+        }
+    }
+
     /// The scan as a main node keeps it: ranges rounded to [`ScanRecord::STEP_MM`].
     #[must_use]
     pub fn to_record(&self) -> ScanRecord {

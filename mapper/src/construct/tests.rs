@@ -7,20 +7,10 @@ use fht_robot::grid::{Cell, CellBounds, CellState, GridConfig};
 
 /// A scan from the middle of a square room of side 6 m, with a post of 0.2 m at (1, 0) if `post`.
 fn room(post: bool) -> LaserScan {
-    let increment = std::f64::consts::TAU / 2880.0;
-    let ranges_m = (0..2880).map(|beam| {
-        let (sin, cos) = (f64::from(beam) * increment).sin_cos();
+    LaserScan::all_round(2880, |cos, sin| {
         let is_post = post && cos > 0.0 && (sin / cos).abs() < 0.1;
-        (if is_post { 1.0 / cos } else { 3.0 / cos.abs().max(sin.abs()) }) as f32
-    });
-    LaserScan {
-        base_from_sensor: Pose2::identity(),
-        angle_min: 0.0,
-        angle_increment: increment,
-        range_min_m: 0.1,
-        range_max_m: 7.0,
-        ranges_m: ranges_m.collect(),
-    }
+        if is_post { 1.0 / cos } else { 3.0 / cos.abs().max(sin.abs()) }
+    })
 }
 
 fn look(grid: &mut OccupancyGrid, scan: &LaserScan, times: usize) {

@@ -148,14 +148,7 @@ mod tests {
 
     #[test]
     fn others_learn_what_was_seen_and_not_what_was_told() {
-        let scan = LaserScan {
-            base_from_sensor: pose(0.0, 0.0, 0.0),
-            angle_min: 0.0,
-            angle_increment: std::f64::consts::TAU / 360.0,
-            range_min_m: 0.1,
-            range_max_m: 7.0,
-            ranges_m: vec![2.0; 360],
-        };
+        let scan = LaserScan::all_round(360, |_, _| 2.0);
         let mut grid = OccupancyGrid::new(GridConfig::default());
         assert!(seen_area(&grid, AuthorId(1), 0).is_none());
         grid.integrate(&pose(-3.0, 1.0, 0.0), &scan);

@@ -6,17 +6,7 @@ use std::sync::Arc;
 
 /// What a robot at (0, 0) sees in a closed square room of side 4 m.
 fn closed_room() -> (OccupancyGrid, LaserScan) {
-    let increment = std::f64::consts::TAU / 720.0;
-    let ranges_m = (0..720)
-        .map(|beam| {
-            let (sin, cos) = (f64::from(beam) * increment).sin_cos();
-            (2.0 / cos.abs().max(sin.abs())) as f32
-        })
-        .collect();
-    let base_from_sensor = pose(0.0, 0.0, 0.0);
-    let (range_min_m, range_max_m) = (0.1, 7.0);
-    let scan =
-        LaserScan { base_from_sensor, angle_min: 0.0, angle_increment: increment, range_min_m, range_max_m, ranges_m };
+    let scan = LaserScan::all_round(720, |cos, sin| 2.0 / cos.abs().max(sin.abs()));
     let mut grid = OccupancyGrid::new(GridConfig::default());
     for _ in 0..3 {
         grid.integrate(&pose(0.0, 0.0, 0.0), &scan);

@@ -6,21 +6,7 @@ use fht_robot::pose::pose;
 
 /// Adds what a LiDAR at (x, 0) says when its beams have the lengths that `range` gives for their (cos, sin).
 fn look(grid: &mut OccupancyGrid, x: f64, range: impl Fn(f64, f64) -> f64) {
-    let increment = std::f64::consts::TAU / 720.0;
-    let ranges_m = (0..720)
-        .map(|beam| {
-            let (sin, cos) = (f64::from(beam) * increment).sin_cos();
-            range(cos, sin) as f32
-        })
-        .collect();
-    let scan = LaserScan {
-        base_from_sensor: pose(0.0, 0.0, 0.0),
-        angle_min: 0.0,
-        angle_increment: increment,
-        range_min_m: 0.1,
-        range_max_m: 7.0,
-        ranges_m,
-    };
+    let scan = LaserScan::all_round(720, range);
     for _ in 0..3 {
         grid.integrate(&pose(x, 0.0, 0.0), &scan);
     }

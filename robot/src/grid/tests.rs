@@ -3,22 +3,7 @@ use crate::pose::pose;
 
 /// A square room of side 4 m around the origin, seen by a LiDAR at its centre.
 fn room_scan() -> LaserScan {
-    let beams = 720;
-    let increment = std::f64::consts::TAU / f64::from(beams);
-    let ranges_m = (0..beams)
-        .map(|beam| {
-            let (sin, cos) = (f64::from(beam) * increment).sin_cos();
-            (2.0 / cos.abs().max(sin.abs())) as f32
-        })
-        .collect();
-    LaserScan {
-        base_from_sensor: pose(0.0, 0.0, 0.0),
-        angle_min: 0.0,
-        angle_increment: increment,
-        range_min_m: 0.1,
-        range_max_m: 7.0,
-        ranges_m,
-    }
+    LaserScan::all_round(720, |cos, sin| 2.0 / cos.abs().max(sin.abs()))
 }
 
 #[test]

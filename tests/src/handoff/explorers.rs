@@ -6,7 +6,6 @@ use crate::team::start_near;
 use fht_link::LinkConfig;
 use fht_proto::keys::{RobotTopic, robots_of};
 use fht_proto::{Digest, MapName, SeenArea, Square, decode};
-use fht_robot::grid::Cell;
 use fht_robot::pose::Point2;
 use fht_sim::{SimConfig, World};
 use indicatif::ProgressBar;
@@ -266,10 +265,7 @@ impl Witness {
         const CELL_M: f64 = 0.05;
         let seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         let squares: Vec<SeenSquares> = seen.values().filter_map(|area| SeenSquares::new(area, CELL_M)).collect();
-        let is_known = |place: Point2| {
-            let cell = Cell { i: (place.x / CELL_M).floor() as i32, j: (place.y / CELL_M).floor() as i32 };
-            squares.iter().any(|squares| squares.square(cell) != Square::Unseen)
-        };
+        let is_known = |place: Point2| squares.iter().any(|squares| squares.square_at(place) != Square::Unseen);
         let (_, share) = explored_by(world.plan(), &world.start(), SimConfig::default().radius_m, is_known);
         drop(seen);
         // A session that is dropped closes; nothing is lost by an error.

@@ -7,7 +7,6 @@ use fht_merge::MergeConfig;
 use fht_sim::Changes;
 use fht_tests::merging::{MadeMap, Merged, merge, quantile_x};
 use fht_tests::survey::{Survey, SurveyTask};
-use mapper::mapping::MapperConfig;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -97,16 +96,12 @@ pub fn run(args: &MergeArgs) -> Result<(), String> {
 fn survey(args: &MergeArgs, world: &str, drawn: u64, start: u64, changes: Option<Changes>) -> Result<Made, String> {
     let loaded = fht_sim::load(world, None, drawn).map_err(|error| error.to_string())?;
     let task = SurveyTask {
-        world: world.to_owned(),
-        textures: None,
         world_seed: drawn,
         changes,
         start: (start > 1).then(|| loaded.random_free_pose(start, 0.35)),
         seed: start,
         cameras: !args.no_cameras,
-        drift: 1.0,
-        variant: "ours".to_owned(),
-        mapper: MapperConfig::default(),
+        ..SurveyTask::usual(world)
     };
     if !Survey::is_kept(&task, &args.kept) {
         eprintln!("evaluate: {world} is explored from start {start}, once; that takes a while");
