@@ -4,6 +4,7 @@ use fht_map::blocked::Reports;
 use fht_map::{Replica, Rules};
 use fht_proto::fleet::BlockedReport;
 use fht_proto::keys::Key;
+use fht_proto::query::BlockedView;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use zenoh::sample::{Sample, SampleKind};
@@ -48,12 +49,24 @@ impl Closures {
         if robot == self.robot || sample.kind() != SampleKind::Put || sample.payload().len() > MAX_REPORT_BYTES {
             return;
         }
-        let report = serde_json::from_slice::<BlockedReport>(&sample.payload().to_bytes());
+        match serde_json::from_slice(&sample.payload().to_bytes()) {
+            Ok(report) => self.keep(&robot, &report),
+            Err(error) => tracing::debug!(robot, "a report of what is blocked is not taken: {error}"),
+        }
+    }
+
+    /// Takes what the server has heard of and this robot may not have: who comes late is told nothing again.
+    pub fn take_known(&self, blocked: Vec<BlockedView>) {
+        let of_others = blocked.into_iter().filter(|view| view.robot != self.robot);
+        // One without anything would take back what that robot said.
+        for view in of_others.filter(|view| !(view.edges.is_empty() && view.places.is_empty())) {
+            self.keep(&view.robot, &BlockedReport { for_s: view.for_s, edges: view.edges, places: view.places });
+        }
+    }
+
+    fn keep(&self, robot: &str, report: &BlockedReport) {
         let mut reports = self.reports.lock().unwrap_or_else(PoisonError::into_inner);
-        let taken = report
-            .map_err(|error| error.to_string())
-            .and_then(|report| reports.take(&robot, &report, self.now_us()).map_err(|error| error.to_string()));
-        if let Err(reason) = taken {
+        if let Err(reason) = reports.take(robot, report, self.now_us()) {
             tracing::debug!(robot, "a report of what is blocked is not taken: {reason}");
         }
     }

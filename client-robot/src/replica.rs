@@ -11,7 +11,7 @@ use crate::sync::{Question, Running, Sync, SyncConfig};
 use fht_map::{MapState, Replica, Rules};
 use fht_proto::envelope::MAX_BODY_BYTES;
 use fht_proto::keys::{Key, RobotTopic, Topic, increments_of, robots_of};
-use fht_proto::query::Snapshot;
+use fht_proto::query::{RulesReply, Snapshot};
 use fht_proto::{Increment, MapName, ReleaseId, VersionVector, decode};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel, sync_channel};
@@ -164,6 +164,8 @@ impl LiveReplica {
             events,
             to_events,
             sync: Sync::new(sync),
+            closures: Arc::clone(&closures),
+            knows_blocked: false,
         };
         let thread = std::thread::Builder::new().name("replica".to_owned()).spawn(move || worker.run())?;
         // It has not slept before this for longer than it would without being woken.
@@ -257,6 +259,8 @@ enum Event {
     PartEnded,
     /// The question for the head has ended.
     Head(Option<Vec<u8>>),
+    /// The question for what is blocked has ended.
+    Rules(Option<Vec<u8>>),
 }
 
 struct Worker {
@@ -270,6 +274,9 @@ struct Worker {
     events: Receiver<Event>,
     to_events: Sender<Event>,
     sync: Sync,
+    closures: Arc<Closures>,
+    /// Whether nothing was said of what is blocked without being heard here, as far as that is known.
+    knows_blocked: bool,
 }
 
 impl Worker {
@@ -353,8 +360,12 @@ impl Worker {
     }
 
     fn ask_head(&self) -> Result<(), zenoh::Error> {
+        self.ask_first(Topic::Head, Event::Head)
+    }
+
+    /// Puts a question of which the first answer counts; its end is told in any case.
+    fn ask_first(&self, topic: Topic, event: fn(Option<Vec<u8>>) -> Event) -> Result<(), zenoh::Error> {
         let timeout = Duration::from_secs_f64(self.config.timeout_s.clamp(0.0, 1.0));
-        // The first answer counts; the end of the question is told in any case.
         let (answer, ended) = (self.teller(), self.teller());
         let is_answered = Arc::new(AtomicBool::new(false));
         let was_answered = Arc::clone(&is_answered);
@@ -362,16 +373,15 @@ impl Worker {
             if let Ok(sample) = reply.result()
                 && !is_answered.swap(true, Ordering::AcqRel)
             {
-                answer(Event::Head(Some(sample.payload().to_bytes().into_owned())));
+                answer(event(Some(sample.payload().to_bytes().into_owned())));
             }
         };
         let drop = move || {
             if !was_answered.load(Ordering::Acquire) {
-                ended(Event::Head(None));
+                ended(event(None));
             }
         };
-        let key = Key::topic(&self.map, Topic::Head).to_string();
-        self.session.get(key).timeout(timeout).with(CallbackDrop { callback, drop }).wait()
+        self.session.get(self.topic(topic).to_string()).timeout(timeout).with(CallbackDrop { callback, drop }).wait()
     }
 
     fn topic(&self, topic: Topic) -> Key {
@@ -412,8 +422,10 @@ impl Worker {
                 if let Some(Err(error)) = &head {
                     self.refuse(error);
                 }
+                self.follow_blocked(head.is_some());
                 self.sync.head_answered(&self.shared.read(), head.and_then(Result::ok), now);
             }
+            Event::Rules(payload) => self.take_rules(payload.as_deref()),
             Event::Piece(bytes) => match decode::<Snapshot>(&bytes) {
                 Ok(series) => {
                     let applied = self.sync.piece(&mut self.shared.write(), series);
@@ -425,6 +437,25 @@ impl Worker {
                 let is_replaced = self.sync.part_ended(&mut self.shared.write(), now);
                 self.note_changes(usize::from(is_replaced));
             }
+        }
+    }
+
+    /// What is blocked is said once: a robot that was not there, or out of reach, asks the server what it has heard.
+    fn follow_blocked(&mut self, is_answered: bool) {
+        if is_answered && !self.knows_blocked {
+            self.knows_blocked = self.ask_first(Topic::Rules, Event::Rules).is_ok();
+        } else {
+            self.knows_blocked &= is_answered;
+        }
+    }
+
+    fn take_rules(&mut self, payload: Option<&[u8]>) {
+        match payload.map(serde_json::from_slice::<RulesReply>) {
+            Some(Ok(rules)) if rules.map == self.map => self.closures.take_known(rules.blocked),
+            Some(Ok(rules)) => self.refuse(&format!("rules of {} for {}", rules.map, self.map)),
+            Some(Err(error)) => self.refuse(&error),
+            // Asked again when the server is there.
+            None => self.knows_blocked = false,
         }
     }
 

@@ -8,7 +8,7 @@ use crate::storages::{Held, Place, QuorumConfig, Storages};
 use fht_proto::keys::Key;
 use fht_proto::query::Head;
 use fht_proto::{AuthorId, MapName};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// How much is asked at a time.
@@ -34,29 +34,35 @@ fn arrival(place: &Place, bytes: Vec<u8>) -> Arrival {
     Arrival { key: Key::kept(&place.map, place.author, place.number).to_string(), payload: Ok(bytes) }
 }
 
-/// Brings all that the storages hold to a server that has nothing yet. Waits until enough of them are there for it to be all that was
-/// ever acknowledged.
+/// Brings all that the storages hold to a server that has nothing yet. Waits until enough of them are there, and have answered to the end,
+/// for it to be all that was ever acknowledged.
 ///
 /// # Errors
 /// [`StoreError::Unconfirmed`] when the server is told to end before; those of [`Ingest::restore`].
 pub fn restore(storages: &dyn Storages, quorum: QuorumConfig, ingest: &mut Ingest) -> Result<(), StoreError> {
     let mut attempts = 0;
-    loop {
-        let present = storages.present();
-        if present >= quorum.to_read() {
-            break;
-        }
+    while !read_all(storages, quorum, ingest)? {
         if attempts == 10 {
             let (needed, of) = (quorum.to_read(), quorum.storages);
-            tracing::warn!("waiting for storages: {present} of {of} are there, {needed} are needed");
+            tracing::warn!("waiting for storages: {needed} of {of} must be there and answer to the end");
         }
         if !storages.pause(attempts) {
             return Err(StoreError::Unconfirmed);
         }
         attempts += 1;
     }
-    for (map, author) in storages.authors() {
-        let all = storages.all_of(&map, author);
+    Ok(())
+}
+
+/// Reads everything; whether that was all. What is read twice does no harm.
+fn read_all(storages: &dyn Storages, quorum: QuorumConfig, ingest: &mut Ingest) -> Result<bool, StoreError> {
+    let are_there = || storages.present() >= quorum.to_read();
+    if !are_there() {
+        return Ok(false);
+    }
+    let Some(authors) = storages.authors() else { return Ok(false) };
+    for (map, author) in authors {
+        let Some(all) = storages.all_of(&map, author) else { return Ok(false) };
         // What is behind a gap was not acknowledged, or is found later.
         let in_order = (1..).zip(all).take_while(|(expected, (number, _))| expected == number);
         let kept = in_order.filter_map(|(number, (_, held))| {
@@ -65,7 +71,17 @@ pub fn restore(storages: &dyn Storages, quorum: QuorumConfig, ingest: &mut Inges
         });
         ingest.restore(kept)?;
     }
-    Ok(())
+    // One that has gone meanwhile may have said half of what it holds.
+    Ok(are_there())
+}
+
+/// The `count` that come next after `last`, of some in order; after the greatest comes the least.
+fn in_turn<T: Ord + Clone>(mut all: Vec<T>, last: &mut Option<T>, count: usize) -> Vec<T> {
+    let before = all.partition_point(|one| last.as_ref().is_some_and(|last| one <= last));
+    all.rotate_left(before);
+    all.truncate(count);
+    *last = all.last().cloned().or_else(|| last.take());
+    all
 }
 
 /// What was missed.
@@ -73,15 +89,17 @@ pub fn restore(storages: &dyn Storages, quorum: QuorumConfig, ingest: &mut Inges
 pub struct CatchUp {
     config: CatchUpConfig,
     rounds: u64,
-    /// The last that was asked for in the round before.
-    cursor: Option<(MapName, AuthorId)>,
+    /// Authors of whom storages hold something, and nothing is here.
+    unknown: BTreeSet<(MapName, AuthorId)>,
+    /// The last that were asked for in the round before: of those who are known, and of those who are not.
+    cursors: [Option<(MapName, AuthorId)>; 2],
 }
 
 impl CatchUp {
     /// Nothing was asked yet.
     #[must_use]
     pub fn new(config: CatchUpConfig) -> Self {
-        Self { config, rounds: 0, cursor: None }
+        Self { config, ..Self::default() }
     }
 
     /// One round of questions by a server that has what `heads` say. Returns what they have brought.
@@ -91,10 +109,10 @@ impl CatchUp {
             known.extend(head.vector.iter().map(|(author, count)| ((head.map.clone(), author), count)));
         }
         if self.rounds.is_multiple_of(self.config.list_every.max(1)) {
-            for author in storages.authors() {
-                known.entry(author).or_insert(0);
-            }
+            // If not all have answered, in the next turn.
+            self.unknown.extend(storages.authors().into_iter().flatten());
         }
+        self.unknown.retain(|author| !known.contains_key(author));
         self.rounds += 1;
         let places = self.next_places(known);
         let mut found = Vec::new();
@@ -107,14 +125,17 @@ impl CatchUp {
         found
     }
 
-    /// The places after the last that is known, of as many authors as there are in a round.
+    /// The places after the last that is known, of as many authors as there are in a round: those of whom nothing is here get half of it, if
+    /// there are so many.
     fn next_places(&mut self, known: BTreeMap<(MapName, AuthorId), u64>) -> Vec<Place> {
-        let is_next = |author: &(MapName, AuthorId)| self.cursor.as_ref().is_none_or(|cursor| author > cursor);
-        let (after, before): (Vec<_>, Vec<_>) = known.into_iter().partition(|(author, _)| is_next(author));
-        let round: Vec<_> = after.into_iter().chain(before).take(self.config.authors).collect();
-        self.cursor = round.last().map(|(author, _)| author.clone());
-        let place = |((map, author), count): ((MapName, AuthorId), u64)| Place { map, author, number: count + 1 };
-        round.into_iter().map(place).collect()
+        let [of_known, of_unknown] = &mut self.cursors;
+        let new = in_turn(self.unknown.iter().cloned().collect(), of_unknown, self.config.authors.div_ceil(2));
+        let old = in_turn(known.keys().cloned().collect(), of_known, self.config.authors - new.len());
+        let place = |of: (MapName, AuthorId)| {
+            let number = known.get(&of).copied().unwrap_or(0) + 1;
+            Place { map: of.0, author: of.1, number }
+        };
+        new.into_iter().chain(old).map(place).collect()
     }
 
     /// What follows an increment that was found, up to the next gap.

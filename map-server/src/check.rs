@@ -147,10 +147,18 @@ pub fn check(arrival: Arrival, limits: &Limits, now_us: u64) -> Result<Checked, 
     if !is_canonical(&increment, &bytes)? {
         return Err(Refusal::NotCanonical);
     }
-    let ahead_s = increment.hlc_us.saturating_sub(now_us) / 1_000_000;
     // What is kept was let in by a server already, and must be let in by all.
-    if ahead_s > limits.max_clock_ahead_s && origin == Origin::Writer {
-        return Err(Refusal::Future { ahead_s });
+    if origin == Origin::Writer {
+        check_stamp(increment.hlc_us, limits, now_us)?;
     }
     Ok(Checked { map, increment, bytes, origin })
+}
+
+/// Whether a stamp is one that honest writers can go beyond.
+///
+/// # Errors
+/// [`Refusal::Future`].
+pub fn check_stamp(hlc_us: u64, limits: &Limits, now_us: u64) -> Result<(), Refusal> {
+    let ahead_s = hlc_us.saturating_sub(now_us) / 1_000_000;
+    if ahead_s > limits.max_clock_ahead_s { Err(Refusal::Future { ahead_s }) } else { Ok(()) }
 }

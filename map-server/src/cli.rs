@@ -1,7 +1,7 @@
 //! The command line.
 
 use crate::access::command::AccessArgs;
-use crate::config::{LinkConfig, ServerConfig};
+use crate::config::{Limits, LinkConfig, ServerConfig};
 use crate::operate::{OperateError, Operation, OperatorArgs};
 use crate::storages::QuorumConfig;
 use crate::{ServerError, denials, run_beside};
@@ -61,9 +61,47 @@ struct ServeArgs {
     /// other machines.
     #[arg(long, value_name = "ENDPOINT")]
     listen: Vec<String>,
+    #[command(flatten)]
+    limits: LimitArgs,
     /// Say more: once for what is stored, twice for everything. RUST_LOG is obeyed, too.
     #[arg(short, long, action = clap::ArgAction::Count)]
     verbose: u8,
+}
+
+/// What explorers may fill. Who goes beyond is told so, and nothing else happens.
+#[derive(Debug, clap::Args)]
+struct LimitArgs {
+    /// Nodes and edges of one map, removed ones included: some 0.7 KB of memory for each [default: 500000].
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    max_map_elements: Option<u64>,
+    /// Nodes and edges of all maps together [default: 2000000, or as many as one map may have].
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    max_total_elements: Option<u64>,
+    /// What the increments of one map may take up on the disk, MiB [default: 1024].
+    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..=1 << 30))]
+    max_map_mib: Option<u64>,
+    /// What those of all maps may take up together, MiB [default: 4096, or as much as one map].
+    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..=1 << 30))]
+    max_total_mib: Option<u64>,
+}
+
+impl LimitArgs {
+    fn limits(&self) -> Limits {
+        let usual = Limits::default();
+        let bytes = |mib: Option<u64>, otherwise: u64| mib.map_or(otherwise, |mib| mib << 20);
+        let elements = |count: Option<u64>, otherwise| {
+            count.map_or(otherwise, |count| usize::try_from(count).unwrap_or(usize::MAX))
+        };
+        let max_map_elements = elements(self.max_map_elements, usual.max_map_elements);
+        let max_map_bytes = bytes(self.max_map_mib, usual.max_map_bytes);
+        Limits {
+            max_map_elements,
+            max_total_elements: elements(self.max_total_elements, usual.max_total_elements.max(max_map_elements)),
+            max_map_bytes,
+            max_total_bytes: bytes(self.max_total_mib, usual.max_total_bytes.max(max_map_bytes)),
+            ..usual
+        }
+    }
 }
 
 #[derive(Debug, clap::Args)]
@@ -116,7 +154,8 @@ impl Cli {
             QuorumConfig { confirm, ..majority }
         };
         let storages = self.serve.storages.map(quorum);
-        ServerConfig { storages, ..ServerConfig::new(self.serve.data.clone(), link) }
+        let limits = self.serve.limits.limits();
+        ServerConfig { storages, limits, ..ServerConfig::new(self.serve.data.clone(), link) }
     }
 }
 

@@ -4,15 +4,20 @@ use crate::answer::Sources;
 use crate::now_us;
 use crate::throttle::Throttle;
 use fht_proto::fleet::{BlockedReport, RobotStatus};
-use fht_proto::keys::{ALL_ROBOT_TOPICS, ALL_ROBOTS, Key, RobotTopic};
+use fht_proto::keys::{ALL_ROBOT_TOPICS, ALL_ROBOTS, Key, RobotTopic, Topic};
+use fht_proto::query::RulesReply;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use zenoh::Session;
 use zenoh::pubsub::Subscriber;
-use zenoh::sample::{Sample, SampleKind};
+use zenoh::query::{ConsolidationMode, QueryTarget};
+use zenoh::sample::{Locality, Sample, SampleKind};
 
 /// Longest message of a robot, bytes. Those with a few thousand authors in their vector are the longest.
 const MAX_BYTES: usize = 256 << 10;
+
+/// Within this time the other servers have answered.
+const LEARN_WITHIN: Duration = Duration::from_secs(1);
 
 /// Hears until it is dropped.
 #[derive(Debug)]
@@ -46,6 +51,33 @@ pub async fn hear(session: &Session, sources: &Sources) -> Result<Hearing, zenoh
         _said: session.declare_subscriber(ALL_ROBOT_TOPICS).callback(said).await?,
         _tokens: session.liveliness().declare_subscriber(ALL_ROBOTS).history(true).callback(token).await?,
     })
+}
+
+/// Learns from the other servers of a site what robots found blocked before this one heard them.
+pub async fn learn(session: Session, sources: Sources) {
+    for head in sources.catalog.heads() {
+        let asked = session
+            .get(Key::topic(&head.map, Topic::Rules).to_string())
+            .target(QueryTarget::All)
+            .consolidation(ConsolidationMode::None)
+            .allowed_destination(Locality::Remote)
+            .timeout(LEARN_WITHIN)
+            .await;
+        let Ok(answers) = asked.inspect_err(|error| tracing::debug!("the other servers cannot be asked: {error}"))
+        else {
+            return;
+        };
+        while let Ok(answer) = answers.recv_async().await {
+            let Ok(sample) = answer.result() else { continue };
+            let Ok(rules) = serde_json::from_slice::<RulesReply>(&sample.payload().to_bytes()) else { continue };
+            for view in rules.blocked.into_iter().filter(|view| !(view.edges.is_empty() && view.places.is_empty())) {
+                let report = BlockedReport { for_s: view.for_s, edges: view.edges, places: view.places };
+                if let Err(reason) = sources.live.take(&head.map, &view.robot, &report, now_us()) {
+                    tracing::debug!(robot = view.robot, "what another server has heard is not taken: {reason}");
+                }
+            }
+        }
+    }
 }
 
 fn take(sample: &Sample, sources: &Sources) -> Result<(), String> {

@@ -2,7 +2,7 @@
 //! network, so that all of it can be tested with bytes.
 
 use crate::catalog::{Catalog, MapView};
-use crate::check::{Arrival, Checked, Refusal, check, map_of};
+use crate::check::{Arrival, Checked, Refusal, check, check_stamp, map_of};
 use crate::config::Limits;
 use crate::log::{Floor, FoldRecord, IncrementLog, Origin, Record, StoreError, Stored};
 use crate::nursery::Nursery;
@@ -141,7 +141,7 @@ impl Ingest {
     /// [`StoreError`]: the log is not usable any more. The inner one: the first piece that was refused; those before it are in.
     pub fn import(&mut self, map: &MapName, series: Snapshot, now_us: u64) -> Result<Result<(), Refusal>, StoreError> {
         for fold in &series.folds {
-            if let Err(refusal) = self.import_fold(map, fold)? {
+            if let Err(refusal) = self.import_fold(map, fold, now_us)? {
                 return Ok(Err(refusal));
             }
         }
@@ -188,7 +188,7 @@ impl Ingest {
         self.commit(&batch)
     }
 
-    fn import_fold(&mut self, map: &MapName, fold: &Fold) -> Result<Result<(), Refusal>, StoreError> {
+    fn import_fold(&mut self, map: &MapName, fold: &Fold, now_us: u64) -> Result<Result<(), Refusal>, StoreError> {
         if self.log.is_shared() {
             return Ok(Err(Refusal::FoldShared));
         }
@@ -202,6 +202,10 @@ impl Ingest {
         let floor = self.log.floor(map)?;
         if floor.version != vector.version() || fold.first != vector.get(fold.author) + 1 {
             return Ok(Err(Refusal::FoldBeside));
+        }
+        let newest_us = fold.rests.iter().map(|rest| rest.hlc_us).max().unwrap_or(0);
+        if let Err(refusal) = check_stamp(newest_us, &self.limits, now_us) {
+            return Ok(Err(refusal));
         }
         let bytes = match encode(fold) {
             Ok(bytes) => bytes,

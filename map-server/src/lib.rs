@@ -195,7 +195,7 @@ fn write_all(
         }
         if !jobs.is_empty() {
             let before: BTreeMap<_, _> = catalog.heads().iter().map(|head| (head.map.clone(), head.version)).collect();
-            jobs.into_iter().for_each(|job| job(&mut ingest));
+            jobs.into_iter().try_for_each(|job| job(&mut ingest))?;
             let grown = |head: &Arc<Head>| before.get(&head.map) != Some(&head.version);
             catalog.heads().iter().filter(|head| grown(head)).for_each(|head| announce(session, head));
         }
@@ -221,13 +221,13 @@ pub async fn run_beside<T>(
     shutdown: impl Future<Output = ()>,
     beside: impl FnOnce(&Session) -> Result<T, zenoh::Error>,
 ) -> Result<(), ServerError> {
-    let mut shutdown = pin!(shutdown);
+    let mut ending = Ending { wish: pin!(shutdown), has_come: false };
     let Some(quorum) = config.storages else {
         let log: Arc<dyn IncrementLog> = Arc::new(Store::open(&config.data)?);
         let catalog = Arc::new(Catalog::load(log.as_ref())?);
         let session = session::open(&config.link).await?;
         let beside = beside(&session)?;
-        let outcome = serve(&config, &session, log, catalog, None, shutdown).await;
+        let outcome = serve(&config, &session, log, catalog, None, &mut ending).await;
         drop(beside);
         session.close().await?;
         return outcome;
@@ -237,7 +237,7 @@ pub async fn run_beside<T>(
     let outcome = loop {
         let stateless = Stateless::new(&session, quorum);
         let log = Arc::new(QuorumLog::new(stateless.storages(), quorum));
-        let outcome = serve(&config, &session, log, Arc::default(), Some(stateless), shutdown.as_mut()).await;
+        let outcome = serve(&config, &session, log, Arc::default(), Some(stateless), &mut ending).await;
         match outcome {
             Err(ServerError::Store(reason @ StoreError::Overruled { .. })) => {
                 tracing::error!("{reason}: everything is read anew");
@@ -250,14 +250,29 @@ pub async fn run_beside<T>(
     outcome
 }
 
-/// Serves what is in a log, until `shutdown` is done.
+/// The wish that the server ends. It may be waited for again after it has come: at the start, while storages are read, and later.
+struct Ending<'a, F> {
+    wish: Pin<&'a mut F>,
+    has_come: bool,
+}
+
+impl<F: Future<Output = ()>> Ending<'_, F> {
+    async fn wait(&mut self) {
+        if !self.has_come {
+            self.wish.as_mut().await;
+            self.has_come = true;
+        }
+    }
+}
+
+/// Serves what is in a log, until it is to end.
 async fn serve(
     config: &ServerConfig,
     session: &Session,
     log: Arc<dyn IncrementLog>,
     catalog: Arc<Catalog>,
     stateless: Option<Stateless>,
-    mut shutdown: Pin<&mut impl Future<Output = ()>>,
+    ending: &mut Ending<'_, impl Future<Output = ()>>,
 ) -> Result<(), ServerError> {
     let sources = Sources {
         catalog: Arc::clone(&catalog),
@@ -301,11 +316,15 @@ async fn serve(
     };
     // Nobody is told that there is no such map while it is being read.
     let is_ready = tokio::select! {
-        () = shutdown.as_mut() => false,
+        () = ending.wait() => false,
         ready = is_ready => ready.is_ok(),
     };
     let mut queryable = None;
     if is_ready {
+        if stateless.is_some() {
+            // Beside: it may take a second, and they are asked for paths on what they know meanwhile.
+            tokio::spawn(hear::learn(session.clone(), sources.clone()));
+        }
         let service = Service::new(sources, Arc::clone(&queue), tokio::runtime::Handle::current());
         // The nearest of several servers answers, and no other.
         let is_complete = stateless.is_some();
@@ -322,7 +341,7 @@ async fn serve(
     };
 
     let told = tokio::select! {
-        () = shutdown => None,
+        () = ending.wait() => None,
         outcome = &mut stopped => Some(outcome),
     };
     subscriber.undeclare().await?;

@@ -6,7 +6,7 @@ use fht_map::Rules;
 use fht_map::blocked::Reports;
 use fht_proto::fleet::BlockedReport;
 use fht_proto::query::BlockedView;
-use fht_proto::{Digest, EdgeKey, Invalid, MapName};
+use fht_proto::{Digest, EdgeKey, Invalid, MapName, ReleaseId};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -18,12 +18,23 @@ struct Live {
     rules: Option<(u64, u64, Arc<Rules>)>,
 }
 
+/// A state that robots do not run: a release, or the newest. Two releases may be of one state.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OtherState {
+    /// The map.
+    pub map: MapName,
+    /// The release; none for the newest state.
+    pub release: Option<ReleaseId>,
+    /// Its digest.
+    pub digest: Digest,
+}
+
 /// What holds on all maps.
 #[derive(Debug, Default)]
 pub struct LiveRules {
     maps: Mutex<BTreeMap<MapName, Live>>,
-    /// States that somebody asked for paths on and that robots do not run, the newest question last; by digest.
-    others: Mutex<VecDeque<(Digest, Arc<Basis>)>>,
+    /// States that somebody asked for paths on and that robots do not run, the newest question last.
+    others: Mutex<VecDeque<(OtherState, Arc<Basis>)>>,
 }
 
 /// States besides those that robots run of which the free space is kept.
@@ -89,14 +100,14 @@ impl LiveRules {
     ///
     /// # Errors
     /// Those of `make`.
-    pub fn other<E>(&self, digest: Digest, make: impl FnOnce() -> Result<Basis, E>) -> Result<Arc<Basis>, E> {
+    pub fn other<E>(&self, of: OtherState, make: impl FnOnce() -> Result<Basis, E>) -> Result<Arc<Basis>, E> {
         let lock = || self.others.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, basis)) = lock().iter().find(|(of, _)| *of == digest) {
+        if let Some((_, basis)) = lock().iter().find(|(known, _)| *known == of) {
             return Ok(Arc::clone(basis));
         }
         let basis = Arc::new(make()?);
         let mut others = lock();
-        others.push_back((digest, Arc::clone(&basis)));
+        others.push_back((of, Arc::clone(&basis)));
         let surplus = others.len().saturating_sub(MAX_OTHERS);
         others.drain(..surplus);
         Ok(basis)

@@ -3,11 +3,13 @@
 
 use crate::check::Arrival;
 use crate::ingest::Ingest;
+use crate::log::StoreError;
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-/// Something that an operator wants done by the thread that writes.
-pub type Job = Box<dyn FnOnce(&mut Ingest) + Send>;
+/// Something that an operator wants done by the thread that writes. It has told the operator before it returns; an error is one after which
+/// the log is not usable any more.
+pub type Job = Box<dyn FnOnce(&mut Ingest) -> Result<(), StoreError> + Send>;
 
 /// What the thread that writes has to do next.
 #[derive(Default)]
@@ -68,19 +70,17 @@ impl Queue {
         self.changed.notify_one();
     }
 
-    /// Adds a job; gives it back if too many wait, or the queue is closed.
-    ///
-    /// # Errors
-    /// The job.
-    pub fn push_job(&self, job: Job) -> Result<(), Job> {
+    /// Adds a job, or drops it if too many wait, or the queue is closed.
+    pub fn push_job(&self, job: Job) {
         let mut waiting = self.lock();
         if waiting.closed || waiting.jobs.len() >= Self::MAX_JOBS {
-            return Err(job);
+            drop(waiting);
+            drop(job);
+            return;
         }
         waiting.jobs.push(job);
         drop(waiting);
         self.changed.notify_one();
-        Ok(())
     }
 
     /// Waits for work and takes all jobs and about `max_bytes` of arrivals. `None` when the queue is closed and empty.

@@ -149,28 +149,50 @@ impl Service {
             );
             return;
         }
-        let asked = query.clone();
+        let asker = Asker { query, key: name, is_answered: false };
         let catalog = Arc::clone(&self.sources.catalog);
-        let job = Box::new(move |ingest: &mut Ingest| {
-            let outcome = match order {
+        self.queue.push_job(Box::new(move |ingest: &mut Ingest| {
+            let (outcome, log) = match order {
                 Order::Retain { keep } => match ingest.retain(&map, keep) {
-                    Ok(Some(retained)) => json(&retained),
-                    Ok(None) => Err(unknown_map(&map, &catalog)),
-                    Err(cause) => Err(internal(cause)),
+                    Ok(Some(retained)) => (json(&retained), Ok(())),
+                    Ok(None) => (Err(unknown_map(&map, &catalog)), Ok(())),
+                    // Nothing has changed.
+                    Err(cause) => (Err(internal(cause)), Ok(())),
                 },
                 Order::Import { series } => match ingest.import(&map, series, now_us()) {
-                    Ok(Ok(())) => match catalog.view(&map) {
-                        Some(view) => json(view.head.as_ref()),
-                        None => Err(bad_request("nothing was imported: the series is empty".to_owned())),
-                    },
-                    Ok(Err(refusal)) => Err(refusal.reply()),
-                    Err(cause) => Err(internal(cause)),
+                    Ok(Ok(())) => {
+                        let none = || bad_request("nothing was imported: the series is empty".to_owned());
+                        (catalog.view(&map).ok_or_else(none).and_then(|view| json(view.head.as_ref())), Ok(()))
+                    }
+                    Ok(Err(refusal)) => (Err(refusal.reply()), Ok(())),
+                    // What was sorted and not stored must not count as here.
+                    Err(cause) => (Err(internal(&cause)), Err(cause)),
                 },
             };
-            reply(&query, &name, outcome.map(|answer| vec![answer]));
-        });
-        if self.queue.push_job(job).is_err() {
-            reply_error(&asked, &busy());
+            asker.answer(outcome);
+            log
+        }));
+    }
+}
+
+/// An operator that waits for an answer: who gets none, because the job was dropped, is told to ask again.
+struct Asker {
+    query: Query,
+    key: String,
+    is_answered: bool,
+}
+
+impl Asker {
+    fn answer(mut self, outcome: Result<Answer, ErrorReply>) {
+        self.is_answered = true;
+        reply(&self.query, &self.key, outcome.map(|answer| vec![answer]));
+    }
+}
+
+impl Drop for Asker {
+    fn drop(&mut self) {
+        if !self.is_answered {
+            reply_error(&self.query, &busy());
         }
     }
 }

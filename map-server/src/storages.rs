@@ -87,11 +87,12 @@ pub trait Storages: Send + Sync + Debug {
     /// How many storages are there.
     fn present(&self) -> usize;
 
-    /// Whose increments are held.
-    fn authors(&self) -> BTreeSet<(MapName, AuthorId)>;
+    /// Whose increments are held. None if a storage that is there did not come to the end of its answer in time: to those that it holds
+    /// nobody may say that there is no such map.
+    fn authors(&self) -> Option<BTreeSet<(MapName, AuthorId)>>;
 
-    /// Everything that is held of an author, by number.
-    fn all_of(&self, map: &MapName, author: AuthorId) -> BTreeMap<u64, Held>;
+    /// Everything that is held of an author, by number; none as for [`authors`](Self::authors).
+    fn all_of(&self, map: &MapName, author: AuthorId) -> Option<BTreeMap<u64, Held>>;
 
     /// Waits before a question is put again that was put `attempts` times. False if it need not be put again: the server ends.
     fn pause(&self, attempts: u32) -> bool;

@@ -28,9 +28,17 @@ struct Three {
     /// After so many questions somebody hears again.
     heals: Mutex<Option<(u32, usize)>>,
     puts: Mutex<usize>,
+    /// So many questions yet whose answers break off before anything has come.
+    breaks: Mutex<u32>,
 }
 
 impl Three {
+    fn breaks_off(&self) -> bool {
+        let mut breaks = self.breaks.lock().unwrap();
+        *breaks = breaks.saturating_sub(1);
+        *breaks > 0
+    }
+
     fn hearing(&self) -> Vec<usize> {
         (0..3).filter(|storage| !self.deaf.lock().unwrap().contains(storage)).collect()
     }
@@ -70,13 +78,19 @@ impl Storages for Three {
         self.hearing().len()
     }
 
-    fn authors(&self) -> BTreeSet<(MapName, AuthorId)> {
+    fn authors(&self) -> Option<BTreeSet<(MapName, AuthorId)>> {
+        if self.breaks_off() {
+            return None;
+        }
         let held = self.held.lock().unwrap();
         let places = self.hearing().into_iter().flat_map(|storage| held[storage].keys());
-        places.filter(|place| place.number == 1).map(|place| (place.map.clone(), place.author)).collect()
+        Some(places.filter(|place| place.number == 1).map(|place| (place.map.clone(), place.author)).collect())
     }
 
-    fn all_of(&self, map: &MapName, author: AuthorId) -> BTreeMap<u64, Held> {
+    fn all_of(&self, map: &MapName, author: AuthorId) -> Option<BTreeMap<u64, Held>> {
+        if self.breaks_off() {
+            return None;
+        }
         let mut all: BTreeMap<u64, Held> = BTreeMap::new();
         for storage in self.hearing() {
             for (place, bytes) in &self.held.lock().unwrap()[storage] {
@@ -85,7 +99,7 @@ impl Storages for Three {
                 }
             }
         }
-        all
+        Some(all)
     }
 
     fn pause(&self, attempts: u32) -> bool {
@@ -188,6 +202,40 @@ fn what_was_missed_is_found_and_what_is_known_is_not_put_again() {
     assert_eq!(one.catalog.heads()[0].digest, other.catalog.heads()[0].digest);
     assert!(missed.look(storages.as_ref(), &other.catalog.heads()).is_empty());
     assert_eq!(*storages.puts.lock().unwrap(), puts);
+}
+
+#[test]
+fn an_answer_that_breaks_off_is_not_taken_for_an_empty_one() {
+    let storages = Arc::new(Three::default());
+    Server::begin(&storages).ingest.take(vec![from_writer(ANA, 1), from_writer(BEN, 1)], NOW_US).unwrap();
+    for breaks in 0..8 {
+        *storages.breaks.lock().unwrap() = breaks;
+        let server = Server::begin(&storages);
+        assert_eq!((server.has(ANA), server.has(BEN)), (1, 1), "after {breaks}");
+    }
+    *storages.breaks.lock().unwrap() = 1000;
+    let error = restore(storages.as_ref(), QUORUM, &mut Server::new(&storages).ingest).unwrap_err();
+    assert!(matches!(error, StoreError::Unconfirmed), "{error}");
+}
+
+#[test]
+fn an_author_whose_beginning_was_missed_is_found_however_many_there_are() {
+    for authors in [64, 80, 96, 120, 160, 240, 480] {
+        let storages = Arc::new(Three::default());
+        let (mut one, mut other) = (Server::begin(&storages), Server::begin(&storages));
+        let known: Vec<Arrival> = (0..authors).map(|number| from_writer(AuthorId(1000 + 10 * number), 1)).collect();
+        one.ingest.take(known.clone(), NOW_US).unwrap();
+        other.ingest.take(known, NOW_US).unwrap();
+        let missing = AuthorId(1000 + 10 * (authors - 5) + 3);
+        one.ingest.take(vec![from_writer(missing, 1)], NOW_US).unwrap();
+        let mut missed = CatchUp::new(CatchUpConfig::default());
+        // It was listed before, and is listed again.
+        for _ in 0..20 {
+            let found = missed.look(storages.as_ref(), &other.catalog.heads());
+            other.ingest.take(found, 0).unwrap();
+        }
+        assert_eq!(other.has(missing), 1, "one of {authors}");
+    }
 }
 
 #[test]

@@ -35,6 +35,8 @@ const MAX_YAW_E4: i16 = 31_416;
 /// Greatest hybrid logical clock, microseconds: in the year 2255. Short of the type's limit, so that whoever has seen it can
 /// still stamp with more, and exact as a JSON number.
 const MAX_HLC_US: u64 = 1 << 53;
+/// Greatest number of an increment: a thousand a second for nine thousand years. The sum of those of all authors of a map is a number yet.
+const MAX_NUMBER: u64 = 1 << 48;
 
 pub(crate) fn check(holds: bool, message: impl FnOnce() -> String) -> Result<(), Invalid> {
     if holds { Ok(()) } else { Err(Invalid(message())) }
@@ -145,7 +147,9 @@ impl Validate for VersionVector {
     fn validate(&self) -> Result<(), Invalid> {
         let authors = self.iter().count();
         check(authors <= Self::MAX_AUTHORS, || format!("a vector of {authors} authors"))?;
-        check(self.iter().all(|(_, count)| count > 0), || "a vector that counts an author's nothing".to_owned())
+        check(self.iter().all(|(_, count)| (1..=MAX_NUMBER).contains(&count)), || {
+            format!("a vector that counts none of an author's increments, or over {MAX_NUMBER}")
+        })
     }
 }
 
@@ -162,8 +166,8 @@ impl Validate for Zone {
 
 impl Validate for Fold {
     fn validate(&self) -> Result<(), Invalid> {
-        check(1 <= self.first && self.first <= self.last, || {
-            format!("a fold of increments {} to {}", self.first, self.last)
+        check(1 <= self.first && self.first <= self.last && self.last <= MAX_NUMBER, || {
+            format!("a fold of increments {} to {} (1 to {MAX_NUMBER} are allowed)", self.first, self.last)
         })?;
         let mut before = 0;
         for rest in &self.rests {

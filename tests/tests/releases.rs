@@ -85,8 +85,19 @@ async fn a_robot_runs_what_is_enabled_until_it_is_told_otherwise() {
         drive(&session, 41, 45);
         until("the copy goes on", || early.read().state().counts().support_nodes == 45);
         assert_eq!(nodes(&early), 30, "and the robot does not");
+        let porter = Key::robot(&museum(), "porter", RobotTopic::Blocked).to_string();
+        session.put(&porter, r#"{"for_s": 600, "places": [[7, 0]]}"#).wait().unwrap();
+        until("it is heard", || early.rules().blocked.len() == 1);
         let late = start("late");
         until("who comes late runs it, too", || late.release().as_ref() == Some(&id) && nodes(&late) == 30);
+        until("and knows what was blocked before it came", || {
+            late.rules()
+                .blocked
+                .iter()
+                .any(|by| by.robot == "porter" && by.places.contains(&FixedPoint::from_metres(7.0, 0.0)))
+        });
+        session.put(&porter, r#"{"for_s": 0}"#).wait().unwrap();
+        until("until it is taken back", || early.rules().blocked.is_empty() && late.rules().blocked.is_empty());
 
         let blocked = Key::robot(&museum(), "early", RobotTopic::Blocked).to_string();
         session.put(blocked, r#"{"for_s": 1.5, "places": [[3, 0]]}"#).wait().unwrap();

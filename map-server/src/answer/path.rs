@@ -3,13 +3,14 @@
 use super::{Answer, Sources, error, internal, json, postcard};
 use crate::basis::Basis;
 use crate::catalog::{MapView, find_release};
+use crate::live::OtherState;
 use fht_map::route::Route;
 use fht_map::shortest::Workspace;
 use fht_map::{FreeSpace, MapIndex, MapState, PlanError, Rules};
 use fht_proto::compact::{CompactPath, CompactWaypoint};
 use fht_proto::query::{ErrorCode, ErrorReply, PathReply, Place, Waypoint};
 use fht_proto::request::{Format, PathOn};
-use fht_proto::{FixedPoint, Label, MapName};
+use fht_proto::{FixedPoint, Label, MapName, ReleaseId};
 use std::cell::RefCell;
 use std::sync::Arc;
 
@@ -92,10 +93,13 @@ fn over_nodes(
 /// The state to plan on.
 fn basis(view: &MapView, sources: &Sources, on: &PathOn) -> Result<Arc<Basis>, ErrorReply> {
     let unknown = |message: String| error(ErrorCode::UnknownVersion, message);
+    let other = |release: Option<ReleaseId>, digest| OtherState { map: view.head.map.clone(), release, digest };
     match on {
         PathOn::Enabled => Ok(Arc::clone(&view.running)),
         PathOn::Head if view.running.release().is_none() => Ok(Arc::clone(&view.running)),
-        PathOn::Head => sources.live.other(view.head.digest, || Ok(Basis::of_head(&view.state, view.head.version))),
+        PathOn::Head => {
+            sources.live.other(other(None, view.head.digest), || Ok(Basis::of_head(&view.state, view.head.version)))
+        }
         PathOn::Release(name) => {
             let id = find_release(&view.state, name).map_err(unknown)?;
             if view.running.release() == Some(&id) {
@@ -103,7 +107,7 @@ fn basis(view: &MapView, sources: &Sources, on: &PathOn) -> Result<Arc<Basis>, E
             }
             let release = view.state.annotations().release(&id).map(|release| release.release.clone());
             let release = release.ok_or_else(|| unknown(format!("there is no release {id}")))?;
-            sources.live.other(release.digest, || {
+            sources.live.other(other(Some(id.clone()), release.digest), || {
                 let basis = Basis::of_release(&view.head.map, &id, &release, sources.log.as_ref()).map_err(internal)?;
                 basis.ok_or_else(|| unknown(format!("this server does not have all of release {id}")))
             })

@@ -5,7 +5,7 @@ use super::{Held, Place, Storages};
 use fht_proto::keys::{ALL_FIRST_KEPT, Key, STORAGE_PRESENCE, kept_of};
 use fht_proto::{AuthorId, MapName};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use zenoh::bytes::Encoding;
@@ -15,7 +15,7 @@ use zenoh::{Session, Wait};
 
 /// How long an answer about one place may take. A router that is gone without a word holds up its part of an answer for so long.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(1);
-/// How long everything of an author may take.
+/// How long everything of an author may take, and the list of authors: for a wildcard a storage goes through all of its keys.
 const ALL_TIMEOUT: Duration = Duration::from_secs(60);
 /// Questions under way at one time.
 const AT_A_TIME: usize = 64;
@@ -31,8 +31,11 @@ pub struct ZenohStorages {
     closing: Condvar,
 }
 
-/// One answer: the number of the question, key and payload.
-type Answer = (usize, String, Vec<u8>);
+/// One answer: the number of the question, key and payload; or that some answers to it are lacking.
+type Answer = Result<(usize, String, Vec<u8>), Lacking>;
+
+/// A storage did not come to the end of its answer.
+struct Lacking;
 
 impl ZenohStorages {
     /// Those that are reached over `session`.
@@ -57,11 +60,12 @@ impl ZenohStorages {
     /// Puts a question to all storages; the answers come over `answers` until the last of them has come, or `timeout` is over.
     fn ask(&self, number: usize, key: &str, timeout: Duration, answers: Sender<Answer>) {
         let answered = move |reply: Reply| {
-            if let Ok(sample) = reply.result() {
+            let answer = reply.result().map_err(|_| Lacking).map(|sample| {
                 let key = sample.key_expr().as_str().to_owned();
-                // Nobody waits any more: enough others have answered.
-                let _ = answers.send((number, key, sample.payload().to_bytes().into_owned()));
-            }
+                (number, key, sample.payload().to_bytes().into_owned())
+            });
+            // Nobody waits any more: enough others have answered.
+            let _ = answers.send(answer);
         };
         let asked = self
             .session
@@ -79,7 +83,14 @@ impl ZenohStorages {
     fn ask_one(&self, key: &str, timeout: Duration) -> Answers {
         let (sender, answers) = channel();
         self.ask(0, key, timeout, sender);
-        Answers { answers, deadline: Instant::now() + timeout }
+        Answers { answers, deadline: Instant::now() + timeout, are_all: true }
+    }
+
+    /// Gives all answers to `each`, key and payload; whether they are all that the storages have.
+    fn ask_all(&self, key: &str, mut each: impl FnMut(String, Vec<u8>)) -> bool {
+        let mut answers = self.ask_one(key, ALL_TIMEOUT);
+        answers.by_ref().for_each(|(_, key, bytes)| each(key, bytes));
+        answers.are_all
     }
 
     fn send(&self, key: &str, bytes: &[u8]) {
@@ -103,7 +114,7 @@ impl ZenohStorages {
         }
         drop(sender);
         let mut wanting = places.len();
-        for (index, _, bytes) in (Answers { answers, deadline: Instant::now() + ANSWER_TIMEOUT }) {
+        for (index, _, bytes) in (Answers { answers, deadline: Instant::now() + ANSWER_TIMEOUT, are_all: true }) {
             let Some(held) = held.get_mut(index) else { continue };
             held.add(bytes);
             wanting -= usize::from(held.answers() == enough);
@@ -131,14 +142,26 @@ fn place_of(key: &str) -> Option<Place> {
 struct Answers {
     answers: Receiver<Answer>,
     deadline: Instant,
+    /// Whether none is known to lack.
+    are_all: bool,
 }
 
 impl Iterator for Answers {
-    type Item = Answer;
+    type Item = (usize, String, Vec<u8>);
 
-    fn next(&mut self) -> Option<Answer> {
-        let left = self.deadline.saturating_duration_since(Instant::now());
-        self.answers.recv_timeout(left).ok()
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            let left = self.deadline.saturating_duration_since(Instant::now());
+            match self.answers.recv_timeout(left) {
+                Ok(Ok(answer)) => return Some(answer),
+                Ok(Err(Lacking)) => self.are_all = false,
+                Err(RecvTimeoutError::Disconnected) => return None,
+                Err(RecvTimeoutError::Timeout) => {
+                    self.are_all = false;
+                    return None;
+                }
+            }
+        }
     }
 }
 
@@ -158,19 +181,22 @@ impl Storages for ZenohStorages {
         self.ask_one(STORAGE_PRESENCE, ANSWER_TIMEOUT).count()
     }
 
-    fn authors(&self) -> BTreeSet<(MapName, AuthorId)> {
-        let answers = self.ask_one(ALL_FIRST_KEPT, ANSWER_TIMEOUT);
-        answers.filter_map(|(_, key, _)| place_of(&key)).map(|place| (place.map, place.author)).collect()
+    fn authors(&self) -> Option<BTreeSet<(MapName, AuthorId)>> {
+        let mut authors = BTreeSet::new();
+        let are_all = self.ask_all(ALL_FIRST_KEPT, |key, _| {
+            authors.extend(place_of(&key).map(|place| (place.map, place.author)));
+        });
+        are_all.then_some(authors)
     }
 
-    fn all_of(&self, map: &MapName, author: AuthorId) -> BTreeMap<u64, Held> {
+    fn all_of(&self, map: &MapName, author: AuthorId) -> Option<BTreeMap<u64, Held>> {
         let mut all: BTreeMap<u64, Held> = BTreeMap::new();
-        for (_, key, bytes) in self.ask_one(&kept_of(map, author), ALL_TIMEOUT) {
+        let are_all = self.ask_all(&kept_of(map, author), |key, bytes| {
             if let Some(place) = place_of(&key) {
                 all.entry(place.number).or_default().add(bytes);
             }
-        }
-        all
+        });
+        are_all.then_some(all)
     }
 
     fn pause(&self, attempts: u32) -> bool {

@@ -67,6 +67,12 @@ impl State {
         !self.cut[server] && self.is_up(storage) && !self.rng.random_bool(self.loss)
     }
 
+    /// The storages that a server has a connection to, if all of them come to the end of their answer.
+    fn answering(&mut self, server: usize) -> Option<Vec<usize>> {
+        let there: Vec<usize> = (0..COUNT).filter(|&storage| !self.cut[server] && self.is_up(storage)).collect();
+        there.iter().all(|&storage| self.arrives(server, storage)).then_some(there)
+    }
+
     /// Writes, unless the machine fails before it; afterwards it may fail, too.
     fn write(&mut self, storage: usize, place: &Place, stamp: Stamp, bytes: &[u8]) {
         let half = self.crash_share / 2.0;
@@ -218,31 +224,27 @@ impl Storages for Seen {
         (0..COUNT).filter(|&storage| state.arrives(self.server, storage)).count()
     }
 
-    fn authors(&self) -> BTreeSet<(MapName, AuthorId)> {
+    fn authors(&self) -> Option<BTreeSet<(MapName, AuthorId)>> {
         let mut state = self.site.lock();
         let mut authors = BTreeSet::new();
-        for storage in 0..COUNT {
-            if state.arrives(self.server, storage) {
-                let places = state.storages[storage].held.keys().filter(|place| place.number == 1);
-                authors.extend(places.map(|place| (place.map.clone(), place.author)));
-            }
+        for storage in state.answering(self.server)? {
+            let places = state.storages[storage].held.keys().filter(|place| place.number == 1);
+            authors.extend(places.map(|place| (place.map.clone(), place.author)));
         }
-        authors
+        Some(authors)
     }
 
-    fn all_of(&self, map: &MapName, author: AuthorId) -> BTreeMap<u64, Held> {
+    fn all_of(&self, map: &MapName, author: AuthorId) -> Option<BTreeMap<u64, Held>> {
         let mut state = self.site.lock();
         let mut all: BTreeMap<u64, Held> = BTreeMap::new();
-        for storage in 0..COUNT {
-            if state.arrives(self.server, storage) {
-                let of_author = |place: &&Place| (&place.map, place.author) == (map, author);
-                for place in state.storages[storage].held.keys().filter(of_author) {
-                    let (_, bytes) = &state.storages[storage].held[place];
-                    all.entry(place.number).or_default().add(bytes.clone());
-                }
+        for storage in state.answering(self.server)? {
+            let of_author = |place: &&Place| (&place.map, place.author) == (map, author);
+            for place in state.storages[storage].held.keys().filter(of_author) {
+                let (_, bytes) = &state.storages[storage].held[place];
+                all.entry(place.number).or_default().add(bytes.clone());
             }
         }
-        all
+        Some(all)
     }
 
     fn pause(&self, attempts: u32) -> bool {
