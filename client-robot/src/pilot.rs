@@ -161,14 +161,7 @@ const SLOW_AHEAD_M: f64 = 0.3;
 fn slowed(command: Twist, map_from_base: &Pose2, paths: &dyn PathSource) -> Twist {
     let places = [0.0, SLOW_AHEAD_M].map(|ahead_m| map_from_base * Point2::new(ahead_m, 0.0));
     let limit_mps = places.into_iter().filter_map(|place| paths.speed_limit_mps(place)).min_by(f64::total_cmp);
-    match limit_mps.filter(|limit_mps| *limit_mps < command.linear_mps.abs()) {
-        None => command,
-        // Slower along the same curve.
-        Some(limit_mps) => {
-            let share = limit_mps / command.linear_mps.abs();
-            Twist { linear_mps: command.linear_mps * share, angular_radps: command.angular_radps * share }
-        }
-    }
+    limit_mps.map_or(command, |limit_mps| command.limited(limit_mps))
 }
 
 fn went_back() -> String {

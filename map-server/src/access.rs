@@ -175,10 +175,12 @@ const ROUTER_RULES: [&str; 2] = ["routers send", "routers are sent"];
 fn own_rules(role: &str, name: &str) -> Vec<Value> {
     // The name itself, too: `**` stands for no chunk as well.
     let own = [format!("fht/*/robots/{name}/**")];
+    // Explorers say by tokens that they explore, and who begins a map: who may not write must not keep others from it.
+    let tokens = if role == "client" { [format!("fht/*/robots/{name}")] } else { own.clone() };
     let id = |what: &str| format!("{role}:{name} {what}");
     let mut rules = vec![
         rule(id("reports"), "ingress", &["put", "delete"], &own),
-        rule(id("is there"), "ingress", &["liveliness_token"], &own),
+        rule(id("is there"), "ingress", &["liveliness_token"], &tokens),
     ];
     if role != "client" {
         let author = AuthorId::of_robot(name);

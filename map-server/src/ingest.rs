@@ -347,8 +347,8 @@ impl Ingest {
         let begin = |map: &MapName| Intake { sequence: nursery.take(map), bytes: 0, elements: 0 };
         let intake = self.maps.entry(checked.map.clone()).or_insert_with_key(begin);
         let first_sequence = intake.sequence.vector().version() + 1;
-        let (author, memory) = (checked.increment.author, checked.memory_bytes());
-        let offered = intake.sequence.offer(author, number, memory, checked);
+        let (author, stamp_us, memory) = (checked.increment.author, checked.increment.hlc_us, checked.memory_bytes());
+        let offered = intake.sequence.offer(author, number, stamp_us, memory, checked);
         let placed = Placed::from(&offered);
         if let Offered::Ready(ready) = offered {
             for (sequence, item) in (first_sequence..).zip(ready) {

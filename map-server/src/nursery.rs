@@ -3,7 +3,7 @@
 
 use crate::check::Checked;
 use fht_map::sequence::{Offered, Sequence, SequenceConfig};
-use fht_proto::{MapName, VersionVector};
+use fht_proto::{Increment, MapName, VersionVector};
 use std::collections::BTreeMap;
 
 /// The shared room.
@@ -39,8 +39,10 @@ impl Nursery {
             .entry(checked.map.clone())
             .or_insert_with(|| Sequence::starting_at(VersionVector::default(), early.clone()));
         let before = sequence.waiting_bytes();
-        let offered = sequence.offer(checked.increment.author, checked.increment.number, bytes, checked);
-        self.bytes += sequence.waiting_bytes() - before;
+        let Increment { author, number, hlc_us, .. } = checked.increment;
+        let offered = sequence.offer(author, number, hlc_us, bytes, checked);
+        // It may have taken another one's place.
+        self.bytes = self.bytes + sequence.waiting_bytes() - before;
         offered
     }
 

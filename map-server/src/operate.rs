@@ -45,7 +45,7 @@ pub enum OperateError {
     #[error("Zenoh refuses: {0}")]
     Zenoh(#[from] zenoh::Error),
     /// Nobody answered in time.
-    #[error("no map-server answered")]
+    #[error("no map-server answered; is it up, and may this operator ask it? (access control drops silently)")]
     Silent,
     /// The server refused, with its reason.
     #[error("{0}")]

@@ -5,7 +5,7 @@ use crate::check::{Arrival, Checked, check};
 use crate::config::Limits;
 use crate::log::{Floor, FoldRecord, IncrementLog, Origin, Piece, Record, StoreError, Stored, Visit};
 use crate::memory::MemoryLog;
-use crate::storages::{Place, QuorumConfig, Storages};
+use crate::storages::{Place, QuorumConfig, Storages, stands_before};
 use fht_proto::keys::Key;
 use fht_proto::{AuthorId, MapName, VersionVector};
 use std::ops::ControlFlow;
@@ -42,7 +42,8 @@ impl QuorumLog {
     /// Has the storages hold all of `records`, and waits until enough of them say so.
     ///
     /// They are asked before anything is put: what is there already may have been acknowledged, and stays. Still, two servers may let in
-    /// two increments of one number at one time, if two robots have one name. Everybody then agrees on the one whose bytes are less.
+    /// two increments of one number at one time: of two robots of one name, or of one that failed and came back. Everybody then agrees on the
+    /// later, or on the one whose bytes are less ([`stands_before`]).
     fn keep(&self, records: &[Record]) -> Result<(), StoreError> {
         let is_open = |record: &&Record| match record.origin {
             Origin::Writer => true,
@@ -78,7 +79,7 @@ impl QuorumLog {
             }
             let stands = |other: &[u8]| match record.origin {
                 Origin::Writer if is_first => other != record.bytes,
-                _ => *other < record.bytes[..],
+                _ => stands_before(other, &record.bytes),
             };
             if held.payloads().any(|other| stands(other) && belongs(&place, other)) {
                 let Place { map, author, number } = place;
@@ -90,7 +91,7 @@ impl QuorumLog {
     }
 }
 
-/// Storages keep what is not what `log` has: if theirs are the lesser bytes, this server gives way, else they get what it has.
+/// Storages keep what is not what `log` has: if theirs stands before it, this server gives way, else they get what it has.
 ///
 /// # Errors
 /// [`StoreError::Overruled`] when this server has to give way: it reads everything anew.
@@ -98,7 +99,7 @@ pub fn settle(disputed: &[Checked], log: &dyn IncrementLog, storages: &dyn Stora
     for theirs in disputed {
         let (map, author, number) = (theirs.map.clone(), theirs.increment.author, theirs.increment.number);
         let Stored::Increment(ours) = log.stored(&map, author, number)? else { continue };
-        if theirs.bytes < ours {
+        if stands_before(&theirs.bytes, &ours) {
             return Err(StoreError::Overruled { map, author, number });
         }
         storages.put(&Place { map, author, number }, &ours);

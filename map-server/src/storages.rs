@@ -3,7 +3,8 @@
 
 pub mod over_zenoh;
 
-use fht_proto::{AuthorId, MapName};
+use fht_proto::{AuthorId, Increment, MapName, decode};
+use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Debug;
 
@@ -69,10 +70,27 @@ impl Held {
         self.0.keys().map(Vec::as_slice)
     }
 
-    /// What most of them hold, and how many do; the least of equals.
+    /// What most of them hold, and how many do; of equals that of the latest stamp, and then the least. A writer that failed and came back has
+    /// stamped later: what it put in vain before does not stand against what it has put since.
     #[must_use]
     pub fn most(self) -> Option<(Vec<u8>, usize)> {
-        self.0.into_iter().reduce(|best, next| if next.1 > best.1 { next } else { best })
+        let rank = |bytes: &[u8], copies: usize| (copies, stamp_of(bytes));
+        self.0.into_iter().reduce(|best, next| if rank(&next.0, next.1) > rank(&best.0, best.1) { next } else { best })
+    }
+}
+
+/// The stamp of an increment; none of what is none.
+fn stamp_of(bytes: &[u8]) -> Option<u64> {
+    decode::<Increment>(bytes).ok().map(|increment| increment.hlc_us)
+}
+
+/// Whether everybody takes `one` rather than `other`, of two increments of one author and number: the later, or the one of lesser bytes.
+#[must_use]
+pub fn stands_before(one: &[u8], other: &[u8]) -> bool {
+    match stamp_of(one).cmp(&stamp_of(other)) {
+        Ordering::Greater => true,
+        Ordering::Equal => one < other,
+        Ordering::Less => false,
     }
 }
 

@@ -166,6 +166,24 @@ fn folds_do_not_go_into_a_map_that_has_others() {
 }
 
 #[test]
+fn a_fold_that_honest_writers_cannot_go_on_from_is_refused() {
+    let from = life_of_a_map(Arc::new(MemoryLog::new()));
+    let mut whole = lacking(from.log.as_ref(), &VersionVector::default(), &from.vector());
+    let mut endless = whole.folds[0].clone();
+    endless.last = u64::MAX;
+    let bytes = fht_proto::encode(&endless);
+    assert!(
+        bytes.is_err() || fht_proto::decode::<fht_proto::Fold>(&bytes.unwrap()).is_err(),
+        "its numbers end nowhere"
+    );
+    whole.folds[0].rests[0].hlc_us = NOW_US + 86_400_000_000;
+    let mut to = Server::on(Arc::new(MemoryLog::new()));
+    let refusal = to.ingest.import(&museum(), whole, NOW_US).unwrap().unwrap_err();
+    assert!(refusal.to_string().contains("ahead"), "{refusal}");
+    assert!(to.catalog.view(&museum()).is_none());
+}
+
+#[test]
 fn the_release_that_is_enabled_is_what_robots_use() {
     let mut server = Server::on(Arc::new(MemoryLog::new()));
     server.drive(1, 10);

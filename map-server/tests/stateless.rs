@@ -238,6 +238,17 @@ fn an_author_whose_beginning_was_missed_is_found_however_many_there_are() {
     }
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_server_that_waits_for_its_storages_ends_when_it_is_told() {
+    let link = map_server::config::LinkConfig { listen: vec![support::free_endpoint()], ..Default::default() };
+    let config = map_server::config::ServerConfig {
+        storages: Some(QUORUM),
+        ..map_server::config::ServerConfig::new(std::path::PathBuf::new(), link)
+    };
+    let told = tokio::time::sleep(std::time::Duration::from_secs(1));
+    tokio::time::timeout(std::time::Duration::from_secs(30), map_server::run(config, told)).await.unwrap().unwrap();
+}
+
 #[test]
 fn of_two_increments_put_at_one_time_everybody_ends_with_the_lesser() {
     let [less, more] = {

@@ -87,11 +87,11 @@ impl Replica {
 
     /// Takes an increment that has passed validation (everything from [`fht_proto::decode`] has).
     pub fn accept(&mut self, increment: Increment) -> Accepted {
-        let (author, number) = (increment.author, increment.number);
+        let (author, number, stamp_us) = (increment.author, increment.number, increment.hlc_us);
         let hash = content_hash(&increment);
         let bytes = increment.memory_bytes();
         let waited = self.sequence.waiting();
-        match self.sequence.offer(author, number, bytes, Hashed { hash, increment }) {
+        match self.sequence.offer(author, number, stamp_us, bytes, Hashed { hash, increment }) {
             Offered::Ready(ready) => {
                 self.apply(author, &ready);
                 Accepted::Applied(ready.len())

@@ -1,6 +1,9 @@
 //! Puts each author's numbered increments in order: passes on what continues the author's sequence without a gap and keeps
 //! what is early, within bounds. What is dropped for lack of room is not lost: a writer sends again whatever its server's
 //! head does not cover, and a replica asks for it.
+//!
+//! A writer that failed and came back begins again after what its server has, and so gives numbers again that it had put in vain. Its stamps are
+//! later then: of two that wait under one number the later stays, and what waits behind a later one is of the run before, and is dropped.
 
 use fht_proto::{AuthorId, VersionVector};
 use std::collections::BTreeMap;
@@ -29,10 +32,17 @@ pub enum Offered<T> {
     Past,
     /// It waits for the numbers before it.
     Waiting,
-    /// A different item of this author and number is already waiting; the offered one was dropped.
+    /// A different item of this author, number and stamp is already waiting; the offered one was dropped.
     Conflict,
-    /// Too far ahead or no room; it was dropped.
+    /// Too far ahead, or no room, or a later one waits in its place; it was dropped.
     Dropped,
+}
+
+#[derive(Clone, Debug)]
+struct Waiting<T> {
+    stamp_us: u64,
+    bytes: usize,
+    item: T,
 }
 
 /// The sequences of all authors of one map.
@@ -40,7 +50,7 @@ pub enum Offered<T> {
 pub struct Sequence<T> {
     config: SequenceConfig,
     vector: VersionVector,
-    waiting: BTreeMap<(AuthorId, u64), (usize, T)>,
+    waiting: BTreeMap<(AuthorId, u64), Waiting<T>>,
     waiting_bytes: usize,
 }
 
@@ -69,19 +79,19 @@ impl<T: PartialEq> Sequence<T> {
         self.waiting_bytes
     }
 
-    /// Offers item `number` (from 1) of `author`, which takes up `bytes`.
-    pub fn offer(&mut self, author: AuthorId, number: u64, bytes: usize, item: T) -> Offered<T> {
+    /// Offers item `number` (from 1) of `author`, stamped `stamp_us`, which takes up `bytes`.
+    pub fn offer(&mut self, author: AuthorId, number: u64, stamp_us: u64, bytes: usize, item: T) -> Offered<T> {
         let passed = self.vector.get(author);
         if number <= passed {
             return Offered::Past;
         }
         if number > passed + 1 {
-            return self.keep(author, number, bytes, item);
+            return self.keep(author, number, Waiting { stamp_us, bytes, item });
         }
         let mut ready = vec![item];
         // The one that waited under this number, if any, gives way.
         self.take(author, number);
-        ready.extend(self.follow(author, number));
+        ready.extend(self.follow(author, number, stamp_us));
         Offered::Ready(ready)
     }
 
@@ -93,37 +103,44 @@ impl<T: PartialEq> Sequence<T> {
         while let Some(&(_, number)) = self.waiting.range((author, 0)..=(author, last)).next().map(|(key, _)| key) {
             self.take(author, number);
         }
-        self.follow(author, last)
+        self.follow(author, last, 0)
     }
 
-    /// What waited behind `last`, which was passed on.
-    fn follow(&mut self, author: AuthorId, mut last: u64) -> Vec<T> {
+    /// What waited behind `last`, which was passed on, and is not older than it.
+    fn follow(&mut self, author: AuthorId, mut last: u64, mut stamp_us: u64) -> Vec<T> {
         let mut ready = Vec::new();
         while let Some(next) = last.checked_add(1).and_then(|next| self.take(author, next)) {
-            ready.push(next);
+            if next.stamp_us < stamp_us {
+                break;
+            }
+            stamp_us = next.stamp_us;
+            ready.push(next.item);
             last += 1;
         }
         self.vector.set(author, last);
         ready
     }
 
-    fn take(&mut self, author: AuthorId, number: u64) -> Option<T> {
-        let (bytes, item) = self.waiting.remove(&(author, number))?;
-        self.waiting_bytes -= bytes;
-        Some(item)
+    fn take(&mut self, author: AuthorId, number: u64) -> Option<Waiting<T>> {
+        let waiting = self.waiting.remove(&(author, number))?;
+        self.waiting_bytes -= waiting.bytes;
+        Some(waiting)
     }
 
-    fn keep(&mut self, author: AuthorId, number: u64, bytes: usize, item: T) -> Offered<T> {
-        if let Some((_, waiting)) = self.waiting.get(&(author, number)) {
-            return if *waiting == item { Offered::Waiting } else { Offered::Conflict };
+    fn keep(&mut self, author: AuthorId, number: u64, offered: Waiting<T>) -> Offered<T> {
+        match self.waiting.get(&(author, number)) {
+            Some(waiting) if waiting.item == offered.item => return Offered::Waiting,
+            Some(waiting) if waiting.stamp_us > offered.stamp_us => return Offered::Dropped,
+            Some(waiting) if waiting.stamp_us == offered.stamp_us => return Offered::Conflict,
+            _ => _ = self.take(author, number),
         }
         let ahead = number - self.vector.get(author);
         let room = self.config.max_waiting_bytes.saturating_sub(self.waiting_bytes);
-        if ahead > self.config.max_ahead || bytes > room {
+        if ahead > self.config.max_ahead || offered.bytes > room {
             return Offered::Dropped;
         }
-        self.waiting_bytes += bytes;
-        self.waiting.insert((author, number), (bytes, item));
+        self.waiting_bytes += offered.bytes;
+        self.waiting.insert((author, number), offered);
         Offered::Waiting
     }
 }

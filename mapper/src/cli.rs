@@ -298,7 +298,10 @@ fn run(args: &ExploreArgs) -> Result<bool, String> {
         print_report(&report);
     }
     if !is_offline && !report.delivered {
-        eprintln!("mapper: the server did not acknowledge the whole map within {} s", args.linger);
+        eprintln!(
+            "mapper: the server did not acknowledge the whole map within {} s; may this robot write? (access control drops silently)",
+            args.linger
+        );
         return Ok(false);
     }
     if report.ending != Ending::Complete {

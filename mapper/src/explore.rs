@@ -5,6 +5,7 @@
 //! a large grid takes longer than a frame may: the explorer puts a question ([`Explorer::question`]), which is answered beside
 //! the loop ([`Search::run`], [`Explorer::answer`]), and drives on meanwhile.
 
+mod closed;
 mod seams;
 mod search;
 mod seen;
@@ -20,6 +21,7 @@ pub use utility::{UtilityConfig, utility};
 
 use crate::frontier::{self, FrontierConfig, Knowledge};
 use crate::refine::RefineConfig;
+use fht_map::Rules;
 use fht_robot::frame::{LaserScan, Twist};
 use fht_robot::grid::OccupancyGrid;
 use fht_robot::motion::{FollowConfig, SafetyConfig, safe_command};
@@ -29,6 +31,7 @@ use search::{Goal, Underway};
 use serde::{Deserialize, Serialize};
 use setbacks::Setbacks;
 use std::fmt;
+use std::sync::Arc;
 
 /// How to explore.
 #[derive(Clone, Debug)]
@@ -162,6 +165,8 @@ pub struct Explorer {
     quiet_since_us: Option<u64>,
     setbacks: Setbacks,
     team: Team,
+    /// What holds on the map; nothing before the robot knows where in the map it is.
+    rules: Arc<Rules>,
     began_us: Option<u64>,
     chosen_us: u64,
     checked_us: u64,
@@ -187,6 +192,7 @@ impl Explorer {
             quiet_since_us: None,
             setbacks: Setbacks::default(),
             team: Team::default(),
+            rules: Arc::default(),
             began_us: None,
             chosen_us: 0,
             checked_us: 0,
@@ -227,6 +233,15 @@ impl Explorer {
         self.team = team;
     }
 
+    /// What holds on the map from now on, in the frame that the grid is in.
+    pub fn obey(&mut self, rules: Arc<Rules>) {
+        if !Arc::ptr_eq(&rules, &self.rules) && !rules.closes_the_same(&self.rules) {
+            // The way that the robot is on is checked at once.
+            self.checked_us = 0;
+        }
+        self.rules = rules;
+    }
+
     /// The frame in which places are told is another one from now on: whatever was chosen in the old one is forgotten. The answer to
     /// a question that was put before must not be given.
     pub fn change_frame(&mut self) {
@@ -251,7 +266,8 @@ impl Explorer {
             return ExploreStep::Drive(Twist::default());
         }
         let position = Point2::from(map_from_base.translation.vector);
-        self.watch_for_being_stuck(position, time_us);
+        let limit_mps = closed::speed_limit_mps(&self.rules, map_from_base);
+        self.watch_for_being_stuck(position, limit_mps, time_us);
         let twist = if let Some(twist) = self.recovery_command(time_us) {
             Some(twist)
         } else {
@@ -260,7 +276,9 @@ impl Explorer {
         };
         match twist {
             Some(twist) if self.recoveries <= MAX_RECOVERIES => {
-                ExploreStep::Drive(safe_command(twist, scan, &self.config.safety))
+                let twist = limit_mps.map_or(twist, |limit_mps| twist.limited(limit_mps));
+                let obedient = closed::held_back(twist, &self.rules, map_from_base, self.config.follow.period_s);
+                ExploreStep::Drive(safe_command(obedient, scan, &self.config.safety))
             }
             given_up => {
                 // Without having moved since, it has given its goals up because it cannot move.
@@ -272,13 +290,15 @@ impl Explorer {
         }
     }
 
-    /// Begins a recovery when the robot has had a goal but not moved for too long.
-    fn watch_for_being_stuck(&mut self, position: Point2, time_us: u64) {
+    /// Begins a recovery when the robot has had a goal but not moved for too long, where it may drive at `limit_mps`.
+    fn watch_for_being_stuck(&mut self, position: Point2, limit_mps: Option<f64>, time_us: u64) {
         let (anchor, since_us) = *self.moved.get_or_insert((position, time_us));
+        // Who has to creep is not stuck.
+        let stuck_after_s = self.config.stuck_after_s + limit_mps.map_or(0.0, |limit_mps| MOVED_M / limit_mps);
         if (position - anchor).norm() >= MOVED_M {
             self.moved = Some((position, time_us));
             self.recoveries = 0;
-        } else if seconds(since_us, time_us) >= self.config.stuck_after_s && self.recovering_since_us.is_none() {
+        } else if seconds(since_us, time_us) >= stuck_after_s && self.recovering_since_us.is_none() {
             if let Some(goal) = self.goal.take() {
                 tracing::debug!(x = goal.target.x, y = goal.target.y, "stuck on the way to a frontier");
                 self.setbacks.record(goal.target, time_us, &self.config.setbacks);
@@ -351,8 +371,8 @@ impl Explorer {
             self.chosen_us = time_us;
         }
         let (config, setbacks, team) = (self.config.clone(), self.setbacks.clone(), self.team.clone());
-        self.wanted =
-            Some(Search { config, setbacks, team, map_from_base: *map_from_base, time_us, underway, map: None });
+        let (rules, map_from_base) = (Arc::clone(&self.rules), *map_from_base);
+        self.wanted = Some(Search { config, setbacks, team, rules, map_from_base, time_us, underway, map: None });
     }
 
     /// Keeps, refreshes or replaces the goal.

@@ -1,5 +1,5 @@
-//! The other explorers of the same map, over Zenoh: what they write, where they are going, what they have seen; and what this one says
-//! of itself.
+//! The other explorers of the same map, over Zenoh: what they write, where they are going, what they have seen; what is closed; and what
+//! this one says of itself.
 
 use crate::explore::Teammate;
 use crate::mapping::Mapper;
@@ -294,6 +294,7 @@ impl Fellows {
         if self.taken_changes.replace(changes) != Some(changes) {
             mapper.take_in(&self.map(), acknowledged);
         }
+        mapper.obey(self.replica.rules());
         let (mates, areas) = self.listen();
         mapper.hear(mates);
         if let Some(areas) = areas {

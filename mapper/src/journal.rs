@@ -14,13 +14,27 @@ pub struct Journal {
     state: MapState,
     /// In a map that is shared: what the server may not have yet.
     pending: Option<VecDeque<Increment>>,
+    /// Whether an earlier run may have put increments that nobody has, under the numbers that come now.
+    has_forerunner: bool,
 }
+
+/// So much later than the map are the stamps of a run that goes on where another one ended, if its sensors' time does not say so, microseconds:
+/// later than those of what that one has put in vain.
+const AFTER_FORERUNNER_US: u64 = 600_000_000;
 
 impl Journal {
     /// An empty map.
     #[must_use]
     pub fn new(author: AuthorId) -> Self {
-        Self { author, written: 0, next_node: 0, clock_us: 0, state: MapState::new(), pending: None }
+        Self {
+            author,
+            written: 0,
+            next_node: 0,
+            clock_us: 0,
+            state: MapState::new(),
+            pending: None,
+            has_forerunner: false,
+        }
     }
 
     /// From now on the map is shared: what is written is kept until [`Journal::follow`] says that the server has it.
@@ -33,6 +47,7 @@ impl Journal {
         self.share();
         self.state = shared.clone();
         self.written = self.written.max(written);
+        self.has_forerunner = written > 0;
         self.next_node = self.next_node.max(shared.next_number(self.author));
     }
 
@@ -86,7 +101,10 @@ impl Journal {
             return None;
         }
         // Hybrid logical clock: physical time, pushed past everything seen.
-        self.clock_us = time_us.max(self.clock_us + 1).max(self.state.max_hlc_us() + 1);
+        let newest_us = self.state.max_hlc_us();
+        let gap_us =
+            if std::mem::take(&mut self.has_forerunner) && time_us <= newest_us { AFTER_FORERUNNER_US } else { 1 };
+        self.clock_us = time_us.max(self.clock_us + 1).max(newest_us + gap_us);
         self.written += 1;
         let increment = Increment { author: self.author, number: self.written, hlc_us: self.clock_us, ops };
         self.state.apply(&increment);

@@ -134,7 +134,9 @@ impl Validate for Op {
 
 impl Validate for Increment {
     fn validate(&self) -> Result<(), Invalid> {
-        check(self.number >= 1, || "increment number 0 (they start at 1)".to_owned())?;
+        check((1..=MAX_NUMBER).contains(&self.number), || {
+            format!("increment number {} (1 to {MAX_NUMBER} are allowed)", self.number)
+        })?;
         check(self.hlc_us <= MAX_HLC_US, || format!("clock of {} µs (at most {MAX_HLC_US})", self.hlc_us))?;
         check((1..=Self::MAX_OPS).contains(&self.ops.len()), || {
             format!("an increment of {} operations (1 to {} are allowed)", self.ops.len(), Self::MAX_OPS)
@@ -198,8 +200,7 @@ impl Validate for Snapshot {
 
 impl Validate for Head {
     fn validate(&self) -> Result<(), Invalid> {
-        let authors = self.vector.iter().count();
-        check(authors <= VersionVector::MAX_AUTHORS, || format!("a head of {authors} authors"))?;
+        self.vector.validate()?;
         check(self.version == self.vector.version(), || {
             format!("a head of version {} with vector {}", self.version, self.vector)
         })

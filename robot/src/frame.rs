@@ -242,6 +242,20 @@ pub struct Twist {
     pub angular_radps: f64,
 }
 
+impl Twist {
+    /// The same curve, driven at most so fast, metres per second forward or backward.
+    #[must_use]
+    pub fn limited(self, limit_mps: f64) -> Self {
+        let speed_mps = self.linear_mps.abs();
+        if limit_mps < speed_mps {
+            let share = limit_mps / speed_mps;
+            Self { linear_mps: self.linear_mps * share, angular_radps: self.angular_radps * share }
+        } else {
+            self
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -263,6 +277,15 @@ mod tests {
             #[cfg(feature = "camera")]
             panorama: None,
         }
+    }
+
+    #[test]
+    fn a_limited_command_is_slower_along_the_same_curve() {
+        let command = Twist { linear_mps: -0.5, angular_radps: 1.0 };
+        assert_eq!(command.limited(0.25), Twist { linear_mps: -0.25, angular_radps: 0.5 });
+        assert_eq!(command.limited(0.5), command);
+        let turn = Twist { linear_mps: 0.0, angular_radps: 1.0 };
+        assert_eq!(turn.limited(0.1), turn);
     }
 
     #[test]

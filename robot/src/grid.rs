@@ -251,6 +251,22 @@ impl OccupancyGrid {
         }
     }
 
+    /// Takes the cells for occupied whose centres lie between two corners and in `is_in`, whatever is known of them: a word for planning,
+    /// on a copy of the grid. They do not count as seen by this robot, and what lies beyond the grid's bounds stays unknown.
+    pub fn suppose_occupied(&mut self, min: Point2, max: Point2, is_in: impl Fn(Point2) -> bool) {
+        let (low, high, bounds) = (self.cell_of(min), self.cell_of(max), self.bounds);
+        for j in low.j.max(bounds.min.j)..=high.j.min(bounds.max.j - 1) {
+            for i in low.i.max(bounds.min.i)..=high.i.min(bounds.max.i - 1) {
+                let cell = Cell { i, j };
+                if let Some(index) = bounds.index(cell)
+                    && is_in(self.centre(cell))
+                {
+                    self.log_odds[index] = self.config.max_log_odds;
+                }
+            }
+        }
+    }
+
     /// Forgets that cells are free, but for those of which `is_said` holds.
     pub fn forget_free(&mut self, is_said: impl Fn(Cell) -> bool) {
         for (index, (log_odds, seen)) in self.log_odds.iter_mut().zip(&mut self.seen).enumerate() {

@@ -199,12 +199,7 @@ pub fn run(config: &HandoffConfig) -> Result<(HandoffReport, Process), HandoffEr
     let begin = Instant::now();
     let map = map_name(&config.world)?;
     let data = config.folder.join("data");
-    let mut server = Process::start(
-        &config.executable,
-        Role::MapServer,
-        ["--data".into(), data.into_os_string(), "--listen".into(), (&config.endpoint).into()],
-    )?;
-    server.wait_until_listening(&config.endpoint, PATIENCE)?;
+    let server = Process::map_server(&config.executable, &data, &config.endpoint, PATIENCE)?;
 
     let explored = explorers::explore(config, &map)?;
     let explore_wall_s = begin.elapsed().as_secs_f64();

@@ -2,7 +2,7 @@
 //! live increments are.
 
 use crate::feed::{FeedError, put, write};
-use crate::process::{Process, ProcessError, Role, free_endpoint};
+use crate::process::{Process, ProcessError, free_endpoint};
 use crate::thin_link::{LinkShape, ThinLink};
 use client_robot::replica::{AskError, LiveReplica, ReplicaConfig, ReplicaError, ask_head};
 use fht_link::{LinkConfig, LinkError};
@@ -126,9 +126,7 @@ impl Site {
     /// [`JoiningError`].
     pub fn with(config: &JoiningConfig, map: &MapName, increments: &[Increment]) -> Result<Self, JoiningError> {
         let endpoint = free_endpoint()?;
-        let args = ["--data".as_ref(), config.data.as_os_str(), "--listen".as_ref(), endpoint.as_ref()];
-        let mut server = Process::start(&config.executable, Role::MapServer, args)?;
-        server.wait_until_listening(&endpoint, PATIENCE)?;
+        let server = Process::map_server(&config.executable, &config.data, &endpoint, PATIENCE)?;
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
         let session = runtime.block_on(fht_link::open(&LinkConfig::from_options(vec![endpoint.clone()], None)))?;
         let vector = write(&session, map, increments)?;

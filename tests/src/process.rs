@@ -21,7 +21,9 @@ pub enum Role {
 }
 
 impl Role {
-    fn name(self) -> &'static str {
+    /// What people call it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
         match self {
             Self::MapServer => "map-server",
             Self::Mapper => "mapper",
@@ -62,6 +64,16 @@ pub enum ProcessError {
         /// How long was waited.
         seconds: u64,
     },
+    /// It has not ended.
+    #[error("{role} has not ended after {seconds} s{}", tail(stderr))]
+    Late {
+        /// The program.
+        role: &'static str,
+        /// How long was waited.
+        seconds: u64,
+        /// The last of what it said.
+        stderr: String,
+    },
     /// Waiting failed.
     #[error("{role}: {source}")]
     Wait {
@@ -97,6 +109,22 @@ impl Process {
         let mut command = Command::new(executable);
         command.args(["role", role.name(), "--"]).args(args);
         Self::run(role.name(), command)
+    }
+
+    /// Starts a map-server that keeps its maps in `data`, and waits until it listens on `endpoint`.
+    ///
+    /// # Errors
+    /// [`ProcessError`].
+    pub fn map_server(
+        executable: &Path,
+        data: &Path,
+        endpoint: &str,
+        patience: Duration,
+    ) -> Result<Self, ProcessError> {
+        let args = ["--data".as_ref(), data.as_os_str(), "--listen".as_ref(), endpoint.as_ref()];
+        let mut server = Self::start(executable, Role::MapServer, args)?;
+        server.wait_until_listening(endpoint, patience)?;
+        Ok(server)
     }
 
     /// Runs a command, which errors call `role`.
@@ -182,9 +210,54 @@ impl Process {
         if status.success() { Ok(()) } else { Err(self.failure(status)) }
     }
 
+    /// Waits until it ends, and returns what it printed; fails unless it ends well.
+    ///
+    /// # Errors
+    /// [`ProcessError::Failed`], [`ProcessError::Late`] if it takes longer than `patience`.
+    pub fn finish(mut self, patience: Duration) -> Result<String, ProcessError> {
+        // Read all the time, or a talkative child would block.
+        let printed = self.child.stdout.take().map(|mut pipe| {
+            std::thread::spawn(move || {
+                let mut bytes = Vec::new();
+                // What was printed until it broke off is worth reading, too.
+                let _ = pipe.read_to_end(&mut bytes);
+                String::from_utf8_lossy(&bytes).into_owned()
+            })
+        });
+        let deadline = Instant::now() + patience;
+        let status = loop {
+            let wait_error = |source| ProcessError::Wait { role: self.role, source };
+            if let Some(status) = self.child.try_wait().map_err(wait_error)? {
+                break status;
+            }
+            if Instant::now() > deadline {
+                self.kill()?;
+                return Err(ProcessError::Late { role: self.role, seconds: patience.as_secs(), stderr: self.said() });
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        };
+        if !status.success() {
+            return Err(self.failure(status));
+        }
+        Ok(printed.and_then(|thread| thread.join().ok()).unwrap_or_default())
+    }
+
+    /// Whether it still runs.
+    ///
+    /// # Errors
+    /// [`ProcessError::Wait`].
+    pub fn is_running(&mut self) -> Result<bool, ProcessError> {
+        let wait_error = |source| ProcessError::Wait { role: self.role, source };
+        Ok(self.child.try_wait().map_err(wait_error)?.is_none())
+    }
+
+    /// The last of what it said; it must have ended.
+    fn said(&mut self) -> String {
+        self.stderr.take().and_then(|thread| thread.join().ok()).unwrap_or_default()
+    }
+
     fn failure(&mut self, status: ExitStatus) -> ProcessError {
-        let stderr = self.stderr.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
-        ProcessError::Failed { role: self.role, status, stderr }
+        ProcessError::Failed { role: self.role, status, stderr: self.said() }
     }
 }
 

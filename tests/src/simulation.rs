@@ -1,29 +1,35 @@
 //! A fleet on a bad network, in one thread and simulated time: explorers, an operator, servers and clients, each made of the parts that the
-//! programs are made of, over links that lose, delay, repeat, reorder and part. There is one server with a disk, or there are several on
+//! programs are made of, over links that lose, delay, repeat, reorder and part. Explorers are killed and come
+//! back. There is one server with a disk, or there are several on
 //! replicated storages; a machine may fail at every durable write.
 //!
-//! What a run must show: in the end all copies are one, nothing that was acknowledged is lost, and no release has changed. A seed
+//! What a run must show: in the end all copies are one, nothing that was acknowledged is lost or became another, and no release has changed. A seed
 //! decides everything.
 
 mod author;
 mod disk;
 mod follower;
+mod ledger;
 mod network;
+mod refused;
 mod server;
 mod storages;
+mod writer;
 
 use author::Author;
 use disk::Disk;
 use fht_proto::query::{Head, Snapshot};
-use fht_proto::{Increment, MapName, VersionVector, decode};
+use fht_proto::{MapName, VersionVector, decode, encode};
 use follower::Follower;
-use network::{Network, NetworkConfig};
+use ledger::Ledger;
+use network::Network;
+pub use network::NetworkConfig;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use server::{Ground, Server};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use storages::Site;
+use storages::{COUNT, Reach, Site};
 
 /// How bad things are.
 #[derive(Clone, Debug)]
@@ -44,6 +50,10 @@ pub struct SimulationConfig {
     pub calm_s: u64,
     /// Share of durable writes at which the machine fails. Default 0.05.
     pub crash_share: f64,
+    /// Whether it is a violation that, after an explorer has come back, a number means two increments: that a run takes what an earlier run
+    /// has put under it for its own, without being told, or that what a head covered gives way to the other one. Else both are counted.
+    /// Default false: the second run gives a number again that the first one had put, if no head covered it when it asked.
+    pub is_strict: bool,
 }
 
 impl Default for SimulationConfig {
@@ -57,6 +67,7 @@ impl Default for SimulationConfig {
             trouble_s: 60,
             calm_s: 300,
             crash_share: 0.05,
+            is_strict: false,
         }
     }
 }
@@ -68,7 +79,17 @@ pub struct Outcome {
     pub increments: u64,
     /// Failures of machines that write, and servers killed.
     pub crashes: u64,
-    /// Messages lost, and messages in all.
+    /// How often the network fell into two groups.
+    pub partitions: u64,
+    /// How often explorers came back.
+    pub returns: u64,
+    /// Runs that ended because they were told that their numbers were another run's.
+    pub told: u64,
+    /// Increments that a run took for acknowledged, was not told otherwise, and the server has an earlier run's under that number.
+    pub mistaken: u64,
+    /// Increments that a head covered and that gave way to another run's.
+    pub replaced: u64,
+    /// Messages lost.
     pub lost: u64,
     /// Messages in all.
     pub sent: u64,
@@ -98,6 +119,12 @@ pub enum Violation {
     /// An acknowledged increment is not there, or another one is.
     #[error("increment {0} was acknowledged and is not there")]
     Lost(String),
+    /// An increment that a head covered has become another one.
+    #[error("increment {0}, which a head covered, has become another one")]
+    Replaced(String),
+    /// Numbers acknowledge what was not made by that run.
+    #[error("increment {0} of one run was taken for acknowledged, and the server has another run's")]
+    Mistaken(String),
     /// A release is not what it was.
     #[error("release {0} has changed")]
     Release(String),
@@ -121,6 +148,8 @@ pub(crate) enum Message {
     Put { key: String, bytes: Arc<Vec<u8>> },
     /// A head, from the server to everybody.
     Head(Arc<Head>),
+    /// To a writer: another increment of its number is there.
+    Refused,
     /// A question for the head.
     AskHead { id: u64 },
     /// The answer; the server may have no such map.
@@ -153,22 +182,27 @@ struct World {
     site: Option<Site>,
     authors: Vec<Author>,
     followers: Vec<Follower>,
+    ledger: Ledger,
+    is_strict: bool,
 }
 
 impl World {
     fn new(seed: u64, config: &SimulationConfig) -> Self {
+        /// Share of explorers that are killed, in the third of the time in which most of them write.
+        const DYING: f64 = 0.5;
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let explorers = rng.random_range(1..=config.explorers);
         let clients = rng.random_range(1..=config.clients);
         let servers = config.servers.max(1);
+        let origin = Instant::now();
+        let calm_us = config.trouble_s * 1_000_000;
         let writers: Vec<Author> = (0..=explorers)
             .map(|index| {
                 let last = rng.random_range(1..=config.increments);
                 // The last one is the operator: it makes releases, and it does not die.
                 let is_operator = index == explorers;
-                let dies_us =
-                    (!is_operator && rng.random_bool(0.3)).then(|| rng.random_range(0..config.trouble_s * 1_000_000));
-                Author::new(servers + index, last, is_operator, dies_us)
+                let dies_us = (!is_operator && rng.random_bool(DYING)).then(|| rng.random_range(0..calm_us / 3));
+                Author::new(servers + index, last, is_operator, dies_us, calm_us, origin)
             })
             .collect();
         let followers = (0..clients).map(|index| Follower::new(servers + 1 + explorers + index)).collect();
@@ -178,28 +212,44 @@ impl World {
             Some(site) => Ground::Site(site.clone()),
             None => Ground::Disk(Arc::new(Disk::new(config.crash_share, seed))),
         };
+        let hearers = servers + 1 + explorers + clients;
+        let places = hearers + if site.is_some() { COUNT } else { 0 };
         Self {
-            network: Network::new(config.network.clone(), servers + 1 + explorers + clients),
+            network: Network::new(config.network.clone(), hearers, places),
             servers: (0..servers).map(|place| Server::new(place, ground())).collect(),
             site,
             authors: writers,
             followers,
             rng,
-            origin: Instant::now(),
+            origin,
             now_us: 0,
+            ledger: Ledger::default(),
+            is_strict: config.is_strict,
         }
     }
 
-    /// The server that somebody's questions go to.
+    /// The server that somebody's questions go to: one that runs and can be reached, if there is any.
     fn nearest(&self, from: usize) -> &Server {
         let count = self.servers.len();
-        let mut by_distance = (0..count).map(|step| &self.servers[(from + step) % count]);
-        let first = &self.servers[from % count];
-        by_distance.find(|server| server.is_running()).unwrap_or(first)
+        let by_distance = || (0..count).map(|step| &self.servers[(from + step) % count]);
+        let is_near = |server: &&Server| server.is_running() && self.network.reaches(from, server.place(), self.now_us);
+        let near = by_distance().find(is_near).or_else(|| by_distance().find(|server| server.is_running()));
+        near.unwrap_or(&self.servers[from % count])
     }
 
     fn now(&self) -> Instant {
         self.origin + Duration::from_micros(self.now_us)
+    }
+
+    /// Between which servers and storages there is a way; storages have the last places.
+    fn reach(&self) -> Reach {
+        let first = self.servers.len() + self.authors.len() + self.followers.len();
+        let to_storages =
+            |from: usize| std::array::from_fn(|storage| self.network.reaches(from, first + storage, self.now_us));
+        Reach {
+            servers: (0..self.servers.len()).map(to_storages).collect(),
+            storages: std::array::from_fn(|storage| to_storages(first + storage)),
+        }
     }
 
     /// Delivers what arrives now and lets everybody act.
@@ -215,15 +265,19 @@ impl World {
             }
         }
         if let Some(site) = &self.site {
-            site.step(self.now_us, self.network.cut(self.servers.len(), self.now_us));
+            site.step(self.now_us, self.reach());
         }
         let mut sent = Vec::new();
         for server in &mut self.servers {
             sent.extend(server.act(self.now_us, &mut self.rng)?);
+            server.note_covered(&mut self.ledger)?;
         }
         let heads: Vec<_> = self.authors.iter().map(|author| self.nearest(author.place()).head()).collect();
         for (author, head) in self.authors.iter_mut().zip(heads) {
             sent.extend(author.act(now, self.now_us, &mut self.rng, head.as_deref()));
+            if author.returns() > 0 && !self.is_strict {
+                self.ledger.be_lenient(author.id());
+            }
         }
         for follower in &mut self.followers {
             sent.extend(follower.act(now, &mut self.rng));
@@ -286,23 +340,43 @@ impl World {
                 });
             }
         }
-        // What is acknowledged is durable: it is asked of the disk alone, or of the storages and every server.
+        let is_overruled = self.servers.iter().any(|server| server.overruled() > 0);
+        if is_overruled && self.authors.iter().all(|author| author.returns() == 0) {
+            return Err(Violation::Failed("storages kept another increment than a server".to_owned()));
+        }
+        // What heads covered is all that there is.
         let mut whole = fht_map::MapState::new();
-        for author in &self.authors {
-            for increment in author.written().iter().take(usize::try_from(author.acknowledged()).unwrap_or(usize::MAX))
-            {
-                if !self.servers.iter().all(|server| server.holds(increment)) {
-                    return Err(Violation::Lost(format!("{}/{}", increment.author, increment.number)));
-                }
+        for increment in self.ledger.increments() {
+            let increment = increment?;
+            if !self.servers.iter().all(|server| server.holds(&increment)) {
+                return Err(Violation::Lost(format!("{}/{}", increment.author, increment.number)));
             }
-            let stored = usize::try_from(head.vector.get(author.id())).unwrap_or(usize::MAX);
-            author.written().iter().take(stored).for_each(|increment: &Increment| whole.apply(increment));
+            whole.apply(&increment);
         }
         if whole.digest() != head.digest {
             return Err(Violation::Sum);
         }
         self.servers.iter().try_for_each(Server::check_releases)
     }
+}
+
+/// Counts what `runs` of an author took for acknowledged, and is not there because the server has another run's: what was acknowledged to
+/// a run that was told so is not counted.
+fn mistaken(author: &Author, server: &Server, is_strict: bool) -> Result<u64, Violation> {
+    let mut count = 0;
+    for run in author.runs().filter(|run| !run.is_told) {
+        for increment in run.written.iter().filter(|increment| increment.number <= run.acknowledged) {
+            let name = || format!("{}/{}", increment.author, increment.number);
+            let ours = encode(increment).map_err(|error| Violation::Failed(error.to_string()))?;
+            match server.stored(increment.author, increment.number) {
+                None => return Err(Violation::Lost(name())),
+                Some(stored) if stored == ours => {}
+                Some(_) if is_strict || author.returns() == 0 => return Err(Violation::Mistaken(name())),
+                Some(_) => count += 1,
+            }
+        }
+    }
+    Ok(count)
 }
 
 /// Runs one seed.
@@ -329,13 +403,21 @@ pub fn run(seed: u64, config: &SimulationConfig) -> Result<Outcome, Violation> {
     }
     let seconds = world.now_us / 1_000_000;
     world.check(seconds)?;
-    let (sent, lost) = world.network.counts();
+    let network = world.network.counts();
+    let mistaken = world.authors.iter().map(|author| mistaken(author, &world.servers[0], config.is_strict));
+    let mistaken = mistaken.sum::<Result<u64, Violation>>()?;
+    let told = world.authors.iter().map(|author| author.runs().filter(|run| run.is_told).count() as u64).sum();
     let sum = |of: fn(&Server) -> u64| world.servers.iter().map(of).sum::<u64>();
     Ok(Outcome {
         increments: world.servers[0].head().map_or(0, |head| head.version),
         crashes: sum(Server::crashes) + world.site.as_ref().map_or(0, Site::crashes),
-        lost,
-        sent,
+        partitions: network.partitions,
+        returns: world.authors.iter().map(Author::returns).sum(),
+        told,
+        mistaken,
+        replaced: world.ledger.replaced(),
+        lost: network.lost,
+        sent: network.sent,
         releases: world.servers[0].releases(),
         folded: sum(Server::folded),
         seconds,

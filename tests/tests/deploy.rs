@@ -6,7 +6,9 @@ mod site;
 use fht_proto::AuthorId;
 use map_server::access::{Roles, parse};
 use serde_json::Value;
-use site::{certificates, config, deploy, free_endpoint, make_certificates, read, shipped};
+use site::{
+    certificates, config, deploy, free_endpoint, make_certificates, make_certificates_of_the_readme, read, shipped,
+};
 use std::collections::BTreeSet;
 use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt;
@@ -99,21 +101,12 @@ fn the_script_makes_what_its_help_says_and_overwrites_nothing() {
 #[test]
 fn the_walk_through_makes_every_file_that_the_compose_file_mounts() {
     let dir = tempfile::tempdir().unwrap();
-    // The commands of the README that make something, run as they stand there.
-    let readme = read("README.md");
-    let commands: Vec<&str> = readme.lines().filter(|line| line.starts_with("./make-certificates.sh ")).collect();
-    assert!(commands.len() >= 7, "{commands:?}");
-    for command in commands {
-        let mut words = command.split_whitespace();
-        let script = deploy(words.next().unwrap().trim_start_matches("./")).canonicalize().unwrap();
-        let output = Command::new("sh").arg(script).args(words).current_dir(dir.path()).output().unwrap();
-        assert!(output.status.success(), "{command}: {}", said(&output));
-    }
+    make_certificates_of_the_readme(dir.path());
     let made = |name: &str| dir.path().join("certificates").join(name).exists();
     for member in members() {
         assert!(made(&format!("{member}.pem")) && made(&format!("{member}.key")), "{member}");
     }
-    assert!(readme.contains("map-server access-control roles.json5 --into router.json5 > zenohd.json5"));
+    assert!(read("README.md").contains("map-server access-control roles.json5 --into router.json5 > zenohd.json5"));
     let written = map_server(&[
         "access-control",
         deploy("roles.json5").to_str().unwrap(),

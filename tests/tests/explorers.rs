@@ -157,13 +157,7 @@ fn a_robot_that_comes_back_under_its_own_name_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let endpoint = free_endpoint().unwrap();
     let data = folder.path().join("data");
-    let mut server = Process::start(
-        executable(),
-        Role::MapServer,
-        ["--data".as_ref(), data.as_os_str(), "--listen".as_ref(), endpoint.as_ref()],
-    )
-    .unwrap();
-    server.wait_until_listening(&endpoint, Duration::from_secs(20)).unwrap();
+    let _server = Process::map_server(executable(), &data, &endpoint, Duration::from_secs(20)).unwrap();
     let explore = |max_sim_s: &str, report: &Path| {
         let report = report.to_str().unwrap();
         let flags = ["--world", "museum", "--map", "museum", "--connect", &endpoint, "--no-cameras", "--quiet"];

@@ -8,10 +8,14 @@ fn two_hundred(config: &SimulationConfig) -> Outcome {
     for seed in 1..=200 {
         let outcome = run(seed, config).unwrap_or_else(|violation| panic!("seed {seed}: {violation}"));
         sum.crashes += outcome.crashes;
+        sum.partitions += outcome.partitions;
+        sum.returns += outcome.returns;
         sum.lost += outcome.lost;
         sum.folded += outcome.folded;
         sum.releases += outcome.releases;
     }
+    // Otherwise the runs were too kind.
+    assert!(sum.partitions > 200 && sum.returns > 100, "{sum:?}");
     sum
 }
 

@@ -20,11 +20,7 @@ const KILL_AT: u64 = 15;
 const BACK_AFTER: u64 = 10;
 
 fn start_server(data: &Path, endpoint: &str) -> Process {
-    let executable = Path::new(env!("CARGO_BIN_EXE_handoff"));
-    let args = ["--data".as_ref(), data.as_os_str(), "--listen".as_ref(), endpoint.as_ref()];
-    let mut server = Process::start(executable, Role::MapServer, args).unwrap();
-    server.wait_until_listening(endpoint, PATIENCE).unwrap();
-    server
+    Process::map_server(Path::new(env!("CARGO_BIN_EXE_handoff")), data, endpoint, PATIENCE).unwrap()
 }
 
 #[test]

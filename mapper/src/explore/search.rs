@@ -4,15 +4,16 @@
 use super::seams::Seams;
 use super::setbacks::Setbacks;
 use super::team::{Prospect, Team, Worth};
-use super::{ExploreConfig, utility};
+use super::{ExploreConfig, closed, utility};
 use crate::frontier::{self, Knowledge, find_frontiers};
-use fht_map::MapState;
+use fht_map::{MapState, Rules};
 use fht_proto::Square;
 use fht_robot::grid::{Cell, OccupancyGrid};
 use fht_robot::motion::PathFollower;
 use fht_robot::planning::{PlanConfig, Traversable, region_around};
 use fht_robot::pose::{Point2, Pose2, wrap_angle};
 use std::borrow::Cow;
+use std::sync::Arc;
 
 /// The way's direction is taken at this distance from the robot, metres.
 const SET_OFF_M: f64 = 0.6;
@@ -57,6 +58,7 @@ pub struct Search {
     pub(super) config: ExploreConfig,
     pub(super) setbacks: Setbacks,
     pub(super) team: Team,
+    pub(super) rules: Arc<Rules>,
     pub(super) map_from_base: Pose2,
     pub(super) time_us: u64,
     /// The goal to be kept, unless the way there has become much longer.
@@ -67,7 +69,7 @@ pub struct Search {
 
 /// Where to look for a goal, and for which.
 struct Quest<'a> {
-    /// What is free, as far as anybody has seen.
+    /// What is free and not closed, as far as anybody has seen.
     free: &'a OccupancyGrid,
     /// What need not be seen any more.
     known: Knowledge<'a>,
@@ -92,33 +94,66 @@ impl Search {
         Self { map, ..self }
     }
 
-    /// Searches `grid`, which is in the map frame, and what others say that they have seen.
+    /// Searches `grid`, which is in the map frame, and what others say that they have seen, but for what is closed.
     #[must_use]
     pub fn run(&self, grid: &OccupancyGrid) -> Answer {
-        let mut free = Cow::Borrowed(grid);
+        let mut seen = Cow::Borrowed(grid);
         let is_doubted = |at: Point2| self.team.seen.iter().any(|seen| seen.square_at(at) == Square::Occupied);
-        for seen in &self.team.seen {
-            seen.draw_free_space(free.to_mut(), is_doubted);
+        for told in &self.team.seen {
+            told.draw_free_space(seen.to_mut(), is_doubted);
         }
+        let free = closed::drawn(&seen, &self.rules, Some(self.position()));
         let (plan, config) = (&self.config.plan, &self.config.links);
         let seams = || self.map.as_ref().map(|map| Seams::of(map, &free, plan, config));
         // Another one may have joined a seam's ends since.
         let is_open = |underway: &Underway| {
             !underway.is_seam || seams().is_some_and(|seams| seams.is_missing_link(underway.target))
         };
-        let kept = self.underway.filter(is_open).and_then(|underway| self.way_on(&free, &underway));
+        let kept = || self.underway.filter(is_open).and_then(|underway| self.way_on(&free, &underway));
         let known = Knowledge { grid: &free, others: &self.team.seen };
         let unseen = Quest { free: &free, known, seams: None };
-        let goal = kept
+        let goal = self
+            .way_out(&free, &seen)
+            .or_else(kept)
             .or_else(|| self.choose(&unseen))
             .or_else(|| self.choose(&Quest { free: &free, known: Knowledge::alone(grid), seams: Some(seams()?) }));
         let underway = self.underway.map(|underway| underway.target);
         Answer { underway, goal }
     }
 
+    fn position(&self) -> Point2 {
+        Point2::from(self.map_from_base.translation.vector)
+    }
+
+    /// The nearest place that is not closed, if the robot stands where it may not and knows a way out: what it went to see, and what
+    /// is best to see, may lie deeper in the same zone. `free` is open where the robot stands, `seen` is without what is closed.
+    fn way_out(&self, free: &OccupancyGrid, seen: &OccupancyGrid) -> Option<Goal> {
+        let position = self.position();
+        if !closed::is_closed(&self.rules, position) {
+            return None;
+        }
+        let plan = &self.config.plan;
+        let outside = Traversable::new(&closed::drawn(seen, &self.rules, None), plan);
+        let space = Traversable::new(free, plan);
+        let distances = space.distances_from(position);
+        let bounds = space.bounds();
+        let cells = (0..bounds.width() * bounds.height()).map(|index| bounds.cell(index));
+        let reached = cells.filter(|&cell| outside.is_passable(cell));
+        let reached = reached.filter_map(|cell| Some((distances.distance_m(cell)?, cell)));
+        let (_, stand) = reached.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(Goal {
+            target: space.centre(stand),
+            stand: space.centre(stand),
+            robot_radius_m: plan.robot_radius_m,
+            follower: PathFollower::new(self.config.follow.clone(), space.shorten(&distances.path_to(stand))),
+            reached_us: None,
+            is_seam: false,
+        })
+    }
+
     /// The path to the same goal over the grid as it is now, if that is not much longer.
     fn way_on(&self, grid: &OccupancyGrid, underway: &Underway) -> Option<Goal> {
-        let position = Point2::from(self.map_from_base.translation.vector);
+        let position = self.position();
         let reach_m = underway.remaining_m + DETOUR_M;
         let plan = PlanConfig { robot_radius_m: underway.robot_radius_m, ..self.config.plan.clone() };
         let space = Traversable::in_region(grid, &plan, region_around(grid, position, reach_m));
@@ -153,10 +188,11 @@ impl Search {
         })
     }
 
-    /// Whether the robot cannot even get back to where it began: it drove into a gap that has become narrower in the grid.
+    /// Whether the robot cannot even get back to where it began: it drove into a gap that has become narrower in the grid, or
+    /// what was closed since leaves a gap only, or nothing.
     fn is_boxed_in(&self, grid: &OccupancyGrid) -> bool {
         let space = Traversable::new(grid, &self.config.plan);
-        let position = Point2::from(self.map_from_base.translation.vector);
+        let position = self.position();
         let origin = space.nearest_passable(Point2::origin(), HOME_REACH_M);
         origin.is_some_and(|home| space.distances_from(position).distance_m(home).is_none())
     }

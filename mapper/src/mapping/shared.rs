@@ -8,7 +8,7 @@ use crate::joining::Joining;
 use crate::slam::told::{Told, ToldNode};
 use crate::slam::{Anchored, Slam, Tracking};
 use client_robot::inquiry::Taking;
-use fht_map::{MapState, NodeRef};
+use fht_map::{MapState, NodeRef, Rules};
 use fht_proto::fleet::{ExplorerGoal, LocalizationState};
 use fht_proto::{AuthorId, Descriptor, FixedPose, NodeId, NodeKind, Rect, SeenArea};
 use fht_robot::descriptor::{Appearance, DescriptorNet};
@@ -56,6 +56,8 @@ pub(super) struct Others {
     /// Who had written before this robot joined: it holds itself to their nodes.
     seniors: BTreeSet<AuthorId>,
     team: Team,
+    /// What operators and other robots have closed.
+    rules: Arc<Rules>,
 }
 
 /// What a robot says of where it is.
@@ -158,6 +160,20 @@ impl Mapper {
         self.tell_explorer();
     }
 
+    /// What holds on the map from now on: what operators wrote, and what other robots found blocked. The robot keeps to it once it knows
+    /// where in the map it is.
+    pub fn obey(&mut self, rules: Arc<Rules>) {
+        self.others.rules = rules;
+        self.bind_explorer();
+    }
+
+    /// Places of the map mean nothing to an explorer that is in a frame of its own.
+    fn bind_explorer(&mut self) {
+        if self.is_placed() {
+            self.explorer.obey(Arc::clone(&self.others.rules));
+        }
+    }
+
     /// What others say is of use once this robot knows where in the map it is.
     fn tell_explorer(&mut self) {
         if self.is_placed() {
@@ -258,6 +274,7 @@ impl Mapper {
         self.journal.resume(&shared, written);
         self.others.seniors = shared.nodes().map(|node| node.id.author).collect();
         self.take_in(&shared, written);
+        self.bind_explorer();
     }
 
     /// Looks whether nodes around the robot that others made are as they say.

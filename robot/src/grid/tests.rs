@@ -34,6 +34,26 @@ fn no_word_of_others_makes_a_grid_grow_without_bound() {
 }
 
 #[test]
+fn what_is_supposed_occupied_is_neither_own_nor_beyond_the_bounds() {
+    let mut grid = OccupancyGrid::new(GridConfig::default());
+    grid.suppose_occupied(Point2::new(-1.0, -1.0), Point2::new(1.0, 1.0), |_| true);
+    assert_eq!(grid.bounds().width(), 0, "an empty grid stays empty");
+    for _ in 0..3 {
+        grid.integrate(&pose(0.0, 0.0, 0.0), &room_scan());
+    }
+    let (seen, bounds) = (grid.clone(), grid.bounds());
+    // Two discs: one in the room, and one beyond whatever is known, in the same box.
+    let is_in =
+        |at: Point2| [Point2::new(1.0, 0.0), Point2::new(900.0, 0.0)].iter().any(|disc| (at - disc).norm() <= 0.3);
+    grid.suppose_occupied(Point2::new(0.5, -1.0), Point2::new(1e9, 1.0), is_in);
+    assert_eq!(grid.bounds(), bounds);
+    for cell in (0..bounds.width() * bounds.height()).map(|index| bounds.cell(index)) {
+        let expected = if is_in(grid.centre(cell)) { CellState::Occupied } else { seen.state(cell) };
+        assert_eq!((grid.state(cell), grid.is_own(cell)), (expected, seen.is_own(cell)), "{cell:?}");
+    }
+}
+
+#[test]
 fn a_corridor_has_a_width() {
     let mut grid = OccupancyGrid::new(GridConfig::default());
     for _ in 0..3 {

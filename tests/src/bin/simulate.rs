@@ -20,6 +20,9 @@ struct Args {
     /// Servers that stand on replicated storages; 0: one with a disk.
     #[arg(long, default_value_t = 0)]
     servers: usize,
+    /// That a number means two increments after an explorer has come back is a violation, not only counted.
+    #[arg(long)]
+    strict: bool,
     /// No progress bar.
     #[arg(long)]
     quiet: bool,
@@ -31,13 +34,18 @@ fn main() -> ExitCode {
     if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {pos}/{len} seeds, {eta} left") {
         bar.set_style(style);
     }
-    let config = SimulationConfig { servers: args.servers, ..SimulationConfig::default() };
+    let config = SimulationConfig { servers: args.servers, is_strict: args.strict, ..SimulationConfig::default() };
     let mut sum = Outcome::default();
     for seed in args.first..args.first.saturating_add(args.seeds) {
         match run(seed, &config) {
             Ok(outcome) => {
                 sum.increments += outcome.increments;
                 sum.crashes += outcome.crashes;
+                sum.partitions += outcome.partitions;
+                sum.returns += outcome.returns;
+                sum.told += outcome.told;
+                sum.mistaken += outcome.mistaken;
+                sum.replaced += outcome.replaced;
                 sum.lost += outcome.lost;
                 sum.sent += outcome.sent;
                 sum.releases += outcome.releases;
@@ -54,14 +62,20 @@ fn main() -> ExitCode {
     }
     bar.finish_and_clear();
     println!(
-        "{} seeds, {} simulated hours: {} increments, {} of {} messages lost, {} crashes at durable writes, {} releases, {} foldings: \
-         all copies one, nothing acknowledged lost, no release changed",
+        "{} seeds, {} simulated hours: {} increments, {} of {} messages lost, {} crashes at durable writes, {} partitions, \
+         {} returns of explorers ({} runs ended because their numbers were taken, {} increments mistaken for acknowledged, {} that a head covered replaced), {} releases, \
+         {} foldings: all copies one, nothing else that was acknowledged lost, no release changed",
         args.seeds,
         sum.seconds / 3600,
         sum.increments,
         sum.lost,
         sum.sent,
         sum.crashes,
+        sum.partitions,
+        sum.returns,
+        sum.told,
+        sum.mistaken,
+        sum.replaced,
         sum.releases,
         sum.folded
     );

@@ -1,23 +1,41 @@
-//! Those who write: explorers, and an operator who makes releases. What is sent and sent again is decided by the real window.
+//! Those who write: explorers, and an operator who makes releases. Explorers are killed; most of them come back under their own name, and
+//! go on with their own numbers. A run that is told that somebody else has its numbers ends, and the next one begins.
 
-use super::{EVERYBODY, Message, SERVER, Violation, map};
-use fht_proto::keys::Key;
+use super::writer::{End, Writer};
+use super::{Message, Violation};
 use fht_proto::query::Head;
-use fht_proto::{
-    AuthorId, EdgeKey, FixedPose, Increment, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, encode,
-};
-use mapper::window::{Window, WindowConfig};
+use fht_proto::{AuthorId, EdgeKey, FixedPose, Increment, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-/// How long an answer may take.
-const ANSWER_TIMEOUT: Duration = Duration::from_secs(1);
 /// Chance of writing in a step.
 const WRITE_CHANCE: f64 = 0.03;
 /// Nodes that are written about, so that authors meet.
 const NODES: u32 = 12;
+/// Share of killed explorers that come back.
+const RETURNING: f64 = 0.8;
+/// After how long, microseconds.
+const AWAY_US: (u64, u64) = (100_000, 8_000_000);
+/// Share of those who came back that are killed again.
+const DYING_AGAIN: f64 = 0.5;
+/// How soon, microseconds, at most.
+const AGAIN_US: u64 = 15_000_000;
+
+/// A run, as far as it got.
+pub(super) struct Run {
+    pub(super) written: Vec<Increment>,
+    pub(super) acknowledged: u64,
+    /// Whether it has ended with the word that its numbers are another's.
+    pub(super) is_told: bool,
+}
+
+impl Run {
+    fn of(writer: &Writer, is_told: bool) -> Self {
+        let acknowledged = writer.acknowledged().max(writer.first());
+        Self { written: writer.written().to_vec(), acknowledged, is_told }
+    }
+}
 
 pub(super) struct Author {
     place: usize,
@@ -25,29 +43,40 @@ pub(super) struct Author {
     /// How many increments it wants to write.
     last: u64,
     is_operator: bool,
+    /// Nobody is killed from then on.
+    calm_us: u64,
     dies_us: Option<u64>,
-    is_dead: bool,
-    clock_us: u64,
-    written: Vec<Increment>,
-    window: Window,
-    next_id: u64,
-    asked: Option<(u64, Instant)>,
+    back_us: Option<u64>,
+    writer: Option<Writer>,
+    /// Why the run ends now.
+    ends: Option<End>,
+    past: Vec<Run>,
+    past_written: u64,
+    returns: u64,
 }
 
 impl Author {
-    pub(super) fn new(place: usize, last: u64, is_operator: bool, dies_us: Option<u64>) -> Self {
+    pub(super) fn new(
+        place: usize,
+        last: u64,
+        is_operator: bool,
+        dies_us: Option<u64>,
+        calm_us: u64,
+        now: Instant,
+    ) -> Self {
         Self {
             place,
             id: AuthorId(place as u32),
             last,
             is_operator,
+            calm_us,
             dies_us,
-            is_dead: false,
-            clock_us: 0,
-            written: Vec::new(),
-            window: Window::new(WindowConfig::default()),
-            next_id: 0,
-            asked: None,
+            back_us: None,
+            writer: Some(Writer::new(place, now)),
+            ends: None,
+            past: Vec::new(),
+            past_written: 0,
+            returns: 0,
         }
     }
 
@@ -59,37 +88,41 @@ impl Author {
         self.id
     }
 
-    pub(super) fn written(&self) -> &[Increment] {
-        &self.written
+    /// How often it has come back.
+    pub(super) fn returns(&self) -> u64 {
+        self.returns
     }
 
-    pub(super) fn acknowledged(&self) -> u64 {
-        self.window.acknowledged()
+    /// All runs; the last one may go on.
+    pub(super) fn runs(&self) -> impl Iterator<Item = Run> + '_ {
+        let past = self.past.iter().map(|run| Run { written: run.written.clone(), ..*run });
+        past.chain(self.writer.iter().map(|writer| Run::of(writer, false)))
+    }
+
+    fn written(&self) -> u64 {
+        self.past_written + self.writer.as_ref().map_or(0, |writer| writer.written().len() as u64)
     }
 
     pub(super) fn is_done(&self) -> bool {
-        self.is_dead || self.written.len() as u64 == self.last && self.window.is_empty()
+        match &self.writer {
+            Some(writer) => self.written() == self.last && writer.is_idle(),
+            None => self.back_us.is_none(),
+        }
     }
 
     pub(super) fn progress(&self) -> String {
-        format!("{} of {} written, {} acknowledged", self.written.len(), self.last, self.window.acknowledged())
+        let acknowledged = self.writer.as_ref().map_or(0, Writer::acknowledged);
+        format!("{} of {} written, acknowledged to {acknowledged}", self.written(), self.last)
     }
 
+    /// A first run is never refused: nobody else has its name.
     pub(super) fn receive(&mut self, message: Message, now: Instant) -> Result<(), Violation> {
-        if self.is_dead {
-            return Ok(());
-        }
-        let foreign = |error: mapper::window::ForeignWriter| Violation::Failed(error.to_string());
-        match message {
-            Message::Head(head) => _ = self.window.acknowledge(head.vector.get(self.id), now).map_err(foreign)?,
-            Message::HeadAnswer { id, head } if self.asked.is_some_and(|(asked, _)| asked == id) => {
-                self.asked = None;
-                let stored = head.map_or(0, |head| head.vector.get(self.id));
-                if !self.window.acknowledge(stored, now).map_err(foreign)? {
-                    self.window.lost();
-                }
+        let Some(writer) = self.writer.as_mut().filter(|_| self.ends.is_none()) else { return Ok(()) };
+        if let Err(end) = writer.receive(message, now) {
+            if self.returns == 0 {
+                return Err(Violation::Failed(format!("author {}, who has never been away, was refused", self.id)));
             }
-            _ => {}
+            self.ends = Some(end);
         }
         Ok(())
     }
@@ -101,57 +134,61 @@ impl Author {
         rng: &mut ChaCha8Rng,
         head: Option<&Head>,
     ) -> Vec<(usize, usize, Message)> {
-        self.is_dead |= self.dies_us.is_some_and(|dies_us| now_us >= dies_us);
-        if self.is_dead {
-            return Vec::new();
+        if self.dies_us.is_some_and(|dies_us| now_us >= dies_us) {
+            (self.dies_us, self.ends) = (None, Some(End::Killed));
         }
+        if let Some(end) = self.ends.take() {
+            self.end(end, now_us, rng);
+        }
+        if self.back_us.is_some_and(|back_us| now_us >= back_us) {
+            self.come_back(now, now_us, rng);
+        }
+        let Some(writer) = &mut self.writer else { return Vec::new() };
         let chance = if self.is_operator { WRITE_CHANCE / 5.0 } else { WRITE_CHANCE };
-        if (self.written.len() as u64) < self.last && rng.random_bool(chance) {
-            self.write(now_us, rng, head);
+        let count = self.past_written + writer.written().len() as u64;
+        if count < self.last && writer.may_write(now_us) && rng.random_bool(chance) {
+            let mut ops: Vec<Op> = (0..rng.random_range(1..4)).map(|_| op(rng)).collect();
+            if let Some(head) = head.filter(|_| self.is_operator) {
+                ops.extend(release_ops(self.id, count, rng, head));
+            }
+            writer.write(ops, now_us);
         }
-        let mut sent = Vec::new();
-        while let Some((number, bytes)) = self.window.next() {
-            let key = Key::increment(&map(), self.id, number).to_string();
-            sent.push((self.place, EVERYBODY, Message::Put { key, bytes: Arc::new(bytes.to_vec()) }));
-            self.window.put(now);
-        }
-        if self.asked.is_some_and(|(_, since)| now.duration_since(since) >= ANSWER_TIMEOUT) {
-            self.asked = None;
-            self.window.unanswered(now);
-        }
-        if self.asked.is_none() && self.window.ask_at().is_some_and(|at| now >= at) {
-            self.next_id += 1;
-            self.asked = Some((self.next_id, now));
-            sent.push((self.place, SERVER, Message::AskHead { id: self.next_id }));
-        }
-        sent
+        writer.act(now, now_us, rng).unwrap_or_else(|end| {
+            self.ends = Some(end);
+            Vec::new()
+        })
     }
 
-    fn write(&mut self, now_us: u64, rng: &mut ChaCha8Rng, head: Option<&Head>) {
-        let mut ops: Vec<Op> = (0..rng.random_range(1..4)).map(|_| op(rng)).collect();
-        if self.is_operator
-            && let Some(head) = head
-        {
-            // As an operator's program does: of what the server says that it has.
-            let name = format!("r.{}", self.written.len() / 2);
-            let release = Release { vector: head.vector.clone(), digest: head.digest };
-            let name: Option<ReleaseName> = name.parse().ok();
-            // Now and then it tells robots to use the one that it made last, or the newest state.
-            if rng.random_bool(0.3) {
-                let made = format!("r.{}", (self.written.len() / 2).saturating_sub(1)).parse().ok();
-                let made = made.filter(|_| rng.random_bool(0.8)).map(|name| ReleaseId { author: self.id, name });
-                ops.push(Op::Enable { release: made });
-            }
-            ops.extend(name.map(|name| Op::PutRelease { name, release }));
-        }
-        self.clock_us = now_us.max(self.clock_us + 1);
-        let number = self.written.len() as u64 + 1;
-        let increment = Increment { author: self.id, number, hlc_us: self.clock_us, ops };
-        if let Ok(bytes) = encode(&increment) {
-            self.window.push(number, bytes);
-            self.written.push(increment);
-        }
+    fn end(&mut self, end: End, now_us: u64, rng: &mut ChaCha8Rng) {
+        let Some(writer) = self.writer.take() else { return };
+        self.past_written += writer.written().len() as u64;
+        self.past.push(Run::of(&writer, end == End::Told));
+        let is_back = end != End::Killed || rng.random_bool(RETURNING);
+        self.back_us = is_back.then(|| now_us + rng.random_range(AWAY_US.0..AWAY_US.1));
     }
+
+    fn come_back(&mut self, now: Instant, now_us: u64, rng: &mut ChaCha8Rng) {
+        self.returns += 1;
+        self.back_us = None;
+        self.writer = Some(Writer::again(self.place, self.returns, now));
+        let dies = now_us < self.calm_us && rng.random_bool(DYING_AGAIN);
+        self.dies_us = dies.then(|| rng.random_range(now_us..self.calm_us.min(now_us + AGAIN_US)));
+    }
+}
+
+/// What an operator's program writes besides: a release of what the server says that it has, and now and then which one robots are to use,
+/// the one made last or the newest state.
+fn release_ops(author: AuthorId, written: u64, rng: &mut ChaCha8Rng, head: &Head) -> Vec<Op> {
+    let mut ops = Vec::new();
+    let release = Release { vector: head.vector.clone(), digest: head.digest };
+    let name: Option<ReleaseName> = format!("r.{}", written / 2).parse().ok();
+    if rng.random_bool(0.3) {
+        let made = format!("r.{}", (written / 2).saturating_sub(1)).parse().ok();
+        let made = made.filter(|_| rng.random_bool(0.8)).map(|name| ReleaseId { author, name });
+        ops.push(Op::Enable { release: made });
+    }
+    ops.extend(name.map(|name| Op::PutRelease { name, release }));
+    ops
 }
 
 fn op(rng: &mut ChaCha8Rng) -> Op {

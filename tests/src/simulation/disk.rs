@@ -1,11 +1,12 @@
 //! A disk under a server whose machine fails at some writes: before the commit or after it, never in between, which is what `redb`
 //! promises. What was committed is there when the machine comes back.
 
-use fht_proto::{AuthorId, Increment, MapName, VersionVector, encode};
+use fht_proto::{AuthorId, MapName, VersionVector};
 use map_server::log::{Floor, FoldRecord, IncrementLog, Piece, Record, StoreError, Stored, Visit};
 use map_server::memory::MemoryLog;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
 
@@ -14,6 +15,8 @@ use std::sync::{Mutex, PoisonError};
 pub(super) struct Disk {
     kept: MemoryLog,
     fate: Mutex<Fate>,
+    /// All that was ever committed, for the checks: what is folded cannot be read any more.
+    history: Mutex<BTreeMap<(AuthorId, u64), Vec<u8>>>,
 }
 
 #[derive(Debug)]
@@ -30,7 +33,7 @@ fn crashed() -> StoreError {
 impl Disk {
     pub(super) fn new(crash_share: f64, seed: u64) -> Self {
         let fate = Fate { rng: ChaCha8Rng::seed_from_u64(seed), crash_share, crashes: 0 };
-        Self { kept: MemoryLog::new(), fate: Mutex::new(fate) }
+        Self { kept: MemoryLog::new(), fate: Mutex::new(fate), history: Mutex::default() }
     }
 
     fn fate(&self) -> std::sync::MutexGuard<'_, Fate> {
@@ -61,19 +64,30 @@ impl Disk {
         if after { Err(crashed()) } else { Ok(()) }
     }
 
-    /// Whether an increment is there, or was folded.
-    pub(super) fn holds(&self, increment: &Increment) -> bool {
-        match self.kept.stored(&super::map(), increment.author, increment.number) {
-            Ok(Stored::Increment(bytes)) => encode(increment).is_ok_and(|expected| expected == bytes),
-            Ok(Stored::Folded) => true,
-            Ok(Stored::Absent) | Err(_) => false,
+    /// What is there under a number, or was before it was folded.
+    pub(super) fn stored(&self, author: AuthorId, number: u64) -> Option<Vec<u8>> {
+        match self.kept.stored(&super::map(), author, number) {
+            Ok(Stored::Increment(bytes)) => Some(bytes),
+            Ok(Stored::Folded) => {
+                self.history.lock().unwrap_or_else(PoisonError::into_inner).get(&(author, number)).cloned()
+            }
+            Ok(Stored::Absent) | Err(_) => None,
         }
+    }
+
+    fn note(&self, records: &[Record]) {
+        let mut history = self.history.lock().unwrap_or_else(PoisonError::into_inner);
+        history.extend(records.iter().map(|record| ((record.author, record.number), record.bytes.clone())));
     }
 }
 
 impl IncrementLog for Disk {
     fn append(&self, records: &[Record]) -> Result<(), StoreError> {
-        self.commit(|| self.kept.append(records))
+        self.commit(|| {
+            self.kept.append(records)?;
+            self.note(records);
+            Ok(())
+        })
     }
 
     fn stored(&self, map: &MapName, author: AuthorId, number: u64) -> Result<Stored, StoreError> {

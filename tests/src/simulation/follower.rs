@@ -31,6 +31,11 @@ impl Follower {
         Self { place, copy, sync, next_id: 0, head: None, part: None, is_calm: false }
     }
 
+    /// The copy that an explorer keeps: it is never switched off alone. Its questions are numbered after `next_id`.
+    pub(super) fn of_explorer(place: usize, next_id: u64) -> Self {
+        Self { next_id, is_calm: true, ..Self::new(place) }
+    }
+
     pub(super) fn place(&self) -> usize {
         self.place
     }

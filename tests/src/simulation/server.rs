@@ -2,12 +2,14 @@
 //! the real catalog and log.
 
 use super::disk::Disk;
+use super::ledger::Ledger;
+use super::refused::Refused;
 use super::storages::Site;
 use super::{EVERYBODY, Message, Violation, map, unpack};
 use fht_proto::keys::{Key, Topic};
-use fht_proto::query::Head;
+use fht_proto::query::{ErrorCode, Head};
 use fht_proto::request::parse;
-use fht_proto::{Digest, Increment, Release};
+use fht_proto::{AuthorId, Digest, Increment, Release, VersionVector, encode};
 use map_server::answer::{Answer, Sources, answer};
 use map_server::basis::state_at;
 use map_server::catalog::Catalog;
@@ -17,8 +19,8 @@ use map_server::config::{AnswerConfig, Limits};
 use map_server::fleet::Fleet;
 use map_server::ingest::Ingest;
 use map_server::live::LiveRules;
-use map_server::log::{IncrementLog, StoreError};
-use map_server::quorum::QuorumLog;
+use map_server::log::{IncrementLog, StoreError, Stored};
+use map_server::quorum::{QuorumLog, settle};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
@@ -40,6 +42,9 @@ struct Running {
     questions: Vec<(usize, Message)>,
     missed: CatchUp,
     look_at_us: u64,
+    refused: Refused,
+    /// Up to where it was noted what its heads cover.
+    covered: VersionVector,
 }
 
 pub(super) struct Server {
@@ -51,6 +56,8 @@ pub(super) struct Server {
     is_calm: bool,
     folded: u64,
     crashes: u64,
+    /// How often it gave way to storages that keep another increment than it has.
+    overruled: u64,
     /// The releases as they were first seen; none for those of states that had been folded away before the release came.
     releases: BTreeMap<String, Option<Release>>,
 }
@@ -76,6 +83,7 @@ impl Server {
             is_calm: false,
             folded: 0,
             crashes: 0,
+            overruled: 0,
             releases: BTreeMap::new(),
         }
     }
@@ -96,16 +104,41 @@ impl Server {
         self.running.is_some()
     }
 
+    /// What it has under a number, folded or not.
+    pub(super) fn stored(&self, author: AuthorId, number: u64) -> Option<Vec<u8>> {
+        match &self.ground {
+            Ground::Disk(disk) => disk.stored(author, number),
+            Ground::Site(_) => match self.running.as_ref()?.sources.log.stored(&map(), author, number) {
+                Ok(Stored::Increment(bytes)) => Some(bytes),
+                _ => None,
+            },
+        }
+    }
+
     /// Whether an acknowledged increment is where it must be.
     pub(super) fn holds(&self, increment: &Increment) -> bool {
+        let has = || self.stored(increment.author, increment.number);
+        let is_here = encode(increment).is_ok_and(|bytes| has().is_some_and(|has| has == bytes));
         match &self.ground {
-            Ground::Disk(disk) => disk.holds(increment),
-            Ground::Site(site) => {
-                let head = self.head();
-                let is_here = head.is_some_and(|head| head.vector.get(increment.author) >= increment.number);
-                is_here && site.copies(increment) >= Site::quorum().confirm
-            }
+            Ground::Disk(_) => is_here,
+            Ground::Site(site) => is_here && site.copies(increment) >= Site::quorum().confirm,
         }
+    }
+
+    pub(super) fn overruled(&self) -> u64 {
+        self.overruled
+    }
+
+    /// Notes what its head covers now.
+    pub(super) fn note_covered(&mut self, ledger: &mut Ledger) -> Result<(), Violation> {
+        let Some(head) = self.head() else { return Ok(()) };
+        if let Some(running) = &self.running {
+            ledger.cover(&running.covered, &head.vector, |author, number| self.stored(author, number))?;
+        }
+        if let Some(running) = &mut self.running {
+            running.covered = head.vector.clone();
+        }
+        Ok(())
     }
 
     pub(super) fn crashes(&self) -> u64 {
@@ -173,7 +206,8 @@ impl Server {
         let missed =
             CatchUp::new(CatchUpConfig { part: 3, max_increments: 10, list_every: 5, ..CatchUpConfig::default() });
         let (arrivals, questions) = (Vec::new(), Vec::new());
-        Ok(Some(Running { ingest, sources, arrivals, questions, missed, look_at_us: now_us }))
+        let (refused, covered) = (Refused::new(), VersionVector::default());
+        Ok(Some(Running { ingest, sources, arrivals, questions, missed, look_at_us: now_us, refused, covered }))
     }
 
     /// What has arrived, if there is a way to keep it now; and what is found to have been missed.
@@ -193,19 +227,36 @@ impl Server {
     }
 
     /// Takes in what has arrived; what others should hear of it. `None` when the machine fails.
-    fn take(&mut self, arrivals: Vec<Arrival>, rng: &mut ChaCha8Rng) -> Result<Option<Vec<Message>>, Violation> {
+    fn take(
+        &mut self,
+        arrivals: Vec<Arrival>,
+        now_us: u64,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Option<Vec<(usize, Message)>>, Violation> {
+        let vector = self.head().map(|head| head.vector.clone()).unwrap_or_default();
         let Some(running) = &mut self.running else { return Ok(Some(Vec::new())) };
-        let taken = match running.ingest.take(arrivals, WALL_US) {
+        let offered = running.refused.offered(&arrivals, &vector);
+        let log = Arc::clone(&running.sources.log);
+        let taken = running.ingest.take(arrivals, WALL_US).and_then(|taken| {
+            if let Ground::Site(site) = &self.ground {
+                settle(&taken.disputed, log.as_ref(), site.seen_by(self.place).as_ref())?;
+            }
+            Ok(taken)
+        });
+        let taken = match taken {
             Ok(taken) => taken,
-            Err(other @ StoreError::Overruled { .. }) => return Err(Violation::Failed(other.to_string())),
+            Err(StoreError::Overruled { .. }) => {
+                self.overruled += 1;
+                return Ok(None);
+            }
             Err(_) => return Ok(None),
         };
-        if let Some(notice) = taken.notices.first().filter(|notice| notice.reply.code.is_permanent_refusal()) {
+        let is_unfair = |code: ErrorCode| code.is_permanent_refusal() && code != ErrorCode::Conflict;
+        if let Some(notice) = taken.notices.iter().find(|notice| is_unfair(notice.reply.code)) {
             return Err(Violation::Failed(format!("an honest writer was refused: {}", notice.reply)));
         }
-        if !taken.disputed.is_empty() {
-            return Err(Violation::Failed("storages keep another increment than a server".to_owned()));
-        }
+        let told = running.refused.told(offered, log.as_ref(), now_us);
+        let told = told.into_iter().map(|author| (author.0 as usize, Message::Refused));
         let announced = running.sources.catalog.view(&map()).filter(|_| !taken.announce.is_empty());
         let folds = matches!(self.ground, Ground::Disk(_)) && rng.random_bool(FOLD_CHANCE);
         if folds {
@@ -214,7 +265,8 @@ impl Server {
                 Err(_) => return Ok(None),
             }
         }
-        Ok(Some(announced.map(|view| Message::Head(view.head)).into_iter().collect()))
+        let heads = announced.map(|view| (EVERYBODY, Message::Head(view.head)));
+        Ok(Some(told.chain(heads).collect()))
     }
 
     /// What everybody is sent, and what those who asked are answered.
@@ -228,7 +280,7 @@ impl Server {
         }
         let arrivals = self.arrivals(now_us);
         let is_killed = matches!(self.ground, Ground::Site(_)) && !self.is_calm && rng.random_bool(KILL_CHANCE);
-        let announced = self.take(arrivals, rng)?.filter(|_| !is_killed);
+        let announced = self.take(arrivals, now_us, rng)?.filter(|_| !is_killed);
         let mut sent = Vec::new();
         if let Ground::Site(site) = &self.ground {
             // What it put is out, whatever becomes of it.
@@ -243,7 +295,7 @@ impl Server {
             self.up_at_us = now_us + 1_000_000 * rng.random_range(0..=DOWN_S);
             return Ok(sent);
         };
-        sent.extend(announced.into_iter().map(|head| (self.place, EVERYBODY, head)));
+        sent.extend(announced.into_iter().map(|(to, message)| (self.place, to, message)));
         for (from, question) in std::mem::take(&mut running.questions) {
             sent.extend(answers(&running.sources, question)?.into_iter().map(|message| (self.place, from, message)));
         }

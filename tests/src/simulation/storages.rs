@@ -1,6 +1,7 @@
 //! Replicated storages under several servers: dumb, newest put wins, each on a machine of its own that fails at some writes, before or
 //! after them, and keeps what it has. What is put or asked may be lost on the way to any of them, and puts may come late. Those that are
-//! up compare what they have now and then.
+//! up and reach each other compare what they have now and then. Each has a place in the network, so it may be cut off, or parted from servers
+//! and from other storages.
 
 use super::network::NetworkConfig;
 use super::{Message, map};
@@ -13,7 +14,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Storages of a site.
-const COUNT: usize = 3;
+pub(super) const COUNT: usize = 3;
 /// How long a storage's machine takes to come back, seconds, at most.
 const DOWN_S: u64 = 5;
 /// Chance that two storages compare what they have in a step.
@@ -40,6 +41,26 @@ impl Storage {
     }
 }
 
+/// A put that comes late.
+#[derive(Debug)]
+struct Late {
+    at_us: u64,
+    server: usize,
+    storage: usize,
+    place: Place,
+    stamp: Stamp,
+    bytes: Vec<u8>,
+}
+
+/// Between whom there is a way now.
+#[derive(Debug)]
+pub(super) struct Reach {
+    /// By server.
+    pub(super) servers: Vec<[bool; COUNT]>,
+    /// By storage.
+    pub(super) storages: [[bool; COUNT]; COUNT],
+}
+
 #[derive(Debug)]
 struct State {
     rng: ChaCha8Rng,
@@ -49,10 +70,8 @@ struct State {
     puts: u64,
     crashes: u64,
     storages: [Storage; COUNT],
-    /// By when they arrive.
-    late: Vec<(u64, usize, Place, Stamp, Vec<u8>)>,
-    /// Which servers are cut off.
-    cut: Vec<bool>,
+    late: Vec<Late>,
+    reach: Reach,
     /// What each server has put since this was asked: the others hear it, too.
     heard: Vec<Vec<Message>>,
 }
@@ -64,12 +83,13 @@ impl State {
 
     /// Whether a message between a server and a storage arrives.
     fn arrives(&mut self, server: usize, storage: usize) -> bool {
-        !self.cut[server] && self.is_up(storage) && !self.rng.random_bool(self.loss)
+        self.reach.servers[server][storage] && self.is_up(storage) && !self.rng.random_bool(self.loss)
     }
 
     /// The storages that a server has a connection to, if all of them come to the end of their answer.
     fn answering(&mut self, server: usize) -> Option<Vec<usize>> {
-        let there: Vec<usize> = (0..COUNT).filter(|&storage| !self.cut[server] && self.is_up(storage)).collect();
+        let is_there = |storage: &usize| self.reach.servers[server][*storage] && self.is_up(*storage);
+        let there: Vec<usize> = (0..COUNT).filter(is_there).collect();
         there.iter().all(|&storage| self.arrives(server, storage)).then_some(there)
     }
 
@@ -102,7 +122,7 @@ impl Site {
             crashes: 0,
             storages: Default::default(),
             late: Vec::new(),
-            cut: vec![false; servers],
+            reach: Reach { servers: vec![[true; COUNT]; servers], storages: [[true; COUNT]; COUNT] },
             heard: vec![Vec::new(); servers],
         };
         Self(Arc::new(Mutex::new(state)))
@@ -131,20 +151,20 @@ impl Site {
         self.lock().crashes
     }
 
-    /// Time goes on: `cut` are the servers that are cut off.
-    pub(super) fn step(&self, now_us: u64, cut: Vec<bool>) {
+    /// Time goes on.
+    pub(super) fn step(&self, now_us: u64, reach: Reach) {
         let mut state = self.lock();
-        (state.now_us, state.cut) = (now_us, cut);
-        let due: Vec<_> = state.late.extract_if(.., |(at_us, ..)| *at_us <= now_us).collect();
-        for (_, storage, place, stamp, bytes) in due {
-            if state.is_up(storage) {
+        (state.now_us, state.reach) = (now_us, reach);
+        let due: Vec<_> = state.late.extract_if(.., |late| late.at_us <= now_us).collect();
+        for Late { server, storage, place, stamp, bytes, .. } in due {
+            if state.is_up(storage) && state.reach.servers[server][storage] {
                 state.write(storage, &place, stamp, &bytes);
             }
         }
         if state.rng.random_bool(ALIGN_CHANCE) {
             let one = state.rng.random_range(0..COUNT);
             let other = (one + state.rng.random_range(1..COUNT)) % COUNT;
-            if state.is_up(one) && state.is_up(other) {
+            if state.is_up(one) && state.is_up(other) && state.reach.storages[one][other] {
                 for (from, to) in [(one, other), (other, one)] {
                     for (place, (stamp, bytes)) in state.storages[from].held.clone() {
                         state.storages[to].take(&place, stamp, &bytes);
@@ -157,7 +177,8 @@ impl Site {
     /// Whether a server may hope that what it puts is confirmed.
     pub(super) fn is_within_reach(&self, server: usize) -> bool {
         let state = self.lock();
-        !state.cut[server] && (0..COUNT).filter(|&storage| state.is_up(storage)).count() >= Self::quorum().confirm
+        let is_there = |storage: &usize| state.is_up(*storage) && state.reach.servers[server][*storage];
+        (0..COUNT).filter(is_there).count() >= Self::quorum().confirm
     }
 
     /// How many storages hold an increment.
@@ -196,7 +217,8 @@ impl Storages for Seen {
             }
             if state.loss > 0.0 && state.rng.random_bool(LATE.0) {
                 let at_us = state.now_us + state.rng.random_range(1..LATE.1);
-                state.late.push((at_us, storage, place.clone(), stamp, bytes.to_vec()));
+                let (server, place, bytes) = (self.server, place.clone(), bytes.to_vec());
+                state.late.push(Late { at_us, server, storage, place, stamp, bytes });
             } else {
                 state.write(storage, place, stamp, bytes);
             }

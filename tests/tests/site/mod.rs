@@ -2,7 +2,9 @@
 #![allow(dead_code, clippy::unwrap_used)] // every test program uses a part of it; tests may panic
 
 use fht_link::LinkConfig;
-use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op};
+use fht_proto::keys::Key;
+use fht_proto::query::Head;
+use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op, encode};
 use map_server::access::{Roles, configuration, object, parse};
 use map_server::config::LinkConfig as ServerLink;
 use map_server::{ServerConfig, ServerError};
@@ -10,9 +12,11 @@ use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
+use zenoh::handlers::DefaultHandler;
+use zenoh::session::SessionGetBuilder;
 use zenoh::{Config, Session};
 
 pub const PATIENCE: Duration = Duration::from_secs(20);
@@ -30,6 +34,27 @@ pub fn deploy(file: &str) -> PathBuf {
 
 pub fn read(file: &str) -> String {
     std::fs::read_to_string(deploy(file)).unwrap_or_else(|error| panic!("{file}: {error}"))
+}
+
+/// The words of the README's command that begins with `command`, after it.
+pub fn readme_command(command: &str) -> Vec<String> {
+    let readme = read("README.md");
+    let found = readme.lines().find_map(|line| line.strip_prefix(command));
+    let words = found.unwrap_or_else(|| panic!("the README has no command {command}"));
+    words.split_whitespace().map(str::to_owned).collect()
+}
+
+/// Runs the README's commands that make certificates, as they stand there, in `folder`.
+pub fn make_certificates_of_the_readme(folder: &Path) {
+    let readme = read("README.md");
+    let commands: Vec<&str> = readme.lines().filter(|line| line.starts_with("./make-certificates.sh ")).collect();
+    assert!(commands.len() >= 7, "{commands:?}");
+    for command in commands {
+        let mut words = command.split_whitespace();
+        let script = deploy(words.next().unwrap().trim_start_matches("./")).canonicalize().unwrap();
+        let output = Command::new("sh").arg(script).args(words).current_dir(folder).output().unwrap();
+        assert!(output.status.success(), "{command}: {}", String::from_utf8_lossy(&output.stderr));
+    }
 }
 
 /// Runs the script with `args` after `--out DIR`.
@@ -84,7 +109,11 @@ fn list(endpoints: &[&str]) -> String {
 
 /// A file of `deploy/` as it is on the machine whose certificate is `own` (ROLE-NAME).
 pub fn shipped(file: &str, own: &str, listen: &[&str], connect: &[&str]) -> String {
-    let dir = certificates();
+    shipped_with(certificates(), file, own, listen, connect)
+}
+
+/// The same with certificates from another folder.
+pub fn shipped_with(dir: &Path, file: &str, own: &str, listen: &[&str], connect: &[&str]) -> String {
     let mut text = read(file);
     assert!(text.contains(OWN) && text.contains(AUTHORITY), "{file}");
     text = text.replace(OWN, dir.join(own).to_str().unwrap());
@@ -184,4 +213,54 @@ pub fn increment(robot: &str, number: u64) -> Increment {
     let id = NodeId { author, number: number as u32 };
     let pose = FixedPose::from_metres(number as f64, 0.0, 0.0);
     Increment { author, number, hlc_us: number, ops: vec![Op::PutNode { id, kind: NodeKind::Support, pose }] }
+}
+
+/// Puts `number` of `robot`'s increments under the key of `under`.
+pub async fn put(session: &Session, robot: &str, under: &str, number: u64) {
+    let key = Key::increment(&museum(), author(under), number).to_string();
+    session.put(key, encode(&increment(robot, number)).unwrap()).await.unwrap();
+}
+
+/// What came back: payloads, or the reason.
+pub async fn ask(session: &Session, selector: &str) -> Vec<Result<Vec<u8>, String>> {
+    answers(session.get(selector)).await
+}
+
+/// The same, with a payload.
+pub async fn ask_with(session: &Session, selector: &str, payload: Vec<u8>) -> Vec<Result<Vec<u8>, String>> {
+    answers(session.get(selector).payload(payload)).await
+}
+
+async fn answers(question: SessionGetBuilder<'_, '_, DefaultHandler>) -> Vec<Result<Vec<u8>, String>> {
+    let replies = question.timeout(Duration::from_secs(3)).await.unwrap();
+    let mut found = Vec::new();
+    while let Ok(reply) = replies.recv_async().await {
+        found.push(match reply.result() {
+            Ok(sample) => Ok(sample.payload().to_bytes().into_owned()),
+            Err(error) => Err(String::from_utf8_lossy(&error.payload().to_bytes()).into_owned()),
+        });
+    }
+    found
+}
+
+/// The head of the museum.
+pub async fn head(session: &Session) -> Head {
+    let payload = ask(session, "fht/museum/head").await.into_iter().find_map(Result::ok).expect("a head");
+    serde_json::from_slice(&payload).unwrap()
+}
+
+/// Puts as its own author until the head has it.
+pub async fn write(session: &Session, robot: &str, number: u64) -> Head {
+    let start = Instant::now();
+    loop {
+        put(session, robot, robot, number).await;
+        if let Some(Ok(payload)) = ask(session, "fht/museum/head").await.into_iter().next() {
+            let head: Head = serde_json::from_slice(&payload).unwrap();
+            if head.vector.get(author(robot)) >= number {
+                return head;
+            }
+        }
+        assert!(start.elapsed() < PATIENCE, "{robot} cannot write");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
 }

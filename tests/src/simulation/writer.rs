@@ -1,0 +1,197 @@
+//! One run of somebody who writes. What is numbered and stamped is decided by the real journal, what is sent and sent again by the real
+//! window. A run of an explorer that was there before asks the server how far its series got, waits until its copy of the map has come
+//! that far, finds its place, and goes on from there; what the run before had made and nobody acknowledged is gone with it.
+
+use super::follower::Follower;
+use super::{EVERYBODY, Message, SERVER, map};
+use fht_proto::keys::Key;
+use fht_proto::{AuthorId, Increment, Op, VersionVector, encode};
+use mapper::journal::Journal;
+use mapper::window::{ForeignWriter, Window, WindowConfig};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How long an answer may take.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(1);
+/// How long a run waits for a server, and then for its copy, before it gives up.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// How long it takes to find its place in the map, microseconds, at most.
+const FIND_US: u64 = 3_000_000;
+
+/// Why a run has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum End {
+    /// It was killed.
+    Killed,
+    /// It could not begin.
+    NoAnswer,
+    /// It was told that its numbers are taken.
+    Told,
+}
+
+enum Stage {
+    /// Waits for the server's word about the map.
+    Asks,
+    /// Waits for its copy.
+    Copies(VersionVector),
+    /// Publishes; writes from this time on.
+    Writes(u64),
+}
+
+pub(super) struct Writer {
+    place: usize,
+    id: AuthorId,
+    /// Number of the last increment of the runs before it.
+    first: u64,
+    stage: Stage,
+    begun: Instant,
+    copy: Option<Follower>,
+    journal: Journal,
+    window: Window,
+    written: Vec<Increment>,
+    next_id: u64,
+    asked: Option<(u64, Instant)>,
+}
+
+impl Writer {
+    /// The first run.
+    pub(super) fn new(place: usize, now: Instant) -> Self {
+        let id = AuthorId(place as u32);
+        Self {
+            place,
+            id,
+            first: 0,
+            stage: Stage::Writes(0),
+            begun: now,
+            copy: None,
+            journal: Journal::new(id),
+            window: Window::new(WindowConfig::default()),
+            written: Vec::new(),
+            next_id: 0,
+            asked: None,
+        }
+    }
+
+    /// A later run; `index` counts them.
+    pub(super) fn again(place: usize, index: u64, now: Instant) -> Self {
+        /// Questions that a run, and its copy, may ask; answers to earlier runs are told from its own by their numbers.
+        const QUESTIONS: u64 = 1 << 32;
+        let next_id = 2 * index * QUESTIONS;
+        let copy = Some(Follower::of_explorer(place, next_id + QUESTIONS));
+        Self { next_id, copy, stage: Stage::Asks, ..Self::new(place, now) }
+    }
+
+    pub(super) fn first(&self) -> u64 {
+        self.first
+    }
+
+    pub(super) fn written(&self) -> &[Increment] {
+        &self.written
+    }
+
+    pub(super) fn acknowledged(&self) -> u64 {
+        self.window.acknowledged()
+    }
+
+    /// Whether everything that it has written is acknowledged.
+    pub(super) fn is_idle(&self) -> bool {
+        matches!(self.stage, Stage::Writes(_)) && self.window.is_empty()
+    }
+
+    pub(super) fn may_write(&self, now_us: u64) -> bool {
+        matches!(self.stage, Stage::Writes(from_us) if now_us >= from_us)
+    }
+
+    pub(super) fn receive(&mut self, message: Message, now: Instant) -> Result<(), End> {
+        let is_answer =
+            matches!(message, Message::HeadAnswer { id, .. } if self.asked.is_some_and(|(asked, _)| asked == id));
+        if let Some(copy) = self.copy.as_mut().filter(|_| !is_answer) {
+            copy.receive(message.clone(), now);
+        }
+        let is_foreign = |_: ForeignWriter| End::Told;
+        match (&self.stage, message) {
+            (Stage::Asks, Message::HeadAnswer { head, .. }) if is_answer => {
+                self.asked = None;
+                let vector = head.map(|head| head.vector.clone()).unwrap_or_default();
+                self.first = vector.get(self.id);
+                (self.stage, self.begun) = (Stage::Copies(vector), now);
+            }
+            (Stage::Writes(_), Message::Head(head)) => {
+                self.window.acknowledge(head.vector.get(self.id), now).map_err(is_foreign)?;
+            }
+            (Stage::Writes(_), Message::HeadAnswer { head, .. }) if is_answer => {
+                self.asked = None;
+                let stored = head.map_or(0, |head| head.vector.get(self.id));
+                if !self.window.acknowledge(stored, now).map_err(is_foreign)? {
+                    self.window.lost();
+                }
+            }
+            (Stage::Writes(_), Message::Refused) => return Err(End::Told),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Begins to publish once its copy has come as far as the server was.
+    fn begin(&mut self, now: Instant, now_us: u64, rng: &mut ChaCha8Rng) -> Result<(), End> {
+        let has_copy = |vector| self.copy.as_ref().is_some_and(|copy| copy.copy().vector().covers(vector));
+        match &self.stage {
+            Stage::Writes(_) => return Ok(()),
+            Stage::Copies(vector) if has_copy(vector) => {
+                self.window = Window::after(WindowConfig::default(), self.first);
+                self.stage = Stage::Writes(now_us + rng.random_range(0..=FIND_US));
+                return Ok(());
+            }
+            Stage::Asks | Stage::Copies(_) => {}
+        }
+        if now.duration_since(self.begun) >= PATIENCE { Err(End::NoAnswer) } else { Ok(()) }
+    }
+
+    /// What it sends now.
+    pub(super) fn act(
+        &mut self,
+        now: Instant,
+        now_us: u64,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Vec<(usize, usize, Message)>, End> {
+        self.begin(now, now_us, rng)?;
+        let mut sent = self.copy.as_mut().map(|copy| copy.act(now, rng)).unwrap_or_default();
+        while let Some((number, bytes)) = self.window.next() {
+            let key = Key::increment(&map(), self.id, number).to_string();
+            sent.push((self.place, EVERYBODY, Message::Put { key, bytes: Arc::new(bytes.to_vec()) }));
+            self.window.put(now);
+        }
+        if self.asked.is_some_and(|(_, since)| now.duration_since(since) >= ANSWER_TIMEOUT) {
+            self.asked = None;
+            self.window.unanswered(now);
+        }
+        let is_due = match self.stage {
+            Stage::Asks => true,
+            Stage::Copies(_) => false,
+            Stage::Writes(_) => self.window.ask_at().is_some_and(|at| now >= at),
+        };
+        if self.asked.is_none() && is_due {
+            self.next_id += 1;
+            self.asked = Some((self.next_id, now));
+            sent.push((self.place, SERVER, Message::AskHead { id: self.next_id }));
+        }
+        Ok(sent)
+    }
+
+    pub(super) fn write(&mut self, ops: Vec<Op>, now_us: u64) {
+        if let Some(copy) = &self.copy {
+            // Before the first one of this run it goes on where the last run ended.
+            match self.written.is_empty() {
+                true => self.journal.resume(copy.copy().state(), self.window.acknowledged()),
+                false => self.journal.follow(copy.copy().state(), self.window.acknowledged()),
+            }
+        }
+        let Some(increment) = self.journal.write(ops, now_us) else { return };
+        if let Ok(bytes) = encode(&increment) {
+            self.window.push(increment.number, bytes);
+            self.written.push(increment);
+        }
+    }
+}
