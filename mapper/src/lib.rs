@@ -13,6 +13,7 @@
 //! | [`mapping`] | all of it, frame by frame |
 //! | [`publish`] | increments to the server, kept until acknowledged |
 //! | [`window`] | which increment goes out next, and when again |
+//! | [`verify`] | whether what the server has is what this run has made |
 //! | [`linked`] | a run whose map goes to a server while it is made |
 //! | [`fellows`] | the other explorers of the same map |
 //! | [`record`] | the run as a bag |
@@ -39,6 +40,7 @@ pub mod replay;
 pub mod report;
 pub mod run;
 pub mod slam;
+pub mod verify;
 pub mod window;
 
 pub use cli::main_with_args;

@@ -1,20 +1,24 @@
-//! Increments to the server: each is put the moment it exists, and kept until the server's head covers it. After a
-//! lost link or a restarted server the rest is sent again from there.
+//! Increments to the server: each is put the moment it exists, and kept until the server's head covers it and it was read back
+//! ([`crate::verify`]). After a lost link or a restarted server the rest is sent again from there.
 
+use crate::verify::{Taken, Verified};
 use crate::window::{ForeignWriter, Window, WindowConfig};
 use fht_proto::keys::{Key, Topic};
-use fht_proto::query::{ErrorCode, ErrorReply, Head};
-use fht_proto::{AuthorId, CodecError, Increment, MapName, encode};
+use fht_proto::query::{ErrorCode, ErrorReply, Head, Snapshot};
+use fht_proto::{AuthorId, CodecError, Increment, MapName, VersionVector, decode, encode};
 use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 use zenoh::bytes::Encoding;
 use zenoh::handlers::RingChannel;
 use zenoh::qos::{CongestionControl, Priority};
+use zenoh::query::ConsolidationMode;
 
 /// Increments that may wait between the robot's loop and the publisher.
 const QUEUE: usize = 1024;
 /// How long the server has for one answer.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(1);
+/// About how much is read back at a time, bytes.
+const PART_BYTES: usize = 256 << 10;
 /// Pause before a question is put again.
 const ASK_AGAIN: Duration = Duration::from_millis(200);
 
@@ -40,6 +44,9 @@ pub enum PublishError {
     /// The server has increments of this author that this run has not made.
     #[error("{0}; give every robot a --robot of its own, and every run a --map of its own")]
     Foreign(#[from] ForeignWriter),
+    /// The server has another increment under a number of this run.
+    #[error("{0}; start this robot again, and give every robot a --robot of its own")]
+    Taken(#[from] Taken),
     /// The server refuses increments of this run and would do so again.
     #[error("the map server refuses this run's increments: {}{}", .0.message, advice(.0.code))]
     Refused(ErrorReply),
@@ -113,7 +120,8 @@ pub fn outbox(
     let begun = Progress { written: stored, acknowledged: stored, ..Progress::default() };
     let (report, progress) = watch::channel(begun);
     let window = Window::after(WindowConfig::default(), stored);
-    let publisher = Publisher { session, map, author, window, report };
+    let verified = Verified::after(author, stored);
+    let publisher = Publisher { session, map, author, window, verified, report };
     (Outbox { increments, progress }, publisher.run(incoming))
 }
 
@@ -122,6 +130,7 @@ struct Publisher {
     map: MapName,
     author: AuthorId,
     window: Window,
+    verified: Verified,
     report: watch::Sender<Progress>,
 }
 
@@ -145,7 +154,7 @@ impl Publisher {
                     None => is_open = false,
                 },
                 head = heads.recv_async() => match read_head(&head?.payload().to_bytes(), &self.map) {
-                    Ok(head) => _ = self.take(head)?,
+                    Ok(head) => _ = self.take(head).await?,
                     Err(reason) => tracing::warn!("a head that cannot be used: {reason}"),
                 },
                 refusal = refusals.recv_async() => take_refusal(&refusal?.payload().to_bytes())?,
@@ -182,8 +191,12 @@ impl Publisher {
     }
 
     /// Takes a head in; returns whether it acknowledges more than was known.
-    fn take(&mut self, head: Head) -> Result<bool, PublishError> {
-        let is_news = self.window.acknowledge(head.vector.get(self.author), Instant::now())?;
+    async fn take(&mut self, head: Head) -> Result<bool, PublishError> {
+        self.window.check(head.vector.get(self.author))?;
+        if let Some(have) = self.verified.lacking(&head.vector) {
+            self.read_back(&have).await?;
+        }
+        let is_news = self.window.acknowledge(self.verified.upto(), Instant::now())?;
         self.report.send_modify(|progress| {
             progress.acknowledged = self.window.acknowledged();
             progress.head = Some(head);
@@ -191,11 +204,27 @@ impl Publisher {
         Ok(is_news)
     }
 
+    /// Reads back what the server has beyond `have`, as far as it comes. What is lacking is asked for at the next head.
+    async fn read_back(&mut self, have: &VersionVector) -> Result<(), PublishError> {
+        let key = Key::topic(&self.map, Topic::Since);
+        let selector = format!("{key}?vector={have};max_bytes={PART_BYTES}");
+        let question = self.session.get(selector).timeout(ANSWER_TIMEOUT).consolidation(ConsolidationMode::None);
+        let answers = question.await?;
+        while let Ok(answer) = answers.recv_async().await {
+            let Ok(sample) = answer.result() else { continue };
+            match decode::<Snapshot>(&sample.payload().to_bytes()) {
+                Ok(piece) => self.verified.compare(&piece, &self.window)?,
+                Err(error) => tracing::warn!("what the server has cannot be read back: {error}"),
+            }
+        }
+        Ok(())
+    }
+
     /// There is no news: the server may be new, or increments or heads were lost. Asks, and sends again from where the
     /// server is.
     async fn ask(&mut self) -> Result<(), PublishError> {
         let is_news = match ask_head(&self.session, &self.map).await? {
-            Answer::Head(head) => self.take(head)?,
+            Answer::Head(head) => self.take(head).await?,
             Answer::NoMap => false,
             Answer::None(reason) => {
                 tracing::debug!("the head is not known: {reason}");

@@ -100,6 +100,20 @@ impl Window {
         self.encoded.insert(number, bytes);
     }
 
+    /// An increment that is not acknowledged, in its envelope.
+    #[must_use]
+    pub fn get(&self, number: u64) -> Option<&[u8]> {
+        self.encoded.get(&number).map(Vec::as_slice)
+    }
+
+    /// Whether the server may have everything up to `stored`.
+    ///
+    /// # Errors
+    /// [`ForeignWriter`] when that is more than was made.
+    pub fn check(&self, stored: u64) -> Result<(), ForeignWriter> {
+        if stored > self.written { Err(ForeignWriter { stored, written: self.written }) } else { Ok(()) }
+    }
+
     /// The next to be put, if there is room for it under way.
     #[must_use]
     pub fn next(&self) -> Option<(u64, &[u8])> {
@@ -128,9 +142,7 @@ impl Window {
     /// # Errors
     /// [`ForeignWriter`] when that is more than was made; nothing is discarded then.
     pub fn acknowledge(&mut self, stored: u64, now: Instant) -> Result<bool, ForeignWriter> {
-        if stored > self.written {
-            return Err(ForeignWriter { stored, written: self.written });
-        }
+        self.check(stored)?;
         if stored <= self.acknowledged {
             return Ok(false);
         }

@@ -13,8 +13,6 @@ use std::time::Instant;
 const WRITE_CHANCE: f64 = 0.03;
 /// Nodes that are written about, so that authors meet.
 const NODES: u32 = 12;
-/// Share of killed explorers that come back.
-const RETURNING: f64 = 0.8;
 /// After how long, microseconds.
 const AWAY_US: (u64, u64) = (100_000, 8_000_000);
 /// Share of those who came back that are killed again.
@@ -43,6 +41,8 @@ pub(super) struct Author {
     /// How many increments it wants to write.
     last: u64,
     is_operator: bool,
+    /// Chance of coming back.
+    returning: f64,
     /// Nobody is killed from then on.
     calm_us: u64,
     dies_us: Option<u64>,
@@ -60,8 +60,8 @@ impl Author {
         place: usize,
         last: u64,
         is_operator: bool,
-        dies_us: Option<u64>,
-        calm_us: u64,
+        (dies_us, calm_us): (Option<u64>, u64),
+        returning: f64,
         now: Instant,
     ) -> Self {
         Self {
@@ -69,6 +69,7 @@ impl Author {
             id: AuthorId(place as u32),
             last,
             is_operator,
+            returning,
             calm_us,
             dies_us,
             back_us: None,
@@ -163,7 +164,7 @@ impl Author {
         let Some(writer) = self.writer.take() else { return };
         self.past_written += writer.written().len() as u64;
         self.past.push(Run::of(&writer, end == End::Told));
-        let is_back = end != End::Killed || rng.random_bool(RETURNING);
+        let is_back = end != End::Killed || rng.random_bool(self.returning);
         self.back_us = is_back.then(|| now_us + rng.random_range(AWAY_US.0..AWAY_US.1));
     }
 

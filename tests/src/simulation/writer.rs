@@ -1,5 +1,5 @@
 //! One run of somebody who writes. What is numbered and stamped is decided by the real journal, what is sent and sent again by the real
-//! window. A run of an explorer that was there before asks the server how far its series got, waits until its copy of the map has come
+//! window, and what heads cover is read back and compared as the real one does. A run of an explorer that was there before asks the server how far its series got, waits until its copy of the map has come
 //! that far, finds its place, and goes on from there; what the run before had made and nobody acknowledged is gone with it.
 
 use super::follower::Follower;
@@ -7,7 +7,8 @@ use super::{EVERYBODY, Message, SERVER, map};
 use fht_proto::keys::Key;
 use fht_proto::{AuthorId, Increment, Op, VersionVector, encode};
 use mapper::journal::Journal;
-use mapper::window::{ForeignWriter, Window, WindowConfig};
+use mapper::verify::Verified;
+use mapper::window::{Window, WindowConfig};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
@@ -53,6 +54,12 @@ pub(super) struct Writer {
     written: Vec<Increment>,
     next_id: u64,
     asked: Option<(u64, Instant)>,
+    verified: Verified,
+    /// What it wants to read back, and the question under way.
+    wanted: Option<VersionVector>,
+    reading: Option<(u64, Instant)>,
+    /// Whether what is under way counts as lost if nothing of it is read back.
+    doubts: bool,
 }
 
 impl Writer {
@@ -71,6 +78,10 @@ impl Writer {
             written: Vec::new(),
             next_id: 0,
             asked: None,
+            verified: Verified::after(id, 0),
+            wanted: None,
+            reading: None,
+            doubts: false,
         }
     }
 
@@ -110,7 +121,6 @@ impl Writer {
         if let Some(copy) = self.copy.as_mut().filter(|_| !is_answer) {
             copy.receive(message.clone(), now);
         }
-        let is_foreign = |_: ForeignWriter| End::Told;
         match (&self.stage, message) {
             (Stage::Asks, Message::HeadAnswer { head, .. }) if is_answer => {
                 self.asked = None;
@@ -119,17 +129,44 @@ impl Writer {
                 (self.stage, self.begun) = (Stage::Copies(vector), now);
             }
             (Stage::Writes(_), Message::Head(head)) => {
-                self.window.acknowledge(head.vector.get(self.id), now).map_err(is_foreign)?;
+                self.hear(&head.vector)?;
             }
             (Stage::Writes(_), Message::HeadAnswer { head, .. }) if is_answer => {
                 self.asked = None;
-                let stored = head.map_or(0, |head| head.vector.get(self.id));
-                if !self.window.acknowledge(stored, now).map_err(is_foreign)? {
-                    self.window.lost();
+                self.doubts = true;
+                self.hear(&head.map(|head| head.vector.clone()).unwrap_or_default())?;
+                if self.wanted.is_none() && self.reading.is_none() {
+                    self.acknowledge(now)?;
                 }
+            }
+            (Stage::Writes(_), Message::Piece { id, series }) if self.is_reading(id) => {
+                self.verified.compare(&series, &self.window).map_err(|_| End::Told)?;
+            }
+            (Stage::Writes(_), Message::End { id }) if self.is_reading(id) => {
+                self.reading = None;
+                self.acknowledge(now)?;
             }
             (Stage::Writes(_), Message::Refused) => return Err(End::Told),
             _ => {}
+        }
+        Ok(())
+    }
+
+    fn is_reading(&self, id: u64) -> bool {
+        self.reading.is_some_and(|(asked, _)| asked == id)
+    }
+
+    /// A head is at `vector`.
+    fn hear(&mut self, vector: &VersionVector) -> Result<(), End> {
+        self.window.check(vector.get(self.id)).map_err(|_| End::Told)?;
+        self.wanted = self.verified.lacking(vector).or(self.wanted.take());
+        Ok(())
+    }
+
+    fn acknowledge(&mut self, now: Instant) -> Result<(), End> {
+        let is_news = self.window.acknowledge(self.verified.upto(), now).map_err(|_| End::Told)?;
+        if std::mem::take(&mut self.doubts) && !is_news {
+            self.window.lost();
         }
         Ok(())
     }
@@ -141,6 +178,7 @@ impl Writer {
             Stage::Writes(_) => return Ok(()),
             Stage::Copies(vector) if has_copy(vector) => {
                 self.window = Window::after(WindowConfig::default(), self.first);
+                self.verified = Verified::after(self.id, self.first);
                 self.stage = Stage::Writes(now_us + rng.random_range(0..=FIND_US));
                 return Ok(());
             }
@@ -166,6 +204,15 @@ impl Writer {
         if self.asked.is_some_and(|(_, since)| now.duration_since(since) >= ANSWER_TIMEOUT) {
             self.asked = None;
             self.window.unanswered(now);
+        }
+        if self.reading.is_some_and(|(_, since)| now.duration_since(since) >= ANSWER_TIMEOUT) {
+            self.reading = None;
+            self.acknowledge(now)?;
+        }
+        if let Some(have) = self.wanted.take_if(|_| self.reading.is_none()) {
+            self.next_id += 1;
+            self.reading = Some((self.next_id, now));
+            sent.push((self.place, SERVER, Message::AskSince { id: self.next_id, have }));
         }
         let is_due = match self.stage {
             Stage::Asks => true,

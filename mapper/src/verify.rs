@@ -1,0 +1,113 @@
+//! Whether what the server has under a robot's name is what this run has made. A head counts increments and does not say which: a run before
+//! this one may have put others under the same numbers, which reach the log late (they waited for one that was lost, or in a storage that
+//! was out of reach). So what a head covers counts as acknowledged when it was read back and is the same, byte by byte; a map is some ten
+//! kilobytes.
+
+use crate::window::Window;
+use fht_proto::query::Snapshot;
+use fht_proto::{AuthorId, VersionVector, encode};
+
+/// The server has another increment under a number of this run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("increment {number} of this name on the server was made by another run, or by another robot of the same name")]
+pub struct Taken {
+    /// Its number.
+    pub number: u64,
+}
+
+/// How far the server's series of an author is known to be this run's.
+#[derive(Clone, Debug)]
+pub struct Verified {
+    author: AuthorId,
+    upto: u64,
+}
+
+impl Verified {
+    /// Of a run that begins after the `stored` increments of earlier ones.
+    #[must_use]
+    pub fn after(author: AuthorId, stored: u64) -> Self {
+        Self { author, upto: stored }
+    }
+
+    /// Number up to which it is.
+    #[must_use]
+    pub fn upto(&self) -> u64 {
+        self.upto
+    }
+
+    /// What to ask the server `since`, when its head is at `vector`: all that it has but what is to be read back. `None` when there is nothing.
+    #[must_use]
+    pub fn lacking(&self, vector: &VersionVector) -> Option<VersionVector> {
+        (vector.get(self.author) > self.upto).then(|| {
+            let mut have = vector.clone();
+            have.set(self.author, self.upto);
+            have
+        })
+    }
+
+    /// Compares a piece of the answer with what is in `window`.
+    ///
+    /// # Errors
+    /// [`Taken`]: the first that is another.
+    pub fn compare(&mut self, piece: &Snapshot, window: &Window) -> Result<(), Taken> {
+        for fold in &piece.folds {
+            if fold.author == self.author && fold.first <= self.upto + 1 {
+                // Nobody can tell any more.
+                self.upto = self.upto.max(fold.last);
+            }
+        }
+        for increment in &piece.increments {
+            if increment.author != self.author || increment.number != self.upto + 1 {
+                continue;
+            }
+            if encode(increment).ok().as_deref() != window.get(increment.number) {
+                return Err(Taken { number: increment.number });
+            }
+            self.upto += 1;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::window::WindowConfig;
+    use fht_proto::{Fold, Increment, NodeId, Op};
+
+    const OWN: AuthorId = AuthorId(7);
+
+    fn increment(author: AuthorId, number: u64, node: u32) -> Increment {
+        let ops = vec![Op::RemoveNode { id: NodeId { author, number: node } }];
+        Increment { author, number, hlc_us: number, ops }
+    }
+
+    fn piece(increments: Vec<Increment>) -> Snapshot {
+        Snapshot { folds: Vec::new(), increments }
+    }
+
+    #[test]
+    fn what_is_read_back_must_be_what_was_put() {
+        let mut window = Window::after(WindowConfig::default(), 4);
+        (5..=8).for_each(|number| window.push(number, encode(&increment(OWN, number, 1)).unwrap()));
+        let mut verified = Verified::after(OWN, 4);
+        let mut vector = VersionVector::default();
+        vector.set(AuthorId(1), 9);
+        vector.set(OWN, 4);
+        assert_eq!(verified.lacking(&vector), None);
+        vector.set(OWN, 7);
+        let asked = verified.lacking(&vector).unwrap();
+        assert_eq!((asked.get(OWN), asked.get(AuthorId(1))), (4, 9));
+        let others = vec![increment(AuthorId(1), 10, 3), increment(OWN, 5, 1), increment(OWN, 7, 1)];
+        assert_eq!(verified.compare(&piece(others), &window), Ok(()));
+        assert_eq!(verified.upto(), 5, "nothing is passed over");
+        let fold = Fold { author: OWN, first: 6, last: 6, rests: Vec::new() };
+        verified.compare(&Snapshot { folds: vec![fold], increments: Vec::new() }, &window).unwrap();
+        assert_eq!(verified.upto(), 6);
+        let other = piece(vec![increment(OWN, 7, 2)]);
+        assert_eq!(verified.compare(&other, &window), Err(Taken { number: 7 }));
+        assert_eq!(verified.upto(), 6);
+        let never_made = piece((7..=9).map(|number| increment(OWN, number, 1)).collect());
+        assert_eq!(verified.compare(&never_made, &window), Err(Taken { number: 9 }));
+    }
+}
