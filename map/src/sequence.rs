@@ -144,3 +144,35 @@ impl<T: PartialEq> Sequence<T> {
         Offered::Waiting
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ONE: AuthorId = AuthorId(1);
+
+    #[test]
+    fn what_a_run_before_has_put_in_vain_gives_way() {
+        let mut sequence: Sequence<&str> = Sequence::starting_at(VersionVector::default(), SequenceConfig::default());
+        // The first run's 1 was lost.
+        assert_eq!(sequence.offer(ONE, 2, 12, 1, "old 2"), Offered::Waiting);
+        assert_eq!(sequence.offer(ONE, 3, 13, 1, "old 3"), Offered::Waiting);
+        assert_eq!(sequence.offer(ONE, 4, 14, 1, "old 4"), Offered::Waiting);
+        assert_eq!(sequence.offer(ONE, 3, 23, 1, "new 3"), Offered::Waiting, "it takes the place");
+        assert_eq!(sequence.offer(ONE, 3, 13, 1, "old 3"), Offered::Dropped);
+        assert_eq!(sequence.offer(ONE, 3, 23, 1, "another 3"), Offered::Conflict);
+        assert_eq!(sequence.offer(ONE, 1, 21, 1, "new 1"), Offered::Ready(vec!["new 1"]), "old 2 is none of its run");
+        assert_eq!(sequence.offer(ONE, 2, 22, 1, "new 2"), Offered::Ready(vec!["new 2", "new 3"]));
+        assert_eq!((sequence.vector().get(ONE), sequence.waiting(), sequence.waiting_bytes()), (3, 0, 0));
+    }
+
+    #[test]
+    fn one_run_is_put_in_order() {
+        let mut sequence: Sequence<u64> = Sequence::starting_at(VersionVector::default(), SequenceConfig::default());
+        for number in [3, 2, 5, 4] {
+            assert_eq!(sequence.offer(ONE, number, 10 + number, 1, number), Offered::Waiting);
+        }
+        assert_eq!(sequence.offer(ONE, 1, 11, 1, 1), Offered::Ready(vec![1, 2, 3, 4, 5]));
+        assert_eq!(sequence.offer(ONE, 2, 12, 1, 2), Offered::Past);
+    }
+}

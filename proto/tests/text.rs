@@ -185,6 +185,10 @@ fn only_heads_that_make_sense_pass() {
     };
     assert!(head.clone().checked(&map).is_err(), "the version is not the vector's");
     head.vector.set(AuthorId(1), u64::MAX);
+    assert!(head.clone().checked(&map).is_err(), "nobody could go on from there");
+    head.vector.set(AuthorId(1), 1 << 48);
+    assert!(head.clone().checked(&map).is_err(), "the version is not the vector's");
+    head.version = 1 << 48;
     assert!(head.clone().checked(&map).is_ok());
     assert!(head.clone().checked(&"office".parse().unwrap()).is_err(), "of another map");
     (2..=VersionVector::MAX_AUTHORS as u32 + 1).for_each(|author| head.vector.set(AuthorId(author), 1));
