@@ -1,5 +1,6 @@
 //! How much a server takes: durable increments per second over Zenoh on this machine, and how long a path takes on the map
-//! that they make. `cargo run --release -p map-server --example load -- 5000`
+//! that they make. `cargo run --release -p map-server --example load -- 5000`, or `… load -- 1000000 0` for a million nodes none of which
+//! is a main node: every so many-th is, if the second number is not 0 (5 if it is not given).
 #![allow(clippy::unwrap_used)] // a measurement may panic
 
 use fht_proto::keys::Key;
@@ -20,16 +21,24 @@ use zenoh::sample::Sample;
 
 /// Increments put ahead of the acknowledgement.
 const WINDOW: u64 = 1000;
-/// Nodes in a row of the grid that the map is.
+/// Nodes in a row of the grid that the map is, at least.
 const ROW: u32 = 50;
 const QUERIES: usize = 300;
 
-/// A node of a grid with 2 m between neighbours, every fifth a main node of usual size.
-fn increment(author: AuthorId, number: u64) -> Increment {
+/// The grid: how many nodes are in a row, and every how many-th is a main node.
+#[derive(Clone, Copy)]
+struct Grid {
+    row: u32,
+    main_every: u32,
+}
+
+/// A node of a grid with 2 m between neighbours.
+fn increment(grid: Grid, author: AuthorId, number: u64) -> Increment {
     let index = number as u32 - 1;
     let id = |index: u32| NodeId { author, number: index };
-    let (x, y) = (f64::from(index % ROW) * 2.0, f64::from(index / ROW) * 2.0);
-    let is_main = index.is_multiple_of(5);
+    let Grid { row, main_every } = grid;
+    let (x, y) = (f64::from(index % row) * 2.0, f64::from(index / row) * 2.0);
+    let is_main = main_every > 0 && index.is_multiple_of(main_every);
     let pose = FixedPose::from_metres(x, y, 0.0);
     let rect = Rect::around(pose.position, (x - 1.5, y - 1.5), (x + 1.5, y + 1.5));
     let kind = if is_main { NodeKind::Main } else { NodeKind::Support };
@@ -45,7 +54,7 @@ fn increment(author: AuthorId, number: u64) -> Increment {
         };
         ops.push(Op::SetSignature { id: id(index), signature: Signature { descriptor, scan } });
     }
-    let before = [(!index.is_multiple_of(ROW)).then(|| index - 1), index.checked_sub(ROW)];
+    let before = [(!index.is_multiple_of(row)).then(|| index - 1), index.checked_sub(row)];
     ops.extend(before.into_iter().flatten().map(|other| Op::PutEdge { edge: EdgeKey::new(id(other), id(index)) }));
     Increment { author, number, hlc_us: number, ops }
 }
@@ -66,11 +75,15 @@ async fn next_head(session: &Session, heads: &Subscriber<FifoChannelHandler<Samp
 
 #[tokio::main(flavor = "multi_thread", worker_threads = 2)]
 async fn main() {
-    let count: u64 = std::env::args().nth(1).map_or(5000, |text| text.parse().unwrap());
+    let argument = |at: usize, default: u64| std::env::args().nth(at).map_or(default, |text| text.parse().unwrap());
+    let (count, main_every) = (argument(1, 5000), argument(2, 5) as u32);
+    let grid = Grid { row: ROW.max((count as f64).sqrt() as u32), main_every };
     let dir = tempfile::tempdir_in(".").unwrap();
     let endpoint = "tcp/127.0.0.1:17449".to_owned();
     let link = LinkConfig { listen: vec![endpoint.clone()], ..LinkConfig::default() };
-    let config = ServerConfig::new(dir.path().to_owned(), link);
+    let mut config = ServerConfig::new(dir.path().to_owned(), link);
+    config.limits.max_map_elements = config.limits.max_map_elements.max(4 * count as usize);
+    config.limits.max_total_elements = config.limits.max_total_elements.max(4 * count as usize);
     let (stop, stopped) = oneshot::channel::<()>();
     let server = tokio::spawn(run(config, async { _ = stopped.await }));
     tokio::time::sleep(Duration::from_millis(500)).await;
@@ -83,7 +96,7 @@ async fn main() {
 
     let map: MapName = "load".parse().unwrap();
     let author = AuthorId(1);
-    let encoded: Vec<Vec<u8>> = (1..=count).map(|number| encode(&increment(author, number)).unwrap()).collect();
+    let encoded: Vec<Vec<u8>> = (1..=count).map(|number| encode(&increment(grid, author, number)).unwrap()).collect();
     let (start, mut sent, mut acknowledged, mut published) = (Instant::now(), 0, 0, 0_u32);
     while acknowledged < count {
         while sent < count.min(acknowledged + WINDOW) {
@@ -108,18 +121,18 @@ async fn main() {
     for number in count + 1..=count + 50 {
         let start = Instant::now();
         let key = Key::increment(&map, author, number).to_string();
-        session.put(key, encode(&increment(author, number)).unwrap()).await.unwrap();
+        session.put(key, encode(&increment(grid, author, number)).unwrap()).await.unwrap();
         while next_head(&session, &heads).await.version < number {}
         waits.push(start.elapsed());
     }
     report("acknowledgement of one increment", waits);
 
-    let rows = count as u32 / ROW;
+    let (width, rows) = (f64::from(grid.row - 1) * 2.0, count as u32 / grid.row);
     for selector in [
         "fht/load/head".to_owned(),
         "fht/load/nodes?near=20,20;radius=5".to_owned(),
         "fht/load/path?from=0.5,0.5;to=9,9".to_owned(),
-        format!("fht/load/path?from=0.5,0.5;to=97,{}", (rows - 1) * 2),
+        format!("fht/load/path?from=0.5,0.5;to={},{}", width - 1.0, (rows - 1) * 2),
         "fht/load/since?vector=".to_owned(),
     ] {
         let mut waits = Vec::new();
@@ -131,6 +144,23 @@ async fn main() {
         }
         report(&format!("{selector} ({length} bytes)"), waits);
     }
+    // Pairs drawn evenly, by the steps of a generator.
+    let mut waits = Vec::new();
+    for pair in 0..QUERIES as u64 {
+        let place = |salt: u64| {
+            let drawn = ((2 * pair + salt + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 20)
+                % (u64::from(grid.row) * u64::from(rows));
+            format!(
+                "{:.1},{:.1}",
+                (drawn % u64::from(grid.row)) as f64 * 2.0 + 0.3,
+                (drawn / u64::from(grid.row)) as f64 * 2.0 + 0.3
+            )
+        };
+        let start = Instant::now();
+        get(&session, &format!("fht/load/path?from={};to={}", place(0), place(1))).await;
+        waits.push(start.elapsed());
+    }
+    report("paths between pairs drawn evenly", waits);
     stop.send(()).unwrap();
     server.await.unwrap().unwrap();
 }
