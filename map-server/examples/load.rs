@@ -61,7 +61,11 @@ fn increment(grid: Grid, author: AuthorId, number: u64) -> Increment {
 
 async fn get(session: &Session, selector: &str) -> Vec<u8> {
     let replies = session.get(selector).await.unwrap();
-    replies.recv_async().await.unwrap().result().unwrap().payload().to_bytes().into_owned()
+    let reply = replies.recv_async().await.unwrap();
+    let sample = reply.result().unwrap_or_else(|error| {
+        panic!("{selector}: {}", String::from_utf8_lossy(&error.payload().to_bytes()))
+    });
+    sample.payload().to_bytes().into_owned()
 }
 
 /// The next head published, or the one asked for if none comes.
@@ -93,6 +97,9 @@ async fn main() {
     config.insert_json5("scouting/multicast/enabled", "false").unwrap();
     let session = zenoh::open(config).await.unwrap();
     let heads = session.declare_subscriber("fht/load/head").await.unwrap();
+    while session.get("fht/maps").await.unwrap().recv_async().await.is_err() {
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
 
     let map: MapName = "load".parse().unwrap();
     let author = AuthorId(1);
@@ -133,6 +140,9 @@ async fn main() {
         "fht/load/nodes?near=20,20;radius=5".to_owned(),
         "fht/load/path?from=0.5,0.5;to=9,9".to_owned(),
         format!("fht/load/path?from=0.5,0.5;to={},{}", width - 1.0, (rows - 1) * 2),
+        "fht/load/since?vector=;max_bytes=16384".to_owned(),
+        "fht/load/since?vector=;max_bytes=32768".to_owned(),
+        "fht/load/since?vector=;max_bytes=60000".to_owned(),
         "fht/load/since?vector=".to_owned(),
     ] {
         let mut waits = Vec::new();
