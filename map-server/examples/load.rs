@@ -62,9 +62,9 @@ fn increment(grid: Grid, author: AuthorId, number: u64) -> Increment {
 async fn get(session: &Session, selector: &str) -> Vec<u8> {
     let replies = session.get(selector).await.unwrap();
     let reply = replies.recv_async().await.unwrap();
-    let sample = reply.result().unwrap_or_else(|error| {
-        panic!("{selector}: {}", String::from_utf8_lossy(&error.payload().to_bytes()))
-    });
+    let sample = reply
+        .result()
+        .unwrap_or_else(|error| panic!("{selector}: {}", String::from_utf8_lossy(&error.payload().to_bytes())));
     sample.payload().to_bytes().into_owned()
 }
 
