@@ -20,13 +20,15 @@ pub struct Taken {
 pub struct Verified {
     author: AuthorId,
     upto: u64,
+    /// What heads cover. An answer may be ahead of the head that it was asked after: that is for the next head to say.
+    covered: u64,
 }
 
 impl Verified {
     /// Of a run that begins after the `stored` increments of earlier ones.
     #[must_use]
     pub fn after(author: AuthorId, stored: u64) -> Self {
-        Self { author, upto: stored }
+        Self { author, upto: stored, covered: stored }
     }
 
     /// Number up to which it is.
@@ -37,7 +39,8 @@ impl Verified {
 
     /// What to ask the server `since`, when its head is at `vector`: all that it has but what is to be read back. `None` when there is nothing.
     #[must_use]
-    pub fn lacking(&self, vector: &VersionVector) -> Option<VersionVector> {
+    pub fn lacking(&mut self, vector: &VersionVector) -> Option<VersionVector> {
+        self.covered = self.covered.max(vector.get(self.author));
         (vector.get(self.author) > self.upto).then(|| {
             let mut have = vector.clone();
             have.set(self.author, self.upto);
@@ -53,11 +56,11 @@ impl Verified {
         for fold in &piece.folds {
             if fold.author == self.author && fold.first <= self.upto + 1 {
                 // Nobody can tell any more.
-                self.upto = self.upto.max(fold.last);
+                self.upto = self.upto.max(fold.last.min(self.covered));
             }
         }
         for increment in &piece.increments {
-            if increment.author != self.author || increment.number != self.upto + 1 {
+            if increment.author != self.author || increment.number != self.upto + 1 || self.upto == self.covered {
                 continue;
             }
             if encode(increment).ok().as_deref() != window.get(increment.number) {
@@ -96,6 +99,8 @@ mod tests {
         vector.set(OWN, 4);
         assert_eq!(verified.lacking(&vector), None);
         vector.set(OWN, 7);
+        assert_eq!(verified.clone().compare(&piece(vec![increment(OWN, 5, 1)]), &window), Ok(()));
+        assert_eq!(verified.upto(), 4, "no head covers it yet");
         let asked = verified.lacking(&vector).unwrap();
         assert_eq!((asked.get(OWN), asked.get(AuthorId(1))), (4, 9));
         let others = vec![increment(AuthorId(1), 10, 3), increment(OWN, 5, 1), increment(OWN, 7, 1)];
@@ -107,6 +112,8 @@ mod tests {
         let other = piece(vec![increment(OWN, 7, 2)]);
         assert_eq!(verified.compare(&other, &window), Err(Taken { number: 7 }));
         assert_eq!(verified.upto(), 6);
+        vector.set(OWN, 9);
+        verified.lacking(&vector).unwrap();
         let never_made = piece((7..=9).map(|number| increment(OWN, number, 1)).collect());
         assert_eq!(verified.compare(&never_made, &window), Err(Taken { number: 9 }));
     }
