@@ -58,9 +58,8 @@ impl Closures {
     /// Takes what the server has heard of and this robot may not have: who comes late is told nothing again.
     pub fn take_known(&self, blocked: Vec<BlockedView>) {
         let of_others = blocked.into_iter().filter(|view| view.robot != self.robot);
-        // One without anything would take back what that robot said.
-        for view in of_others.filter(|view| !(view.edges.is_empty() && view.places.is_empty())) {
-            self.keep(&view.robot, &BlockedReport { for_s: view.for_s, edges: view.edges, places: view.places });
+        for (robot, report) in of_others.filter_map(BlockedView::into_report) {
+            self.keep(&robot, &report);
         }
     }
 

@@ -12,7 +12,7 @@ use fht_proto::fleet::BlockedReport;
 use fht_proto::keys::{Key, RobotTopic, Topic};
 use fht_proto::query::{ErrorCode, ErrorReply, PathReply};
 use fht_proto::{FixedPoint, MapName};
-use fht_robot::pose::Point2;
+use fht_robot::pose::{Point2, fixed_point};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
@@ -21,10 +21,6 @@ use zenoh::{Session, Wait};
 /// A robot outside of the mapped space goes to the nearest node within this distance first, metres.
 const NEAREST_NODE_M: f64 = 8.0;
 
-fn fixed(point: Point2) -> FixedPoint {
-    FixedPoint::from_metres(point.x, point.y)
-}
-
 pub(crate) fn plan_inside(
     map: &MapState,
     space: &FreeSpace,
@@ -32,7 +28,7 @@ pub(crate) fn plan_inside(
     from: Point2,
     to: Point2,
 ) -> Result<PlannedPath, ErrorReply> {
-    let found = rules.plan(map, space, fixed(from), fixed(to), &RouteConfig::default());
+    let found = rules.plan(map, space, fixed_point(from), fixed_point(to), &RouteConfig::default());
     let found = found.map_err(|error| ErrorReply { code: error.code(), message: error.to_string() })?;
     let points = found
         .waypoints
@@ -42,7 +38,7 @@ pub(crate) fn plan_inside(
 }
 
 pub(crate) fn nearest_node(map: &MapState, from: Point2) -> Option<RoutePoint> {
-    let near = lookup::nearest(map, fixed(from), NEAREST_NODE_M);
+    let near = lookup::nearest(map, fixed_point(from), NEAREST_NODE_M);
     let (node, _) = near.first()?;
     Some(RoutePoint { position: Point2::new(node.pose.position.x(), node.pose.position.y()), node: Some(node.id) })
 }
@@ -311,7 +307,7 @@ impl PathSource for ServerPaths<'_> {
     }
 
     fn speed_limit_mps(&self, place: Point2) -> Option<f64> {
-        self.replica.rules().speed_limit_mps(fixed(place))
+        self.replica.rules().speed_limit_mps(fixed_point(place))
     }
 
     fn is_pending(&self) -> bool {

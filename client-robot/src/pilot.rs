@@ -11,6 +11,7 @@ use crate::wander::{WanderConfig, Wanderer};
 use fht_proto::query::{ErrorCode, ErrorReply};
 use fht_proto::{Descriptor, FixedPoint};
 use fht_robot::frame::{SensorFrame, Twist};
+use fht_robot::motion::speed_limit_ahead;
 use fht_robot::pose::{Point2, Pose2};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -154,13 +155,9 @@ const OBSTACLE_STEP_M: f64 = 0.1;
 /// Turning shows more of the surroundings, and often that the way is free after all.
 const LOOK_AROUND: Twist = Twist { linear_mps: 0.0, angular_radps: 0.6 };
 
-/// So far ahead a robot slows down before a zone, metres.
-const SLOW_AHEAD_M: f64 = 0.3;
-
 /// A command as fast as it may be where the robot is, and a little ahead.
 fn slowed(command: Twist, map_from_base: &Pose2, paths: &dyn PathSource) -> Twist {
-    let places = [0.0, SLOW_AHEAD_M].map(|ahead_m| map_from_base * Point2::new(ahead_m, 0.0));
-    let limit_mps = places.into_iter().filter_map(|place| paths.speed_limit_mps(place)).min_by(f64::total_cmp);
+    let limit_mps = speed_limit_ahead(map_from_base, |place| paths.speed_limit_mps(place));
     limit_mps.map_or(command, |limit_mps| command.limited(limit_mps))
 }
 

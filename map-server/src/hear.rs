@@ -5,7 +5,7 @@ use crate::now_us;
 use crate::throttle::Throttle;
 use fht_proto::fleet::{BlockedReport, RobotStatus};
 use fht_proto::keys::{ALL_ROBOT_TOPICS, ALL_ROBOTS, Key, RobotTopic, Topic};
-use fht_proto::query::RulesReply;
+use fht_proto::query::{BlockedView, RulesReply};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use zenoh::Session;
@@ -70,10 +70,9 @@ pub async fn learn(session: Session, sources: Sources) {
         while let Ok(answer) = answers.recv_async().await {
             let Ok(sample) = answer.result() else { continue };
             let Ok(rules) = serde_json::from_slice::<RulesReply>(&sample.payload().to_bytes()) else { continue };
-            for view in rules.blocked.into_iter().filter(|view| !(view.edges.is_empty() && view.places.is_empty())) {
-                let report = BlockedReport { for_s: view.for_s, edges: view.edges, places: view.places };
-                if let Err(reason) = sources.live.take(&head.map, &view.robot, &report, now_us()) {
-                    tracing::debug!(robot = view.robot, "what another server has heard is not taken: {reason}");
+            for (robot, report) in rules.blocked.into_iter().filter_map(BlockedView::into_report) {
+                if let Err(reason) = sources.live.take(&head.map, &robot, &report, now_us()) {
+                    tracing::debug!(robot, "what another server has heard is not taken: {reason}");
                 }
             }
         }

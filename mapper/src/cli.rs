@@ -298,10 +298,7 @@ fn run(args: &ExploreArgs) -> Result<bool, String> {
         print_report(&report);
     }
     if !is_offline && !report.delivered {
-        eprintln!(
-            "mapper: the server did not acknowledge the whole map within {} s; may this robot write? (access control drops silently)",
-            args.linger
-        );
+        complain_of_undelivered(args.linger);
         return Ok(false);
     }
     if report.ending != Ending::Complete {
@@ -315,6 +312,12 @@ fn spinner() -> ProgressBar {
     let style =
         ProgressStyle::with_template("{spinner} exploring: {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
     ProgressBar::new_spinner().with_style(style)
+}
+
+fn complain_of_undelivered(linger_s: f64) {
+    eprintln!(
+        "mapper: the server did not acknowledge the whole map within {linger_s} s; may this robot write? (access control drops silently)"
+    );
 }
 
 fn print_report(report: &ExploreReport) {

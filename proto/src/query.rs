@@ -3,6 +3,7 @@
 //! Errors are error replies with an [`ErrorReply`] as JSON, never silence.
 
 use crate::annotation::{Label, ZoneRule};
+use crate::fleet::BlockedReport;
 use crate::fold::Fold;
 use crate::geometry::{FixedPoint, Rect};
 use crate::ids::{MapName, NodeId};
@@ -359,6 +360,16 @@ pub struct BlockedView {
     /// Places, `[x, y]` in the map frame, metres.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub places: Vec<[f64; 2]>,
+}
+
+impl BlockedView {
+    /// The robot, and its report as if it came now. `None` of a view without anything: as a report that would take back what the robot said.
+    #[must_use]
+    pub fn into_report(self) -> Option<(String, BlockedReport)> {
+        let Self { robot, for_s, edges, places } = self;
+        let says_something = !(edges.is_empty() && places.is_empty());
+        says_something.then_some((robot, BlockedReport { for_s, edges, places }))
+    }
 }
 
 /// The reply to `rules`: what operators and robots have added to the map.

@@ -1,7 +1,7 @@
 //! SE(2) poses. A name `a_from_b` transforms coordinates in frame `b` to frame `a`; frames are REP-105's `map`, `odom`
 //! and `base` (base_link), and `sensor`.
 
-use fht_proto::FixedPose;
+use fht_proto::{FixedPoint, FixedPose};
 use nalgebra::{Isometry2, Vector2};
 
 /// A rigid transform of the plane: metres, radians.
@@ -19,6 +19,12 @@ pub fn pose(x: f64, y: f64, yaw: f64) -> Pose2 {
 #[must_use]
 pub fn wrap_angle(angle: f64) -> f64 {
     angle.sin().atan2(angle.cos())
+}
+
+/// The point as it travels, rounded to 1 mm.
+#[must_use]
+pub fn fixed_point(point: Point2) -> FixedPoint {
+    FixedPoint::from_metres(point.x, point.y)
 }
 
 /// The pose as it travels, rounded to 1 mm and 1e-4 rad.

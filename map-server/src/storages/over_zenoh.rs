@@ -83,7 +83,7 @@ impl ZenohStorages {
     fn ask_one(&self, key: &str, timeout: Duration) -> Answers {
         let (sender, answers) = channel();
         self.ask(0, key, timeout, sender);
-        Answers { answers, deadline: Instant::now() + timeout, are_all: true }
+        Answers::within(timeout, answers)
     }
 
     /// Gives all answers to `each`, key and payload; whether they are all that the storages have.
@@ -114,7 +114,7 @@ impl ZenohStorages {
         }
         drop(sender);
         let mut wanting = places.len();
-        for (index, _, bytes) in (Answers { answers, deadline: Instant::now() + ANSWER_TIMEOUT, are_all: true }) {
+        for (index, _, bytes) in Answers::within(ANSWER_TIMEOUT, answers) {
             let Some(held) = held.get_mut(index) else { continue };
             held.add(bytes);
             wanting -= usize::from(held.answers() == enough);
@@ -144,6 +144,12 @@ struct Answers {
     deadline: Instant,
     /// Whether none is known to lack.
     are_all: bool,
+}
+
+impl Answers {
+    fn within(timeout: Duration, answers: Receiver<Answer>) -> Self {
+        Self { answers, deadline: Instant::now() + timeout, are_all: true }
+    }
 }
 
 impl Iterator for Answers {

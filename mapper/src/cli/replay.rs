@@ -174,10 +174,7 @@ pub(super) fn replay_bag(args: &ReplayArgs) -> Result<bool, String> {
         eprintln!("mapper: none of the pictures could be used, so the map has no main nodes; try --no-cameras");
     }
     if !args.offline && !report.delivered {
-        eprintln!(
-            "mapper: the server did not acknowledge the whole map within {} s; may this robot write? (access control drops silently)",
-            args.linger
-        );
+        super::complain_of_undelivered(args.linger);
         return Ok(false);
     }
     Ok(true)

@@ -7,12 +7,9 @@ use fht_map::{Rules, SpaceConfig};
 use fht_proto::{FixedPoint, Zone};
 use fht_robot::frame::Twist;
 use fht_robot::grid::OccupancyGrid;
-use fht_robot::motion::distance_to_segment;
-use fht_robot::pose::{Point2, Pose2};
+use fht_robot::motion::{distance_to_segment, speed_limit_ahead};
+use fht_robot::pose::{Point2, Pose2, fixed_point};
 use std::borrow::Cow;
-
-/// So far ahead a robot slows down before a zone, metres: as robots that use the map do.
-const SLOW_AHEAD_M: f64 = 0.3;
 
 /// A piece of ground that is closed, map frame.
 enum Ground<'a> {
@@ -24,8 +21,8 @@ enum Ground<'a> {
 impl Ground<'_> {
     fn contains(&self, place: Point2) -> bool {
         match self {
-            Self::Zone(zone) => zone.contains(fixed(place)),
-            Self::Blocked(at, radius_m) => at.distance(fixed(place)) <= *radius_m,
+            Self::Zone(zone) => zone.contains(fixed_point(place)),
+            Self::Blocked(at, radius_m) => at.distance(fixed_point(place)) <= *radius_m,
         }
     }
 
@@ -53,10 +50,6 @@ impl Ground<'_> {
         let margin = nalgebra::Vector2::repeat(margin_m);
         (min - margin, max + margin)
     }
-}
-
-fn fixed(place: Point2) -> FixedPoint {
-    FixedPoint::from_metres(place.x, place.y)
 }
 
 fn metres(place: FixedPoint) -> Point2 {
@@ -98,8 +91,7 @@ pub(super) fn held_back(command: Twist, rules: &Rules, map_from_base: &Pose2, pe
 
 /// How fast a robot may drive, metres per second; none if nothing limits it.
 pub(super) fn speed_limit_mps(rules: &Rules, map_from_base: &Pose2) -> Option<f64> {
-    let places = [0.0, SLOW_AHEAD_M].map(|ahead_m| map_from_base * Point2::new(ahead_m, 0.0));
-    places.into_iter().filter_map(|place| rules.speed_limit_mps(fixed(place))).min_by(f64::total_cmp)
+    speed_limit_ahead(map_from_base, |place| rules.speed_limit_mps(fixed_point(place)))
 }
 
 #[cfg(test)]
