@@ -40,6 +40,7 @@ enum Command {
   mapper explore --world museum --map museum
   mapper explore --world museum --map museum --robot second --start 2,1,0   # a second robot, at the same time or later
   mapper explore --world museum --map museum --robot third --again          # after the building has changed
+  mapper explore --world museum --map museum --spool /var/lib/mapper        # what is not acknowledged survives the program
   mapper explore --world floor/map.yaml --textures pictures/ --map floor --seed 3
   mapper explore --world office --offline --json        # no server: how good is the map?
   mapper explore --world museum --offline --record run.mcap   # look at it in Foxglove, or replay it
@@ -88,6 +89,10 @@ struct ExploreArgs {
     /// Map without a server.
     #[arg(long)]
     offline: bool,
+    /// Keep in this folder what the server has not acknowledged: if this run is killed, or its server stays away, the next run of this
+    /// robot delivers that first. Use it on real robots. Default: it is lost with the run.
+    #[arg(long, value_name = "DIR", conflicts_with = "offline")]
+    spool: Option<PathBuf>,
     /// Look at the whole building again, also where the map is complete: what has changed is corrected, and nodes that are not as they were
     /// lose trust and are retired.
     #[arg(long)]
@@ -197,6 +202,7 @@ impl ExploreArgs {
             map,
             robot: self.robot.clone(),
             link: (!self.offline).then(|| self.link.config()),
+            spool: self.spool.clone(),
             model: self.model.clone(),
             cameras: !self.no_cameras,
             rate: self.rate.or(self.real_time.then_some(1.0)),
@@ -298,7 +304,7 @@ fn run(args: &ExploreArgs) -> Result<bool, String> {
         print_report(&report);
     }
     if !is_offline && !report.delivered {
-        complain_of_undelivered(args.linger);
+        complain_of_undelivered(args.linger, args.spool.as_deref());
         return Ok(false);
     }
     if report.ending != Ending::Complete {
@@ -314,10 +320,13 @@ fn spinner() -> ProgressBar {
     ProgressBar::new_spinner().with_style(style)
 }
 
-fn complain_of_undelivered(linger_s: f64) {
+fn complain_of_undelivered(linger_s: f64, spool: Option<&Path>) {
     eprintln!(
         "mapper: the server did not acknowledge the whole map within {linger_s} s; may this robot write? (access control drops silently)"
     );
+    if let Some(dir) = spool {
+        eprintln!("mapper: the rest waits in {} for the next run of this robot", dir.display());
+    }
 }
 
 fn print_report(report: &ExploreReport) {

@@ -12,6 +12,7 @@
 //! | [`camera`] | descriptors, computed beside the loop |
 //! | [`mapping`] | all of it, frame by frame |
 //! | [`publish`] | increments to the server, kept until acknowledged |
+//! | [`spool`], [`deliver`] | what is not acknowledged, on the robot's disk, and how the next run delivers it |
 //! | [`window`] | which increment goes out next, and when again |
 //! | [`verify`] | whether what the server has is what this run has made |
 //! | [`linked`] | a run whose map goes to a server while it is made |
@@ -26,6 +27,7 @@ pub mod calibration;
 pub mod camera;
 pub mod cli;
 pub mod construct;
+pub mod deliver;
 pub mod explore;
 pub mod fellows;
 pub mod frontier;
@@ -40,6 +42,7 @@ pub mod replay;
 pub mod report;
 pub mod run;
 pub mod slam;
+pub mod spool;
 pub mod verify;
 pub mod window;
 

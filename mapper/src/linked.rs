@@ -1,19 +1,24 @@
 //! A run whose map goes to a server while it is made.
 
+use crate::deliver::{DeliverError, deliver};
 use crate::fellows::{EnterError, Entry, Fellows};
 use crate::mapping::Mapper;
 use crate::publish::{Outbox, Progress, PublishError, find_head, outbox};
+use crate::spool::{Origin, Spool, SpoolError};
 use client_robot::replica::ReplicaError;
 use fht_link::{LinkConfig, LinkError};
 use fht_proto::keys::Key;
 use fht_proto::query::Head;
 use fht_proto::{AuthorId, MapName};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use zenoh::Session;
 use zenoh::liveliness::LivelinessToken;
 
-/// How long the server may take to tell whether the map exists.
+/// How long the server may take to tell whether the map exists, and to acknowledge anything of what the last run has left.
 const SERVER_PATIENCE: Duration = Duration::from_secs(30);
+/// How long it may take to put into the spool what is not acknowledged in the end.
+const LEAVE_TIME: Duration = Duration::from_secs(10);
 
 /// Where a run is published.
 #[derive(Clone, Debug)]
@@ -24,6 +29,8 @@ pub struct Publication {
     pub map: MapName,
     /// The robot; its author id follows from it.
     pub robot: String,
+    /// Folder in which what is not acknowledged survives the run; none: it does not.
+    pub spool: Option<PathBuf>,
     /// How long to wait for the server's last acknowledgement.
     pub linger: Duration,
 }
@@ -37,6 +44,12 @@ pub enum LinkedError {
     /// Publishing failed.
     #[error(transparent)]
     Publish(#[from] PublishError),
+    /// The robot's disk is of no use.
+    #[error(transparent)]
+    Spool(#[from] SpoolError),
+    /// What the last run has left is not delivered.
+    #[error(transparent)]
+    Deliver(#[from] DeliverError),
     /// The map is there already: a recorded run would be in another frame.
     #[error(
         "the map '{map}' already has {version} increments on the server; choose another --map (a recorded run starts a map of \
@@ -63,22 +76,28 @@ pub enum LinkedError {
 pub struct Linked {
     publication: Publication,
     session: Session,
+    spool: Option<Spool>,
     head: Option<Head>,
     token: LivelinessToken,
 }
 
 impl Linked {
-    /// Opens the session and asks the server about the map.
+    /// Opens the session, delivers what the last run of this robot has left, and asks the server about the map.
     ///
     /// # Errors
     /// [`LinkedError`].
     pub async fn open(publication: Publication) -> Result<Self, LinkedError> {
-        let Publication { link, map, robot, .. } = &publication;
+        let Publication { link, map, robot, spool, .. } = &publication;
+        let author = AuthorId::of_robot(robot);
+        let spool = spool.as_deref().map(|dir| Spool::open(dir, map, author)).transpose()?;
         let session = fht_link::open(link).await?;
-        let head = find_head(&session, map, SERVER_PATIENCE).await?;
+        let head = match &spool {
+            Some(spool) => deliver(&session, map, author, spool, SERVER_PATIENCE).await?,
+            None => find_head(&session, map, SERVER_PATIENCE).await?,
+        };
         let presence = Key::Robot { map: map.clone(), robot: robot.clone() }.to_string();
         let token = session.liveliness().declare_token(presence).await.map_err(PublishError::from)?;
-        Ok(Self { head, session, token, publication })
+        Ok(Self { head, session, spool, token, publication })
     }
 
     /// Insists that nobody has written the map before.
@@ -110,26 +129,37 @@ impl Linked {
     }
 
     /// Runs `work` in a thread, publishes what it puts in its outbox, and waits until the server has it. The outcome of `work`
-    /// comes with how far publishing got. `stored` are the increments of earlier runs of this robot, which the server has.
+    /// comes with how far publishing got. `entry` says how this run begins.
     ///
     /// # Errors
     /// [`LinkedError`]; a server that falls silent is none (the progress tells).
     pub async fn publish_while<R: Send + 'static>(
         self,
-        stored: u64,
+        entry: Entry,
         work: impl FnOnce(&Outbox) -> R + Send + 'static,
     ) -> Result<(R, Progress), LinkedError> {
-        let Self { publication: Publication { map, robot, linger, .. }, session, token, .. } = self;
-        let (outbox, publisher) = outbox(session.clone(), map, AuthorId::of_robot(&robot), stored);
+        let Self { publication: Publication { map, robot, linger, .. }, session, head, spool, token } = self;
+        let (Entry::Found { stored } | Entry::Join { stored }) = entry;
+        if let Some(spool) = &spool {
+            let basis = head.map(|head| head.vector).unwrap_or_default();
+            spool.begin(Origin { is_founder: matches!(entry, Entry::Found { .. }), basis }).await?;
+        }
+        let (outbox, publisher) = outbox(session.clone(), map, AuthorId::of_robot(&robot), stored, spool);
         let mut publisher = tokio::spawn(publisher);
         // Once the outbox is closed, the publisher ends when everything is acknowledged.
         let run = tokio::task::spawn_blocking(move || (work(&outbox), outbox.close()));
-        let (outcome, progress) = run.await?;
+        let (outcome, closed) = run.await?;
         let published = match tokio::time::timeout(linger, &mut publisher).await {
             Ok(published) => published??,
             Err(_) => {
-                publisher.abort();
-                progress.borrow().clone()
+                closed.leave();
+                match tokio::time::timeout(LEAVE_TIME, &mut publisher).await {
+                    Ok(published) => published??,
+                    Err(_) => {
+                        publisher.abort();
+                        closed.progress()
+                    }
+                }
             }
         };
         token.undeclare().await.map_err(PublishError::from)?;

@@ -1,13 +1,16 @@
 //! Increments to the server: each is put the moment it exists, and kept until the server's head covers it and it was read back
-//! ([`crate::verify`]). After a lost link or a restarted server the rest is sent again from there.
+//! ([`crate::verify`]). After a lost link or a restarted server the rest is sent again from there. With a spool ([`crate::spool`]) each is on the
+//! robot's disk before it is put.
 
+use crate::spool::{Spool, SpoolError};
 use crate::verify::{Taken, Verified};
-use crate::window::{ForeignWriter, Window, WindowConfig};
+use crate::window::{Backlog, ForeignWriter, Window, WindowConfig};
 use fht_proto::keys::{Key, Topic};
 use fht_proto::query::{ErrorCode, ErrorReply, Head, Snapshot};
 use fht_proto::{AuthorId, CodecError, Increment, MapName, VersionVector, decode, encode};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{Notify, mpsc, watch};
 use zenoh::bytes::Encoding;
 use zenoh::handlers::RingChannel;
 use zenoh::qos::{CongestionControl, Priority};
@@ -15,12 +18,14 @@ use zenoh::query::ConsolidationMode;
 
 /// Increments that may wait between the robot's loop and the publisher.
 const QUEUE: usize = 1024;
+/// How many of them are taken at a time, and written to the disk at once.
+const BATCH: usize = 64;
 /// How long the server has for one answer.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(1);
 /// About how much is read back at a time, bytes.
 const PART_BYTES: usize = 256 << 10;
 /// Pause before a question is put again.
-const ASK_AGAIN: Duration = Duration::from_millis(200);
+pub(crate) const ASK_AGAIN: Duration = Duration::from_millis(200);
 
 /// Why publishing ended.
 #[derive(Debug, thiserror::Error)]
@@ -47,6 +52,9 @@ pub enum PublishError {
     /// The server has another increment under a number of this run.
     #[error("{0}; start this robot again, and give every robot a --robot of its own")]
     Taken(#[from] Taken),
+    /// The robot's disk failed.
+    #[error(transparent)]
+    Spool(#[from] SpoolError),
     /// The server refuses increments of this run and would do so again.
     #[error("the map server refuses this run's increments: {}{}", .0.message, advice(.0.code))]
     Refused(ErrorReply),
@@ -78,7 +86,26 @@ pub struct Progress {
 /// The robot's side of the publisher.
 pub struct Outbox {
     increments: mpsc::Sender<Increment>,
+    closed: Closed,
+}
+
+/// An outbox into which nothing more comes.
+pub struct Closed {
     progress: watch::Receiver<Progress>,
+    leave: Arc<Notify>,
+}
+
+impl Closed {
+    /// How far publishing has come.
+    #[must_use]
+    pub fn progress(&self) -> Progress {
+        self.progress.borrow().clone()
+    }
+
+    /// The publisher ends although not all is acknowledged, once what waits is in the spool, if there is one.
+    pub fn leave(&self) {
+        self.leave.notify_one();
+    }
 }
 
 impl Outbox {
@@ -97,51 +124,92 @@ impl Outbox {
     /// How far publishing has come.
     #[must_use]
     pub fn progress(&self) -> Progress {
-        self.progress.borrow().clone()
+        self.closed.progress()
     }
 
     /// Ends the stream of increments; the publisher then finishes once all are acknowledged.
     #[must_use]
-    pub fn close(self) -> watch::Receiver<Progress> {
-        self.progress
+    pub fn close(self) -> Closed {
+        self.closed
     }
 }
 
 /// Makes an outbox and the future that empties it over `session`. `stored` are the increments of earlier runs of this author, which the
-/// server has. The future ends when the outbox is closed and all is
+/// server has; what they have left in `spool` has been delivered. The future ends when the outbox is closed and all is
 /// acknowledged, or with the reason why that cannot be.
 pub fn outbox(
     session: zenoh::Session,
     map: MapName,
     author: AuthorId,
     stored: u64,
+    spool: Option<Spool>,
 ) -> (Outbox, impl Future<Output = Result<Progress, PublishError>>) {
     let (increments, incoming) = mpsc::channel(QUEUE);
-    let begun = Progress { written: stored, acknowledged: stored, ..Progress::default() };
-    let (report, progress) = watch::channel(begun);
-    let window = Window::after(WindowConfig::default(), stored);
-    let verified = Verified::after(author, stored);
-    let publisher = Publisher { session, map, author, window, verified, report };
-    (Outbox { increments, progress }, publisher.run(incoming))
+    let publisher = Publisher::new(session, map, author, Backlog::after(stored), spool);
+    let closed = Closed { progress: publisher.progress(), leave: Arc::clone(&publisher.leave) };
+    (Outbox { increments, closed }, publisher.run(incoming))
 }
 
-struct Publisher {
+pub(crate) struct Publisher {
     session: zenoh::Session,
     map: MapName,
     author: AuthorId,
     window: Window,
     verified: Verified,
+    spool: Option<Spool>,
     report: watch::Sender<Progress>,
+    leave: Arc<Notify>,
 }
 
 impl Publisher {
-    async fn run(mut self, mut incoming: mpsc::Receiver<Increment>) -> Result<Progress, PublishError> {
+    /// Begins with `backlog`, which is in `spool` if there is one.
+    pub(crate) fn new(
+        session: zenoh::Session,
+        map: MapName,
+        author: AuthorId,
+        backlog: Backlog,
+        spool: Option<Spool>,
+    ) -> Self {
+        let begun = Progress { written: backlog.written(), acknowledged: backlog.acknowledged, ..Progress::default() };
+        let verified = Verified::after(author, backlog.acknowledged);
+        let window = Window::of_backlog(WindowConfig::default(), backlog);
+        let (report, leave) = (watch::Sender::new(begun), Arc::new(Notify::new()));
+        Self { session, map, author, window, verified, spool, report, leave }
+    }
+
+    /// How far it has come.
+    pub(crate) fn progress(&self) -> watch::Receiver<Progress> {
+        self.report.subscribe()
+    }
+
+    /// Whether all is acknowledged.
+    pub(crate) fn is_done(&self) -> bool {
+        self.window.is_empty()
+    }
+
+    /// Before anything of the backlog is put: reads back what the server has of it at `head`. It may have more, if a run that did not know of
+    /// the backlog went on from there.
+    pub(crate) async fn verify(&mut self, mut head: Head) -> Result<(), PublishError> {
+        let stored = head.vector.get(self.author).min(self.report.borrow().written);
+        head.vector.set(self.author, stored);
+        while self.verified.upto() < stored {
+            if !self.take(head.clone()).await? {
+                tokio::time::sleep(ASK_AGAIN).await;
+            }
+        }
+        Ok(())
+    }
+
+    /// Publishes the backlog and what is `incoming`, until that is closed and all is acknowledged.
+    pub(crate) async fn run(mut self, mut incoming: mpsc::Receiver<Increment>) -> Result<Progress, PublishError> {
         // Rings: the newest head is the only one that counts, and nobody waits for a slow robot.
         let head_key = Key::topic(&self.map, Topic::Head).to_string();
         let heads = self.session.declare_subscriber(head_key).with(RingChannel::new(1)).await?;
         let refused_key = Key::refused(&self.map, self.author).to_string();
         let refusals = self.session.declare_subscriber(refused_key).with(RingChannel::new(8)).await?;
+        let leave = Arc::clone(&self.leave);
         let mut is_open = true;
+        let mut batch = Vec::with_capacity(BATCH);
         loop {
             self.put_all().await?;
             if !is_open && self.window.is_empty() {
@@ -149,10 +217,17 @@ impl Publisher {
             }
             let ask_at = self.window.ask_at();
             tokio::select! {
-                next = incoming.recv(), if is_open => match next {
-                    Some(increment) => self.add(&increment)?,
-                    None => is_open = false,
-                },
+                count = incoming.recv_many(&mut batch, BATCH), if is_open => {
+                    is_open = count > 0;
+                    self.add(batch.drain(..)).await?;
+                }
+                () = leave.notified() => {
+                    while let Ok(increment) = incoming.try_recv() {
+                        batch.push(increment);
+                    }
+                    self.add(batch.drain(..)).await?;
+                    return Ok(self.report.borrow().clone());
+                }
                 head = heads.recv_async() => match read_head(&head?.payload().to_bytes(), &self.map) {
                     Ok(head) => _ = self.take(head).await?,
                     Err(reason) => tracing::warn!("a head that cannot be used: {reason}"),
@@ -165,13 +240,19 @@ impl Publisher {
         }
     }
 
-    fn add(&mut self, increment: &Increment) -> Result<(), PublishError> {
-        let bytes = encode(increment)?;
-        self.report.send_modify(|progress| {
-            progress.written = increment.number;
-            progress.map_bytes += bytes.len() as u64;
-        });
-        self.window.push(increment.number, bytes);
+    async fn add(&mut self, increments: impl Iterator<Item = Increment>) -> Result<(), PublishError> {
+        let encoded = increments.map(|increment| Ok((increment.number, encode(&increment)?)));
+        let encoded: Vec<(u64, Vec<u8>)> = encoded.collect::<Result<_, CodecError>>()?;
+        if let Some(spool) = self.spool.as_ref().filter(|_| !encoded.is_empty()) {
+            spool.add(encoded.clone()).await?;
+        }
+        for (number, bytes) in encoded {
+            self.report.send_modify(|progress| {
+                progress.written = number;
+                progress.map_bytes += bytes.len() as u64;
+            });
+            self.window.push(number, bytes);
+        }
         Ok(())
     }
 
@@ -201,6 +282,9 @@ impl Publisher {
             progress.acknowledged = self.window.acknowledged();
             progress.head = Some(head);
         });
+        if let Some(spool) = self.spool.as_ref().filter(|_| is_news) {
+            spool.acknowledge(self.window.acknowledged()).await?;
+        }
         Ok(is_news)
     }
 

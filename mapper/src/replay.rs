@@ -1,6 +1,7 @@
 //! Mapping from a bag: the frames come from a recorded run, and somebody else has driven.
 
 use crate::camera::CameraError;
+use crate::fellows::Entry;
 use crate::linked::{Handover, Linked, LinkedError, Publication, wait_for};
 use crate::mapping::{Mapper, MapperConfig};
 use crate::publish::Outbox;
@@ -147,11 +148,13 @@ pub async fn replay(
         let run = tokio::task::spawn_blocking(move || feed(&task, frames, mapper, recorder, None, watch));
         return run.await?;
     };
-    let publication = Publication { link, map: task.map.clone(), robot: task.robot.clone(), linger };
+    // A bag can be replayed: nothing need survive.
+    let (map, robot) = (task.map.clone(), task.robot.clone());
+    let publication = Publication { link, map, robot, spool: None, linger };
     let run = move |outbox: &Outbox| feed(&task, frames, mapper, recorder, Some(outbox), watch);
     let linked = Linked::open(publication).await?;
     linked.require_new()?;
-    let (report, published) = linked.publish_while(0, run).await?;
+    let (report, published) = linked.publish_while(Entry::Found { stored: 0 }, run).await?;
     let mut report = report?;
     report.map_bytes = published.map_bytes;
     report.wire_bytes = published.wire_bytes;

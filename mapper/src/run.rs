@@ -43,6 +43,8 @@ pub struct ExploreTask {
     pub robot: String,
     /// The server; `None` maps without publishing.
     pub link: Option<LinkConfig>,
+    /// Folder in which what the server has not acknowledged survives the run.
+    pub spool: Option<PathBuf>,
     /// Another descriptor model than the built-in one.
     pub model: Option<PathBuf>,
     /// Whether nodes carry descriptors.
@@ -127,19 +129,20 @@ pub async fn explore(
         let run = tokio::task::spawn_blocking(move || drive(task, world, mapper, recorder, None, watch));
         return run.await?;
     };
-    let publication = Publication { link: link_config, map: task.map.clone(), robot: task.robot.clone(), linger };
+    let (map, robot, spool) = (task.map.clone(), task.robot.clone(), task.spool.clone());
+    let publication = Publication { link: link_config, map, robot, spool, linger };
     let linked = Linked::open(publication).await?;
     let (fellows, entry) = linked.enter().await?;
-    let (mapper, stored) = match entry {
+    let mapper = match entry {
         Entry::Found { stored } => {
             let mut mapper = Mapper::new(task.mapper.clone(), author, net()?)?;
             mapper.share(&fellows.map(), stored);
-            (mapper, stored)
+            mapper
         }
-        Entry::Join { stored } => (Mapper::joining(task.mapper.clone(), author, net()?, net()?)?, stored),
+        Entry::Join { .. } => Mapper::joining(task.mapper.clone(), author, net()?, net()?)?,
     };
     let run = move |outbox: &Outbox| drive(task, world, mapper, recorder, Some((outbox, fellows)), watch);
-    let (report, published) = linked.publish_while(stored, run).await?;
+    let (report, published) = linked.publish_while(entry, run).await?;
     let mut report = report?;
     report.map_bytes = published.map_bytes;
     report.wire_bytes = published.wire_bytes;

@@ -42,6 +42,29 @@ pub struct ForeignWriter {
     pub written: u64,
 }
 
+/// What a run that has ended had made and the server was not known to have.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Backlog {
+    /// Number up to which the server had everything.
+    pub acknowledged: u64,
+    /// The increments after that, in their envelopes, by number, without gaps.
+    pub encoded: BTreeMap<u64, Vec<u8>>,
+}
+
+impl Backlog {
+    /// Nothing: the server has all `stored` increments of earlier runs.
+    #[must_use]
+    pub fn after(stored: u64) -> Self {
+        Self { acknowledged: stored, encoded: BTreeMap::new() }
+    }
+
+    /// Number of the newest increment that was ever made.
+    #[must_use]
+    pub fn written(&self) -> u64 {
+        self.encoded.last_key_value().map_or(self.acknowledged, |(number, _)| *number)
+    }
+}
+
 /// The increments of one run that are not acknowledged, numbered without gaps.
 #[derive(Clone, Debug)]
 pub struct Window {
@@ -68,18 +91,30 @@ impl Window {
     /// Before the first increment of a run that goes on where earlier ones ended, of which the server has `stored` increments.
     #[must_use]
     pub fn after(config: WindowConfig, stored: u64) -> Self {
+        Self::of_backlog(config, Backlog::after(stored))
+    }
+
+    /// What earlier runs have left is put first.
+    #[must_use]
+    pub fn of_backlog(config: WindowConfig, backlog: Backlog) -> Self {
         let patience = config.patience;
         Self {
             config,
-            encoded: BTreeMap::new(),
-            written: stored,
-            sent: stored,
-            acknowledged: stored,
+            written: backlog.written(),
+            sent: backlog.acknowledged,
+            acknowledged: backlog.acknowledged,
+            encoded: backlog.encoded,
             bytes_under_way: 0,
             quiet_since: None,
             patience,
             next_patience: patience,
         }
+    }
+
+    /// What this run would leave if it ended now.
+    #[must_use]
+    pub fn backlog(&self) -> Backlog {
+        Backlog { acknowledged: self.acknowledged, encoded: self.encoded.clone() }
     }
 
     /// Whether the server has everything.

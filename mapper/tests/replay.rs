@@ -26,6 +26,7 @@ fn explored(record: Option<PathBuf>, cameras: bool, seconds: f64, seed: u64) -> 
         map: "museum".parse().unwrap(),
         robot: "explorer".to_owned(),
         link: None,
+        spool: None,
         model: None,
         cameras,
         rate: None,

@@ -50,10 +50,12 @@ pub struct SimulationConfig {
     pub calm_s: u64,
     /// Share of durable writes at which the machine fails. Default 0.05.
     pub crash_share: f64,
-    /// Share of killed explorers that come back, within seconds. Default 0.8. Where several servers stand on storages, a run that comes back may,
-    /// once in some thousand fleets, give a number again that an earlier run had put while a server lets that one in: dumb storages cannot
-    /// decide between the two, and what a head covered is replaced.
+    /// Share of killed explorers that come back, within seconds. Default 0.8.
     pub returning: f64,
+    /// Share of explorers that keep nothing on a disk, and so may give a number again that they had put in vain. Default 0.5 with one server.
+    /// Where several servers stand on storages, a server may, once in some thousand fleets, let in what an earlier run had put just when
+    /// another lets in the new one: dumb storages cannot decide between the two, and what a head covered is replaced. Default 0 there.
+    pub forgetful: Option<f64>,
 }
 
 impl Default for SimulationConfig {
@@ -68,6 +70,7 @@ impl Default for SimulationConfig {
             calm_s: 300,
             crash_share: 0.05,
             returning: 0.8,
+            forgetful: None,
         }
     }
 }
@@ -191,13 +194,15 @@ impl World {
         let servers = config.servers.max(1);
         let origin = Instant::now();
         let calm_us = config.trouble_s * 1_000_000;
+        let forgetful = config.forgetful.unwrap_or(if config.servers == 0 { 0.5 } else { 0.0 });
         let writers: Vec<Author> = (0..=explorers)
             .map(|index| {
                 let last = rng.random_range(1..=config.increments);
                 // The last one is the operator: it makes releases, and it does not die.
                 let is_operator = index == explorers;
                 let dies_us = (!is_operator && rng.random_bool(DYING)).then(|| rng.random_range(0..calm_us / 3));
-                Author::new(servers + index, last, is_operator, (dies_us, calm_us), config.returning, origin)
+                let keeps = !rng.random_bool(forgetful);
+                Author::new(servers + index, last, is_operator, (dies_us, calm_us), config.returning, keeps, origin)
             })
             .collect();
         let followers = (0..clients).map(|index| Follower::new(servers + 1 + explorers + index)).collect();
@@ -332,7 +337,7 @@ impl World {
             }
         }
         let is_overruled = self.servers.iter().any(|server| server.overruled() > 0);
-        if is_overruled && self.authors.iter().all(|author| author.returns() == 0) {
+        if is_overruled && self.authors.iter().all(|author| author.keeps() || author.returns() == 0) {
             return Err(Violation::Failed("storages kept another increment than a server".to_owned()));
         }
         // What heads covered is all that there is.
@@ -351,8 +356,12 @@ impl World {
     }
 }
 
-/// What the runs of an author took for acknowledged is there; but what a run did that was told that its numbers are taken.
+/// What the runs of an author took for acknowledged is there; but what a run did that was told that its numbers are taken, which happens to
+/// no explorer that gives no number twice.
 fn nothing_is_mistaken(author: &Author, server: &Server) -> Result<(), Violation> {
+    if author.keeps() && author.runs().any(|run| run.is_told) {
+        return Err(Violation::Failed(format!("author {}, who gives no number twice, was refused", author.id())));
+    }
     for run in author.runs().filter(|run| !run.is_told) {
         for increment in run.written.iter().filter(|increment| increment.number <= run.acknowledged) {
             let name = || format!("{}/{}", increment.author, increment.number);

@@ -45,6 +45,7 @@ fn what_we_record_others_read() {
             map: "museum".parse().unwrap(),
             robot: "explorer".to_owned(),
             link: None,
+            spool: None,
             model: None,
             cameras: true,
             rate: None,

@@ -1,13 +1,17 @@
 //! The map server dies (SIGKILL) in the middle of an exploration and comes back: nothing acknowledged may be lost, the
-//! explorer goes on meanwhile, and in the end server, explorer and client have the same map.
+//! explorer goes on meanwhile, and in the end server, explorer and client have the same map. If the explorer dies, too, its next run
+//! delivers what it had made by then.
 
 #![allow(clippy::unwrap_used)] // a test: what goes wrong ends it
 
 use client_robot::replica::{LiveReplica, ReplicaConfig, ask_head};
 use fht_link::LinkConfig;
-use fht_proto::{AuthorId, MapName};
+use fht_proto::keys::{Key, Topic};
+use fht_proto::query::Snapshot;
+use fht_proto::{AuthorId, MapName, decode, encode};
 use fht_tests::process::{Process, Role, free_endpoint};
 use mapper::report::ExploreReport;
+use mapper::spool::Spool;
 use serde_json::Value;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -92,6 +96,54 @@ fn nothing_acknowledged_is_lost_and_all_agree_in_the_end() {
     assert!(replica.wait_for(&head.vector, PATIENCE), "the client has {} of {}", replica.read().vector(), head.vector);
     assert_eq!(replica.read().state().digest(), report.digest, "client and explorer");
     drop(replica);
+    session.close().wait().unwrap();
+}
+
+#[test]
+fn what_a_killed_explorer_had_made_is_delivered_by_its_next_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let [data, spool] = ["data", "spool"].map(|name| folder.path().join(name));
+    let endpoint = free_endpoint().unwrap();
+    let map: MapName = "museum".parse().unwrap();
+    let author = AuthorId::of_robot("explorer");
+    let mut server = start_server(&data, &endpoint);
+    let explore = |more: &[&str]| {
+        let spool = spool.to_str().unwrap();
+        let usual = ["explore", "--map", "museum", "--no-cameras", "--connect", &endpoint, "--spool", spool];
+        Process::start(Path::new(env!("CARGO_BIN_EXE_handoff")), Role::Mapper, [&usual[..], more].concat()).unwrap()
+    };
+    let mut first = explore(&["--rate", "20", "--progress-json"]);
+    let mut killed: Option<u64> = None;
+    first.listen(|line| {
+        let line: Value = serde_json::from_str(line).unwrap();
+        let written = line["written"].as_u64().unwrap();
+        if killed.is_none() && line["acknowledged"].as_u64().unwrap() >= KILL_AT {
+            server.kill().unwrap();
+            killed = Some(written);
+        }
+        killed.is_none_or(|then| written < then + BACK_AFTER)
+    });
+    first.kill().unwrap();
+    let left = Spool::open(&spool, &map, author).unwrap().backlog().unwrap();
+    // Not all that was written: what was never put need not be there.
+    assert!(!left.encoded.is_empty());
+
+    let _server = start_server(&data, &endpoint);
+    let report = explore(&["--json"]).finish(Duration::from_secs(120)).unwrap();
+    let report: ExploreReport = serde_json::from_str(&report).unwrap();
+    assert!(report.joined.is_some() && report.version > left.written(), "{report:?}");
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    let session = runtime.block_on(fht_link::open(&LinkConfig::from_options(vec![endpoint.clone()], None))).unwrap();
+    let head = wait_for_head(&session, &map);
+    assert_eq!((head.vector.get(author), head.digest), (report.version, report.digest));
+    let since = format!("{}?vector={author}:{}", Key::topic(&map, Topic::Since), left.acknowledged);
+    let answers = session.get(since).consolidation(zenoh::query::ConsolidationMode::None).wait().unwrap();
+    let pieces =
+        answers.iter().map(|answer| decode::<Snapshot>(&answer.result().unwrap().payload().to_bytes()).unwrap());
+    let stored: Vec<Vec<u8>> =
+        pieces.flat_map(|piece| piece.increments).map(|increment| encode(&increment).unwrap()).collect();
+    let made: Vec<Vec<u8>> = left.encoded.into_values().collect();
+    assert_eq!(stored[..made.len()], made, "the server has another run's under these numbers");
     session.close().wait().unwrap();
 }
 

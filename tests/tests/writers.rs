@@ -4,11 +4,15 @@
 use fht_link::LinkConfig;
 use fht_proto::keys::{Key, Topic};
 use fht_proto::query::{ErrorCode, ErrorReply};
-use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op};
+use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op, VersionVector, encode};
 use fht_tests::process::free_endpoint;
 use map_server::config::Limits;
 use map_server::{ServerConfig, ServerError};
+use mapper::deliver::{DeliverError, deliver};
 use mapper::publish::{Progress, PublishError, find_head, outbox};
+use mapper::spool::{Origin, Spool};
+use mapper::window::Backlog;
+use std::ops::RangeInclusive;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 use tokio::sync::oneshot;
@@ -54,7 +58,7 @@ impl Running {
 
     /// A whole run of `count` increments.
     async fn write(&self, count: u64, x: f64) -> Result<Progress, PublishError> {
-        let (outbox, publisher) = outbox(self.session.clone(), museum(), author(), 0);
+        let (outbox, publisher) = outbox(self.session.clone(), museum(), author(), 0, None);
         let made = tokio::task::spawn_blocking(move || {
             for number in 1..=count {
                 outbox.send(increment(number, x));
@@ -95,6 +99,103 @@ async fn a_full_map_ends_the_run_with_the_reason() {
     assert!(matches!(&refused, PublishError::Refused(reply) if reply.code == ErrorCode::Full), "{refused}");
     assert!(refused.to_string().contains("bytes in this map"), "{refused}");
     running.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_a_killed_run_has_left_is_delivered_and_only_to_the_server_that_knows_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let spool = Spool::open(folder.path(), &museum(), author()).unwrap();
+    let left = |numbers: RangeInclusive<u64>| numbers.map(|number| (number, encode(&increment(number, 0.0)).unwrap()));
+    let running = Running::start(Limits::default()).await;
+    for (first, last) in [(1, 20), (21, 30)] {
+        spool.add(left(first..=last).collect()).await.unwrap();
+        let head = deliver(&running.session, &museum(), author(), &spool, PATIENCE).await.unwrap().unwrap();
+        assert_eq!(head.vector.get(author()), last);
+        assert_eq!(spool.backlog().unwrap(), Backlog::after(last));
+    }
+    // Nothing waits, and the server has everything.
+    assert!(deliver(&running.session, &museum(), author(), &spool, PATIENCE).await.unwrap().is_some());
+
+    // A server without the map: the run would give numbers again.
+    let other = Running::start(Limits::default()).await;
+    let soon = Duration::from_millis(300);
+    let behind = deliver(&other.session, &museum(), author(), &spool, soon).await.unwrap_err();
+    assert!(matches!(behind, DeliverError::Behind { .. }), "{behind}");
+    assert!(
+        behind
+            .to_string()
+            .contains(&format!("is at '' on the map server, and this robot has seen it at '{}:30'", author()))
+    );
+    // Another robot of the same name has written there: nothing is put behind what it has made.
+    other.write(32, 1000.0).await.unwrap();
+    spool.add(left(31..=40).collect()).await.unwrap();
+    let taken = deliver(&other.session, &museum(), author(), &spool, PATIENCE).await.unwrap_err();
+    assert!(matches!(taken, DeliverError::Taken { .. }) && taken.to_string().contains("remove that file"), "{taken}");
+    assert_eq!(spool.backlog().unwrap().encoded.len(), 10, "it stays there");
+    let head = find_head(&other.session, &museum(), PATIENCE).await.unwrap().unwrap();
+    assert_eq!(head.vector.get(author()), 32);
+    other.end().await;
+    running.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_spool_is_right_about_what_is_there_already_and_about_the_maps_frame() {
+    let encoded = |number| (number, encode(&increment(number, 0.0)).unwrap());
+    let [folder, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let open = |folder: &tempfile::TempDir| Spool::open(folder.path(), &museum(), author()).unwrap();
+    let spool = open(&folder);
+    let running = Running::start(Limits::default()).await;
+    let send = |spool: &Spool| {
+        let (session, spool) = (running.session.clone(), spool.clone());
+        async move { deliver(&session, &museum(), author(), &spool, PATIENCE).await }
+    };
+    // Another robot begins the map while this one, which had begun it, too, is away.
+    spool.begin(Origin { is_founder: true, basis: VersionVector::default() }).await.unwrap();
+    spool.add((1..=3).map(encoded).collect()).await.unwrap();
+    let other_author = AuthorId::of_robot("other");
+    let (other_box, publisher) = outbox(running.session.clone(), museum(), other_author, 0, None);
+    let first = Increment { author: other_author, ..increment(1, 0.0) };
+    tokio::task::spawn_blocking(move || other_box.send(first)).await.unwrap();
+    publisher.await.unwrap();
+    let begun = send(&spool).await.unwrap_err();
+    assert!(matches!(begun, DeliverError::BegunByAnother { .. }), "{begun}");
+    drop(spool);
+    // What had found its place in the map is of its frame.
+    let spool = open(&other);
+    let basis = find_head(&running.session, &museum(), PATIENCE).await.unwrap().unwrap().vector;
+    spool.begin(Origin { is_founder: false, basis }).await.unwrap();
+    spool.add((1..=3).map(encoded).collect()).await.unwrap();
+    assert_eq!(send(&spool).await.unwrap().unwrap().vector.get(author()), 3);
+    // A run without the spool goes on from there; what the spool still has, as after a kill, is the same there.
+    let (outbox, publisher) = outbox(running.session.clone(), museum(), author(), 3, None);
+    tokio::task::spawn_blocking(move || outbox.send(increment(4, 0.0))).await.unwrap();
+    publisher.await.unwrap();
+    drop(spool);
+    let killed = tempfile::tempdir().unwrap();
+    let spool = open(&killed);
+    spool.add((1..=3).map(encoded).collect()).await.unwrap();
+    assert_eq!(send(&spool).await.unwrap().unwrap().vector.get(author()), 4);
+    running.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_run_that_leaves_without_its_server_has_everything_in_the_spool() {
+    let folder = tempfile::tempdir().unwrap();
+    let spool = Spool::open(folder.path(), &museum(), author()).unwrap();
+    let mut config = zenoh::Config::default();
+    config.insert_json5("scouting/multicast/enabled", "false").unwrap();
+    let alone = zenoh::open(config).await.unwrap();
+    let (outbox, publisher) = outbox(alone.clone(), museum(), author(), 0, Some(spool.clone()));
+    let publisher = tokio::spawn(publisher);
+    let written = tokio::task::spawn_blocking(move || {
+        (1..=500).for_each(|number| _ = outbox.send(increment(number, 0.0)));
+        outbox.close()
+    });
+    written.await.unwrap().leave();
+    let progress = tokio::time::timeout(PATIENCE, publisher).await.unwrap().unwrap().unwrap();
+    assert_eq!((progress.written, progress.acknowledged), (500, 0));
+    assert_eq!(spool.backlog().unwrap().written(), 500);
+    alone.close().await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

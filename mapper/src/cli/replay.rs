@@ -174,7 +174,7 @@ pub(super) fn replay_bag(args: &ReplayArgs) -> Result<bool, String> {
         eprintln!("mapper: none of the pictures could be used, so the map has no main nodes; try --no-cameras");
     }
     if !args.offline && !report.delivered {
-        super::complain_of_undelivered(args.linger);
+        super::complain_of_undelivered(args.linger, None);
         return Ok(false);
     }
     Ok(true)

@@ -20,10 +20,13 @@ struct Args {
     /// Servers that stand on replicated storages; 0: one with a disk.
     #[arg(long, default_value_t = 0)]
     servers: usize,
-    /// Share of killed explorers that come back within seconds [default: 0.8, and 0 with --servers: once in some thousand fleets one undoes
+    /// Share of killed explorers that come back within seconds.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.8, value_parser = share)]
+    returning: f64,
+    /// Share of explorers without a spool on a disk [default: 0.5, and 0 with --servers: once in some thousand fleets one without undoes
     /// there what a run of its own had put before].
     #[arg(long, value_name = "SHARE", value_parser = share)]
-    returning: Option<f64>,
+    forgetful: Option<f64>,
     /// No progress bar.
     #[arg(long)]
     quiet: bool,
@@ -40,9 +43,8 @@ fn main() -> ExitCode {
     if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {pos}/{len} seeds, {eta} left") {
         bar.set_style(style);
     }
-    let usual = SimulationConfig::default();
-    let returning = args.returning.unwrap_or(if args.servers == 0 { usual.returning } else { 0.0 });
-    let config = SimulationConfig { servers: args.servers, returning, ..usual };
+    let (servers, returning, forgetful) = (args.servers, args.returning, args.forgetful);
+    let config = SimulationConfig { servers, returning, forgetful, ..SimulationConfig::default() };
     let mut sum = Outcome::default();
     for seed in args.first..args.first.saturating_add(args.seeds) {
         match run(seed, &config) {

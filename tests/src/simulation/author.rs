@@ -1,10 +1,12 @@
 //! Those who write: explorers, and an operator who makes releases. Explorers are killed; most of them come back under their own name, and
-//! go on with their own numbers. A run that is told that somebody else has its numbers ends, and the next one begins.
+//! go on with their own numbers. Some keep what is not acknowledged on a disk and deliver it first. A run that is told that somebody else has
+//! its numbers ends, and the next one begins; one that keeps what it makes is never told so.
 
 use super::writer::{End, Writer};
 use super::{Message, Violation};
 use fht_proto::query::Head;
 use fht_proto::{AuthorId, EdgeKey, FixedPose, Increment, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName};
+use mapper::window::Backlog;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
@@ -29,6 +31,11 @@ pub(super) struct Run {
 }
 
 impl Run {
+    /// Number of its newest increment.
+    fn last(&self) -> u64 {
+        self.written.last().map_or(0, |increment| increment.number).max(self.acknowledged)
+    }
+
     fn of(writer: &Writer, is_told: bool) -> Self {
         let acknowledged = writer.acknowledged().max(writer.first());
         Self { written: writer.written().to_vec(), acknowledged, is_told }
@@ -43,6 +50,9 @@ pub(super) struct Author {
     is_operator: bool,
     /// Chance of coming back.
     returning: f64,
+    /// Whether what is not acknowledged survives its runs.
+    keeps: bool,
+    backlog: Option<Backlog>,
     /// Nobody is killed from then on.
     calm_us: u64,
     dies_us: Option<u64>,
@@ -62,6 +72,7 @@ impl Author {
         is_operator: bool,
         (dies_us, calm_us): (Option<u64>, u64),
         returning: f64,
+        keeps: bool,
         now: Instant,
     ) -> Self {
         Self {
@@ -70,6 +81,8 @@ impl Author {
             last,
             is_operator,
             returning,
+            keeps,
+            backlog: None,
             calm_us,
             dies_us,
             back_us: None,
@@ -100,6 +113,11 @@ impl Author {
         past.chain(self.writer.iter().map(|writer| Run::of(writer, false)))
     }
 
+    /// Whether it has a disk and so gives no number twice.
+    pub(super) fn keeps(&self) -> bool {
+        self.keeps
+    }
+
     fn written(&self) -> u64 {
         self.past_written + self.writer.as_ref().map_or(0, |writer| writer.written().len() as u64)
     }
@@ -116,12 +134,12 @@ impl Author {
         format!("{} of {} written, acknowledged to {acknowledged}", self.written(), self.last)
     }
 
-    /// A first run is never refused: nobody else has its name.
+    /// A first run is never refused, and none of an explorer that keeps what it makes: nobody else has its name.
     pub(super) fn receive(&mut self, message: Message, now: Instant) -> Result<(), Violation> {
         let Some(writer) = self.writer.as_mut().filter(|_| self.ends.is_none()) else { return Ok(()) };
         if let Err(end) = writer.receive(message, now) {
-            if self.returns == 0 {
-                return Err(Violation::Failed(format!("author {}, who has never been away, was refused", self.id)));
+            if self.returns == 0 || self.keeps {
+                return Err(Violation::Failed(format!("author {}, who gives no number twice, was refused", self.id)));
             }
             self.ends = Some(end);
         }
@@ -135,9 +153,6 @@ impl Author {
         rng: &mut ChaCha8Rng,
         head: Option<&Head>,
     ) -> Vec<(usize, usize, Message)> {
-        if self.dies_us.is_some_and(|dies_us| now_us >= dies_us) {
-            (self.dies_us, self.ends) = (None, Some(End::Killed));
-        }
         if let Some(end) = self.ends.take() {
             self.end(end, now_us, rng);
         }
@@ -154,16 +169,27 @@ impl Author {
             }
             writer.write(ops, now_us);
         }
-        writer.act(now, now_us, rng).unwrap_or_else(|end| {
+        // What was just written may be on the disk and never have been put.
+        if self.dies_us.take_if(|dies_us| now_us >= *dies_us).is_some() {
+            self.end(End::Killed, now_us, rng);
+            return Vec::new();
+        }
+        let sent = writer.act(now, now_us, rng).unwrap_or_else(|end| {
             self.ends = Some(end);
             Vec::new()
-        })
+        });
+        if self.keeps && writer.has_delivered() {
+            // The next run has all that it made acknowledged.
+            self.past.iter_mut().for_each(|run| run.acknowledged = run.last());
+        }
+        sent
     }
 
     fn end(&mut self, end: End, now_us: u64, rng: &mut ChaCha8Rng) {
         let Some(writer) = self.writer.take() else { return };
         self.past_written += writer.written().len() as u64;
         self.past.push(Run::of(&writer, end == End::Told));
+        self.backlog = self.keeps.then(|| writer.backlog(rng));
         let is_back = end != End::Killed || rng.random_bool(self.returning);
         self.back_us = is_back.then(|| now_us + rng.random_range(AWAY_US.0..AWAY_US.1));
     }
@@ -171,7 +197,7 @@ impl Author {
     fn come_back(&mut self, now: Instant, now_us: u64, rng: &mut ChaCha8Rng) {
         self.returns += 1;
         self.back_us = None;
-        self.writer = Some(Writer::again(self.place, self.returns, now));
+        self.writer = Some(Writer::again(self.place, self.returns, self.backlog.clone(), now));
         let dies = now_us < self.calm_us && rng.random_bool(DYING_AGAIN);
         self.dies_us = dies.then(|| rng.random_range(now_us..self.calm_us.min(now_us + AGAIN_US)));
     }

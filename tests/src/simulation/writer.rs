@@ -1,6 +1,7 @@
 //! One run of somebody who writes. What is numbered and stamped is decided by the real journal, what is sent and sent again by the real
-//! window, and what heads cover is read back and compared as the real one does. A run of an explorer that was there before asks the server how far its series got, waits until its copy of the map has come
-//! that far, finds its place, and goes on from there; what the run before had made and nobody acknowledged is gone with it.
+//! window, and what heads cover is read back and compared as the real one does. A run of an explorer that was there before asks the server how
+//! far its series got, waits until its copy of the map has come that far, finds its place, and goes on from there. What the run before had made
+//! and nobody acknowledged is gone with it, or waits on the robot's disk: then it is delivered first.
 
 use super::follower::Follower;
 use super::{EVERYBODY, Message, SERVER, map};
@@ -8,7 +9,7 @@ use fht_proto::keys::Key;
 use fht_proto::{AuthorId, Increment, Op, VersionVector, encode};
 use mapper::journal::Journal;
 use mapper::verify::Verified;
-use mapper::window::{Window, WindowConfig};
+use mapper::window::{Backlog, Window, WindowConfig};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
@@ -33,6 +34,11 @@ pub(super) enum End {
 }
 
 enum Stage {
+    /// Waits for a server that has what was acknowledged to the runs before, and reads back what it has of what they have left: up to
+    /// this number, once a server has answered.
+    Reaches(Option<u64>),
+    /// Publishes what they have left.
+    Delivers,
     /// Waits for the server's word about the map.
     Asks,
     /// Waits for its copy.
@@ -51,6 +57,8 @@ pub(super) struct Writer {
     copy: Option<Follower>,
     journal: Journal,
     window: Window,
+    /// What is on the robot's disk at least: which of it was acknowledged is written there with the next increment.
+    durable: Backlog,
     written: Vec<Increment>,
     next_id: u64,
     asked: Option<(u64, Instant)>,
@@ -75,6 +83,7 @@ impl Writer {
             copy: None,
             journal: Journal::new(id),
             window: Window::new(WindowConfig::default()),
+            durable: Backlog::default(),
             written: Vec::new(),
             next_id: 0,
             asked: None,
@@ -85,13 +94,27 @@ impl Writer {
         }
     }
 
-    /// A later run; `index` counts them.
-    pub(super) fn again(place: usize, index: u64, now: Instant) -> Self {
+    /// A later run; `index` counts them. `backlog` is what is on the robot's disk, if it keeps anything there.
+    pub(super) fn again(place: usize, index: u64, backlog: Option<Backlog>, now: Instant) -> Self {
         /// Questions that a run, and its copy, may ask; answers to earlier runs are told from its own by their numbers.
         const QUESTIONS: u64 = 1 << 32;
         let next_id = 2 * index * QUESTIONS;
         let copy = Some(Follower::of_explorer(place, next_id + QUESTIONS));
-        Self { next_id, copy, stage: Stage::Asks, ..Self::new(place, now) }
+        let first = Self::new(place, now);
+        let Some(backlog) = backlog else { return Self { next_id, copy, stage: Stage::Asks, ..first } };
+        let verified = Verified::after(first.id, backlog.acknowledged);
+        let window = Window::of_backlog(WindowConfig::default(), backlog.clone());
+        Self { next_id, copy, stage: Stage::Reaches(None), window, durable: backlog, verified, ..first }
+    }
+
+    /// What is on the robot's disk, if it keeps anything there: after a kill at an unlucky time a little more than needs to be.
+    pub(super) fn backlog(&self, rng: &mut ChaCha8Rng) -> Backlog {
+        if rng.random_bool(0.5) { self.window.backlog() } else { self.durable.clone() }
+    }
+
+    /// Whether what the runs before had left has been delivered.
+    pub(super) fn has_delivered(&self) -> bool {
+        !matches!(self.stage, Stage::Reaches(_) | Stage::Delivers)
     }
 
     pub(super) fn first(&self) -> u64 {
@@ -121,17 +144,29 @@ impl Writer {
         if let Some(copy) = self.copy.as_mut().filter(|_| !is_answer) {
             copy.receive(message.clone(), now);
         }
+        let is_publishing = matches!(self.stage, Stage::Delivers | Stage::Writes(_));
         match (&self.stage, message) {
+            (Stage::Reaches(_), Message::HeadAnswer { head, .. }) if is_answer => {
+                self.asked = None;
+                let vector = head.map(|head| head.vector.clone()).unwrap_or_default();
+                if vector.get(self.id) >= self.window.acknowledged() {
+                    (self.stage, self.begun) = (Stage::Reaches(Some(vector.get(self.id))), now);
+                    self.hear(&vector)?;
+                }
+            }
             (Stage::Asks, Message::HeadAnswer { head, .. }) if is_answer => {
                 self.asked = None;
                 let vector = head.map(|head| head.vector.clone()).unwrap_or_default();
                 self.first = vector.get(self.id);
-                (self.stage, self.begun) = (Stage::Copies(vector), now);
+                // A server may lag behind the one that has acknowledged the backlog.
+                if self.first >= self.window.acknowledged() {
+                    (self.stage, self.begun) = (Stage::Copies(vector), now);
+                }
             }
-            (Stage::Writes(_), Message::Head(head)) => {
+            (_, Message::Head(head)) if is_publishing => {
                 self.hear(&head.vector)?;
             }
-            (Stage::Writes(_), Message::HeadAnswer { head, .. }) if is_answer => {
+            (_, Message::HeadAnswer { head, .. }) if is_answer && is_publishing => {
                 self.asked = None;
                 self.doubts = true;
                 self.hear(&head.map(|head| head.vector.clone()).unwrap_or_default())?;
@@ -139,14 +174,14 @@ impl Writer {
                     self.acknowledge(now)?;
                 }
             }
-            (Stage::Writes(_), Message::Piece { id, series }) if self.is_reading(id) => {
+            (_, Message::Piece { id, series }) if self.is_reading(id) => {
                 self.verified.compare(&series, &self.window).map_err(|_| End::Told)?;
             }
-            (Stage::Writes(_), Message::End { id }) if self.is_reading(id) => {
+            (_, Message::End { id }) if self.is_reading(id) => {
                 self.reading = None;
                 self.acknowledge(now)?;
             }
-            (Stage::Writes(_), Message::Refused) => return Err(End::Told),
+            (_, Message::Refused) if is_publishing => return Err(End::Told),
             _ => {}
         }
         Ok(())
@@ -176,13 +211,22 @@ impl Writer {
         let has_copy = |vector| self.copy.as_ref().is_some_and(|copy| copy.copy().vector().covers(vector));
         match &self.stage {
             Stage::Writes(_) => return Ok(()),
+            Stage::Reaches(Some(stored)) if self.verified.upto() >= *stored => {
+                (self.stage, self.begun) = (Stage::Delivers, now);
+                return Ok(());
+            }
+            Stage::Delivers if self.window.is_empty() => {
+                (self.stage, self.begun) = (Stage::Asks, now);
+                return Ok(());
+            }
             Stage::Copies(vector) if has_copy(vector) => {
                 self.window = Window::after(WindowConfig::default(), self.first);
+                self.durable = self.window.backlog();
                 self.verified = Verified::after(self.id, self.first);
                 self.stage = Stage::Writes(now_us + rng.random_range(0..=FIND_US));
                 return Ok(());
             }
-            Stage::Asks | Stage::Copies(_) => {}
+            Stage::Reaches(_) | Stage::Delivers | Stage::Asks | Stage::Copies(_) => {}
         }
         if now.duration_since(self.begun) >= PATIENCE { Err(End::NoAnswer) } else { Ok(()) }
     }
@@ -196,7 +240,7 @@ impl Writer {
     ) -> Result<Vec<(usize, usize, Message)>, End> {
         self.begin(now, now_us, rng)?;
         let mut sent = self.copy.as_mut().map(|copy| copy.act(now, rng)).unwrap_or_default();
-        while let Some((number, bytes)) = self.window.next() {
+        while let Some((number, bytes)) = self.window.next().filter(|_| !matches!(self.stage, Stage::Reaches(_))) {
             let key = Key::increment(&map(), self.id, number).to_string();
             sent.push((self.place, EVERYBODY, Message::Put { key, bytes: Arc::new(bytes.to_vec()) }));
             self.window.put(now);
@@ -215,9 +259,9 @@ impl Writer {
             sent.push((self.place, SERVER, Message::AskSince { id: self.next_id, have }));
         }
         let is_due = match self.stage {
-            Stage::Asks => true,
+            Stage::Reaches(_) | Stage::Asks => self.reading.is_none(),
             Stage::Copies(_) => false,
-            Stage::Writes(_) => self.window.ask_at().is_some_and(|at| now >= at),
+            Stage::Delivers | Stage::Writes(_) => self.window.ask_at().is_some_and(|at| now >= at),
         };
         if self.asked.is_none() && is_due {
             self.next_id += 1;
@@ -238,6 +282,7 @@ impl Writer {
         let Some(increment) = self.journal.write(ops, now_us) else { return };
         if let Ok(bytes) = encode(&increment) {
             self.window.push(increment.number, bytes);
+            self.durable = self.window.backlog();
             self.written.push(increment);
         }
     }

@@ -86,7 +86,7 @@ pub(super) async fn write_basis(session: &Session, written: &Written, patience: 
         }
         Increment { author, number: u64::from(y) + 1, hlc_us: u64::from(y) + 1, ops }
     });
-    let (outbox, publisher) = outbox(session.clone(), map(), author, 0);
+    let (outbox, publisher) = outbox(session.clone(), map(), author, 0, None);
     let increments: Vec<Increment> = rows.collect();
     for increment in &increments {
         written.add(increment.clone());
@@ -136,7 +136,7 @@ impl Writer {
         patience: Duration,
     ) -> Result<Progress, SiteError> {
         let author = AuthorId::of_robot(&format!("writer-{}", self.index));
-        let (outbox, publisher) = outbox(session.clone(), map(), author, 0);
+        let (outbox, publisher) = outbox(session.clone(), map(), author, 0, None);
         let mut publisher = tokio::spawn(publisher);
         let written = Arc::clone(&self.written);
         let write = move || {
@@ -159,12 +159,12 @@ impl Writer {
             }
             outbox.close()
         };
-        let progress = tokio::task::spawn_blocking(write).await?;
+        let closed = tokio::task::spawn_blocking(write).await?;
         let progress = match tokio::time::timeout(patience, &mut publisher).await {
             Ok(published) => published??,
             Err(_) => {
                 publisher.abort();
-                progress.borrow().clone()
+                closed.progress()
             }
         };
         written.acknowledge(author, progress.acknowledged);

@@ -77,6 +77,7 @@ fn explore_once(world: &str, seed: u64, drift: f64, cameras: bool) -> Result<Exp
         map,
         robot: "explorer".to_owned(),
         link: None,
+        spool: None,
         model: None,
         cameras,
         rate: None,
