@@ -2,16 +2,19 @@
 //! on from a head that covers all of it. What the server has of it already is read back first: behind another run's increments nothing is
 //! put. A server that has less than it had acknowledged is another one, or lags behind; going on there would give numbers twice.
 
+use crate::fellows::{CLAIM_TIME, ROLL_CALL};
 use crate::publish::{ASK_AGAIN, PublishError, Publisher, find_head};
 use crate::spool::{Origin, Spool, SpoolError};
 use crate::window::Backlog;
+use fht_proto::keys::{Key, RobotTopic, robots_of};
 use fht_proto::query::{ErrorCode, Head};
-use fht_proto::{AuthorId, MapName, VersionVector};
+use fht_proto::{AuthorId, Increment, MapName, NodeId, Op, VersionVector, decode};
 use std::path::PathBuf;
 use std::pin::pin;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc;
 use zenoh::Session;
+use zenoh::liveliness::LivelinessToken;
 
 /// Why what the last run has left is not delivered. It stays where it is.
 #[derive(Debug, thiserror::Error)]
@@ -33,8 +36,8 @@ pub enum DeliverError {
     },
     /// The last run began the map, and so has another robot, in another frame.
     #[error(
-        "another robot has begun map '{map}' since the last run of this one, which had begun it, too: what that left in {} is of another \
-         frame. Remove that file to join the map", file.display()
+        "another robot begins map '{map}' or has begun it, and so had the last run of this one: what that left in {} is of another frame. \
+         Start again under another --robot to join the map", file.display()
     )]
     BegunByAnother {
         /// The map.
@@ -87,16 +90,17 @@ pub enum DeliverError {
 pub async fn deliver(
     session: &Session,
     map: &MapName,
-    author: AuthorId,
+    robot: &str,
     spool: &Spool,
     patience: Duration,
 ) -> Result<Option<Head>, DeliverError> {
-    Delivery { session, map, author, spool, patience }.run().await
+    Delivery { session, map, robot, author: AuthorId::of_robot(robot), spool, patience }.run().await
 }
 
 struct Delivery<'a> {
     session: &'a Session,
     map: &'a MapName,
+    robot: &'a str,
     author: AuthorId,
     spool: &'a Spool,
     patience: Duration,
@@ -112,31 +116,58 @@ impl Delivery<'_> {
         if backlog.encoded.is_empty() {
             return Ok(head);
         }
-        let found = head.as_ref().map(|head| head.vector.clone()).unwrap_or_default();
-        self.check_frame(origin.as_ref(), &expected, &found)?;
+        let claim = match origin {
+            Some(origin) => self.check_frame(&origin, &backlog, &expected, head.as_ref()).await?,
+            None => None,
+        };
         expected.set(self.author, backlog.written());
         self.publish(backlog, head).await?;
-        self.reach(&expected).await
+        let head = self.reach(&expected).await;
+        drop(claim);
+        head
     }
 
-    /// Whether what waits is of the frame of the map that is `found`, if nothing of it is there that would tell.
-    fn check_frame(
+    /// Whether what waits is of the frame of the map that the server has. If it begins the map, it is claimed as by an explorer that does
+    /// ([`crate::fellows`]).
+    async fn check_frame(
         &self,
-        origin: Option<&Origin>,
+        origin: &Origin,
+        backlog: &Backlog,
         expected: &VersionVector,
-        found: &VersionVector,
-    ) -> Result<(), DeliverError> {
+        head: Option<&Head>,
+    ) -> Result<Option<LivelinessToken>, DeliverError> {
         let (map, file) = (self.map.clone(), self.spool.file().to_owned());
-        let Some(origin) = origin.filter(|_| found.get(self.author) == 0) else { return Ok(()) };
-        let has_others = found.iter().any(|(author, count)| count > origin.basis.get(author));
-        match origin.is_founder {
-            true if has_others => Err(DeliverError::BegunByAnother { map, file }),
+        let found = head.map(|head| head.vector.clone()).unwrap_or_default();
+        let has_begun = head.is_some_and(|head| head.main_nodes > 0);
+        // The node that the map's frame is that of.
+        let first = NodeId { author: self.author, number: 0 };
+        let missing = backlog.encoded.range(found.get(self.author).saturating_add(1)..);
+        let begins = missing.filter_map(|(_, bytes)| decode::<Increment>(bytes).ok());
+        let begins =
+            begins.flat_map(|increment| increment.ops).any(|op| matches!(op, Op::PutNode { id, .. } if id == first));
+        match (origin.is_founder, has_begun) {
+            (true, true) if begins => Err(DeliverError::BegunByAnother { map, file }),
+            (true, false) if begins => self.claim().await.map(Some),
             // It found its place by what others had made.
-            false if found.iter().next().is_none() => {
-                Err(DeliverError::Behind { map, found: found.clone(), expected: expected.clone(), file })
-            }
-            _ => Ok(()),
+            (false, false) => Err(DeliverError::Behind { map, found, expected: expected.clone(), file }),
+            _ => Ok(None),
         }
+    }
+
+    async fn claim(&self) -> Result<LivelinessToken, DeliverError> {
+        let (map, file) = (self.map.clone(), self.spool.file().to_owned());
+        let failed = |error: zenoh::Error| DeliverError::Publish { error: error.into(), file: file.clone() };
+        let own = Key::robot(self.map, self.robot, RobotTopic::Pose).to_string();
+        let token = self.session.liveliness().declare_token(own.as_str()).await.map_err(failed)?;
+        tokio::time::sleep(CLAIM_TIME).await;
+        let claims = self.session.liveliness().get(robots_of(self.map, RobotTopic::Pose));
+        let claims = claims.timeout(ROLL_CALL).await.map_err(failed)?;
+        while let Ok(claim) = claims.recv_async().await {
+            if claim.result().is_ok_and(|sample| sample.key_expr().as_str() != own) {
+                return Err(DeliverError::BegunByAnother { map, file });
+            }
+        }
+        Ok(token)
     }
 
     async fn publish(&self, backlog: Backlog, head: Option<Head>) -> Result<(), DeliverError> {

@@ -31,9 +31,9 @@ const GOAL_LASTS: Duration = Duration::from_secs(30);
 /// Explorers of one map that are listened to.
 const MAX_FELLOWS: usize = 64;
 /// How long to wait for the names of explorers that are there already.
-const ROLL_CALL: Duration = Duration::from_secs(1);
+pub(crate) const ROLL_CALL: Duration = Duration::from_secs(1);
 /// Within this a claim to begin a map has reached the others.
-const CLAIM_TIME: Duration = Duration::from_millis(500);
+pub(crate) const CLAIM_TIME: Duration = Duration::from_millis(500);
 
 /// How an explorer begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -16,10 +16,13 @@ pub struct Journal {
     pending: Option<VecDeque<Increment>>,
     /// Whether an earlier run may have put increments that nobody has, under the numbers that come now.
     has_forerunner: bool,
+    /// What the clock on the wall said when the run began, microseconds since 1970.
+    began_us: u64,
 }
 
 /// So much later than the map are the stamps of a run that goes on where another one ended, if its sensors' time does not say so, microseconds:
-/// later than those of what that one has put in vain.
+/// later than those of what that one has put in vain. But not later than the clock on the wall, or a robot that begins again and again
+/// would be refused for stamps from the future.
 const AFTER_FORERUNNER_US: u64 = 600_000_000;
 
 impl Journal {
@@ -34,7 +37,13 @@ impl Journal {
             state: MapState::new(),
             pending: None,
             has_forerunner: false,
+            began_us: u64::MAX,
         }
+    }
+
+    /// Says what the clock on the wall showed when the run began, microseconds since 1970.
+    pub fn set_began(&mut self, wall_us: u64) {
+        self.began_us = wall_us;
     }
 
     /// From now on the map is shared: what is written is kept until [`Journal::follow`] says that the server has it.
@@ -102,8 +111,9 @@ impl Journal {
         }
         // Hybrid logical clock: physical time, pushed past everything seen.
         let newest_us = self.state.max_hlc_us();
-        let gap_us =
-            if std::mem::take(&mut self.has_forerunner) && time_us <= newest_us { AFTER_FORERUNNER_US } else { 1 };
+        let is_behind = std::mem::take(&mut self.has_forerunner) && time_us <= newest_us;
+        let most_us = if is_behind { AFTER_FORERUNNER_US } else { 1 };
+        let gap_us = most_us.min(self.began_us.saturating_sub(newest_us)).max(1);
         self.clock_us = time_us.max(self.clock_us + 1).max(newest_us + gap_us);
         self.written += 1;
         let increment = Increment { author: self.author, number: self.written, hlc_us: self.clock_us, ops };
@@ -112,5 +122,45 @@ impl Journal {
             pending.push_back(increment.clone());
         }
         Some(increment)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fht_proto::{FixedPose, NodeKind};
+
+    #[test]
+    fn who_begins_again_and_again_does_not_run_ahead_of_the_clock_on_the_wall() {
+        const WALL_US: u64 = 1_795_000_000_000_000;
+        let author = AuthorId(7);
+        let ops = |id| vec![Op::PutNode { id, kind: NodeKind::Support, pose: FixedPose::default() }];
+        // An operator's stamps are those of the wall; a run of this robot is there already.
+        let mut shared = MapState::new();
+        shared.apply(&Increment {
+            author: AuthorId(1),
+            number: 1,
+            hlc_us: WALL_US,
+            ops: ops(NodeId { author, number: 0 }),
+        });
+        let begin = |shared: &MapState, written: u64, wall_us: u64| {
+            let mut journal = Journal::new(author);
+            journal.set_began(wall_us);
+            journal.resume(shared, written);
+            let id = journal.fresh_node();
+            journal.write(ops(id), 1_000_000).unwrap()
+        };
+        let mut newest_us = WALL_US;
+        for run in 1..=100 {
+            let wall_us = WALL_US + run * 1_000_000;
+            let first = begin(&shared, run, wall_us);
+            assert!(first.hlc_us > newest_us && first.hlc_us <= wall_us, "run {run}: {}", first.hlc_us);
+            newest_us = first.hlc_us;
+            shared.apply(&first);
+        }
+        // While the map is of simulated time, what the run before had put in vain is left behind.
+        let mut simulated = MapState::new();
+        simulated.apply(&Increment { author, number: 1, hlc_us: 5_000_000, ops: ops(NodeId { author, number: 0 }) });
+        assert_eq!(begin(&simulated, 1, WALL_US).hlc_us, 5_000_000 + AFTER_FORERUNNER_US);
     }
 }

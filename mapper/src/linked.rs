@@ -88,11 +88,10 @@ impl Linked {
     /// [`LinkedError`].
     pub async fn open(publication: Publication) -> Result<Self, LinkedError> {
         let Publication { link, map, robot, spool, .. } = &publication;
-        let author = AuthorId::of_robot(robot);
-        let spool = spool.as_deref().map(|dir| Spool::open(dir, map, author)).transpose()?;
+        let spool = spool.as_deref().map(|dir| Spool::open(dir, map, AuthorId::of_robot(robot))).transpose()?;
         let session = fht_link::open(link).await?;
         let head = match &spool {
-            Some(spool) => deliver(&session, map, author, spool, SERVER_PATIENCE).await?,
+            Some(spool) => deliver(&session, map, robot, spool, SERVER_PATIENCE).await?,
             None => find_head(&session, map, SERVER_PATIENCE).await?,
         };
         let presence = Key::Robot { map: map.clone(), robot: robot.clone() }.to_string();

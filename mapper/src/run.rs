@@ -18,7 +18,7 @@ use fht_robot::stop::Stop;
 use fht_sim::{SimConfig, Simulator, World, WorldError};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// What to explore and where to publish.
 #[derive(Clone, Debug)]
@@ -133,7 +133,7 @@ pub async fn explore(
     let publication = Publication { link: link_config, map, robot, spool, linger };
     let linked = Linked::open(publication).await?;
     let (fellows, entry) = linked.enter().await?;
-    let mapper = match entry {
+    let mut mapper = match entry {
         Entry::Found { stored } => {
             let mut mapper = Mapper::new(task.mapper.clone(), author, net()?)?;
             mapper.share(&fellows.map(), stored);
@@ -141,6 +141,8 @@ pub async fn explore(
         }
         Entry::Join { .. } => Mapper::joining(task.mapper.clone(), author, net()?, net()?)?,
     };
+    let wall = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    mapper.set_began(u64::try_from(wall.as_micros()).unwrap_or(u64::MAX));
     let run = move |outbox: &Outbox| drive(task, world, mapper, recorder, Some((outbox, fellows)), watch);
     let (report, published) = linked.publish_while(entry, run).await?;
     let mut report = report?;

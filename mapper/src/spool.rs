@@ -180,6 +180,8 @@ impl Spool {
     pub async fn begin(&self, origin: Origin) -> Result<(), SpoolError> {
         let author = self.author;
         self.write(move |write| {
+            // A newest commit that does not verify is then an error, and not passed over.
+            write.set_two_phase_commit(true);
             acknowledge(write, origin.basis.get(author))?;
             write.open_table(ORIGIN)?.insert((), (origin.is_founder, origin.basis.to_string().as_str()))?;
             Ok(())
@@ -193,6 +195,7 @@ impl Spool {
     /// [`SpoolError::Disk`], [`SpoolError::Thread`].
     pub async fn add(&self, increments: Vec<(u64, Vec<u8>)>) -> Result<(), SpoolError> {
         self.write(move |write| {
+            write.set_two_phase_commit(true);
             let mut table = write.open_table(INCREMENTS)?;
             for (number, bytes) in &increments {
                 table.insert(number, bytes.as_slice())?;

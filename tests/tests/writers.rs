@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)] // tests may panic
 
 use fht_link::LinkConfig;
-use fht_proto::keys::{Key, Topic};
+use fht_proto::keys::{Key, RobotTopic, Topic};
 use fht_proto::query::{ErrorCode, ErrorReply};
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op, VersionVector, encode};
 use fht_tests::process::free_endpoint;
@@ -109,17 +109,17 @@ async fn what_a_killed_run_has_left_is_delivered_and_only_to_the_server_that_kno
     let running = Running::start(Limits::default()).await;
     for (first, last) in [(1, 20), (21, 30)] {
         spool.add(left(first..=last).collect()).await.unwrap();
-        let head = deliver(&running.session, &museum(), author(), &spool, PATIENCE).await.unwrap().unwrap();
+        let head = deliver(&running.session, &museum(), "explorer", &spool, PATIENCE).await.unwrap().unwrap();
         assert_eq!(head.vector.get(author()), last);
         assert_eq!(spool.backlog().unwrap(), Backlog::after(last));
     }
     // Nothing waits, and the server has everything.
-    assert!(deliver(&running.session, &museum(), author(), &spool, PATIENCE).await.unwrap().is_some());
+    assert!(deliver(&running.session, &museum(), "explorer", &spool, PATIENCE).await.unwrap().is_some());
 
     // A server without the map: the run would give numbers again.
     let other = Running::start(Limits::default()).await;
     let soon = Duration::from_millis(300);
-    let behind = deliver(&other.session, &museum(), author(), &spool, soon).await.unwrap_err();
+    let behind = deliver(&other.session, &museum(), "explorer", &spool, soon).await.unwrap_err();
     assert!(matches!(behind, DeliverError::Behind { .. }), "{behind}");
     assert!(
         behind
@@ -129,7 +129,7 @@ async fn what_a_killed_run_has_left_is_delivered_and_only_to_the_server_that_kno
     // Another robot of the same name has written there: nothing is put behind what it has made.
     other.write(32, 1000.0).await.unwrap();
     spool.add(left(31..=40).collect()).await.unwrap();
-    let taken = deliver(&other.session, &museum(), author(), &spool, PATIENCE).await.unwrap_err();
+    let taken = deliver(&other.session, &museum(), "explorer", &spool, PATIENCE).await.unwrap_err();
     assert!(matches!(taken, DeliverError::Taken { .. }) && taken.to_string().contains("remove that file"), "{taken}");
     assert_eq!(spool.backlog().unwrap().encoded.len(), 10, "it stays there");
     let head = find_head(&other.session, &museum(), PATIENCE).await.unwrap().unwrap();
@@ -140,21 +140,36 @@ async fn what_a_killed_run_has_left_is_delivered_and_only_to_the_server_that_kno
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_spool_is_right_about_what_is_there_already_and_about_the_maps_frame() {
-    let encoded = |number| (number, encode(&increment(number, 0.0)).unwrap());
+    // The first node is the one that a map's frame is that of.
+    let node = |author, kind| {
+        let id = NodeId { author, number: 0 };
+        vec![Op::PutNode { id, kind, pose: FixedPose::from_metres(0.0, 0.0, 0.0) }]
+    };
+    let encoded = |number| {
+        let mut made = increment(number, 0.0);
+        made.ops.extend(node(author(), NodeKind::Support));
+        (number, encode(&made).unwrap())
+    };
     let [folder, other] = [(); 2].map(|()| tempfile::tempdir().unwrap());
     let open = |folder: &tempfile::TempDir| Spool::open(folder.path(), &museum(), author()).unwrap();
     let spool = open(&folder);
     let running = Running::start(Limits::default()).await;
     let send = |spool: &Spool| {
         let (session, spool) = (running.session.clone(), spool.clone());
-        async move { deliver(&session, &museum(), author(), &spool, PATIENCE).await }
+        async move { deliver(&session, &museum(), "explorer", &spool, PATIENCE).await }
     };
     // Another robot begins the map while this one, which had begun it, too, is away.
     spool.begin(Origin { is_founder: true, basis: VersionVector::default() }).await.unwrap();
     spool.add((1..=3).map(encoded).collect()).await.unwrap();
     let other_author = AuthorId::of_robot("other");
+    let first = Increment { author: other_author, ops: node(other_author, NodeKind::Main), ..increment(1, 0.0) };
+    // It only says so as yet.
+    let claim = Key::robot(&museum(), "other", RobotTopic::Pose).to_string();
+    let claim = running.session.liveliness().declare_token(claim).await.unwrap();
+    let begins = send(&spool).await.unwrap_err();
+    assert!(matches!(begins, DeliverError::BegunByAnother { .. }), "{begins}");
+    claim.undeclare().await.unwrap();
     let (other_box, publisher) = outbox(running.session.clone(), museum(), other_author, 0, None);
-    let first = Increment { author: other_author, ..increment(1, 0.0) };
     tokio::task::spawn_blocking(move || other_box.send(first)).await.unwrap();
     publisher.await.unwrap();
     let begun = send(&spool).await.unwrap_err();

@@ -95,6 +95,11 @@ impl Mapper {
         Ok(Self { slam, newcomer, ..Self::new(config, author, net)? })
     }
 
+    /// Says what the clock on the wall showed when the run began, microseconds since 1970: see [`Journal::set_began`](crate::journal::Journal::set_began).
+    pub fn set_began(&mut self, wall_us: u64) {
+        self.journal.set_began(wall_us);
+    }
+
     /// From now on others may write the map, too, and what they write is given by [`take_in`](Self::take_in). It is `shared` now, and has no
     /// nodes; `stored` are the increments of earlier runs of this robot.
     pub fn share(&mut self, shared: &MapState, stored: u64) {
