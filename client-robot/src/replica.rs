@@ -164,6 +164,8 @@ impl LiveReplica {
             events,
             to_events,
             sync: Sync::new(sync),
+            part: (0, false),
+            link_seen_at: Instant::now(),
             closures: Arc::clone(&closures),
             knows_blocked: false,
         };
@@ -253,10 +255,10 @@ impl Drop for LiveReplica {
 
 /// What a question to the server led to.
 enum Event {
-    /// A piece of what was asked for.
-    Piece(Vec<u8>),
-    /// The question for a part has ended.
-    PartEnded,
+    /// A piece of what the question of this number asked for.
+    Piece(u64, Vec<u8>),
+    /// The question for a part of this number has ended.
+    PartEnded(u64),
     /// The question for the head has ended.
     Head(Option<Vec<u8>>),
     /// The question for what is blocked has ended.
@@ -274,6 +276,9 @@ struct Worker {
     events: Receiver<Event>,
     to_events: Sender<Event>,
     sync: Sync,
+    /// The number of the last question for a part, and whether it is under way.
+    part: (u64, bool),
+    link_seen_at: Instant,
     closures: Arc<Closures>,
     /// Whether nothing was said of what is blocked without being heard here, as far as that is known.
     knows_blocked: bool,
@@ -298,6 +303,23 @@ impl Worker {
             while let Ok(event) = self.events.try_recv() {
                 self.take_event(event);
             }
+            self.watch_link();
+        }
+    }
+
+    /// A question that was put just when the link broke is not answered, and Zenoh does not say so before its time is up: without a link it has
+    /// ended.
+    fn watch_link(&mut self) {
+        let (number, is_under_way) = self.part;
+        if !is_under_way || self.link_seen_at.elapsed() < LONGEST_SLEEP {
+            return;
+        }
+        self.link_seen_at = Instant::now();
+        let info = self.session.info();
+        let is_linked = info.routers_zid().wait().next().is_some() || info.peers_zid().wait().next().is_some();
+        if !is_linked {
+            tracing::debug!("the link is lost, and with it what was asked for");
+            self.take_event(Event::PartEnded(number));
         }
     }
 
@@ -343,7 +365,7 @@ impl Worker {
             };
             if let Err(error) = asked {
                 tracing::debug!(%error, "a question cannot be put");
-                let ended = if question == Question::Head { Event::Head(None) } else { Event::PartEnded };
+                let ended = if question == Question::Head { Event::Head(None) } else { Event::PartEnded(self.part.0) };
                 self.take_event(ended);
                 return;
             }
@@ -390,7 +412,9 @@ impl Worker {
 
     /// Asks for a part of what is lacking. The answer waits behind live increments, and is dropped rather than that a
     /// link is closed over it.
-    fn ask_part(&self, question: &str) -> Result<(), zenoh::Error> {
+    fn ask_part(&mut self, question: &str) -> Result<(), zenoh::Error> {
+        let number = self.part.0 + 1;
+        self.part = (number, true);
         let timeout = Duration::from_secs_f64(self.config.timeout_s.max(0.0));
         let ReplicaConfig { part_bytes, piece_bytes, .. } = self.config;
         let selector = format!("{question};max_bytes={part_bytes};piece_bytes={piece_bytes}");
@@ -398,11 +422,11 @@ impl Worker {
         let callback = move |reply: Reply| match reply.result() {
             Ok(sample) => {
                 counting.fetched_bytes.fetch_add(sample.payload().len() as u64, Ordering::Relaxed);
-                piece(Event::Piece(sample.payload().to_bytes().into_owned()));
+                piece(Event::Piece(number, sample.payload().to_bytes().into_owned()));
             }
             Err(error) => tracing::debug!("nothing fetched: {}", String::from_utf8_lossy(&error.payload().to_bytes())),
         };
-        let drop = move || ended(Event::PartEnded);
+        let drop = move || ended(Event::PartEnded(number));
         self.session
             .get(selector)
             .timeout(timeout)
@@ -426,14 +450,16 @@ impl Worker {
                 self.sync.head_answered(&self.shared.read(), head.and_then(Result::ok), now);
             }
             Event::Rules(payload) => self.take_rules(payload.as_deref()),
-            Event::Piece(bytes) => match decode::<Snapshot>(&bytes) {
+            Event::Piece(number, _) | Event::PartEnded(number) if self.part != (number, true) => {}
+            Event::Piece(_, bytes) => match decode::<Snapshot>(&bytes) {
                 Ok(series) => {
                     let applied = self.sync.piece(&mut self.shared.write(), series);
                     self.note_changes(applied);
                 }
                 Err(error) => self.refuse(&error),
             },
-            Event::PartEnded => {
+            Event::PartEnded(number) => {
+                self.part = (number, false);
                 let is_replaced = self.sync.part_ended(&mut self.shared.write(), now);
                 self.note_changes(usize::from(is_replaced));
             }
