@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
 # Fuzzes every target, or those named, for so many seconds each: fuzz/run.sh SECONDS [TARGET…]
 #
-# What cargo fuzz does, with a stable compiler and without a sanitizer: there is no unsafe code to watch, and what counts are panics,
-# overflows, memory and time. `cargo fuzz run TARGET` works as well.
+# As cargo fuzz does, but with a stable compiler and without a sanitizer: there is no unsafe code to
+# watch, and what counts are panics, overflows, memory and time. `cargo fuzz run TARGET` works as well.
 #
-# It begins with the inputs of corpus/: TARGET/seed-*, made by `cargo run --example seeds`, and TARGET.tar.gz, those that longer runs found, one
-# for each thing that they reach. New inputs go to target/corpus, findings to artifacts.
+# It begins with the inputs of corpus/: TARGET/seed-*, made by `cargo run --example seeds`, and
+# TARGET.tar.gz, found by longer runs, one for each thing that they reach. New inputs go to
+# target/corpus, findings to artifacts.
 set -euo pipefail
 cd "$(dirname "$0")"
 

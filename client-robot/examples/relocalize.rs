@@ -1,21 +1,32 @@
 //! Drops robots into a built-in world, mapped by the test fixture, and prints what became of them:
-//! `cargo run --release -p client-robot --example relocalize -- museum 1-20 go 3.0 0.05` (world, seeds, `go` or `find`, spacing of
-//! the main nodes, their error in metres, and the world mapped if it is another).
+//! `cargo run --release -p client-robot --example relocalize -- museum 1-20 go 3.0 0.05` (world,
+//! seeds, `go` or `find`, spacing of the main nodes, their error in metres, and the world mapped if
+//! it is another).
 
 #[path = "../tests/fixture/mod.rs"]
 mod fixture;
+#[path = "../tests/fixture/scored.rs"]
+mod scored;
 
-use client_robot::mission::{Goal, Services, run};
+use client_robot::mission::{MissionConfig, MissionGoal, Services};
 use client_robot::pilot::PilotConfig;
+use fht_descriptor::DescriptorNet;
+use fht_perception::frame::Panorama;
 use fht_proto::Descriptor;
-use fht_robot::descriptor::DescriptorNet;
-use fht_robot::frame::Panorama;
 use fht_sim::{SimConfig, Simulator};
+use scored::scored;
 use std::error::Error;
 use std::sync::Arc;
 use std::time::Instant;
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() {
+    if let Err(error) = run() {
+        eprintln!("{error}"); // an error that main returns is printed with Debug
+        std::process::exit(1);
+    }
+}
+
+fn run() -> Result<(), Box<dyn Error>> {
     let filter = tracing_subscriber::EnvFilter::from_default_env();
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
     let mut args = std::env::args().skip(1);
@@ -50,12 +61,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         let began = Instant::now();
         let sim = SimConfig { light_seed: 1000 + seed, ..SimConfig::default() };
         let start = world.random_free_pose(seed, 0.4);
-        let mut simulator = Simulator::new(Arc::clone(&world), sim, start, seed);
-        let goal = if goes { Goal::FarNode(seed) } else { Goal::None };
-        let config = PilotConfig { seed, ..PilotConfig::default() };
+        let simulator = Simulator::new(Arc::clone(&world), sim, start, seed);
+        let goal = if goes { MissionGoal::FarNode(seed) } else { MissionGoal::None };
+        let pilot = PilotConfig { seed, ..PilotConfig::default() };
+        let config = MissionConfig { pilot, ..MissionConfig::default() };
         let mut paths = fixture::OwnPaths(&map);
-        let mut services = Services { map: &map, paths: &mut paths, describe: &mut describe, on_frame: &mut |_, _| {} };
-        let r = run(&mut simulator, config, goal, &world.start(), &mut services);
+        let mut services = Services { map: &map, paths: &mut paths, describe: &mut describe };
+        let r = scored(simulator, config, &goal, &world.start(), &mut services);
         let n = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
         println!(
             "{seed:4} {:>6} {:>6} {:>6} {:?} {:>6} | {} {} {} {} {} {} {} {} {} {} {:.0} {:.1} {}",

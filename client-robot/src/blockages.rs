@@ -1,14 +1,19 @@
-//! Places that the robot found blocked. Paths lead around them for a while only: people and doors move. If nothing is left but to wait, it waits, a few times.
+//! Places that the robot found blocked. Paths lead around them for a while only: people and doors
+//! move. If nothing is left but to wait, it waits, a few times.
 
 use fht_proto::FixedPoint;
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// How long the robot believes that a way is blocked.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
 pub struct BlockageConfig {
     /// A place found blocked is gone round for this long, seconds. Default 30.
     pub blocked_for_s: f64,
-    /// Without any way left, all places count as open again and the robot waits this long, seconds. Default 5.
+    /// Without any way left, all places count as open again and the robot waits this long, seconds.
+    /// Default 5.
     pub wait_s: f64,
     /// … at most this often before the task fails. Default 3.
     pub waits: u32,
@@ -52,7 +57,8 @@ impl Blockages {
         self.until_us.is_empty()
     }
 
-    /// No way is left: opens all places and begins to wait. False if the robot has waited often enough.
+    /// No way is left: opens all places and begins to wait. False if the robot has waited often
+    /// enough.
     pub fn wait(&mut self, now_us: u64, config: &BlockageConfig) -> bool {
         if now_us > self.wait_until_us.saturating_add(micros(config.forget_s)) {
             self.waits = 0;

@@ -1,61 +1,27 @@
-//! A robot that uses the map: it keeps a replica, finds out where it is, and drives where it is told.
+//! A robot that uses the map: it finds out where it is and drives where it is told.
 //!
 //! | module | idea |
 //! | --- | --- |
-//! | [`replica`] | a live copy of the map over Zenoh |
-//! | [`sync`] | what is taken in and asked for, and which release is run |
-//! | [`closures`] | what is closed now |
-//! | [`follow`] | when the copy has to ask, and when it cannot be trusted any more |
-//! | [`ask`] | questions to the server |
-//! | [`inquiry`] | questions put beside the robot's loop |
-//! | [`landmarks`] | the replica's main nodes: what they look like, and what they saw |
-//! | [`preparation`] | putting it together beside the robot's loop |
-//! | [`odometry`] | wheel odometry corrected by scans |
-//! | [`estimate`] | one estimation of the place |
-//! | [`consensus`] | which estimations agree |
-//! | [`hypotheses`] | where the robot may be, weighed by all that it saw |
-//! | [`settle`] | the pose of a fix: the optimum over the estimations that agree |
-//! | [`relocalize`] | finding the place without a guess (paper, section III-C-1) |
-//! | [`tracking`] | keeping it while driving |
-//! | [`localize`] | odometry, relocalization and tracking put together |
-//! | [`local_map`] | the robot's own live grid |
-//! | [`wander`] | where to go while the place is not known |
-//! | [`route`] | following a path of the map (section III-C-2) |
-//! | [`blockages`] | ways found blocked, for a while |
-//! | [`steering`] | driving to a point on the live grid |
-//! | [`pilot`] | all of it: the paper's Algorithm 2 |
-//! | [`free_space`] | where it may drive, made of the replica beside the robot's loop |
-//! | [`paths`] | paths from the server, or from the replica |
-//! | [`mission`] | a task in a simulated world, scored |
-//! | [`report`] | what happened, as figures |
-//! | [`recording`] | the run as a bag |
-//! | [`cli`] | the command line |
+//! | [`mission`] | a task, carried out by whatever robot stands behind the port ([`Robot`](fht_perception::robot::Robot)) |
+//! | [`pilot`] | from frames to commands: the paper's Algorithm 2 |
+//! | `path_following` | following a path of the map (section III-C-2) |
+//! | `blockages` | ways found blocked, for a while |
+//! | `program` | the command line, and a simulated world for the robot of the program (feature `program`) |
+//!
+//! A robot of your own implements the port; [`mission::run`] does the rest:
+//!
+//! ```
+//! use client_robot::mission::{MissionConfig, MissionError, MissionGoal, MissionOutcome, Services, run};
+//! use fht_perception::robot::Robot;
+//!
+//! async fn find_place<R: Robot>(robot: R, services: &mut Services<'_>) -> Result<MissionOutcome, MissionError> {
+//!     run(robot, MissionConfig::default(), &MissionGoal::None, services, &mut ()).await
+//! }
+//! ```
 
-pub mod ask;
-pub mod blockages;
-pub mod cli;
-pub mod closures;
-pub mod consensus;
-pub mod estimate;
-pub mod follow;
-pub mod free_space;
-pub mod hypotheses;
-pub mod inquiry;
-pub mod landmarks;
-pub mod local_map;
-pub mod localize;
+mod blockages;
 pub mod mission;
-pub mod odometry;
-pub mod paths;
+mod path_following;
 pub mod pilot;
-pub mod preparation;
-pub mod recording;
-pub mod relocalize;
-pub mod replica;
-pub mod report;
-pub mod route;
-pub mod settle;
-pub mod steering;
-pub mod sync;
-pub mod tracking;
-pub mod wander;
+#[cfg(feature = "program")]
+pub mod program;

@@ -1,51 +1,60 @@
-//! A robot with a task in a simulated world: frames from the simulator, decisions from the pilot, figures for the report.
-//! Driven by simulated time only, so that the same map, world and seeds give the same run.
+//! A robot with a task: it senses, finds its place on the map, and drives where it is told,
+//! whatever robot stands behind the port. With a simulated robot and [`Taking::AfterFrames`] the
+//! same map, world and seeds give the same run.
 
-use crate::inquiry::Taking;
-use crate::landmarks::Landmarks;
-use crate::pilot::{Failure, Outcome, PathSource, Pilot, PilotConfig, Step, Task};
-use crate::preparation::Preparation;
-use crate::replica::LiveReplica;
-use crate::report::{Report, error};
-use crate::route::Planner;
-use fht_map::MapState;
-use fht_proto::query::{ErrorCode, ErrorReply};
+use crate::pilot::{Failure, Pilot, PilotConfig, PilotStep, Task, TaskOutcome};
+use fht_client::{LiveReplica, PathSource};
+use fht_localization::landmarks::Landmarks;
+use fht_localization::preparation::Preparation;
+use fht_map::{MapState, NodeRef};
+use fht_perception::frame::{Panorama, SensorFrame};
+use fht_perception::pose::Point2;
+use fht_perception::robot::{Robot, RobotError, SilenceConfig, Supervised};
+use fht_proto::api::reply::{ErrorCode, ErrorReply};
 use fht_proto::{Descriptor, Label, NodeId};
-use fht_robot::frame::{Panorama, SensorFrame};
-use fht_robot::pose::{Point2, Pose2};
-use fht_sim::Simulator;
+use fht_worker::Taking;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::ops::ControlFlow;
 
 /// A map that may change while it is used.
-pub trait MapView {
+pub trait MapSource {
     /// A number that changes whenever the map does.
     fn changes(&self) -> u64;
     /// Looks at the map.
     fn view(&self, look: &mut dyn FnMut(&MapState));
+    /// Where the place of this name is, map frame, metres. Names hold at once, whatever release is
+    /// run.
+    fn place(&self, name: &Label) -> Option<Point2>;
 }
 
-impl MapView for LiveReplica {
+impl MapSource for LiveReplica {
     fn changes(&self) -> u64 {
         Self::changes(self)
     }
     fn view(&self, look: &mut dyn FnMut(&MapState)) {
         look(&self.running());
     }
+    fn place(&self, name: &Label) -> Option<Point2> {
+        MapSource::place(self.read().state(), name)
+    }
 }
 
-impl MapView for MapState {
+impl MapSource for MapState {
     fn changes(&self) -> u64 {
         1
     }
     fn view(&self, look: &mut dyn FnMut(&MapState)) {
         look(self);
     }
+    fn place(&self, name: &Label) -> Option<Point2> {
+        self.annotations().place(name).map(|pose| Point2::new(pose.position.x(), pose.position.y()))
+    }
 }
 
 /// Where to go once the place is known.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Goal {
+pub enum MissionGoal {
     /// Nowhere: knowing the place is all.
     None,
     /// A point of the map frame, metres.
@@ -58,40 +67,135 @@ pub enum Goal {
     FarNode(u64),
 }
 
-/// What a robot needs besides its sensors.
+/// What a robot needs besides its sensors. All of it can go to another thread, so that a mission
+/// can be spawned.
 pub struct Services<'a> {
     /// The map.
-    pub map: &'a dyn MapView,
+    pub map: &'a (dyn MapSource + Sync),
     /// Paths.
-    pub paths: &'a mut dyn PathSource,
+    pub paths: &'a mut (dyn PathSource + Send),
     /// The descriptor of a panorama.
-    pub describe: &'a mut dyn FnMut(&Panorama) -> Option<Descriptor>,
-    /// Told of every frame: the frame and what it led to.
-    pub on_frame: &'a mut dyn FnMut(&SensorFrame, &Step),
+    pub describe: &'a mut (dyn FnMut(&Panorama) -> Option<Descriptor> + Send),
 }
 
-/// Frames between points of the trajectories: 0.6 s.
-const TRAJECTORY_EVERY: usize = 3;
+/// How a mission is carried out.
+#[derive(Clone, Debug)]
+pub struct MissionConfig {
+    /// What the robot makes of its frames.
+    pub pilot: PilotConfig,
+    /// How long the sensors may be silent.
+    pub silence: SilenceConfig,
+    /// When the walls of a map that has changed are used. Default two frames after the change, for
+    /// simulated time; a live robot takes them [when they are there](Taking::WhenThere).
+    pub walls: Taking,
+}
 
-/// Frames after a change of the map at which its walls are used: 0.4 s.
-const WALLS_AFTER_FRAMES: u32 = 2;
+impl Default for MissionConfig {
+    fn default() -> Self {
+        Self { pilot: PilotConfig::default(), silence: SilenceConfig::default(), walls: Taking::AfterFrames(2) }
+    }
+}
 
-/// Runs a mission to its end. `world_from_map` is for scoring only.
-pub fn run(
-    simulator: &mut Simulator,
-    config: PilotConfig,
-    goal: Goal,
-    world_from_map: &Pose2,
+/// Why a mission ended without an outcome.
+#[derive(Debug, thiserror::Error)]
+pub enum MissionError {
+    /// The robot cannot be sensed with or driven.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    /// The observer has ended it.
+    #[error("the mission was interrupted")]
+    Interrupted,
+}
+
+/// Watches a mission, and may end it: a display, a recording, a score against the truth.
+pub trait MissionObserver {
+    /// A frame and what it led to, before the command is given. [`ControlFlow::Break`] stops the
+    /// robot and ends the mission.
+    fn on_frame(&mut self, frame: &SensorFrame, step: &PilotStep, pilot: &Pilot) -> ControlFlow<()>;
+
+    /// The robot knows its place and now drives to `goal`, map frame.
+    fn on_goal(&mut self, goal: Point2) {
+        let _ = goal;
+    }
+}
+
+/// Nobody watches.
+impl MissionObserver for () {
+    fn on_frame(&mut self, _: &SensorFrame, _: &PilotStep, _: &Pilot) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+}
+
+/// Both watch.
+impl<A: MissionObserver, B: MissionObserver> MissionObserver for (A, B) {
+    fn on_frame(&mut self, frame: &SensorFrame, step: &PilotStep, pilot: &Pilot) -> ControlFlow<()> {
+        let first = self.0.on_frame(frame, step, pilot);
+        let second = self.1.on_frame(frame, step, pilot);
+        if first.is_break() { first } else { second }
+    }
+
+    fn on_goal(&mut self, goal: Point2) {
+        self.0.on_goal(goal);
+        self.1.on_goal(goal);
+    }
+}
+
+impl<O: MissionObserver> MissionObserver for &mut O {
+    fn on_frame(&mut self, frame: &SensorFrame, step: &PilotStep, pilot: &Pilot) -> ControlFlow<()> {
+        (**self).on_frame(frame, step, pilot)
+    }
+
+    fn on_goal(&mut self, goal: Point2) {
+        (**self).on_goal(goal);
+    }
+}
+
+/// How a mission ended, and what it took.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MissionOutcome {
+    /// How the task ended.
+    pub task: TaskOutcome,
+    /// How often a path was asked for.
+    pub plans: usize,
+    /// How often a fix was replaced by another place.
+    pub refixes: usize,
+}
+
+/// Carries out a mission. The robot is told to stop at the end, however that comes; while its
+/// sensors are silent it stands, and goes on when they are back. Needs a Tokio runtime with its
+/// clock enabled; each frame is worked on inside of this future, so give it a thread of its own
+/// where others must not wait for it.
+///
+/// # Errors
+/// [`MissionError`]. A task that fails is an outcome.
+pub async fn run<R: Robot>(
+    robot: R,
+    config: MissionConfig,
+    goal: &MissionGoal,
     services: &mut Services<'_>,
-) -> Report {
-    let mut pilot = Pilot::new(config, Task::Relocalize);
+    observer: &mut impl MissionObserver,
+) -> Result<MissionOutcome, MissionError> {
+    let mut robot = Supervised::new(robot, config.silence);
+    let mut pilot = Pilot::new(config.pilot, Task::Relocalize);
+    let task = carry_out(&mut robot, &mut pilot, config.walls, goal, services, observer).await;
+    robot.stop().await;
+    Ok(MissionOutcome { task: task?, plans: pilot.plans(), refixes: pilot.localizer().refixes() })
+}
+
+/// The robot's loop: sense, think, drive.
+async fn carry_out<R: Robot>(
+    robot: &mut Supervised<R>,
+    pilot: &mut Pilot,
+    walls: Taking,
+    goal: &MissionGoal,
+    services: &mut Services<'_>,
+    observer: &mut impl MissionObserver,
+) -> Result<TaskOutcome, MissionError> {
     let mut landmarks = Landmarks::default();
-    let mut preparation = Preparation::start(Taking::AfterFrames(WALLS_AFTER_FRAMES));
+    let mut preparation = Preparation::start(walls);
     let mut seen_changes = None;
-    let mut score = Score::new(simulator, world_from_map);
-    let mut frame = simulator.sense_first();
-    let mut frames = 0_usize;
     loop {
+        let frame = robot.sense().await?;
         let changes = services.map.changes();
         if seen_changes != Some(changes) {
             seen_changes = Some(changes);
@@ -100,137 +204,56 @@ pub fn run(
         preparation.take(&mut landmarks);
         let describe = || frame.panorama.as_ref().and_then(|panorama| (services.describe)(panorama));
         let step = pilot.step(&landmarks, &frame, describe, services.paths);
-        (services.on_frame)(&frame, &step);
-        score.take(simulator, &pilot, &frame, &step, frames.is_multiple_of(TRAJECTORY_EVERY));
-        frames += 1;
+        let flow = observer.on_frame(&frame, &step, pilot);
         match &step.outcome {
-            Some(Outcome::Localized) if goal != Goal::None => match choose(&goal, services.map, &step) {
-                Some(point) => {
-                    score.set_goal(simulator, point);
+            Some(TaskOutcome::Localized) if *goal != MissionGoal::None => match choose(goal, services.map, &step) {
+                Ok(point) => {
+                    observer.on_goal(point);
                     pilot.set_task(Task::GoTo(point));
                 }
-                None => {
-                    let refusal = ErrorReply {
-                        code: ErrorCode::UnknownNode,
-                        message: "the map has no such node or place".to_owned(),
-                    };
-                    return score.finish(simulator, &pilot, &Outcome::Failed(Failure::NoPath(refusal)));
-                }
+                Err(unknown) => return Ok(TaskOutcome::Failed(Failure::NoPath(unknown))),
             },
-            Some(outcome) => return score.finish(simulator, &pilot, outcome),
+            Some(outcome) => return Ok(outcome.clone()),
             None => {}
         }
-        frame = simulator.step(step.command);
+        if flow.is_break() {
+            return Err(MissionError::Interrupted);
+        }
+        robot.drive(step.command).await?;
     }
 }
 
-/// The point to go to, now that the robot knows where it is.
-fn choose(goal: &Goal, map: &dyn MapView, step: &Step) -> Option<Point2> {
+/// The point to go to, now that the robot knows where it is; or why there is none.
+fn choose(goal: &MissionGoal, map: &dyn MapSource, step: &PilotStep) -> Result<Point2, ErrorReply> {
+    let unknown = |code, what: String| ErrorReply::new(code, &format!("the map has no {what}"));
+    match goal {
+        MissionGoal::Point(point) => Ok(*point),
+        MissionGoal::Named(name) => {
+            map.place(name).ok_or_else(|| unknown(ErrorCode::UnknownPlace, format!("place called {name}")))
+        }
+        MissionGoal::Node(id) => {
+            let mut found = None;
+            map.view(&mut |map| found = map.node(*id).map(position));
+            found.ok_or_else(|| unknown(ErrorCode::UnknownNode, format!("node {id}")))
+        }
+        MissionGoal::None => Err(unknown(ErrorCode::UnknownPlace, "place for no goal".to_owned())),
+        MissionGoal::FarNode(seed) => {
+            far_node(map, step, *seed).ok_or_else(|| unknown(ErrorCode::UnknownNode, "node to drive to".to_owned()))
+        }
+    }
+}
+
+fn far_node(map: &dyn MapSource, step: &PilotStep, seed: u64) -> Option<Point2> {
     let here = Point2::from(step.localization.map_from_base()?.translation.vector);
-    let mut chosen = None;
-    map.view(&mut |map| {
-        chosen = match goal {
-            Goal::None => None,
-            Goal::Point(point) => Some(*point),
-            Goal::Named(name) => {
-                let pose = map.annotations().place(name);
-                pose.map(|pose| Point2::new(pose.position.x(), pose.position.y()))
-            }
-            Goal::Node(id) => map.node(*id).map(|node| Point2::new(node.pose.position.x(), node.pose.position.y())),
-            Goal::FarNode(seed) => {
-                let position = |node: fht_map::NodeRef<'_>| Point2::new(node.pose.position.x(), node.pose.position.y());
-                let mut places: Vec<Point2> = map.nodes().map(position).collect();
-                places.sort_by(|a, b| (b - here).norm().total_cmp(&(a - here).norm()));
-                places.truncate(places.len().div_ceil(3));
-                let mut rng = ChaCha8Rng::seed_from_u64(*seed);
-                let index = rng.random_range(0..places.len().max(1));
-                places.get(index).copied()
-            }
-        };
-    });
-    chosen
+    let mut places = Vec::new();
+    map.view(&mut |map| places = map.nodes().map(position).collect());
+    places.sort_by(|a, b| (b - here).norm().total_cmp(&(a - here).norm()));
+    places.truncate(places.len().div_ceil(3));
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let index = rng.random_range(0..places.len().max(1));
+    places.get(index).copied()
 }
 
-/// Collects the figures.
-struct Score {
-    map_from_world: Pose2,
-    report: Report,
-    driven_at_fix_m: Option<f64>,
-    first_us: Option<u64>,
-    last: Option<(Pose2, Pose2)>,
-}
-
-impl Score {
-    fn new(simulator: &Simulator, world_from_map: &Pose2) -> Self {
-        let map_from_world = world_from_map.inverse();
-        let start = map_from_world * simulator.truth();
-        let start = [start.translation.x, start.translation.y, start.rotation.angle()];
-        let report = Report { start, ..Report::default() };
-        Self { map_from_world, report, driven_at_fix_m: None, first_us: None, last: None }
-    }
-
-    fn take(&mut self, simulator: &Simulator, pilot: &Pilot, frame: &SensorFrame, step: &Step, is_drawn: bool) {
-        let truth = self.map_from_world * simulator.truth();
-        let report = &mut self.report;
-        let first = *self.first_us.get_or_insert(frame.time_us);
-        report.sim_s = frame.time_us.saturating_sub(first) as f64 / 1e6;
-        if is_drawn {
-            report.true_trajectory.push([truth.translation.x, truth.translation.y]);
-        }
-        if let Some(path) = pilot.path() {
-            report.planned_length_m.get_or_insert(path.length_m);
-            // The robot plans first and the server answers after: its word is the better.
-            if report.planner != Some(Planner::Server) {
-                report.planner = Some(path.planner);
-            }
-        }
-        let estimate = step.localization.map_from_base();
-        report.localized_at_end = estimate.is_some();
-        self.last = estimate.map(|estimate| (estimate, truth));
-        let Some(estimate) = estimate else { return };
-        let (metres, degrees) = error(&estimate, &truth);
-        report.worst_error_m = Some(report.worst_error_m.map_or(metres, |worst| worst.max(metres)));
-        if !report.localized {
-            report.localized = true;
-            report.relocalization_distance_m = Some(simulator.driven_m());
-            report.relocalization_error_m = Some(metres);
-            report.relocalization_error_deg = Some(degrees);
-            report.relocalization_evidence = step.localization.evidence;
-            self.driven_at_fix_m = Some(simulator.driven_m());
-        }
-        if is_drawn {
-            report.trajectory.push([estimate.translation.x, estimate.translation.y]);
-        }
-    }
-
-    fn set_goal(&mut self, simulator: &Simulator, goal: Point2) {
-        self.report.goal = Some([goal.x, goal.y]);
-        let from = Point2::from(simulator.truth().translation.vector);
-        let to = self.map_from_world.inverse() * goal;
-        let shortest = simulator.world().plan().shortest_path(from, to, simulator.config().radius_m);
-        self.report.shortest_length_m =
-            shortest.map(|points| points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum());
-    }
-
-    fn finish(mut self, simulator: &Simulator, pilot: &Pilot, outcome: &Outcome) -> Report {
-        let report = &mut self.report;
-        report.arrived = *outcome == Outcome::Arrived;
-        if let Outcome::Failed(failure) = outcome {
-            report.failure = Some(failure.to_string());
-        }
-        if let Some((metres, degrees)) = self.last.map(|(estimate, truth)| error(&estimate, &truth)) {
-            report.final_error_m = Some(metres);
-            report.final_error_deg = Some(degrees);
-        }
-        let truth = self.map_from_world * simulator.truth();
-        report.goal_distance_m =
-            report.goal.map(|goal| (truth.translation.vector - nalgebra::Vector2::from(goal)).norm());
-        if report.goal.is_some() {
-            report.path_length_m = self.driven_at_fix_m.map(|at| simulator.driven_m() - at);
-        }
-        report.plans = pilot.plans();
-        report.refixes = pilot.localizer().refixes();
-        report.collisions = simulator.collisions();
-        self.report
-    }
+fn position(node: NodeRef<'_>) -> Point2 {
+    Point2::new(node.pose.position.x(), node.pose.position.y())
 }

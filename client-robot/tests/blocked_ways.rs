@@ -1,24 +1,27 @@
-//! A robot whose way is blocked tries another, waits, and goes on when the way is open again; it gives up in the end.
+//! A robot whose way is blocked tries another, waits, and goes on when the way is open again; it
+//! gives up in the end.
 
 mod fixture;
+#[path = "fixture/scored.rs"]
+mod scored;
 
-use client_robot::mission::{Goal, Services, run};
-use client_robot::pilot::{PathSource, PilotConfig};
-use client_robot::report::Report;
-use client_robot::route::{PlannedPath, Planner, RoutePoint};
+use client_robot::mission::{MissionConfig, MissionGoal, Services};
+use client_robot::program::MissionReport;
+use fht_client::{PathPoint, PathSource, PlannedPath, Planner};
 use fht_map::MapState;
-use fht_proto::query::{ErrorCode, ErrorReply};
+use fht_perception::frame::Panorama;
+use fht_perception::pose::Point2;
+use fht_proto::api::reply::{ErrorCode, ErrorReply};
 use fht_proto::{AuthorId, FixedPoint, NodeId};
-use fht_robot::frame::Panorama;
-use fht_robot::pose::Point2;
 use fht_sim::{SimConfig, Simulator, World};
 use fixture::{FixtureConfig, OwnPaths, colour_descriptor, map_of};
 use nalgebra::Vector2;
+use scored::scored;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Gives paths that lead out of the building, and true ones once it was asked `open_after` times. With a place blocked it
-/// has none.
+/// Gives paths that lead out of the building, and true ones once it was asked `open_after` times.
+/// With a place blocked it has none.
 struct Scripted<'a> {
     map: &'a MapState,
     open_after: usize,
@@ -36,8 +39,8 @@ impl PathSource for Scripted<'_> {
             return Err(ErrorReply { code: ErrorCode::NoPath, message: "the only way is blocked".to_owned() });
         }
         let node = |number| Some(NodeId { author: AuthorId(1), number });
-        let outside = RoutePoint { position: from + Vector2::new(200.0, 0.0), node: node(2) };
-        let points = vec![RoutePoint { position: from, node: node(1) }, outside];
+        let outside = PathPoint { position: from + Vector2::new(200.0, 0.0), node: node(2) };
+        let points = vec![PathPoint { position: from, node: node(1) }, outside];
         Ok(PlannedPath { points, length_m: 200.0, planner: Planner::Replica })
     }
 }
@@ -46,12 +49,12 @@ fn describe(panorama: &Panorama) -> Option<fht_proto::Descriptor> {
     Some(colour_descriptor(panorama))
 }
 
-fn mission(world: &Arc<World>, map: &MapState, open_after: usize) -> (Report, Vec<usize>) {
+fn mission(world: &Arc<World>, map: &MapState, open_after: usize) -> (MissionReport, Vec<usize>) {
     let start = world.random_free_pose(1, 0.4);
-    let mut simulator = Simulator::new(Arc::clone(world), SimConfig::default(), start, 1);
+    let simulator = Simulator::new(Arc::clone(world), SimConfig::default(), start, 1);
     let mut paths = Scripted { map, open_after, asked: Vec::new() };
-    let mut services = Services { map, paths: &mut paths, describe: &mut describe, on_frame: &mut |_, _| {} };
-    let report = run(&mut simulator, PilotConfig::default(), Goal::FarNode(1), &world.start(), &mut services);
+    let mut services = Services { map, paths: &mut paths, describe: &mut describe };
+    let report = scored(simulator, MissionConfig::default(), &MissionGoal::FarNode(1), &world.start(), &mut services);
     (report, paths.asked)
 }
 

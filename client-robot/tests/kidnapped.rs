@@ -1,12 +1,13 @@
-//! A robot that is carried off notices it, says that it is lost, and finds out where it is again; so does one without cameras.
+//! A robot that is carried off notices it, says that it is lost, and finds out where it is again;
+//! so does one without cameras.
 
 mod fixture;
 
-use client_robot::landmarks::Landmarks;
-use client_robot::localize::{LocalizeConfig, Localizer};
-use fht_proto::fleet::LocalizationState;
-use fht_robot::frame::{SensorFrame, Twist};
-use fht_robot::pose::Pose2;
+use fht_localization::landmarks::Landmarks;
+use fht_localization::localizer::{Localizer, LocalizerConfig};
+use fht_perception::frame::{SensorFrame, Twist};
+use fht_perception::pose::Pose2;
+use fht_proto::api::fleet::LocalizationState;
 use fht_sim::{SimConfig, Simulator, World};
 use fixture::{FixtureConfig, colour_descriptor, map_of};
 use std::sync::Arc;
@@ -90,7 +91,7 @@ fn is_carried_off_and_finds_itself(camera_every: u64) {
     landmarks.refresh(&map);
     for seed in 1..=4 {
         let mut robot = Carried::new(&world, seed, camera_every);
-        let mut localizer = Localizer::new(LocalizeConfig::default());
+        let mut localizer = Localizer::new(LocalizerConfig::default());
         drive_until_known(&mut robot, &mut localizer, &landmarks);
         for _ in 0..20 {
             let frame = robot.step();
@@ -118,7 +119,7 @@ fn so_does_one_without_cameras() {
 #[test]
 fn without_a_map_it_knows_nothing() {
     let mut robot = Carried::new(&museum(), 1, 0);
-    let mut localizer = Localizer::new(LocalizeConfig::default());
+    let mut localizer = Localizer::new(LocalizerConfig::default());
     let landmarks = Landmarks::default();
     for _ in 0..20 {
         let frame = robot.step();

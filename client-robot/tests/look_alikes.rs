@@ -1,14 +1,15 @@
-//! Two rooms of one shape: a robot in one of them says that it may be in either, until something tells them apart.
+//! Two rooms of one shape: a robot in one of them says that it may be in either, until something
+//! tells them apart.
 
-use client_robot::landmarks::Landmarks;
-use client_robot::odometry::Odometry;
-use client_robot::relocalize::{Belief, Observation, RelocalizeConfig, Relocalizer};
+use fht_localization::landmarks::Landmarks;
+use fht_localization::relocalization::{Belief, RelocalizationConfig, Relocalizer, Sensed};
 use fht_map::MapState;
+use fht_perception::frame::LaserScan;
+use fht_perception::pose::{Pose2, pose, to_fixed};
+use fht_perception::scan_odometry::Odometry;
 use fht_proto::{
     AuthorId, Descriptor, DescriptorModel, FixedPose, Increment, ModelId, NodeId, NodeKind, Op, Rect, Signature,
 };
-use fht_robot::frame::LaserScan;
-use fht_robot::pose::{Pose2, pose, to_fixed};
 
 type Wall = [(f64, f64); 2];
 const MODEL: ModelId = ModelId(7);
@@ -84,9 +85,10 @@ fn map(walls: &[Wall], looks: [usize; 2]) -> Landmarks {
     landmarks
 }
 
-/// Drives through the second room; what the robot believes at the end, or when it knows, and where it then is.
+/// Drives through the second room; what the robot believes at the end, or when it knows, and where
+/// it then is.
 fn drive(walls: &[Wall], landmarks: &Landmarks, seen: Option<usize>) -> (Belief, Pose2) {
-    let mut relocalizer = Relocalizer::new(RelocalizeConfig::default());
+    let mut relocalizer = Relocalizer::new(RelocalizationConfig::default());
     let start = pose(APART_M - 1.5, 2.8, -1.3);
     let mut last = (Belief::NotLocalized, start);
     for step in 0..9 {
@@ -97,7 +99,7 @@ fn drive(walls: &[Wall], landmarks: &Landmarks, seen: Option<usize>) -> (Belief,
         let odometry =
             Odometry { odom_from_base, odometer_m: 0.4 * f64::from(step), turned_rad: 0.0, is_keyframe: true };
         let descriptor = seen.map(look);
-        let observation = Observation { odometry, scan: &scan, points: &points, descriptor: descriptor.as_ref() };
+        let observation = Sensed { odometry, scan: &scan, points: &points, descriptor: descriptor.as_ref() };
         last = (relocalizer.observe(landmarks, &observation), at);
         if matches!(last.0, Belief::Localized(_)) {
             break;

@@ -1,17 +1,18 @@
-//! Writes the first inputs of every target into `corpus/`: small messages of every sort, as robots and tools send them.
+//! Writes the first inputs of every target into `corpus/`: small messages of every sort, as robots
+//! and tools send them.
 
-use fht_proto::archive::{self, header_line};
-use fht_proto::compact::{CompactNode, CompactNodes, CompactPath, CompactWaypoint};
-use fht_proto::envelope::Message;
-use fht_proto::fold::Rest;
-use fht_proto::query::Snapshot;
+use fht_bag::cdr;
+use fht_bag::msg::{HeaderMsg, Image, LaserScanMsg, OdometryMsg, Pose, TfMessage, Time, TransformStamped};
+use fht_proto::api::compact::{CompactNode, CompactNodes, CompactPath, CompactWaypoint};
+use fht_proto::api::reply::Series;
+use fht_proto::codec::archive::{ArchiveHeader, header_line};
+use fht_proto::codec::envelope::Message;
+use fht_proto::model::compaction::Rest;
 use fht_proto::{
-    AuthorId, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Fold, Increment, ModelId, NodeId,
-    NodeKind, Op, Rect, Release, ReleaseId, ScanRecord, SeenArea, Signature, Square, VersionVector, Zone, ZoneRule,
-    encode,
+    AuthorId, CompactedSeries, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Increment, ModelId,
+    NodeId, NodeKind, Op, Rect, Release, ReleaseId, ScanRecord, SeenArea, Signature, Square, VersionVector, Zone,
+    ZoneRule, encode,
 };
-use fht_robot::bag::cdr;
-use fht_robot::bag::msg::{Header, Image, LaserScan, Odometry, Pose, TfMessage, Time, TransformStamped};
 use std::error::Error;
 use std::path::Path;
 
@@ -81,6 +82,30 @@ fn body<M: Message>(message: &M) -> Result<Vec<u8>, Box<dyn Error>> {
     Ok(bytes[5 + varint..bytes.len() - 4].to_vec())
 }
 
+/// Queries as tools put them.
+const SELECTORS: [&str; 11] = [
+    "fht/maps",
+    "fht/museum/path?from=0,0;to=5,3",
+    "fht/museum/path?from=0000000a.1;to=dock;release=head;fmt=postcard",
+    "fht/museum/nodes?near=0,0;radius=3;limit=5",
+    "fht/museum/since?vector=0000000a:3,00000009:1;max_bytes=600;piece_bytes=200",
+    "fht/museum/snapshot?release=2026-11-21.1@00000009;have=0000000a:3",
+    "fht/museum/diff?from=17;to=0000000a:3",
+    "fht/museum/admin/retain?keep=100",
+    "fht/museum/match?limit=3\nFHT",
+    "fht/museum/robots/r1/blocked",
+    "fht/museum/inc/0000000a/17",
+];
+/// What servers and robots say as JSON.
+const MESSAGES: [&str; 6] = [
+    r#"{"map":"m","version":3,"vector":{"0000000a":3},"digest":"0707070707070707070707070707070707070707070707070707070707070707","clock_us":9,"enabled":"a@0000000a","main_nodes":3,"support_nodes":4,"edges":5,"bytes":6,"refused":0}"#,
+    r#"{"for_s":60,"edges":[["0000000a.1","0000000a.2"]],"places":[[1.5,-2]]}"#,
+    r#"{"robot":"r1","role":"client","map":"m","version":3,"vector":{"0000000a":3},"state":"LOCALIZED","map_from_base":[1,2,0.5]}"#,
+    r#"{"map":"m","version":1,"length_m":1.5,"waypoints":[{"x":0,"y":1,"node":"0000000a.1"}],"obeyed":[{"rule":"keep_out","zone":"wet"}],"speed_limits":[{"zone":"lab","max_mps":0.3,"along_m":[0,1]}]}"#,
+    r#"{"code":"NO_PATH","message":"no"}"#,
+    r#"{"at":[0,1],"target":[2,3],"remaining_m":4}"#,
+];
+
 fn main() -> Result<(), Box<dyn Error>> {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
     let write = |target: &str, name: &str, bytes: &[u8]| -> Result<(), Box<dyn Error>> {
@@ -102,9 +127,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         ops: increment.ops.iter().cloned().zip(0..).map(|(op, index)| (index, op)).collect(),
     };
     let rests = increments.iter().take(4).map(rest).collect();
-    let fold = Fold { author: ANA, first: 1, last: 4, rests };
+    let fold = CompactedSeries { author: ANA, first: 1, last: 4, rests };
     write("fold", "seed-0", &body(&fold)?)?;
-    let series = Snapshot { folds: vec![fold], increments: increments[4..].to_vec() };
+    let series = Series { folds: vec![fold], increments: increments[4..].to_vec() };
     write("series", "seed-0", &body(&series)?)?;
     if let Some(descriptor) = &signature(3).descriptor {
         write("replies", "seed-descriptor", &body(descriptor)?)?;
@@ -127,38 +152,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     write("replies", "seed-seen", &body(&seen)?)?;
     let mut vector = VersionVector::default();
     vector.set(ANA, 6);
-    let mut file = header_line(&archive::Header::new(path.map, vector, Digest([1; 32])))?;
+    let mut file = header_line(&ArchiveHeader::new(path.map, vector, Digest([1; 32])))?;
     file.extend(encode(&series)?);
     write("archive", "seed-0", &file)?;
-    for (index, selector) in [
-        "fht/maps",
-        "fht/museum/path?from=0,0;to=5,3",
-        "fht/museum/path?from=0000000a.1;to=dock;release=head;fmt=postcard",
-        "fht/museum/nodes?near=0,0;radius=3;limit=5",
-        "fht/museum/since?vector=0000000a:3,00000009:1;max_bytes=600;piece_bytes=200",
-        "fht/museum/snapshot?release=2026-11-21.1@00000009;have=0000000a:3",
-        "fht/museum/diff?from=17;to=0000000a:3",
-        "fht/museum/admin/retain?keep=100",
-        "fht/museum/match?limit=3\nFHT",
-        "fht/museum/robots/r1/blocked",
-        "fht/museum/inc/0000000a/17",
-    ]
-    .iter()
-    .enumerate()
-    {
+    for (index, selector) in SELECTORS.iter().enumerate() {
         write("selector", &format!("seed-{index}"), selector.as_bytes())?;
     }
-    for (index, json) in [
-        r#"{"map":"m","version":3,"vector":{"0000000a":3},"digest":"0707070707070707070707070707070707070707070707070707070707070707","clock_us":9,"enabled":"a@0000000a","main_nodes":3,"support_nodes":4,"edges":5,"bytes":6,"refused":0}"#,
-        r#"{"for_s":60,"edges":[["0000000a.1","0000000a.2"]],"places":[[1.5,-2]]}"#,
-        r#"{"robot":"r1","role":"client","map":"m","version":3,"vector":{"0000000a":3},"state":"LOCALIZED","map_from_base":[1,2,0.5]}"#,
-        r#"{"map":"m","version":1,"length_m":1.5,"waypoints":[{"x":0,"y":1,"node":"0000000a.1"}],"obeyed":[{"rule":"keep_out","zone":"wet"}],"speed_limits":[{"zone":"lab","max_mps":0.3,"along_m":[0,1]}]}"#,
-        r#"{"code":"NO_PATH","message":"no"}"#,
-        r#"{"at":[0,1],"target":[2,3],"remaining_m":4}"#,
-    ]
-    .iter()
-    .enumerate()
-    {
+    for (index, json) in MESSAGES.iter().enumerate() {
         write("json", &format!("seed-{index}"), json.as_bytes())?;
     }
     write("bag", "seed-0", &recorded()?)?;
@@ -178,8 +178,10 @@ fn recorded() -> Result<Vec<u8>, Box<dyn Error>> {
         Ok(())
     };
     for round in 0..2 {
-        let header =
-            |frame: &str| Header { stamp: Time { sec: 1, nanosec: 100_000_000 * round }, frame_id: frame.to_owned() };
+        let header = |frame: &str| HeaderMsg {
+            stamp: Time { sec: 1, nanosec: 100_000_000 * round },
+            frame_id: frame.to_owned(),
+        };
         let link = |parent: &str, child: &str| TransformStamped {
             header: header(parent),
             child_frame_id: child.to_owned(),
@@ -189,20 +191,20 @@ fn recorded() -> Result<Vec<u8>, Box<dyn Error>> {
         add(2, cdr::encode(&TfMessage { transforms: vec![link("odom", "base_link")] })?)?;
         add(
             1,
-            cdr::encode(&Odometry {
+            cdr::encode(&OdometryMsg {
                 header: header("odom"),
                 child_frame_id: "base_link".to_owned(),
-                ..Odometry::default()
+                ..OdometryMsg::default()
             })?,
         )?;
-        let scan = LaserScan {
+        let scan = LaserScanMsg {
             header: header("laser"),
             angle_max: 3.0,
             angle_increment: 0.5,
             range_min: 0.1,
             range_max: 7.0,
             ranges: vec![1.0, 2.0, f32::INFINITY, 3.0, f32::NAN, 1.5, 2.5],
-            ..LaserScan::default()
+            ..LaserScanMsg::default()
         };
         add(0, cdr::encode(&scan)?)?;
         let picture = Image {

@@ -1,8 +1,9 @@
 #![no_main]
-//! Recorded runs. The input is a row of messages (topic, length in two bytes, bytes), each also read on its own; or, if it begins so, an MCAP file.
+//! Recorded runs. The input is a row of messages (topic, length in two bytes, bytes), each also
+//! read on its own; or an MCAP file, if it begins like one.
 
-use fht_robot::bag::msg::{CompressedImage, Image, LaserScan, Odometry, TfMessage};
-use fht_robot::bag::{FrameConfig, Frames, cdr};
+use fht_bag::msg::{CompressedImage, Image, LaserScanMsg, OdometryMsg, TfMessage};
+use fht_bag::{FrameConfig, Frames, cdr};
 use libfuzzer_sys::fuzz_target;
 use mcap::records::MessageHeader;
 use mcap::{WriteOptions, Writer};
@@ -64,8 +65,8 @@ fuzz_target!(|bytes: &[u8]| {
     } else {
         let messages = messages(bytes);
         for (_, bytes) in &messages {
-            let _ = cdr::decode::<LaserScan>(bytes);
-            let _ = cdr::decode::<Odometry>(bytes);
+            let _ = cdr::decode::<LaserScanMsg>(bytes);
+            let _ = cdr::decode::<OdometryMsg>(bytes);
             let _ = cdr::decode::<TfMessage>(bytes);
             let _ = cdr::decode::<Image<'_>>(bytes);
             let _ = cdr::decode::<CompressedImage<'_>>(bytes);

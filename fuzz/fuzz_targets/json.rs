@@ -1,9 +1,9 @@
 #![no_main]
-//! Everything that is read as JSON: what servers answer, and what robots say.
+//! Everything that is read as JSON: servers' answers and robots' messages.
 
-use fht_map::blocked::Reports;
-use fht_proto::fleet::{BlockedReport, ExplorerGoal, FleetReply, RobotPose, RobotStatus};
-use fht_proto::query::{DiffReply, ErrorReply, Head, MapsReply, NodesReply, PathReply, ReleasesReply, RulesReply};
+use fht_map::plan::blocked::Reports;
+use fht_proto::api::fleet::{BlockedReport, ExplorerGoal, FleetReply, RobotPose, RobotStatus};
+use fht_proto::api::reply::{DiffReply, ErrorReply, Head, MapsReply, NodesReply, PathReply, ReleasesReply, RulesReply};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -1,8 +1,11 @@
 #![no_main]
-//! Valid maps of any shape: free space, rules, paths, differences. The input is a row of increments' bodies, each after its length in two bytes.
+//! Valid maps of any shape: free space, rules, paths, differences. The input is a row of
+//! increments' bodies, each after its length in two bytes.
 
-use fht_map::{FreeSpace, IndexConfig, MapIndex, MapState, RouteConfig, Rules, diff, lookup};
-use fht_proto::envelope::{FORMAT_VERSION, Message, seal};
+use fht_map::crdt::diff;
+use fht_map::index::lookup;
+use fht_map::{FreeSpace, IndexConfig, MapIndex, MapState, NodeRouteConfig, Rules};
+use fht_proto::codec::envelope::{FORMAT_VERSION, Message, seal};
 use fht_proto::{FixedPoint, Increment, decode};
 use libfuzzer_sys::fuzz_target;
 
@@ -31,11 +34,11 @@ fuzz_target!(|bytes: &[u8]| {
     let places: Vec<FixedPoint> = map.nodes().map(|node| node.pose.position).take(3).collect();
     for from in &places {
         for to in &places {
-            if let Ok(route) = rules.plan(&map, &space, *from, *to, &RouteConfig::default()) {
+            if let Ok(route) = rules.plan(&map, &space, *from, *to, &NodeRouteConfig::default()) {
                 assert!(route.length_m.is_finite() && route.waypoints.first().map(|it| it.point) == Some(*from));
                 let _ = rules.speed_limits(&route);
             }
         }
-        assert_eq!(lookup::nearest(&map, *from, 5.0), lookup::nearest_over(&map, &index, *from, 5.0));
+        assert_eq!(lookup::nearest(&map, None, *from, 5.0), lookup::nearest(&map, Some(&index), *from, 5.0));
     }
 });

@@ -2,7 +2,7 @@
 //! The other binary messages: descriptors, compact paths and nodes, what explorers have seen.
 
 use fht_fuzz::decode_all;
-use fht_proto::compact::{CompactNodes, CompactPath};
+use fht_proto::api::compact::{CompactNodes, CompactPath};
 use fht_proto::{Descriptor, SeenArea, Square};
 use libfuzzer_sys::fuzz_target;
 

@@ -1,8 +1,8 @@
 #![no_main]
 //! Keys and queries: `KEY?PARAMETERS`, a line end, and a payload.
 
-use fht_proto::keys::Key;
-use fht_proto::request::{parse, parse_order};
+use fht_proto::api::keys::Key;
+use fht_proto::api::request::{parse, parse_order};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

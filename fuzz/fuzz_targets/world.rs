@@ -1,5 +1,6 @@
 #![no_main]
-//! Files of buildings: the first byte says which sort, the rest is the file. Of a floor plan and its picture the first zero byte divides them.
+//! Files of buildings. The first byte says which sort, the rest is the file. The first zero byte
+//! separates a floor plan from its picture.
 
 use fht_sim::load;
 use libfuzzer_sys::fuzz_target;

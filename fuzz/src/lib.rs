@@ -1,10 +1,11 @@
-//! What the targets share: a checksum stops a fuzzer at the door, so they put the bytes that they are given into envelopes.
+//! What the targets share. A checksum would stop a fuzzer at the door, so targets put their bytes
+//! into envelopes.
 
-use fht_proto::envelope::{FORMAT_VERSION, Message, OLDEST_FORMAT_VERSION, seal};
+use fht_proto::codec::envelope::{FORMAT_VERSION, Message, OLDEST_FORMAT_VERSION, seal};
 use fht_proto::{decode, encode};
 
-/// Decodes the bytes as they are, and as the body of a message in every format that is read. Whatever passes can be encoded, and decodes to
-/// itself.
+/// Decodes the bytes as they are, and as the body of a message in every supported format. What
+/// passes can be encoded again, and decodes to itself.
 pub fn decode_all<M: Message + PartialEq + std::fmt::Debug>(bytes: &[u8]) -> Vec<M> {
     let _ = decode::<M>(bytes);
     let formats = OLDEST_FORMAT_VERSION..=FORMAT_VERSION;

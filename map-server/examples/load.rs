@@ -1,28 +1,35 @@
-//! How much a server takes: durable increments per second over Zenoh on this machine, and how long a path takes on the map
-//! that they make. `cargo run --release -p map-server --example load -- 5000`, or `… load -- 1000000 0` for a million nodes none of which
-//! is a main node: every so many-th is, if the second number is not 0 (5 if it is not given).
+//! How much load a server takes: durable increments per second over Zenoh on this machine, and how
+//! long a path takes on the resulting map.
+//!
+//! ```text
+//! cargo run --release -p map-server --example load -- 5000
+//! cargo run --release -p map-server --example load -- 1000000 0
+//! ```
+//!
+//! The first number counts the nodes. Every so many-th is a main node, as the second number says
+//! (0: none; default 5).
 #![allow(clippy::unwrap_used)] // a measurement may panic
 
-use fht_proto::keys::Key;
-use fht_proto::query::Head;
+use fht_proto::api::keys::Key;
+use fht_proto::api::reply::Head;
 use fht_proto::{
     AuthorId, Descriptor, EdgeKey, FixedPose, Increment, MapName, ModelId, NodeId, NodeKind, Op, Rect, ScanRecord,
     Signature, encode,
 };
-use map_server::config::LinkConfig;
-use map_server::{ServerConfig, run};
+use map_server::{ServerConfig, ServerEndpoints, ServerError, run};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
 use zenoh::Session;
 use zenoh::handlers::FifoChannelHandler;
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
 use zenoh::sample::Sample;
 
-/// Increments put ahead of the acknowledgement.
+/// Increments that are put ahead of the acknowledgement.
 const WINDOW: u64 = 1000;
-/// Nodes in a row of the grid that the map is, at least.
+/// Nodes in a row of the map's grid, at least.
 const ROW: u32 = 50;
 const QUERIES: usize = 300;
 
@@ -60,7 +67,8 @@ fn increment(grid: Grid, author: AuthorId, number: u64) -> Increment {
     Increment { author, number, hlc_us: number, ops }
 }
 
-/// Questions that were put again: of large answers that are asked for back to back the server's router drops one now and then.
+/// Questions that were asked again: the server's router drops a large answer now and then when they
+/// are asked for back to back.
 static PUT_AGAIN: AtomicU64 = AtomicU64::new(0);
 
 async fn get(session: &Session, selector: &str) -> Vec<u8> {
@@ -76,7 +84,7 @@ async fn get(session: &Session, selector: &str) -> Vec<u8> {
     panic!("{selector}: {reason}")
 }
 
-/// The next head published, or the one asked for if none comes.
+/// The next published head, or the answer to a question for it if none arrives.
 async fn next_head(session: &Session, heads: &Subscriber<FifoChannelHandler<Sample>>) -> Head {
     let payload = match tokio::time::timeout(Duration::from_millis(500), heads.recv_async()).await {
         Ok(sample) => sample.unwrap().payload().to_bytes().into_owned(),
@@ -85,14 +93,19 @@ async fn next_head(session: &Session, heads: &Subscriber<FifoChannelHandler<Samp
     serde_json::from_slice(&payload).unwrap()
 }
 
-#[tokio::main(flavor = "multi_thread", worker_threads = 2)]
-async fn main() {
-    let argument = |at: usize, default: u64| std::env::args().nth(at).map_or(default, |text| text.parse().unwrap());
-    let (count, main_every) = (argument(1, 5000), argument(2, 5) as u32);
-    let grid = Grid { row: ROW.max((count as f64).sqrt() as u32), main_every };
+/// A running server and a client of it.
+struct Setup {
+    grid: Grid,
+    session: Session,
+    stop: oneshot::Sender<()>,
+    server: JoinHandle<Result<(), ServerError>>,
+    _dir: tempfile::TempDir,
+}
+
+async fn set_up(grid: Grid, count: u64) -> Setup {
     let dir = tempfile::tempdir_in(".").unwrap();
     let endpoint = "tcp/127.0.0.1:17449".to_owned();
-    let link = LinkConfig { listen: vec![endpoint.clone()], ..LinkConfig::default() };
+    let link = ServerEndpoints { listen: vec![endpoint.clone()], ..ServerEndpoints::default() };
     let mut config = ServerConfig::new(dir.path().to_owned(), link);
     config.limits.max_map_elements = config.limits.max_map_elements.max(4 * count as usize);
     config.limits.max_total_elements = config.limits.max_total_elements.max(4 * count as usize);
@@ -104,14 +117,31 @@ async fn main() {
     config.insert_json5("connect/endpoints", &format!("[\"{endpoint}\"]")).unwrap();
     config.insert_json5("scouting/multicast/enabled", "false").unwrap();
     let session = zenoh::open(config).await.unwrap();
-    let heads = session.declare_subscriber("fht/load/head").await.unwrap();
     while session.get("fht/maps").await.unwrap().recv_async().await.is_err() {
         tokio::time::sleep(Duration::from_millis(100)).await;
     }
+    Setup { grid, session, stop, server, _dir: dir }
+}
 
+#[tokio::main(flavor = "multi_thread", worker_threads = 2)]
+async fn main() {
+    let argument = |at: usize, default: u64| std::env::args().nth(at).map_or(default, |text| text.parse().unwrap());
+    let (count, main_every) = (argument(1, 5000), argument(2, 5) as u32);
+    let grid = Grid { row: ROW.max((count as f64).sqrt() as u32), main_every };
+    let setup = set_up(grid, count).await;
+    measure_ingest(&setup, count).await;
+    measure_topics(&setup, count).await;
+    measure_paths(&setup, count).await;
+    println!("{} questions got no answer within a second and were put again", PUT_AGAIN.load(Ordering::Relaxed));
+    setup.stop.send(()).unwrap();
+    setup.server.await.unwrap().unwrap();
+}
+
+async fn measure_ingest(Setup { grid, session, .. }: &Setup, count: u64) {
+    let heads = session.declare_subscriber("fht/load/head").await.unwrap();
     let map: MapName = "load".parse().unwrap();
     let author = AuthorId(1);
-    let encoded: Vec<Vec<u8>> = (1..=count).map(|number| encode(&increment(grid, author, number)).unwrap()).collect();
+    let encoded: Vec<Vec<u8>> = (1..=count).map(|number| encode(&increment(*grid, author, number)).unwrap()).collect();
     let (start, mut sent, mut acknowledged, mut published) = (Instant::now(), 0, 0, 0_u32);
     while acknowledged < count {
         while sent < count.min(acknowledged + WINDOW) {
@@ -120,7 +150,7 @@ async fn main() {
             let put = session.put(key, encoded[sent as usize - 1].clone());
             put.congestion_control(CongestionControl::Block).await.unwrap();
         }
-        let head = next_head(&session, &heads).await;
+        let head = next_head(session, &heads).await;
         acknowledged = acknowledged.max(head.vector.get(author));
         published += 1;
     }
@@ -131,17 +161,19 @@ async fn main() {
         count as f64 / seconds
     );
 
-    // One at a time: what a writer waits for its acknowledgement.
+    // One at a time: how long a writer waits for its acknowledgement.
     let mut waits = Vec::new();
     for number in count + 1..=count + 50 {
         let start = Instant::now();
         let key = Key::increment(&map, author, number).to_string();
-        session.put(key, encode(&increment(grid, author, number)).unwrap()).await.unwrap();
-        while next_head(&session, &heads).await.version < number {}
+        session.put(key, encode(&increment(*grid, author, number)).unwrap()).await.unwrap();
+        while next_head(session, &heads).await.version < number {}
         waits.push(start.elapsed());
     }
     report("acknowledgement of one increment", waits);
+}
 
+async fn measure_topics(Setup { grid, session, .. }: &Setup, count: u64) {
     let (width, rows) = (f64::from(grid.row - 1) * 2.0, count as u32 / grid.row);
     for selector in [
         "fht/load/head".to_owned(),
@@ -157,31 +189,27 @@ async fn main() {
         let mut length = 0;
         for _ in 0..QUERIES {
             let start = Instant::now();
-            length = get(&session, &selector).await.len();
+            length = get(session, &selector).await.len();
             waits.push(start.elapsed());
         }
         report(&format!("{selector} ({length} bytes)"), waits);
     }
-    // Pairs drawn evenly, by the steps of a generator.
+}
+
+/// Paths between evenly distributed pairs, from the steps of a generator.
+async fn measure_paths(Setup { grid, session, .. }: &Setup, count: u64) {
+    let (row, rows) = (u64::from(grid.row), count / u64::from(grid.row));
     let mut waits = Vec::new();
     for pair in 0..QUERIES as u64 {
         let place = |salt: u64| {
-            let drawn = ((2 * pair + salt + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 20)
-                % (u64::from(grid.row) * u64::from(rows));
-            format!(
-                "{:.1},{:.1}",
-                (drawn % u64::from(grid.row)) as f64 * 2.0 + 0.3,
-                (drawn / u64::from(grid.row)) as f64 * 2.0 + 0.3
-            )
+            let drawn = ((2 * pair + salt + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 20) % (row * rows);
+            format!("{:.1},{:.1}", (drawn % row) as f64 * 2.0 + 0.3, (drawn / row) as f64 * 2.0 + 0.3)
         };
         let start = Instant::now();
-        get(&session, &format!("fht/load/path?from={};to={}", place(0), place(1))).await;
+        get(session, &format!("fht/load/path?from={};to={}", place(0), place(1))).await;
         waits.push(start.elapsed());
     }
     report("paths between pairs drawn evenly", waits);
-    println!("{} questions got no answer within a second and were put again", PUT_AGAIN.load(Ordering::Relaxed));
-    stop.send(()).unwrap();
-    server.await.unwrap().unwrap();
 }
 
 fn report(what: &str, mut waits: Vec<Duration>) {

@@ -1,5 +1,9 @@
-//! What a node takes: in the state, in the index, on the disk. A grid with a main node of usual size in every fifth place.
-//! `cargo run --release -p map-server --example size -- 1000000`
+//! How much a node takes: in the state, in the index, on the disk. The map is a grid in which every
+//! fifth node is a main node of typical size.
+//!
+//! ```text
+//! cargo run --release -p map-server --example size -- 1000000
+//! ```
 #![allow(clippy::unwrap_used)] // a measurement may panic
 
 use fht_map::{IndexConfig, MapIndex};
@@ -8,8 +12,7 @@ use fht_proto::{
     Signature, encode,
 };
 use map_server::catalog::Catalog;
-use map_server::log::{IncrementLog, Origin, Record};
-use map_server::store::Store;
+use map_server::store::{IncrementLog, IncrementOrigin, Record, RedbLog};
 use std::time::Instant;
 
 /// Nodes in an increment.
@@ -55,14 +58,14 @@ fn main() {
     let dir = tempfile::tempdir_in(".").unwrap();
     let mut wire = 0;
     {
-        let store = Store::open(dir.path()).unwrap();
+        let store = RedbLog::open(dir.path()).unwrap();
         let mut records = Vec::new();
         for (number, first) in (1..).zip((0..count).step_by(PART as usize)) {
             let ops = (first..count.min(first + PART)).flat_map(|index| node_ops(index, side, main_every)).collect();
             let increment = Increment { author: AuthorId(1), number, hlc_us: number, ops };
             let bytes = encode(&increment).unwrap();
             wire += bytes.len();
-            let origin = Origin::Writer;
+            let origin = IncrementOrigin::Writer;
             records.push(Record { map: map.clone(), sequence: number, author: AuthorId(1), number, bytes, origin });
             if records.len() == COMMIT {
                 store.append(&std::mem::take(&mut records)).unwrap();
@@ -79,7 +82,7 @@ fn main() {
     println!("on the wire   {:.0} B a node, {PART} nodes an increment", each(wire as f64));
     println!("on the disk   {:.0} B a node", each(disk as f64));
 
-    let store = Store::open(dir.path()).unwrap();
+    let store = RedbLog::open(dir.path()).unwrap();
     let (before, begin) = (resident_bytes(), Instant::now());
     let catalog = Catalog::load(&store).unwrap();
     let (loaded, took) = (resident_bytes(), begin.elapsed());

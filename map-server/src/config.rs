@@ -1,81 +1,114 @@
-//! What a server is told at its start.
+//! How a server is configured: where it keeps its maps, what writers may do, how it answers.
 
-use crate::fleet::FleetConfig;
-use crate::storages::QuorumConfig;
-use fht_map::RouteConfig;
-use fht_map::sequence::SequenceConfig;
+use fht_map::NodeRouteConfig;
+use fht_map::crdt::reorder_buffer::SequenceConfig;
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::time::Duration;
+
+/// Where a server listens, and operators connect, unless told otherwise.
+pub const DEFAULT_LISTEN: &str = "tcp/127.0.0.1:7447";
 
 /// How a server runs.
 #[derive(Clone, Debug)]
 pub struct ServerConfig {
-    /// Directory that keeps the maps; made if absent. One server at a time.
+    /// Directory that keeps the maps; made if absent. Only one server may use it at a time.
     pub data: PathBuf,
-    /// Storages that keep the maps, in the place of the directory: the server is one of several then. Default none.
+    /// Replicated storages that keep the maps instead of the directory: the server is then one of
+    /// several. Default none.
     pub storages: Option<QuorumConfig>,
     /// The network.
-    pub link: LinkConfig,
+    pub link: ServerEndpoints,
     /// What writers may do.
     pub limits: Limits,
     /// How queries are answered.
     pub answers: AnswerConfig,
     /// When robots count as late.
     pub fleet: FleetConfig,
+    /// How a server that stands on storages fetches what it lacks.
+    pub gaps: GapFillConfig,
 }
 
 impl ServerConfig {
-    /// A server with its maps in `data`, reached over `link`, in all else by default.
+    /// A server that keeps its maps in `data` and is reached over `link`, with defaults for
+    /// everything else.
     #[must_use]
-    pub fn new(data: PathBuf, link: LinkConfig) -> Self {
+    pub fn new(data: PathBuf, link: ServerEndpoints) -> Self {
         let (limits, answers, fleet) = (Limits::default(), AnswerConfig::default(), FleetConfig::default());
-        Self { data, storages: None, link, limits, answers, fleet }
+        Self { data, storages: None, link, limits, answers, fleet, gaps: GapFillConfig::default() }
     }
 }
 
-/// How the server is reached. With `listen` it is a Zenoh router that robots and tools connect to; with `connect` alone it
-/// is a client of another router.
+/// How the server is reached. With `listen` it is a Zenoh router that robots and tools connect to;
+/// with `connect` alone it is a client of another router.
 #[derive(Clone, Debug, Default)]
-pub struct LinkConfig {
+pub struct ServerEndpoints {
     /// Endpoints to listen on, such as `tcp/0.0.0.0:7447`.
     pub listen: Vec<String>,
     /// Endpoints of other routers.
     pub connect: Vec<String>,
-    /// A Zenoh configuration file (JSON5) to start from: endpoints, TLS, access control. What is given above goes before what
-    /// it says; whatever it leaves open is set as without a file.
+    /// A Zenoh configuration file (JSON5) to start from: endpoints, TLS, access control. The
+    /// endpoints above override it; whatever it leaves open is set as without a file.
     pub zenoh_config: Option<PathBuf>,
-    /// How long a client tries to connect; none: without end. Default none.
+    /// How long a client tries to connect; none: for ever. Default none.
     pub patience: Option<Duration>,
 }
 
-/// What the server takes in at most. Writers are not trusted.
-#[derive(Clone, Debug)]
+/// How many storages there are, and how many of them must hold what is acknowledged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct QuorumConfig {
+    /// Storages of the site, each in a router of its own.
+    pub storages: usize,
+    /// How many must hold an increment before a head covers it. More than half, so that any two
+    /// such sets share one.
+    pub confirm: usize,
+}
+
+impl QuorumConfig {
+    /// More than half of `storages` confirm.
+    #[must_use]
+    pub fn majority(storages: usize) -> Self {
+        Self { storages, confirm: storages / 2 + 1 }
+    }
+
+    /// How many must answer before a server knows everything that was acknowledged.
+    #[must_use]
+    pub fn to_read(self) -> usize {
+        (self.storages + 1).saturating_sub(self.confirm)
+    }
+}
+
+/// The most that the server takes in. Writers are not trusted.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Longest increment, bytes. Default 1 MiB; a usual one has one or two kilobytes.
+    /// Longest increment, bytes. Default 1 MiB; a typical one has one or two kilobytes.
     pub max_increment_bytes: usize,
     /// Bytes of increments in one map. Default 1 GiB.
     pub max_map_bytes: u64,
     /// Bytes of increments in all maps together. Default 4 GiB.
     pub max_total_bytes: u64,
-    /// Nodes, edges and descriptor models in one map, removed ones included: each takes up some hundred bytes of memory,
-    /// however short its increment was. Default 500 000.
+    /// Nodes, edges and descriptor models in one map, removed ones included: each takes some
+    /// hundred bytes of memory, however short its increment was. Default 500 000.
     pub max_map_elements: usize,
     /// The same in all maps together. Default 2 000 000.
     pub max_total_elements: usize,
     /// Maps. Default 256.
     pub max_maps: usize,
-    /// Stamps may be ahead of the server's clock by so much, seconds. Default 3600. A stamp far in the future could not be
-    /// overwritten by honest ones.
+    /// How far stamps may be ahead of the server's clock, seconds. Default 3600. Honest writers
+    /// could not overwrite a stamp far in the future.
     pub max_clock_ahead_s: u64,
-    /// Increments that wait to be taken in, bytes. Default 64 MiB. What comes when the queue is full is dropped; its writer
-    /// sends again.
+    /// Increments that wait to be taken in, bytes. Default 64 MiB. What arrives when the queue is
+    /// full is dropped; its writer sends it again.
     pub max_queue_bytes: usize,
     /// Bytes in one commit, as they travelled; in memory they may be ten times that. Default 2 MiB.
     pub max_batch_bytes: usize,
     /// Increments that wait for a gap to close, per map: 4096 numbers ahead and 4 MiB of memory.
     pub early: SequenceConfig,
-    /// Memory for increments of all maps that have not begun, bytes. Default 4 MiB.
-    pub max_nursery_bytes: usize,
+    /// Memory for the increments of all maps whose first increment has not arrived yet, bytes.
+    /// Default 4 MiB.
+    pub max_pending_bytes: usize,
 }
 
 impl Default for Limits {
@@ -91,28 +124,73 @@ impl Default for Limits {
             max_queue_bytes: 64 << 20,
             max_batch_bytes: 2 << 20,
             early: SequenceConfig { max_ahead: 4096, max_waiting_bytes: 4 << 20 },
-            max_nursery_bytes: 4 << 20,
+            max_pending_bytes: 4 << 20,
         }
     }
 }
 
 /// How queries are answered.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
 pub struct AnswerConfig {
     /// How paths are planned.
-    pub route: RouteConfig,
-    /// Queries under way at one time, one with a payload for several; more are told that the server is busy. Default 2048: what a
-    /// large fleet asks in some tenths of a second.
+    pub route: NodeRouteConfig,
+    /// Queries under way at one time; one with a payload counts as several. Further ones are told
+    /// that the server is busy. Default 2048: what a large fleet asks in some tenths of a second.
+    #[cfg_attr(feature = "schema", schemars(range(min = 1, max = 1000000)))]
     pub max_queries: usize,
-    /// Paths on meshes of at most so many triangles are planned on the thread that brings the query, if nothing has to be made or waited for
-    /// first: to hand such a query to another thread would take as long as to answer it. Default 4000.
+    /// Paths on meshes of at most this many triangles are planned on the thread that brings the
+    /// query, if nothing has to be built or waited for first: handing such a query to another
+    /// thread would take as long as answering it. Default 4000.
     pub at_once_triangles: usize,
     /// Threads that answer. Default 4.
+    #[cfg_attr(feature = "schema", schemars(range(min = 1, max = 1024)))]
     pub threads: usize,
 }
 
 impl Default for AnswerConfig {
     fn default() -> Self {
-        Self { route: RouteConfig::default(), max_queries: 2048, at_once_triangles: 4000, threads: 4 }
+        Self { route: NodeRouteConfig::default(), max_queries: 2048, at_once_triangles: 4000, threads: 4 }
+    }
+}
+
+/// When a robot counts as late.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
+pub struct FleetConfig {
+    /// How long it may lack increments, or run another release than the one enabled, seconds.
+    /// Default 10.
+    pub late_after_s: f64,
+    /// How many robots are remembered; anybody can invent names. Default 4096.
+    pub max_robots: usize,
+}
+
+impl Default for FleetConfig {
+    fn default() -> Self {
+        Self { late_after_s: 10.0, max_robots: 4096 }
+    }
+}
+
+/// How a server that stands on storages fetches what it lacks: how much is asked at a time.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
+pub struct GapFillConfig {
+    /// Authors that are asked about per round. Default 64; more authors take several rounds.
+    pub authors: usize,
+    /// Increments of one author that are fetched at a time, once one was found. Default 64.
+    pub part: u64,
+    /// Increments of one author that are fetched per round. Default 1024.
+    pub max_increments: u64,
+    /// Unknown authors are looked for every so many rounds. Default 15: storages go through all of
+    /// their keys for it.
+    pub list_every: u64,
+}
+
+impl Default for GapFillConfig {
+    fn default() -> Self {
+        Self { authors: 64, part: 64, max_increments: 1024, list_every: 15 }
     }
 }

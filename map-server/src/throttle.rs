@@ -1,4 +1,4 @@
-//! Lets through at most one message a period and counts the others.
+//! Lets at most one message a period through and counts the others.
 
 use std::time::{Duration, Instant};
 
@@ -11,13 +11,14 @@ pub struct Throttle {
 }
 
 impl Throttle {
-    /// A throttle that lets one through each `period`.
+    /// A throttle that lets one message through per `period`.
     #[must_use]
     pub fn new(period: Duration) -> Self {
         Self { period, passed: None, suppressed: 0 }
     }
 
-    /// Whether a message may pass at `now`; if so, how many were held back since the last that did.
+    /// Whether a message may pass at `now`; if so, how many were held back since the last one that
+    /// did.
     pub fn pass(&mut self, now: Instant) -> Option<u64> {
         if self.passed.is_some_and(|passed| now.duration_since(passed) < self.period) {
             self.suppressed += 1;

@@ -1,17 +1,17 @@
-//! Increments that nobody's access control has looked at: what is false in them changes nothing, and is counted.
-//! (Other authors' numbers, damage in every byte, sizes, deletions and stamps of the future: `ingest.rs`.)
+//! Increments that passed access control but are wrong: they change nothing, and are counted.
+//! (Other authors' numbers, damage in every byte, sizes, deletions and future stamps: `ingest.rs`.)
 #![allow(clippy::unwrap_used)] // tests may panic
 
 mod support;
 
-use fht_map::{RouteConfig, route};
-use fht_proto::query::{ErrorCode, Head};
+use fht_map::NodeRouteConfig;
+use fht_map::plan::node_route;
+use fht_proto::api::reply::{ErrorCode, Head};
 use fht_proto::{EdgeKey, FixedPoint, FixedPose, Increment, NodeKind, Op, decode, encode};
 use map_server::catalog::Catalog;
-use map_server::check::{Arrival, Refusal, check};
 use map_server::config::Limits;
-use map_server::ingest::{Ingest, Taken};
-use map_server::store::Store;
+use map_server::ingest::{Arrival, BatchOutcome, Ingest, Refusal, check};
+use map_server::store::RedbLog;
 use std::sync::Arc;
 use support::{ANA, BEN, bytes, increment, key, museum, node, signature};
 
@@ -26,14 +26,14 @@ struct Bench {
 impl Bench {
     fn new() -> Self {
         let dir = tempfile::tempdir().unwrap();
-        let store = Arc::new(Store::open(dir.path()).unwrap());
+        let store = Arc::new(RedbLog::open(dir.path()).unwrap());
         let catalog = Arc::new(Catalog::load(store.as_ref()).unwrap());
         let ingest = Ingest::new(store, Arc::clone(&catalog), Limits::default());
         Self { catalog, ingest, _dir: dir }
     }
 
-    fn take(&mut self, number: u64, payload: Vec<u8>) -> Taken {
-        self.ingest.take(vec![Arrival { key: key(ANA, number), payload: Ok(payload) }], NOW_US).unwrap()
+    fn take_arrivals(&mut self, number: u64, payload: Vec<u8>) -> BatchOutcome {
+        self.ingest.take_arrivals(vec![Arrival { key: key(ANA, number), payload: Ok(payload) }], NOW_US).unwrap()
     }
 
     fn head(&self) -> Head {
@@ -41,7 +41,8 @@ impl Bench {
     }
 }
 
-/// `payload` with the first occurrence of `old` in its body made `new`, and the checksum made right again.
+/// `payload` with the first occurrence of `old` in its body replaced by `new`, and a valid
+/// checksum.
 fn forge(payload: &[u8], old: &[u8], new: &[u8]) -> Vec<u8> {
     let body = &payload[..payload.len() - 4];
     let at = body.windows(old.len()).position(|part| part == old).unwrap();
@@ -53,7 +54,7 @@ fn forge(payload: &[u8], old: &[u8], new: &[u8]) -> Vec<u8> {
 #[test]
 fn numbers_that_are_none_change_nothing() {
     let mut bench = Bench::new();
-    bench.take(1, bytes(ANA, 1));
+    bench.take_arrivals(1, bytes(ANA, 1));
     let before = bench.head();
     let mut scanned = signature(3);
     (scanned.scan.angle_min, scanned.scan.angle_increment) = (-1.234_567, 0.012_345_6);
@@ -68,7 +69,7 @@ fn numbers_that_are_none_change_nothing() {
                 continue; // a number, if a large one
             }
             let forged = forge(&good, &field.to_le_bytes(), &none.to_le_bytes());
-            let told = bench.take(2, forged.clone());
+            let told = bench.take_arrivals(2, forged.clone());
             assert!(
                 matches!(decode::<Increment>(&forged), Err(fht_proto::CodecError::Invalid(_))),
                 "{field} as {none}"
@@ -79,43 +80,43 @@ fn numbers_that_are_none_change_nothing() {
     }
     assert_eq!(Head { refused: 0, ..bench.head() }, before);
     assert_eq!(bench.head().refused, refused);
-    bench.take(2, good);
+    bench.take_arrivals(2, good);
     assert_eq!(bench.head().version, 2, "the true one still goes in");
 }
 
 #[test]
 fn an_edge_to_nowhere_is_stored_and_not_shown() {
     let mut bench = Bench::new();
-    bench.take(1, bytes(ANA, 1));
-    bench.take(2, bytes(ANA, 2));
+    bench.take_arrivals(1, bytes(ANA, 1));
+    bench.take_arrivals(2, bytes(ANA, 2));
     let before = bench.head();
-    // Legal: another robot's node may be still on its way.
+    // Legal: another robot's node may still be on its way.
     let to_nowhere = [node(BEN, 7), node(ANA, 4_000_000_000), node(BEN, u32::MAX)];
     let ops = to_nowhere.map(|end| Op::PutEdge { edge: EdgeKey::new(node(ANA, 0), end) }).to_vec();
-    bench.take(3, encode(&Increment { ops, ..increment(ANA, 3) }).unwrap());
+    bench.take_arrivals(3, encode(&Increment { ops, ..increment(ANA, 3) }).unwrap());
     let after = bench.head();
     assert_eq!((after.version, after.edges, after.refused), (3, before.edges, 0));
     let view = bench.catalog.view(&museum()).unwrap();
     assert!(view.state.neighbours(node(ANA, 0)).all(|end| end.id == node(ANA, 1)));
     let at = |x| FixedPoint::from_metres(x, 0.0);
-    assert!(route::plan(&view.state, at(0.0), at(1.0), &RouteConfig::default()).is_ok());
+    assert!(node_route::plan(view.state.as_ref(), at(0.0), at(1.0), &NodeRouteConfig::default()).is_ok());
     assert!(view.state.node(node(BEN, 7)).is_none());
 }
 
 #[test]
 fn ten_million_nodes_stop_at_the_limit() {
     let mut bench = Bench::new();
-    bench.take(1, bytes(ANA, 1));
-    // Claimed in a few bytes: one more operation than there are, or ten million.
+    bench.take_arrivals(1, bytes(ANA, 1));
+    // Claims more, in a few bytes: one more operation than there are, or ten million.
     let ops = vec![Op::RemoveNode { id: node(ANA, 1) }; 3];
     let few = encode(&Increment { ops, hlc_us: 0x1234, ..increment(ANA, 2) }).unwrap();
     let clock = [0xb4, 0x24];
     for count in [&[4][..], &[0x80, 0xad, 0xe2, 0x04], &[0xff, 0xff, 0xff, 0xff, 0x0f]] {
-        let told = bench.take(2, forge(&few, &[&clock[..], &[3]].concat(), &[&clock[..], count].concat()));
+        let told = bench.take_arrivals(2, forge(&few, &[&clock[..], &[3]].concat(), &[&clock[..], count].concat()));
         assert!(told.announce.is_empty());
     }
     assert_eq!((bench.head().version, bench.head().refused), (1, 3));
-    // And in truth.
+    // And really has more.
     let limit = Limits::default().max_map_elements;
     let each = Increment::MAX_OPS as u64;
     let put = |id| Op::PutNode { id: node(ANA, id), kind: NodeKind::Support, pose: FixedPose::default() };
@@ -128,7 +129,7 @@ fn ten_million_nodes_stop_at_the_limit() {
     let last = 10_000_000 / each + 2;
     let mut codes = Vec::new();
     for first in (2..=last).step_by(256) {
-        let taken = bench.ingest.take((first..first + 256).map(crowd).collect(), NOW_US).unwrap();
+        let taken = bench.ingest.take_arrivals((first..first + 256).map(crowd).collect(), NOW_US).unwrap();
         codes.extend(taken.notices.into_iter().map(|notice| notice.reply.code));
     }
     assert!(!codes.is_empty() && codes.iter().all(|code| *code == ErrorCode::Full), "{codes:?}");
@@ -136,7 +137,7 @@ fn ten_million_nodes_stop_at_the_limit() {
     assert!(stored > limit - 2 * each as usize && stored < limit, "{stored}");
     let full = bench.head();
     assert_eq!(full.support_nodes + full.main_nodes, stored + 1);
-    bench.take(full.version + 1, bytes(ANA, full.version + 1));
+    bench.take_arrivals(full.version + 1, bytes(ANA, full.version + 1));
     assert_eq!(bench.head().version, full.version + 1, "what is small still goes in");
 }
 

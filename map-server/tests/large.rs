@@ -1,11 +1,13 @@
-//! A map beyond the limits of a mesh: paths over its index are those of plain searches, under the same rules, also while it changes.
+//! A map beyond the limits of a mesh: paths over its index equal those of plain searches under the
+//! same rules, even while the map changes.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 mod support;
 
-use fht_map::{FreeSpace, MapState, RouteConfig, Rules, lookup};
-use fht_proto::keys::Key;
-use fht_proto::query::{ErrorReply, NodesReply, PathReply};
+use fht_map::index::lookup;
+use fht_map::{FreeSpace, MapState, NodeRouteConfig, Rules};
+use fht_proto::api::keys::Key;
+use fht_proto::api::reply::{ErrorReply, NodesReply, PathReply};
 use fht_proto::{
     AuthorId, EdgeKey, FixedPoint, FixedPose, Increment, NodeId, NodeKind, Op, Rect, Zone, ZoneRule, encode,
 };
@@ -21,11 +23,11 @@ fn id(column: u32, row: u32) -> NodeId {
 }
 
 fn place(column: u32, row: u32) -> (f64, f64) {
-    // Not all ways are equally long.
+    // So that not all paths are equally long.
     (f64::from(column) * 2.0, f64::from(row) * 2.0 + f64::from((column * 7 + row * 3) % 10) * 0.05)
 }
 
-/// A row of the lattice each: a room of 1.2 m around every node, joined by corridors.
+/// One row of the lattice each: a room of 1.2 m around every node, joined by corridors.
 fn rows() -> Vec<Increment> {
     let row = |row: u32| {
         let ops = (0..SIDE).flat_map(|column| {
@@ -68,7 +70,8 @@ impl Large {
         ask(&self.session, selector).await.remove(0)
     }
 
-    /// Paths between some places are those that a plain search finds under the same rules.
+    /// Checks that paths between some places are those that a plain search finds under the same
+    /// rules.
     async fn paths_are_right(&self, what: &str) {
         let rules = Rules::of(&self.state, Vec::new());
         let space = FreeSpace::of(&self.state, &rules.space_config());
@@ -81,7 +84,7 @@ impl Large {
                 FixedPoint::from_metres(x + 0.3, y - 0.2)
             };
             let (from, to) = (point(from), point(to));
-            let expected = rules.plan(&self.state, &space, from, to, &RouteConfig::default());
+            let expected = rules.plan(&self.state, &space, from, to, &NodeRouteConfig::default());
             let text = |point: FixedPoint| format!("{:.3},{:.3}", point.x(), point.y());
             let selector = format!("fht/museum/path?from={};to={}", text(from), text(to));
             match (self.answer(&selector).await, expected) {
@@ -112,7 +115,7 @@ async fn paths_and_nodes_of_a_map_without_a_mesh() {
     large.stored().await;
     large.paths_are_right("as it is").await;
 
-    // A bridge, a node less, and an edge less, after the index was made.
+    // A bridge, a node less, and an edge less, after the index was built.
     let span = Op::PutEdge { edge: EdgeKey::new(id(10, 10), id(60, 60)) };
     let ops =
         vec![span, Op::RemoveNode { id: id(71, 70) }, Op::RemoveEdge { edge: EdgeKey::new(id(3, 40), id(3, 41)) }];
@@ -135,7 +138,7 @@ async fn paths_and_nodes_of_a_map_without_a_mesh() {
 
     let near: NodesReply =
         serde_json::from_slice(&large.answer("fht/museum/nodes?near=100,100;radius=6").await.unwrap()).unwrap();
-    let expected = lookup::nearest(&large.state, FixedPoint::from_metres(100.0, 100.0), 6.0);
+    let expected = lookup::nearest(&large.state, None, FixedPoint::from_metres(100.0, 100.0), 6.0);
     let ids: Vec<String> = expected.iter().map(|(node, _)| node.id.to_string()).collect();
     assert!(ids.len() > 20);
     assert_eq!(near.nodes.iter().map(|node| node.id.clone()).collect::<Vec<_>>(), ids);

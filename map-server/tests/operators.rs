@@ -1,12 +1,13 @@
-//! The operators' commands as processes against a server process: what they write is obeyed by path queries, releases are what robots are told
-//! to use, maps go to files and back, and what robots report is shown.
+//! The operators' commands as processes against a server process: path queries obey what they
+//! write, robots are told to use releases, maps go to files and back, and robots' reports are
+//! shown.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 mod support;
 
-use fht_proto::fleet::{FleetReply, LocalizationState, RobotRole, RobotStatus};
-use fht_proto::keys::{Key, RobotTopic};
-use fht_proto::query::{ErrorCode, ErrorReply, Obeyed, PathReply, ReleasesReply};
+use fht_proto::api::fleet::{FleetReply, LocalizationState, RobotRole, RobotStatus};
+use fht_proto::api::keys::{Key, RobotTopic};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, Obeyed, PathReply, ReleasesReply};
 use serde_json::Value;
 use std::process::Command;
 use std::time::Duration;
@@ -39,7 +40,7 @@ impl Site {
         head_when(&self.session, |head| head.vector.get(ANA) == to).await;
     }
 
-    /// Runs a command; what it printed, or what it complained about.
+    /// Runs a command; returns its output, or its error text.
     fn try_run(&self, args: &[&str]) -> Result<String, String> {
         let output = Command::new(env!("CARGO_BIN_EXE_map-server"))
             .args(args)
@@ -77,14 +78,14 @@ async fn paths_obey_what_operators_write() {
     let free = site.path("from=0,0;to=dock").await.unwrap();
     assert!((free.length_m - 9.0).abs() < 0.01 && free.obeyed.is_empty(), "{free:?}");
 
-    // Half of the corridor: round it.
+    // Half of the corridor is closed: the path goes around.
     site.run(&["zone", "museum", "wet", "3,-1.5 4,-1.5 4,0.3 3,0.3"]);
     let round = site.path("from=0,0;to=dock").await.unwrap();
     assert!(round.length_m > 9.02 && round.length_m < 9.5, "{round:?}");
     assert!(round.waypoints.iter().any(|waypoint| waypoint.y > 0.4), "{round:?}");
     assert_eq!(round.obeyed, [Obeyed::KeepOut { zone: "wet".to_owned() }]);
     assert_eq!(site.refused("from=0,0;to=3.5,0").await.code, ErrorCode::KeepOut);
-    // All of it: there is no way, and it is said why.
+    // All of it is closed: there is no path, and the reply says why.
     site.run(&["zone", "museum", "wet", "3,-1.5 4,-1.5 4,1.5 3,1.5"]);
     let refused = site.refused("from=0,0;to=dock").await;
     assert!(refused.code == ErrorCode::NoPath && refused.message.contains("zone wet"), "{refused}");
@@ -133,7 +134,7 @@ async fn robots_use_the_release_that_is_enabled() {
     assert_eq!(site.refused("from=0,0;to=11,0").await.code, ErrorCode::OutOfMap);
     assert!(site.path("from=0,0;to=11,0;release=head").await.is_ok());
     assert!(site.path("from=0,0;to=11,0;release=second").await.is_ok());
-    // What an operator closes holds on every release, at once.
+    // What an operator closes is closed on every release at once.
     site.run(&["zone", "museum", "wet", "3,-1.5 4,-1.5 4,1.5 3,1.5"]);
     assert_eq!(site.refused("from=0,0;to=5,0").await.code, ErrorCode::NoPath);
     site.run(&["zone", "museum", "wet", "--remove"]);

@@ -1,16 +1,17 @@
-//! The program as a process: `kill -9` in the middle of ingest, a second server on the same data, bad directories, SIGTERM.
+//! The program as a process: `kill -9` during ingest, a second server on the same data, bad
+//! directories, SIGTERM.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 mod support;
 
 use fht_proto::AuthorId;
-use map_server::store::Store;
+use map_server::store::RedbLog;
 use std::time::Duration;
 use support::{ANA, Server, bytes, client, expected, free_endpoint, head, head_when, key, refused_start, until_up};
 use zenoh::Session;
 use zenoh::qos::CongestionControl;
 
-/// Increments put ahead of the acknowledgement.
+/// Increments that are put ahead of the acknowledgement.
 const WINDOW: u64 = 200;
 
 /// Puts increments from `acknowledged` on and reads heads, until `enough` are acknowledged.
@@ -60,14 +61,14 @@ fn kill_9_in_the_very_first_start_does_no_harm() {
         let mut server = Server::start(dir.path(), &free_endpoint());
         std::thread::sleep(Duration::from_micros(400 * round));
         server.kill();
-        if let Err(error) = Store::open(dir.path()) {
+        if let Err(error) = RedbLog::open(dir.path()) {
             panic!("killed after {} us: {error}", 400 * round);
         }
     }
-    // What a power failure may leave of a file that was not finished.
+    // What a power failure may leave of an unfinished file.
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("maps.redb.new"), [0; 8192]).unwrap();
-    Store::open(dir.path()).unwrap();
+    RedbLog::open(dir.path()).unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -76,7 +77,7 @@ async fn puts_and_subscriptions_survive_a_restart() {
     let endpoint = free_endpoint();
     let mut server = Server::start(dir.path(), &endpoint);
     let session = client(&endpoint).await;
-    // Declared once only.
+    // Declared only once.
     let heads = session.declare_subscriber("fht/museum/head").await.unwrap();
     until_up(&session).await;
     write(&session, ANA, 0, WINDOW).await;

@@ -1,15 +1,14 @@
-//! Every query, asked over Zenoh as a robot or a tool asks it; hostile increments over Zenoh.
+//! Every query, asked over Zenoh as robots and tools ask it; hostile increments over Zenoh.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 mod support;
 
 use fht_map::Replica;
-use fht_proto::compact::{CompactNodes, CompactPath};
-use fht_proto::keys::Key;
-use fht_proto::query::{ErrorCode, ErrorReply, Head, MapsReply, NodesReply, PathReply, Snapshot};
+use fht_proto::api::compact::{CompactNodes, CompactPath};
+use fht_proto::api::keys::Key;
+use fht_proto::api::reply::{ErrorCode, ErrorReply, Head, MapsReply, NodesReply, PathReply, Series, SeriesReply};
 use fht_proto::{Descriptor, ModelId, VersionVector, decode, encode};
-use map_server::config::LinkConfig;
-use map_server::{ServerConfig, run};
+use map_server::{ServerConfig, ServerEndpoints, run};
 use std::time::Duration;
 use support::{
     ANA, BEN, ask, ask_with, bytes, client, expected, free_endpoint, head_when, key, museum, node, signature,
@@ -26,11 +25,11 @@ struct Running {
 }
 
 impl Running {
-    /// A server with a map of so many increments of ANA and BEN, 1 m apart along the x axis each.
+    /// A server with a map of `count` increments each of ANA and BEN, 1 m apart along the x axis.
     async fn with(ana: u64, ben: u64) -> Self {
         let dir = tempfile::tempdir().unwrap();
         let endpoint = free_endpoint();
-        let link = LinkConfig { listen: vec![endpoint.clone()], ..LinkConfig::default() };
+        let link = ServerEndpoints { listen: vec![endpoint.clone()], ..ServerEndpoints::default() };
         let config = ServerConfig::new(dir.path().to_owned(), link);
         let (stop, stopped) = oneshot::channel::<()>();
         let server = tokio::spawn(run(config, async { _ = stopped.await }));
@@ -81,7 +80,7 @@ async fn paths_nodes_and_heads() {
     assert_eq!(by_wildcard, maps.maps[0]);
 
     let path: PathReply = server.json("fht/museum/path?from=0.2,0.5;to=9,-0.5").await;
-    // The rectangles along the way are one space: the path is straight.
+    // The rectangles along the way form one space: the path is straight.
     let ends: Vec<(f64, f64)> = path.waypoints.iter().map(|waypoint| (waypoint.x, waypoint.y)).collect();
     assert_eq!((path.version, ends), (12, vec![(0.2, 0.5), (9.0, -0.5)]));
     assert!((path.length_m - 8.8_f64.hypot(1.0)).abs() < 2e-3, "{}", path.length_m);
@@ -98,6 +97,73 @@ async fn paths_nodes_and_heads() {
     let compact: CompactNodes =
         decode(&server.payload("fht/museum/nodes?near=3.2,0;radius=1.5;fmt=postcard").await).unwrap();
     assert_eq!((compact.nodes.len(), compact.nodes[0].id), (3, node(ANA, 3)));
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn paths_for_other_footprints() {
+    let server = Running::with(12, 0).await;
+    let plain = server.payload("fht/museum/path?from=0.2,0.5;to=9,-0.5").await;
+    for small in ["0.05", "0.105", "0.1,0_0,0.1_-0.1,0_0,-0.1"] {
+        let path = server.payload(&format!("fht/museum/path?from=0.2,0.5;to=9,-0.5;footprint={small}")).await;
+        assert_eq!(path, plain, "{small}: a robot that needs no more room than the explorers gets the same path");
+    }
+    // The strip is 2 m wide. From the second question on the answer comes at once; more footprints
+    // than are kept do no harm.
+    for radius_cm in (30..=90).step_by(5).chain([30, 30]) {
+        let selector = format!("fht/museum/path?from=0.5,0;to=9,0;footprint=0.{radius_cm}");
+        let path: PathReply = server.json(&selector).await;
+        assert!((path.length_m - 8.5).abs() < 1e-6, "{radius_cm}");
+    }
+    let cart = "0.4,0.2_-0.4,0.2_-0.4,-0.2_0.4,-0.2";
+    let path: PathReply = server.json(&format!("fht/museum/path?from=0.5,0;to=9,0;footprint={cart}")).await;
+    assert_eq!(path.waypoints.len(), 2);
+    let refusal = server.error("fht/museum/path?from=0.5,0;to=9,0;footprint=0.95").await;
+    assert_eq!(refusal.code, ErrorCode::NoPath);
+    assert!(refusal.message.ends_with("it must be free for a robot of 0.95 m radius"), "{}", refusal.message);
+    let far = server.error("fht/museum/path?from=0.5,0;to=90,0;footprint=0.3").await;
+    assert_eq!(far.code, ErrorCode::OutOfMap);
+    for bad in ["", "x", "3", "-0.3", "NaN", "0.3,0.3", "0.1,0_0.2,0_0.1,0.1"] {
+        let refusal = server.error(&format!("fht/museum/path?from=0.5,0;to=9,0;footprint={bad}")).await;
+        assert_eq!(refusal.code, ErrorCode::BadRequest, "{bad}");
+        assert!(refusal.message.starts_with("footprint="), "{}", refusal.message);
+    }
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn increments_come_as_json_too_and_in_parts() {
+    let server = Running::with(12, 3).await;
+    let whole: Series = decode(&server.payload("fht/museum/since").await).unwrap();
+    let same: SeriesReply = server.json("fht/museum/since?fmt=json;max_bytes=1048576").await;
+    let (_, vector) = expected(&[(ANA, 12), (BEN, 3)]);
+    assert_eq!(same, SeriesReply::new(museum(), vector.clone(), &whole));
+    assert_eq!(same, server.json("fht/museum/snapshot?version=15;fmt=json;max_bytes=1048576").await);
+
+    let (mut have, mut increments, mut questions) = (VersionVector::default(), Vec::new(), 0);
+    loop {
+        let selector = format!("fht/museum/since?fmt=json;vector={have};max_bytes=6000");
+        let text = server.payload(&selector).await;
+        let part: SeriesReply = serde_json::from_slice(&text).unwrap();
+        if part.increments.is_empty() {
+            break;
+        }
+        // The longest increment alone takes some 3 kB.
+        assert!(text.len() < 6500, "{} bytes", text.len());
+        part.increments.iter().for_each(|increment| have.set(increment.author, increment.number));
+        increments.extend(part.increments);
+        questions += 1;
+    }
+    assert_eq!(have, vector);
+    assert!(questions > 2, "{questions} questions");
+    // Those of whom the least is lacking come first, each in order.
+    increments.sort_by_key(|increment| (increment.author, increment.number));
+    let mut expected = same.increments;
+    expected.sort_by_key(|increment| (increment.author, increment.number));
+    assert_eq!(increments, expected);
+
+    let pieces = ask(&server.session, "fht/museum/since?fmt=json;piece_bytes=4000").await;
+    assert!(pieces.len() > 1, "{} pieces", pieces.len());
     server.end().await;
 }
 
@@ -128,7 +194,7 @@ async fn a_late_replica_catches_up_in_pieces() {
     let mut questions = 0;
     loop {
         let selector = format!("fht/museum/since?vector={};max_bytes=1000", replica.vector());
-        let series: Snapshot = decode(&server.payload(&selector).await).unwrap();
+        let series: Series = decode(&server.payload(&selector).await).unwrap();
         if series.increments.is_empty() {
             break;
         }
@@ -141,15 +207,15 @@ async fn a_late_replica_catches_up_in_pieces() {
     assert_eq!((replica.state().digest(), replica.vector()), (state.digest(), &vector));
     assert!(questions > 5, "{questions}");
 
-    // The map as it was: by the server's order of storing, and by vector.
-    let then: Snapshot = decode(&server.payload("fht/museum/snapshot?version=10").await).unwrap();
+    // Past states of the map: by the server's order of storing, and by vector.
+    let then: Series = decode(&server.payload("fht/museum/snapshot?version=10").await).unwrap();
     assert_eq!(then.increments.len(), 10);
     let selector = format!("fht/museum/snapshot?vector={ANA}:3,{BEN}:2");
-    let then: Snapshot = decode(&server.payload(&selector).await).unwrap();
+    let then: Series = decode(&server.payload(&selector).await).unwrap();
     let mut old = Replica::default();
     then.increments.into_iter().for_each(|increment| _ = old.accept(increment));
     assert_eq!(old.state().digest(), expected(&[(ANA, 3), (BEN, 2)]).0.digest());
-    let rest: Snapshot = decode(&server.payload(&format!("{selector};have={ANA}:3,{BEN}:1")).await).unwrap();
+    let rest: Series = decode(&server.payload(&format!("{selector};have={ANA}:3,{BEN}:1")).await).unwrap();
     assert_eq!(rest.increments.len(), 1);
     for unknown in ["version=86".to_owned(), format!("vector={ANA}:61")] {
         let error = server.error(&format!("fht/museum/snapshot?{unknown}")).await;
@@ -244,7 +310,7 @@ async fn hostile_increments_change_nothing() {
     let told: ErrorReply = serde_json::from_slice(&told.payload().to_bytes()).unwrap();
     assert_eq!(told.code, ErrorCode::BadRequest, "{told}");
     assert_eq!(Head { refused: 0, ..after }, before);
-    // The server goes on as if nothing had been.
+    // The server goes on as if nothing had happened.
     server.session.put(key(ANA, 6), good).await.unwrap();
     let last = head_when(&server.session, |head| head.version == 6).await;
     assert_eq!((last.digest, last.refused), (expected(&[(ANA, 6)]).0.digest(), sent));

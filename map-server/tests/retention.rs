@@ -1,20 +1,16 @@
-//! Folding, export and import over both logs: releases and heads stay what they are, a folded map can be moved, and old data directories
-//! are read.
+//! Compaction, export and import over both logs: releases and heads stay what they are, a compacted
+//! map can be moved, and old data directories are read.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 mod support;
 
 use fht_map::MapState;
-use fht_proto::query::Snapshot;
+use fht_proto::api::reply::Series;
 use fht_proto::{FixedPose, Increment, MapName, Op, Release, ReleaseName, VersionVector, decode, encode};
-use map_server::basis::{Basis, state_at};
-use map_server::catalog::Catalog;
-use map_server::check::Arrival;
+use map_server::catalog::{Catalog, PlanningState, state_at};
 use map_server::config::Limits;
-use map_server::ingest::Ingest;
-use map_server::log::{IncrementLog, Stored};
-use map_server::memory::MemoryLog;
-use map_server::store::Store;
+use map_server::ingest::{Arrival, Ingest};
+use map_server::store::{FILE_NAME, IncrementLog, MemoryLog, RedbLog, Stored};
 use std::sync::Arc;
 use support::{ANA, BEN, increment, key, museum, node};
 
@@ -33,10 +29,10 @@ impl Server {
         Self { log, catalog, ingest }
     }
 
-    fn take(&mut self, increment: &Increment) {
+    fn take_increment(&mut self, increment: &Increment) {
         let key = key(increment.author, increment.number);
         let arrival = Arrival { key, payload: Ok(encode(increment).unwrap()) };
-        assert!(self.ingest.take(vec![arrival], NOW_US).unwrap().notices.is_empty());
+        assert!(self.ingest.take_arrivals(vec![arrival], NOW_US).unwrap().notices.is_empty());
     }
 
     fn state(&self) -> Arc<MapState> {
@@ -55,7 +51,7 @@ impl Server {
                 id: node(ANA, moved),
                 pose: FixedPose::from_metres(f64::from(moved), number as f64 * 0.001, 0.0),
             }));
-            self.take(&increment);
+            self.take_increment(&increment);
         }
     }
 
@@ -63,7 +59,7 @@ impl Server {
         let name: ReleaseName = name.parse().unwrap();
         let release = Release { vector: self.vector(), digest: self.state().digest() };
         let ops = vec![Op::PutRelease { name, release: release.clone() }];
-        self.take(&Increment { author: BEN, number, hlc_us: 2_000_000 + number, ops });
+        self.take_increment(&Increment { author: BEN, number, hlc_us: 2_000_000 + number, ops });
         release
     }
 }
@@ -72,10 +68,10 @@ fn is_whole(release: &Release, log: &dyn IncrementLog) -> bool {
     state_at(&museum(), &release.vector, log).unwrap().is_some_and(|state| state.digest() == release.digest)
 }
 
-fn lacking(log: &dyn IncrementLog, have: &VersionVector, upto: &VersionVector) -> Snapshot {
-    let lacking = log.lacking(&museum(), have, upto, usize::MAX).unwrap();
-    Snapshot {
-        folds: lacking.folds.iter().map(|bytes| decode(bytes).unwrap()).collect(),
+fn lacking(log: &dyn IncrementLog, have: &VersionVector, upto: &VersionVector) -> Series {
+    let lacking = log.reader().lacking(&museum(), have, upto, usize::MAX).unwrap();
+    Series {
+        folds: lacking.compacted.iter().map(|bytes| decode(bytes).unwrap()).collect(),
         increments: lacking.increments.iter().map(|bytes| decode(bytes).unwrap()).collect(),
     }
 }
@@ -96,11 +92,11 @@ fn life_of_a_map(log: Arc<dyn IncrementLog>) -> Server {
     for release in [&first, &second] {
         assert!(is_whole(release, server.log.as_ref()));
     }
-    assert_eq!(server.log.vector_at(&museum(), 81).unwrap(), None, "folded away");
-    let mut vector = server.log.vector_at(&museum(), 82).unwrap().unwrap();
+    assert_eq!(server.log.reader().vector_at(&museum(), 81).unwrap(), None, "folded away");
+    let mut vector = server.log.reader().vector_at(&museum(), 82).unwrap().unwrap();
     assert_eq!((vector.get(ANA), vector.get(BEN)), (80, 2));
-    assert_eq!(server.log.stored(&museum(), ANA, 5).unwrap(), Stored::Folded);
-    // It goes on, and is folded again: less is left of what was between.
+    assert_eq!(server.log.reader().stored(&museum(), ANA, 5).unwrap(), Stored::Compacted);
+    // It goes on, and is compacted again: less remains of what was in between.
     server.drive(91, 120);
     assert_eq!(server.ingest.retain(&museum(), 0).unwrap().unwrap().folded, 40);
     for release in [&first, &second] {
@@ -109,8 +105,8 @@ fn life_of_a_map(log: Arc<dyn IncrementLog>) -> Server {
     vector = server.vector();
     let expected = server.state().digest();
     assert_eq!(state_at(&museum(), &vector, server.log.as_ref()).unwrap().unwrap().digest(), expected);
-    // A writer that sends again what was folded is told the head, and nothing changes.
-    server.take(&increment(ANA, 7));
+    // A writer that sends a compacted increment again is told the head, and nothing changes.
+    server.take_increment(&increment(ANA, 7));
     assert_eq!(server.state().digest(), expected);
     server
 }
@@ -118,10 +114,10 @@ fn life_of_a_map(log: Arc<dyn IncrementLog>) -> Server {
 #[test]
 fn releases_outlive_folding_in_a_file() {
     let dir = tempfile::tempdir().unwrap();
-    let server = life_of_a_map(Arc::new(Store::open(dir.path()).unwrap()));
+    let server = life_of_a_map(Arc::new(RedbLog::open(dir.path()).unwrap()));
     let head = server.catalog.view(&museum()).unwrap().head;
     drop(server);
-    let again = Server::on(Arc::new(Store::open(dir.path()).unwrap()));
+    let again = Server::on(Arc::new(RedbLog::open(dir.path()).unwrap()));
     assert_eq!(again.catalog.view(&museum()).unwrap().head, head, "after a restart");
 }
 
@@ -135,12 +131,12 @@ fn a_folded_map_can_be_moved() {
     let mut from = life_of_a_map(Arc::new(MemoryLog::new()));
     from.drive(121, 130);
     let dir = tempfile::tempdir().unwrap();
-    let mut to = Server::on(Arc::new(Store::open(dir.path()).unwrap()));
+    let mut to = Server::on(Arc::new(RedbLog::open(dir.path()).unwrap()));
     let whole = lacking(from.log.as_ref(), &VersionVector::default(), &from.vector());
     assert!(!whole.folds.is_empty() && whole.increments.len() == 10);
     // In pieces, and each piece twice.
-    let pieces = whole.folds.into_iter().map(|fold| Snapshot { folds: vec![fold], increments: Vec::new() });
-    for piece in pieces.chain([Snapshot { folds: Vec::new(), increments: whole.increments }]) {
+    let pieces = whole.folds.into_iter().map(|fold| Series { folds: vec![fold], increments: Vec::new() });
+    for piece in pieces.chain([Series { folds: Vec::new(), increments: whole.increments }]) {
         to.ingest.import(&museum(), piece.clone(), NOW_US).unwrap().unwrap();
         to.ingest.import(&museum(), piece, NOW_US).unwrap().unwrap();
     }
@@ -158,7 +154,7 @@ fn folds_do_not_go_into_a_map_that_has_others() {
     let from = life_of_a_map(Arc::new(MemoryLog::new()));
     let whole = lacking(from.log.as_ref(), &VersionVector::default(), &from.vector());
     let mut to = Server::on(Arc::new(MemoryLog::new()));
-    to.take(&increment(BEN, 1));
+    to.take_increment(&increment(BEN, 1));
     let before = to.catalog.view(&museum()).unwrap().head;
     let refusal = to.ingest.import(&museum(), whole, NOW_US).unwrap().unwrap_err();
     assert!(refusal.to_string().contains("another name"), "{refusal}");
@@ -173,7 +169,7 @@ fn a_fold_that_honest_writers_cannot_go_on_from_is_refused() {
     endless.last = u64::MAX;
     let bytes = fht_proto::encode(&endless);
     assert!(
-        bytes.is_err() || fht_proto::decode::<fht_proto::Fold>(&bytes.unwrap()).is_err(),
+        bytes.is_err() || fht_proto::decode::<fht_proto::CompactedSeries>(&bytes.unwrap()).is_err(),
         "its numbers end nowhere"
     );
     whole.folds[0].rests[0].hlc_us = NOW_US + 86_400_000_000;
@@ -189,16 +185,21 @@ fn the_release_that_is_enabled_is_what_robots_use() {
     server.drive(1, 10);
     let first = server.release(1, "first");
     server.drive(11, 20);
-    let running = |server: &Server| -> Arc<Basis> { server.catalog.view(&museum()).unwrap().running };
+    let running = |server: &Server| -> Arc<PlanningState> { server.catalog.view(&museum()).unwrap().running };
     assert_eq!((running(&server).release(), running(&server).version()), (None, 21));
     let id: fht_proto::ReleaseId = format!("first@{BEN}").parse().unwrap();
     let enable = |release| Op::Enable { release };
-    server.take(&Increment { author: BEN, number: 2, hlc_us: 3_000_000, ops: vec![enable(Some(id.clone()))] });
+    server.take_increment(&Increment {
+        author: BEN,
+        number: 2,
+        hlc_us: 3_000_000,
+        ops: vec![enable(Some(id.clone()))],
+    });
     assert_eq!((running(&server).release(), running(&server).version()), (Some(&id), 10));
     assert_eq!(running(&server).state().digest(), first.digest);
     server.drive(21, 22);
     assert_eq!(running(&server).version(), 10, "whatever comes later");
-    server.take(&Increment { author: BEN, number: 3, hlc_us: 4_000_000, ops: vec![enable(None)] });
+    server.take_increment(&Increment { author: BEN, number: 3, hlc_us: 4_000_000, ops: vec![enable(None)] });
     assert_eq!(running(&server).version(), 25);
     let server = Server::on(server.log);
     assert_eq!(running(&server).version(), 25);
@@ -207,9 +208,9 @@ fn the_release_that_is_enabled_is_what_robots_use() {
 #[test]
 fn a_data_directory_of_format_1_is_read() {
     let dir = tempfile::tempdir().unwrap();
-    let (name, path): (MapName, _) = (museum(), dir.path().join(map_server::store::FILE_NAME));
+    let (name, path): (MapName, _) = (museum(), dir.path().join(FILE_NAME));
     {
-        // As the first version laid it out.
+        // The layout of the first version.
         let database = redb::Database::create(&path).unwrap();
         let write = database.begin_write().unwrap();
         let increments: redb::TableDefinition<'_, (&str, u32, u64), &[u8]> = redb::TableDefinition::new("increments");
@@ -226,9 +227,9 @@ fn a_data_directory_of_format_1_is_read() {
         write.open_table(redb::TableDefinition::<&str, u64>::new("meta")).unwrap().insert("format", 1).unwrap();
         write.commit().unwrap();
     }
-    let mut server = Server::on(Arc::new(Store::open(dir.path()).unwrap()));
+    let mut server = Server::on(Arc::new(RedbLog::open(dir.path()).unwrap()));
     assert_eq!(server.state().digest(), support::expected(&[(ANA, 3)]).0.digest());
-    server.take(&increment(ANA, 4));
+    server.take_increment(&increment(ANA, 4));
     server.ingest.retain(&name, 0).unwrap().unwrap();
     assert_eq!(server.state().digest(), support::expected(&[(ANA, 4)]).0.digest());
 }

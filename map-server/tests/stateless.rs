@@ -1,18 +1,17 @@
-//! Servers that stand on storages, without a network: what counts as acknowledged, what is read at a start, and who gives way.
+//! Servers that stand on storages, without a network: what counts as acknowledged, what is read at
+//! the start, and who gives way.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 mod support;
 
-use fht_proto::keys::Key;
+use fht_proto::api::keys::Key;
 use fht_proto::{AuthorId, Increment, MapName, Op, encode};
 use map_server::catalog::Catalog;
-use map_server::catch_up::{CatchUp, CatchUpConfig, restore};
-use map_server::check::{Arrival, Refusal};
-use map_server::config::Limits;
-use map_server::ingest::Ingest;
-use map_server::log::{IncrementLog, StoreError};
-use map_server::quorum::{QuorumLog, settle};
-use map_server::storages::{Held, Place, QuorumConfig, Storages};
+use map_server::config::{GapFillConfig, Limits};
+use map_server::ingest::{Arrival, Ingest, Refusal};
+use map_server::replicated::{GapFill, Held, IncrementKey, QuorumLog, Storages, restore, settle_disputed};
+use map_server::store::{IncrementLog, StoreError};
+use map_server::{QuorumConfig, ServerConfig, ServerEndpoints};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 use support::{ANA, BEN, bytes, expected, increment, key, museum};
@@ -20,15 +19,15 @@ use support::{ANA, BEN, bytes, expected, increment, key, museum};
 const NOW_US: u64 = 1_795_000_000_000_000;
 const QUORUM: QuorumConfig = QuorumConfig { storages: 3, confirm: 2 };
 
-/// Three storages, of which some are deaf.
+/// Three storages, some of which receive nothing.
 #[derive(Debug, Default)]
 struct Three {
-    held: Mutex<[BTreeMap<Place, Vec<u8>>; 3]>,
+    held: Mutex<[BTreeMap<IncrementKey, Vec<u8>>; 3]>,
     deaf: Mutex<BTreeSet<usize>>,
-    /// After so many questions somebody hears again.
+    /// After so many questions one receives again.
     heals: Mutex<Option<(u32, usize)>>,
     puts: Mutex<usize>,
-    /// So many questions yet whose answers break off before anything has come.
+    /// How many more questions have their answers cut off before anything arrives.
     breaks: Mutex<u32>,
 }
 
@@ -48,21 +47,21 @@ impl Three {
     }
 
     fn copies(&self, author: AuthorId, number: u64) -> usize {
-        let place = Place { map: museum(), author, number };
+        let place = IncrementKey { map: museum(), author, number };
         self.held.lock().unwrap().iter().filter(|held| held.contains_key(&place)).count()
     }
 }
 
 impl Storages for Three {
-    fn put(&self, place: &Place, bytes: &[u8]) {
+    fn put(&self, place: &IncrementKey, bytes: &[u8]) {
         *self.puts.lock().unwrap() += 1;
         for storage in self.hearing() {
             self.held.lock().unwrap()[storage].insert(place.clone(), bytes.to_vec());
         }
     }
 
-    fn held(&self, places: &[Place], enough: usize) -> Vec<Held> {
-        let of_place = |place: &Place| {
+    fn held(&self, places: &[IncrementKey], enough: usize) -> Vec<Held> {
+        let of_place = |place: &IncrementKey| {
             let mut held = Held::default();
             for storage in self.hearing() {
                 if held.answers() < enough {
@@ -124,7 +123,7 @@ impl Server {
         Self { log, catalog, ingest }
     }
 
-    /// One that has read what there is.
+    /// A server that has read what there is.
     fn begin(storages: &Arc<Three>) -> Self {
         let mut server = Self::new(storages);
         restore(storages.as_ref(), QUORUM, &mut server.ingest).unwrap();
@@ -150,16 +149,17 @@ fn what_a_head_covers_is_held_by_most_of_the_storages() {
     let storages = Arc::new(Three::default());
     let mut server = Server::begin(&storages);
     storages.deafen(&[2]);
-    server.ingest.take((1..=20).map(|number| from_writer(ANA, number)).collect(), NOW_US).unwrap();
+    server.ingest.take_arrivals((1..=20).map(|number| from_writer(ANA, number)).collect(), NOW_US).unwrap();
     assert_eq!((server.has(ANA), storages.copies(ANA, 20)), (20, 2));
-    // One is too few: nothing is acknowledged until there are two, and what the other has not heard is put again.
+    // One storage is too few: nothing is acknowledged until there are two, and what the other did
+    // not receive is put again.
     storages.deafen(&[1, 2]);
     *storages.heals.lock().unwrap() = Some((3, 1));
-    server.ingest.take(vec![from_writer(ANA, 21)], NOW_US).unwrap();
+    server.ingest.take_arrivals(vec![from_writer(ANA, 21)], NOW_US).unwrap();
     assert_eq!((server.has(ANA), storages.copies(ANA, 21)), (21, 2));
     *storages.heals.lock().unwrap() = None;
     storages.deafen(&[0, 2]);
-    let error = server.ingest.take(vec![from_writer(ANA, 22)], NOW_US).unwrap_err();
+    let error = server.ingest.take_arrivals(vec![from_writer(ANA, 22)], NOW_US).unwrap_err();
     assert!(matches!(error, StoreError::Unconfirmed), "{error}");
     assert_eq!(server.has(ANA), 21);
 }
@@ -170,7 +170,7 @@ fn a_server_begins_with_all_that_was_acknowledged_whichever_storages_are_there()
     let mut first = Server::begin(&storages);
     for (deaf, number) in [(0, 1), (1, 2), (2, 3)] {
         storages.deafen(&[deaf]);
-        first.ingest.take(vec![from_writer(ANA, number), from_writer(BEN, number)], NOW_US).unwrap();
+        first.ingest.take_arrivals(vec![from_writer(ANA, number), from_writer(BEN, number)], NOW_US).unwrap();
     }
     for deaf in 0..3 {
         storages.deafen(&[deaf]);
@@ -188,26 +188,26 @@ fn a_server_begins_with_all_that_was_acknowledged_whichever_storages_are_there()
 fn what_was_missed_is_found_and_what_is_known_is_not_put_again() {
     let storages = Arc::new(Three::default());
     let (mut one, mut other) = (Server::begin(&storages), Server::begin(&storages));
-    one.ingest.take((1..=150).map(|number| from_writer(ANA, number)).collect(), NOW_US).unwrap();
-    one.ingest.take(vec![from_writer(BEN, 1)], NOW_US).unwrap();
+    one.ingest.take_arrivals((1..=150).map(|number| from_writer(ANA, number)).collect(), NOW_US).unwrap();
+    one.ingest.take_arrivals(vec![from_writer(BEN, 1)], NOW_US).unwrap();
     let puts = *storages.puts.lock().unwrap();
-    let mut missed =
-        CatchUp::new(CatchUpConfig { part: 10, max_increments: 100, list_every: 1, ..CatchUpConfig::default() });
+    let mut gaps =
+        GapFill::new(GapFillConfig { part: 10, max_increments: 100, list_every: 1, ..GapFillConfig::default() });
     for _ in 0..3 {
-        let found = missed.look(storages.as_ref(), &other.catalog.heads());
-        let taken = other.ingest.take(found, 0).unwrap();
+        let found = gaps.find_missing(storages.as_ref(), &other.catalog.heads());
+        let taken = other.ingest.take_arrivals(found, 0).unwrap();
         assert!(taken.disputed.is_empty() && taken.notices.is_empty());
     }
     assert_eq!((other.has(ANA), other.has(BEN)), (150, 1));
     assert_eq!(one.catalog.heads()[0].digest, other.catalog.heads()[0].digest);
-    assert!(missed.look(storages.as_ref(), &other.catalog.heads()).is_empty());
+    assert!(gaps.find_missing(storages.as_ref(), &other.catalog.heads()).is_empty());
     assert_eq!(*storages.puts.lock().unwrap(), puts);
 }
 
 #[test]
 fn an_answer_that_breaks_off_is_not_taken_for_an_empty_one() {
     let storages = Arc::new(Three::default());
-    Server::begin(&storages).ingest.take(vec![from_writer(ANA, 1), from_writer(BEN, 1)], NOW_US).unwrap();
+    Server::begin(&storages).ingest.take_arrivals(vec![from_writer(ANA, 1), from_writer(BEN, 1)], NOW_US).unwrap();
     for breaks in 0..8 {
         *storages.breaks.lock().unwrap() = breaks;
         let server = Server::begin(&storages);
@@ -224,15 +224,15 @@ fn an_author_whose_beginning_was_missed_is_found_however_many_there_are() {
         let storages = Arc::new(Three::default());
         let (mut one, mut other) = (Server::begin(&storages), Server::begin(&storages));
         let known: Vec<Arrival> = (0..authors).map(|number| from_writer(AuthorId(1000 + 10 * number), 1)).collect();
-        one.ingest.take(known.clone(), NOW_US).unwrap();
-        other.ingest.take(known, NOW_US).unwrap();
+        one.ingest.take_arrivals(known.clone(), NOW_US).unwrap();
+        other.ingest.take_arrivals(known, NOW_US).unwrap();
         let missing = AuthorId(1000 + 10 * (authors - 5) + 3);
-        one.ingest.take(vec![from_writer(missing, 1)], NOW_US).unwrap();
-        let mut missed = CatchUp::new(CatchUpConfig::default());
+        one.ingest.take_arrivals(vec![from_writer(missing, 1)], NOW_US).unwrap();
+        let mut gaps = GapFill::new(GapFillConfig::default());
         // It was listed before, and is listed again.
         for _ in 0..20 {
-            let found = missed.look(storages.as_ref(), &other.catalog.heads());
-            other.ingest.take(found, 0).unwrap();
+            let found = gaps.find_missing(storages.as_ref(), &other.catalog.heads());
+            other.ingest.take_arrivals(found, 0).unwrap();
         }
         assert_eq!(other.has(missing), 1, "one of {authors}");
     }
@@ -240,11 +240,8 @@ fn an_author_whose_beginning_was_missed_is_found_however_many_there_are() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_server_that_waits_for_its_storages_ends_when_it_is_told() {
-    let link = map_server::config::LinkConfig { listen: vec![support::free_endpoint()], ..Default::default() };
-    let config = map_server::config::ServerConfig {
-        storages: Some(QUORUM),
-        ..map_server::config::ServerConfig::new(std::path::PathBuf::new(), link)
-    };
+    let link = ServerEndpoints { listen: vec![support::free_endpoint()], ..Default::default() };
+    let config = ServerConfig { storages: Some(QUORUM), ..ServerConfig::new(std::path::PathBuf::new(), link) };
     let told = tokio::time::sleep(std::time::Duration::from_secs(1));
     tokio::time::timeout(std::time::Duration::from_secs(30), map_server::run(config, told)).await.unwrap().unwrap();
 }
@@ -259,21 +256,21 @@ fn of_two_increments_put_at_one_time_everybody_ends_with_the_lesser() {
         two.sort_by_key(|increment| encode(increment).unwrap());
         two
     };
-    let place = Place { map: museum(), author: ANA, number: 1 };
+    let place = IncrementKey { map: museum(), author: ANA, number: 1 };
     let arrival = |increment: &Increment| Arrival { key: key(ANA, 1), payload: Ok(encode(increment).unwrap()) };
-    // At one time: neither saw what the other put.
+    // At the same time: neither saw what the other put.
     let (storages, elsewhere) = (Arc::new(Three::default()), Arc::new(Three::default()));
     let (mut has_less, mut has_more) = (Server::begin(&storages), Server::begin(&elsewhere));
-    has_less.ingest.take(vec![arrival(&less)], NOW_US).unwrap();
-    has_more.ingest.take(vec![arrival(&more)], NOW_US).unwrap();
+    has_less.ingest.take_arrivals(vec![arrival(&less)], NOW_US).unwrap();
+    has_more.ingest.take_arrivals(vec![arrival(&more)], NOW_US).unwrap();
     storages.put(&place, &encode(&more).unwrap());
-    // The server that has the lesser has it put in the place of the other.
-    let taken = has_less.ingest.take(vec![kept(&more)], NOW_US).unwrap();
+    // The server with the lesser bytes puts them in place of the other's.
+    let taken = has_less.ingest.take_arrivals(vec![kept(&more)], NOW_US).unwrap();
     assert_eq!(taken.disputed.len(), 1);
-    settle(&taken.disputed, has_less.log.as_ref(), storages.as_ref()).unwrap();
+    settle_disputed(&taken.disputed, has_less.log.as_ref(), storages.as_ref()).unwrap();
     // The other server gives way, and reads everything anew.
-    let taken = has_more.ingest.take(vec![kept(&less)], NOW_US).unwrap();
-    let error = settle(&taken.disputed, has_more.log.as_ref(), storages.as_ref()).unwrap_err();
+    let taken = has_more.ingest.take_arrivals(vec![kept(&less)], NOW_US).unwrap();
+    let error = settle_disputed(&taken.disputed, has_more.log.as_ref(), storages.as_ref()).unwrap_err();
     assert!(matches!(error, StoreError::Overruled { author: ANA, number: 1, .. }), "{error}");
     let anew = Server::begin(&storages);
     assert_eq!(anew.catalog.heads()[0].digest, has_less.catalog.heads()[0].digest);
@@ -282,25 +279,25 @@ fn of_two_increments_put_at_one_time_everybody_ends_with_the_lesser() {
 #[test]
 fn what_storages_hold_already_stays_whatever_a_server_has_not_heard_of() {
     let storages = Arc::new(Three::default());
-    Server::begin(&storages).ingest.take(vec![from_writer(ANA, 1)], NOW_US).unwrap();
+    Server::begin(&storages).ingest.take_arrivals(vec![from_writer(ANA, 1)], NOW_US).unwrap();
     let puts = *storages.puts.lock().unwrap();
-    // A writer that goes on where a server that is behind says that it is.
+    // A writer that continues where a server that is behind says that it is.
     let other = Increment { ops: vec![Op::RemoveNode { id: support::node(BEN, 1) }], ..increment(ANA, 1) };
     let arrival = Arrival { key: key(ANA, 1), payload: Ok(encode(&other).unwrap()) };
-    let error = Server::new(&storages).ingest.take(vec![arrival], NOW_US).unwrap_err();
+    let error = Server::new(&storages).ingest.take_arrivals(vec![arrival], NOW_US).unwrap_err();
     assert!(matches!(error, StoreError::Overruled { .. }), "{error}");
     assert_eq!(*storages.puts.lock().unwrap(), puts);
-    let notices = Server::begin(&storages).ingest.take(vec![from_writer(ANA, 1)], NOW_US).unwrap().notices;
+    let notices = Server::begin(&storages).ingest.take_arrivals(vec![from_writer(ANA, 1)], NOW_US).unwrap().notices;
     assert!(notices.is_empty(), "what was there is there");
 }
 
 #[test]
 fn rubbish_in_a_storage_stands_in_nobodys_way() {
     let storages = Arc::new(Three::default());
-    storages.put(&Place { map: museum(), author: ANA, number: 1 }, b"");
+    storages.put(&IncrementKey { map: museum(), author: ANA, number: 1 }, b"");
     let mut server = Server::begin(&storages);
     assert_eq!(server.has(ANA), 0);
-    server.ingest.take(vec![from_writer(ANA, 1)], NOW_US).unwrap();
+    server.ingest.take_arrivals(vec![from_writer(ANA, 1)], NOW_US).unwrap();
     assert_eq!((server.has(ANA), Server::begin(&storages).has(ANA)), (1, 1));
 }
 
@@ -311,14 +308,16 @@ fn what_a_server_has_let_in_is_let_in_by_all_and_nothing_is_folded() {
     // Far ahead of this server's clock, and over its limits.
     let mut later = increment(ANA, 1);
     later.hlc_us = 1 << 52;
-    let refused =
-        server.ingest.take(vec![Arrival { key: key(ANA, 1), payload: Ok(encode(&later).unwrap()) }], 0).unwrap();
+    let refused = server
+        .ingest
+        .take_arrivals(vec![Arrival { key: key(ANA, 1), payload: Ok(encode(&later).unwrap()) }], 0)
+        .unwrap();
     assert_eq!(refused.notices.len(), 1);
-    storages.put(&Place { map: museum(), author: ANA, number: 1 }, &encode(&later).unwrap());
-    server.ingest.take(vec![kept(&later)], 0).unwrap();
+    storages.put(&IncrementKey { map: museum(), author: ANA, number: 1 }, &encode(&later).unwrap());
+    server.ingest.take_arrivals(vec![kept(&later)], 0).unwrap();
     assert_eq!(server.has(ANA), 1);
     assert!(server.log.is_shared());
-    let fold = fht_proto::Fold { author: BEN, first: 1, last: 2, rests: Vec::new() };
-    let series = fht_proto::query::Snapshot { folds: vec![fold], ..Default::default() };
-    assert_eq!(server.ingest.import(&"other".parse().unwrap(), series, NOW_US).unwrap(), Err(Refusal::FoldShared));
+    let fold = fht_proto::CompactedSeries { author: BEN, first: 1, last: 2, rests: Vec::new() };
+    let series = fht_proto::api::reply::Series { folds: vec![fold], ..Default::default() };
+    assert_eq!(server.ingest.import(&"other".parse().unwrap(), series, NOW_US).unwrap(), Err(Refusal::CompactedShared));
 }

@@ -1,13 +1,16 @@
-//! The descriptor of a panorama, computed beside the robot's loop. A result is taken when the next panorama comes.
+//! The descriptor of a panorama, computed beside the robot's loop. A result is taken when the next
+//! panorama comes.
 
-use crate::beside::{Beside, Pace};
-use fht_robot::descriptor::{Appearance, DescriptorNet};
-use fht_robot::frame::Panorama;
+use fht_descriptor::{Appearance, DescriptorNet};
+use fht_perception::frame::Panorama;
+use fht_worker::{BackgroundWorker, Pace};
 
-/// This many panoramas in a row that cannot be described are a defect of cameras or network, not of a picture.
+/// This many panoramas in a row that cannot be described are a defect of cameras or network, not of
+/// a picture.
 const MAX_FAILURES: usize = 20;
 
-/// The cameras are of no use: a map without descriptors would be finished, and nobody could find a place on it.
+/// The cameras are of no use: a map without descriptors would be finished, and nobody could find a
+/// place on it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{failures} panoramas in a row could not be described, the last because: {reason}; --no-cameras maps without appearance"
@@ -21,7 +24,7 @@ pub struct CameraError {
 
 /// A thread that describes panoramas, one at a time.
 pub struct CameraWorker<C> {
-    thread: Beside<Panorama, Result<Appearance, String>>,
+    thread: BackgroundWorker<Panorama, Result<Appearance, String>>,
     /// What belongs to the panorama under way.
     context: Option<C>,
     /// Failures in a row, and why the last.
@@ -42,12 +45,12 @@ impl<C> CameraWorker<C> {
         pace: Pace,
         mut describe: impl FnMut(&Panorama) -> Result<Appearance, String> + Send + 'static,
     ) -> std::io::Result<Self> {
-        let thread = Beside::start("camera", pace, move |panorama| describe(&panorama))?;
+        let thread = BackgroundWorker::one_by_one("camera", pace, move |panorama| describe(&panorama))?;
         Ok(Self { thread, context: None, failures: 0, reason: String::new() })
     }
 
-    /// Hands a panorama over at frame `frame`, with what belongs to it; returns the previous one's result. While that one is
-    /// not ready in real time, the new one is left out.
+    /// Hands a panorama over at frame `frame`, with what belongs to it; returns the previous one's
+    /// result. While that one is not ready in real time, the new one is left out.
     pub fn exchange(&mut self, panorama: Panorama, context: C, frame: u64) -> Option<(C, Appearance)> {
         let finished = self.thread.take_due(frame);
         let finished = self.judge(finished);

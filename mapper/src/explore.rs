@@ -1,99 +1,41 @@
-//! Frontier exploration (paper section III-A): where to drive next, and how, from the robot's own grid.
+//! Frontier exploration (paper section III-A): where to drive next, and how, from the robot's own
+//! grid.
 //!
-//! The explorer is told the grid, the pose and the scan once per frame and answers with a command. It keeps its goal until
-//! the frontier there is gone, reached or cut off, so that it does not waver between two of about the same utility. Searching
-//! a large grid takes longer than a frame may: the explorer puts a question ([`Explorer::question`]), which is answered beside
-//! the loop ([`Search::run`], [`Explorer::answer`]), and drives on meanwhile.
+//! The explorer is told the grid, the pose and the scan once per frame and answers with a command.
+//! It keeps its goal until the frontier there is gone, reached or cut off, so that it does not
+//! waver between two of about the same utility. Searching a large grid takes longer than a frame
+//! may: the explorer puts a question ([`Explorer::question`]), which is answered beside the loop
+//! ([`Search::run`], [`Explorer::answer`]), and drives on meanwhile.
 
-mod closed;
-mod seams;
+mod config;
+mod division;
+mod frontier;
+mod missing_links;
 mod search;
-mod seen;
+mod seen_squares;
 mod setbacks;
-mod team;
 mod utility;
+mod zone_keeping;
 
-pub use search::{Answer, Search};
-pub use seen::{SeenSquares, seen_area};
+pub use config::ExploreConfig;
+pub use division::{DivisionConfig, Team, Teammate};
+pub use frontier::FrontierConfig;
+pub use search::{Search, SearchResult};
+pub use seen_squares::{SeenSquares, seen_area};
 pub use setbacks::SetbackConfig;
-pub use team::{Team, TeamConfig, Teammate};
 pub use utility::{UtilityConfig, utility};
 
-use crate::frontier::{self, FrontierConfig, Knowledge};
-use crate::refine::RefineConfig;
+use crate::explore::frontier::Knowledge;
 use fht_map::Rules;
-use fht_robot::frame::{LaserScan, Twist};
-use fht_robot::grid::OccupancyGrid;
-use fht_robot::motion::{FollowConfig, SafetyConfig, safe_command};
-use fht_robot::planning::PlanConfig;
-use fht_robot::pose::{Point2, Pose2};
+use fht_navigation::motion::safe_command;
+use fht_perception::frame::{LaserScan, Twist};
+use fht_perception::grid::OccupancyGrid;
+use fht_perception::pose::{Point2, Pose2};
 use search::{Goal, Underway};
 use serde::{Deserialize, Serialize};
 use setbacks::Setbacks;
 use std::fmt;
 use std::sync::Arc;
-
-/// How to explore.
-#[derive(Clone, Debug)]
-pub struct ExploreConfig {
-    /// The planner's idea of the robot.
-    pub plan: PlanConfig,
-    /// Where the robot finds itself boxed in, it leaves with this distance from the centres of occupied cells, metres. Default
-    /// 0.12.
-    pub squeeze_m: f64,
-    /// How paths are followed.
-    pub follow: FollowConfig,
-    /// The check of every command against the scan.
-    pub safety: SafetyConfig,
-    /// What counts as a frontier.
-    pub frontier: FrontierConfig,
-    /// Terms of equation 1.
-    pub utility: UtilityConfig,
-    /// When a place is given up.
-    pub setbacks: SetbackConfig,
-    /// How work is divided among several explorers.
-    pub team: TeamConfig,
-    /// Where the map lacks a link between what this robot and what others have seen. Default: the map's way is 1.5 times as long, and 2 m longer.
-    pub links: RefineConfig,
-    /// At the start the robot stands and looks for so long, seconds: the map's frame is where it stands, and many scans tell
-    /// better where that is than one. Default 2.
-    pub first_look_s: f64,
-    /// The path is checked against the grid this often, seconds. Default 1.
-    pub check_period_s: f64,
-    /// A new goal is chosen at most this often, seconds; until then the robot goes on along its path. Default 0.6.
-    pub choose_period_s: f64,
-    /// A goal is kept while this many frontier cells are near it. Default 4.
-    pub goal_cells: usize,
-    /// How near they must be, metres. Default 0.3.
-    pub goal_radius_m: f64,
-    /// How long to look around at a goal whose frontier does not vanish, seconds. Default 0.6.
-    pub look_s: f64,
-    /// Without moving for this long the robot is stuck, seconds. Default 6.
-    pub stuck_after_s: f64,
-}
-
-impl Default for ExploreConfig {
-    fn default() -> Self {
-        Self {
-            plan: PlanConfig::default(),
-            squeeze_m: 0.12,
-            follow: FollowConfig::default(),
-            safety: SafetyConfig::default(),
-            frontier: FrontierConfig::default(),
-            utility: UtilityConfig::default(),
-            setbacks: SetbackConfig::default(),
-            team: TeamConfig::default(),
-            links: RefineConfig { saving_m: 2.0, ..RefineConfig::default() },
-            first_look_s: 2.0,
-            check_period_s: 1.0,
-            choose_period_s: 0.6,
-            goal_cells: 4,
-            goal_radius_m: 0.3,
-            look_s: 0.6,
-            stuck_after_s: 6.0,
-        }
-    }
-}
 
 /// Why an exploration ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -107,8 +49,11 @@ pub enum Ending {
     OutOfTime,
     /// Nobody took the map any more.
     Interrupted,
-    /// A robot that was to join a map saw all that it could reach, and did not find its place in the map.
+    /// A robot that was to join a map saw all that it could reach, and did not find its place in
+    /// the map.
     Unplaced,
+    /// The robot's sensors ended, or it took no commands.
+    RobotFailed,
 }
 
 impl fmt::Display for Ending {
@@ -121,6 +66,7 @@ impl fmt::Display for Ending {
             Self::Unplaced => {
                 "the robot saw all that it can reach and did not find its place in the map that it was to join"
             }
+            Self::RobotFailed => "the robot failed: its sensors ended, or it took no commands",
         })
     }
 }
@@ -157,7 +103,8 @@ pub struct Explorer {
     is_asking: bool,
     /// Whether the last answer was that nothing is left.
     is_all_seen: bool,
-    /// Whether another explorer has left since the last question: what was left to it is to be looked at again.
+    /// Whether another explorer has left since the last question: what was left to it is to be
+    /// looked at again.
     has_lost_mate: bool,
     /// How often in a row a goal was chosen again that was reached.
     returns: u32,
@@ -228,13 +175,13 @@ impl Explorer {
     }
 
     /// What the others are about.
-    pub fn hear(&mut self, team: Team) {
+    pub fn set_team(&mut self, team: Team) {
         self.has_lost_mate |= self.team.mates.iter().any(|mate| !mate.is_finished && !team.is_at_work(mate.author));
         self.team = team;
     }
 
     /// What holds on the map from now on, in the frame that the grid is in.
-    pub fn obey(&mut self, rules: Arc<Rules>) {
+    pub fn set_rules(&mut self, rules: Arc<Rules>) {
         if !Arc::ptr_eq(&rules, &self.rules) && !rules.closes_the_same(&self.rules) {
             // The way that the robot is on is checked at once.
             self.checked_us = 0;
@@ -242,8 +189,8 @@ impl Explorer {
         self.rules = rules;
     }
 
-    /// The frame in which places are told is another one from now on: whatever was chosen in the old one is forgotten. The answer to
-    /// a question that was put before must not be given.
+    /// The frame in which places are told is another one from now on: whatever was chosen in the
+    /// old one is forgotten. The answer to a question that was put before must not be given.
     pub fn change_frame(&mut self) {
         let (config, began_us, ended) = (self.config.clone(), self.began_us, self.ended);
         *self = Self { began_us, ended, ..Self::new(config) };
@@ -255,8 +202,8 @@ impl Explorer {
         self.goal.as_ref().map_or(&[], |goal| goal.follower.path())
     }
 
-    /// Once per frame: `grid` holds the frame's scan already, `map_from_base` is the robot's pose in the grid's frame.
-    /// Time must not go back. After [`ExploreStep::Done`] it stays done.
+    /// Once per frame: `grid` holds the frame's scan already, `map_from_base` is the robot's pose
+    /// in the grid's frame. Time must not go back. After [`ExploreStep::Done`] it stays done.
     pub fn step(&mut self, grid: &OccupancyGrid, map_from_base: &Pose2, scan: &LaserScan, time_us: u64) -> ExploreStep {
         if let Some(ending) = self.ended {
             return ExploreStep::Done(ending);
@@ -266,7 +213,7 @@ impl Explorer {
             return ExploreStep::Drive(Twist::default());
         }
         let position = Point2::from(map_from_base.translation.vector);
-        let limit_mps = closed::speed_limit_mps(&self.rules, map_from_base);
+        let limit_mps = zone_keeping::speed_limit_mps(&self.rules, map_from_base);
         self.watch_for_being_stuck(position, limit_mps, time_us);
         let twist = if let Some(twist) = self.recovery_command(time_us) {
             Some(twist)
@@ -277,7 +224,7 @@ impl Explorer {
         match twist {
             Some(twist) if self.recoveries <= MAX_RECOVERIES => {
                 let twist = limit_mps.map_or(twist, |limit_mps| twist.limited(limit_mps));
-                let obedient = closed::held_back(twist, &self.rules, map_from_base, self.config.follow.period_s);
+                let obedient = zone_keeping::held_back(twist, &self.rules, map_from_base, self.config.follow.period_s);
                 ExploreStep::Drive(safe_command(obedient, scan, &self.config.safety))
             }
             given_up => {
@@ -290,7 +237,8 @@ impl Explorer {
         }
     }
 
-    /// Begins a recovery when the robot has had a goal but not moved for too long, where it may drive at `limit_mps`.
+    /// Begins a recovery when the robot has had a goal but not moved for too long, where it may
+    /// drive at `limit_mps`.
     fn watch_for_being_stuck(&mut self, position: Point2, limit_mps: Option<f64>, time_us: u64) {
         let (anchor, since_us) = *self.moved.get_or_insert((position, time_us));
         // Who has to creep is not stuck.
@@ -330,7 +278,7 @@ impl Explorer {
     }
 
     /// The answer to the last question.
-    pub fn answer(&mut self, answer: Answer) {
+    pub fn answer(&mut self, answer: SearchResult) {
         self.is_asking = false;
         // What was asked before the robot got stuck, or for a goal that is no more, is out of date.
         let is_kept =
@@ -414,8 +362,8 @@ impl Explorer {
         }
     }
 
-    /// Whether a robot that has nothing left waits for the others: as long as one of them has a goal, and a little longer, because between two
-    /// goals it has none.
+    /// Whether a robot that has nothing left waits for the others: as long as one of them has a
+    /// goal, and a little longer, because between two goals it has none.
     fn has_to_wait(&mut self, time_us: u64) -> bool {
         if self.team.has_goals() {
             self.quiet_since_us = Some(time_us);

@@ -2,48 +2,41 @@
 //!
 //! | module | idea |
 //! | --- | --- |
-//! | [`slam`] | where the robot is, and a map that stays true: submaps, loop closure; [`calibration`] of the wheels |
-//! | [`beside`] | work in threads whose results are taken at fixed frames |
-//! | [`frontier`], [`explore`] | where to drive next (paper, equation 1) |
+//! | [`run`] | a robot that makes a map, whatever stands behind the port ([`Robot`](fht_perception::robot::Robot)) |
+//! | `mapping` | from frames to commands and increments, frame by frame: [`Mapper`] |
+//! | [`slam`] | where the robot is, and a map that stays true: submaps, loop closure |
 //! | [`construct`] | main nodes, support nodes, edges, rectangles (paper, section III-B) |
-//! | [`refine`] | shortcuts that the robot never drove |
-//! | [`joining`] | finding the place in a map that others have begun |
-//! | [`journal`] | operations become numbered increments |
-//! | [`camera`] | descriptors, computed beside the loop |
-//! | [`mapping`] | all of it, frame by frame |
-//! | [`publish`] | increments to the server, kept until acknowledged |
-//! | [`spool`], [`deliver`] | what is not acknowledged, on the robot's disk, and how the next run delivers it |
-//! | [`window`] | which increment goes out next, and when again |
-//! | [`verify`] | whether what the server has is what this run has made |
-//! | [`linked`] | a run whose map goes to a server while it is made |
-//! | [`fellows`] | the other explorers of the same map |
-//! | [`record`] | the run as a bag |
-//! | [`run`], [`report`] | exploring a simulated building |
-//! | [`replay`] | mapping from a bag |
-//! | [`cli`] | the program |
+//! | [`explore`] | where to drive next (paper, equation 1) |
+//! | `team` | joining a map that others have begun, and dividing the work with them |
+//! | `camera` | descriptors, computed beside the loop |
+//! | [`publish`] | increments to the server, kept until they are acknowledged |
+//! | `program` | the command line, and the simulated buildings and recorded runs of the program (feature `program`) |
+//!
+//! A robot of your own implements the port; [`run::explore`] does the rest:
+//!
+//! ```
+//! use fht_perception::robot::Robot;
+//! use mapper::run::{MappingOutcome, MappingTask, RunError, explore};
+//!
+//! async fn map_the_building<R>(robot: R, task: MappingTask) -> Result<MappingOutcome<R, ()>, RunError>
+//! where
+//!     R: Robot + Send + 'static,
+//! {
+//!     explore(task, robot, ()).await
+//! }
+//! ```
 
-pub mod beside;
-pub mod calibration;
-pub mod camera;
-pub mod cli;
+mod camera;
 pub mod construct;
-pub mod deliver;
 pub mod explore;
-pub mod fellows;
-pub mod frontier;
-pub mod joining;
-pub mod journal;
-pub mod linked;
-pub mod mapping;
+mod mapping;
+#[cfg(feature = "program")]
+pub mod program;
 pub mod publish;
-pub mod record;
-pub mod refine;
-pub mod replay;
-pub mod report;
 pub mod run;
 pub mod slam;
-pub mod spool;
-pub mod verify;
-pub mod window;
+mod team;
 
-pub use cli::main_with_args;
+pub use camera::CameraError;
+pub use mapping::{Located, Mapper, MapperConfig, MapperStep};
+pub use team::JoinConfig;

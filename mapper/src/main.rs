@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    mapper::main_with_args(std::env::args_os())
+    mapper::program::main_with_args(std::env::args_os())
 }

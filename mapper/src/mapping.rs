@@ -1,71 +1,36 @@
 //! One exploration, frame by frame: SLAM, construction, refinement, and where to drive next.
 //!
-//! Pure of I/O: frames go in, a command and increments come out. Cameras, refinement and SLAM's back end work in threads
-//! beside it ([`crate::beside`]).
+//! Pure of I/O: frames go in, a command and increments come out. Cameras, refinement and SLAM's
+//! back end work in threads beside it ([`fht_worker`]).
 
+mod config;
+mod others;
 mod shared;
+mod shortcuts;
 
-use crate::beside::{Beside, Pace};
+pub use config::MapperConfig;
+
 use crate::camera::{CameraError, CameraWorker};
-use crate::construct::coverage::CoverageConfig;
-use crate::construct::edges::EdgeConfig;
-use crate::construct::support::Hierarchy;
-use crate::construct::{Builder, BuilderConfig, Chain, Footing, Observation, plan_config, point};
-use crate::explore::{Answer, Ending, ExploreConfig, ExploreStep, Explorer, Search};
-use crate::frontier::FrontierConfig;
-use crate::joining::JoinConfig;
-use crate::journal::Journal;
-use crate::refine::{self, RefineConfig, RefineJob, Roadmap, Shortcut, is_still_free, shortcuts};
-use crate::slam::closure::ClosureCounts;
-use crate::slam::{Anchored, Slam, SlamConfig, Tracking};
+use crate::construct::{
+    Builder, Footing, PlaceObservation, RefinementJob, Roadmap, Shortcut, shortcuts, start_refinement,
+};
+use crate::explore::{Ending, ExploreStep, Explorer, Search, SearchResult};
+use crate::publish::Journal;
+use crate::slam::{Anchored, ClosureCounts, Slam, Tracking};
+use fht_descriptor::{Appearance, DescriptorNet};
 use fht_map::MapState;
+use fht_navigation::planning::Traversable;
+use fht_perception::frame::{FrameError, SensorFrame, Twist};
+use fht_perception::grid::OccupancyGrid;
+use fht_perception::pose::Pose2;
 use fht_proto::{AuthorId, Descriptor, DescriptorModel, Increment, NodeId, Op, ScanRecord};
-use fht_robot::descriptor::{Appearance, DescriptorNet};
-use fht_robot::frame::{FrameError, SensorFrame, Twist};
-use fht_robot::grid::OccupancyGrid;
-use fht_robot::planning::{PlanConfig, Traversable};
-use fht_robot::pose::{Point2, Pose2};
-use shared::{Newcomer, Others};
+use fht_worker::BackgroundWorker;
+use others::{Newcomer, Others};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
-/// Parameters of an exploration.
-#[derive(Clone, Debug, Default)]
-pub struct MapperConfig {
-    /// SLAM.
-    pub slam: SlamConfig,
-    /// Nodes, edges, rectangles.
-    pub builder: BuilderConfig,
-    /// Shortcuts.
-    pub refine: RefineConfig,
-    /// Where to go.
-    pub explore: ExploreConfig,
-    /// Joining a map that exists.
-    pub join: JoinConfig,
-    /// Whether the loop waits for work beside it.
-    pub pace: Pace,
-}
-
-impl MapperConfig {
-    /// The paper's ablation "Main Only": no support nodes, longer edges, no refinement, no coverage; and no looks
-    /// into gaps, which are too narrow for edges.
-    #[must_use]
-    pub fn main_only() -> Self {
-        let edges = EdgeConfig { longest_m: 20.0, ..EdgeConfig::default() };
-        let coverage = CoverageConfig::none();
-        let builder = BuilderConfig { hierarchy: Hierarchy::MainOnly, edges, coverage, ..BuilderConfig::default() };
-        let explore = ExploreConfig { frontier: FrontierConfig::without_gaps(), ..ExploreConfig::default() };
-        let refine = RefineConfig { max_shortcuts: 0, ..RefineConfig::default() };
-        Self { builder, refine, explore, ..Self::default() }
-    }
-}
-
 /// Frames between a question where to go and its answer.
 const GOAL_DELAY_FRAMES: u64 = 1;
-/// Frames between a refinement job and its result.
-const REFINE_DELAY_FRAMES: u64 = 10;
-/// New nodes that wait for refinement; the oldest is dropped beyond (the last pass looks at all nodes again).
-const REFINE_QUEUE: usize = 64;
 /// Operations of one increment, when there are many.
 const BATCH_OPS: usize = 64;
 
@@ -76,7 +41,7 @@ fn match_threshold(model: &DescriptorModel) -> f32 {
 
 /// What an exploration is doing.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Step {
+pub enum MapperStep {
     /// Drive on.
     Drive(Twist),
     /// It is over, complete or stuck.
@@ -90,8 +55,8 @@ pub struct Mapper {
     builder: Builder,
     journal: Journal,
     explorer: Explorer,
-    goals: Beside<(Search, OccupancyGrid), Answer>,
-    camera: Option<CameraWorker<Seen>>,
+    goals: BackgroundWorker<(Search, OccupancyGrid), SearchResult>,
+    camera: Option<CameraWorker<SensedPlace>>,
     /// What the descriptors are of.
     model: Option<DescriptorModel>,
     is_model_written: bool,
@@ -100,7 +65,7 @@ pub struct Mapper {
     others: Others,
     odometer_m: f64,
     began_us: u64,
-    refine: Beside<RefineJob, Vec<Shortcut>>,
+    refine: BackgroundWorker<RefinementJob, Vec<Shortcut>>,
     to_refine: VecDeque<NodeId>,
     frame: u64,
     increments: Vec<Increment>,
@@ -108,7 +73,7 @@ pub struct Mapper {
 }
 
 /// What belongs to a panorama: where and when it was taken, and the scan.
-struct Seen {
+struct SensedPlace {
     anchored: Anchored,
     frame: u64,
     scan: ScanRecord,
@@ -139,7 +104,9 @@ impl Mapper {
             builder: Builder::new(config.builder.clone()),
             journal: Journal::new(author),
             explorer: Explorer::new(config.explore.clone()),
-            goals: Beside::start("goals", config.pace, |(search, grid): (Search, OccupancyGrid)| search.run(&grid))?,
+            goals: BackgroundWorker::one_by_one("goals", config.pace, |(search, grid): (Search, OccupancyGrid)| {
+                search.run(&grid)
+            })?,
             camera: net.map(|net| CameraWorker::start(net, config.pace)).transpose()?,
             model,
             is_model_written: false,
@@ -147,7 +114,7 @@ impl Mapper {
             others: Others::default(),
             odometer_m: 0.0,
             began_us: 0,
-            refine: refine::start(config.refine.clone(), config.pace)?,
+            refine: start_refinement(config.refine.clone(), config.pace)?,
             to_refine: VecDeque::new(),
             frame: 0,
             increments: Vec::new(),
@@ -209,10 +176,10 @@ impl Mapper {
     ///
     /// # Errors
     /// As [`observe`](Self::observe).
-    pub fn step(&mut self, frame: &SensorFrame) -> Result<Step, FrameError> {
+    pub fn step(&mut self, frame: &SensorFrame) -> Result<MapperStep, FrameError> {
         let map_from_base = self.observe(frame)?;
         if self.is_waiting(frame.time_us) {
-            return Ok(Step::Drive(Twist::default()));
+            return Ok(MapperStep::Drive(Twist::default()));
         }
         if let Some(answer) = self.goals.take_due(self.frame) {
             self.explorer.answer(answer);
@@ -225,15 +192,15 @@ impl Mapper {
             self.goals.submit((search, self.slam.grid().clone()), self.frame + GOAL_DELAY_FRAMES);
         }
         Ok(match step {
-            _ if self.goals.has_ended() => Step::Done(Ending::Stuck),
-            ExploreStep::Drive(twist) => Step::Drive(twist),
-            ExploreStep::Done(_) if self.newcomer.is_some() => Step::Done(Ending::Unplaced),
-            ExploreStep::Done(ending) => Step::Done(ending),
+            _ if self.goals.has_ended() => MapperStep::Done(Ending::Stuck),
+            ExploreStep::Drive(twist) => MapperStep::Drive(twist),
+            ExploreStep::Done(_) if self.newcomer.is_some() => MapperStep::Done(Ending::Unplaced),
+            ExploreStep::Done(ending) => MapperStep::Done(ending),
         })
     }
 
-    /// Takes in a frame of a robot that somebody else drives (a recorded run), and says where the robot is. The map is the
-    /// same as with [`step`](Self::step).
+    /// Takes in a frame of a robot that somebody else drives (a recorded run), and says where the
+    /// robot is. The map is the same as with [`step`](Self::step).
     ///
     /// # Errors
     /// [`FrameError`] for a frame that nothing can be made of; it changes nothing.
@@ -263,7 +230,7 @@ impl Mapper {
         }
         // A robot that is lost does not know what it would be mapping.
         if update.tracking != Tracking::Lost {
-            self.see(frame, &anchored);
+            self.observe_place(frame, &anchored);
             let made = self.builder.observe_motion(&anchored, &mut self.journal, &self.slam.estimate());
             self.take_node(made, time_us);
             self.doubt(&map_from_base, time_us);
@@ -288,8 +255,8 @@ impl Mapper {
     }
 
     /// Main nodes: from the panorama before this one, whose descriptor is ready by now.
-    fn see(&mut self, frame: &SensorFrame, anchored: &Anchored) {
-        let seen = Seen { anchored: *anchored, frame: self.frame, scan: frame.scan.to_record() };
+    fn observe_place(&mut self, frame: &SensorFrame, anchored: &Anchored) {
+        let seen = SensedPlace { anchored: *anchored, frame: self.frame, scan: frame.scan.to_record() };
         let Some(camera) = &mut self.camera else {
             // No cameras: every frame is a place without an appearance.
             return self.take_place(seen, None, 1.0, frame.time_us);
@@ -301,18 +268,18 @@ impl Mapper {
         }
     }
 
-    fn take_appearance(&mut self, seen: Seen, appearance: Appearance, time_us: u64) {
+    fn take_appearance(&mut self, seen: SensedPlace, appearance: Appearance, time_us: u64) {
         let model = self.model.as_ref();
         let descriptor = model.map(|model| Descriptor::quantise(model.id, &appearance.components));
         if let Some(threshold) = model.map(match_threshold) {
-            self.slam.see(&seen.anchored, Arc::new(appearance.components), threshold);
+            self.slam.observe_appearance(&seen.anchored, Arc::new(appearance.components), threshold);
         }
         self.take_place(seen, descriptor, appearance.information, time_us);
     }
 
-    fn take_place(&mut self, seen: Seen, descriptor: Option<Descriptor>, information: f64, time_us: u64) {
-        let Seen { anchored, frame, scan } = seen;
-        let observation = Observation { anchored, frame, scan, descriptor, information };
+    fn take_place(&mut self, seen: SensedPlace, descriptor: Option<Descriptor>, information: f64, time_us: u64) {
+        let SensedPlace { anchored, frame, scan } = seen;
+        let observation = PlaceObservation { anchored, frame, scan, descriptor, information };
         let made = self.builder.observe_place(observation, &mut self.journal, &self.slam.estimate());
         self.take_node(made, time_us);
     }
@@ -321,13 +288,6 @@ impl Mapper {
         let Some((id, ops)) = made else { return };
         self.write(ops, time_us);
         self.look_for_shortcuts(id);
-    }
-
-    fn look_for_shortcuts(&mut self, node: NodeId) {
-        if self.to_refine.len() >= REFINE_QUEUE {
-            self.to_refine.pop_front();
-        }
-        self.to_refine.push_back(node);
     }
 
     fn write_all(&mut self, ops: &[Op], time_us: u64) {
@@ -340,36 +300,9 @@ impl Mapper {
         self.increments.extend(self.journal.write(ops, time_us));
     }
 
-    fn refine(&mut self, time_us: u64) {
-        let due = self.refine.take_due(self.frame);
-        self.add_shortcuts(due.unwrap_or_default(), time_us);
-        if self.refine.is_idle()
-            && let Some(node) = self.to_refine.pop_front()
-        {
-            let (roadmap, grid) = (Roadmap::of(self.map()), self.grid().clone());
-            let job = RefineJob { roadmap, grid, plan: self.plan_config(), node };
-            self.refine.submit(job, self.frame + REFINE_DELAY_FRAMES);
-        }
-    }
-
-    /// Free space as edges need it.
-    fn plan_config(&self) -> PlanConfig {
-        plan_config(self.builder.config().edges.half_width_m, self.grid())
-    }
-
-    fn add_shortcuts(&mut self, found: Vec<Shortcut>, time_us: u64) {
-        for shortcut in found {
-            let width_m = self.builder.config().edges.half_width_m;
-            if is_still_free(&shortcut, self.journal.state(), self.slam.grid(), width_m) {
-                let chain = Chain { from: shortcut.from, between: &shortcut.between, to: shortcut.to };
-                let ops = self.builder.make_chain(&chain, &mut self.journal, &self.slam.estimate());
-                self.write(ops, time_us);
-            }
-        }
-    }
-
-    /// After the last frame: what is under way is finished, places passed become main nodes where too little is known, rectangles are grown once more, and every node is looked
-    /// at for shortcuts in the finished grid.
+    /// After the last frame: what is under way is finished, places passed become main nodes where
+    /// too little is known, rectangles are grown once more, and every node is looked at for
+    /// shortcuts in the finished grid.
     pub fn finish(&mut self) {
         if self.newcomer.is_some() {
             return; // what it saw has no place in the map
@@ -403,11 +336,5 @@ impl Mapper {
     #[must_use]
     pub fn free_area_m2(&self) -> f64 {
         self.grid().free_area_m2()
-    }
-
-    /// Where a node is, on the grid.
-    #[must_use]
-    pub fn node_place(&self, id: NodeId) -> Option<Point2> {
-        self.map().node(id).map(|node| point(node.pose.position))
     }
 }

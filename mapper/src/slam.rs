@@ -4,44 +4,46 @@
 //! | --- | --- |
 //! | here | the front end: each scan is matched to a submap of the last few metres, starting from what the wheels say. Drift inside it is millimetres, and nothing that the back end does disturbs it |
 //! | `tracking` | whether the robot is where it thinks it is: what is believed, and how one that is lost is found again |
-//! | [`submap`] | walls and free space that some keyframes saw |
-//! | [`graph`] | the keyframes and what was measured between them |
-//! | [`closure`] | loop closures |
-//! | [`told`] | what other robots have told of the building |
-//! | [`back_end`] | closures, optimisation and the grid's redrawing in a thread. It moves submaps; the robot's pose in the map is the pose of its submap times its pose therein |
+//! | `keyframe` | the scans that join submaps and the graph |
+//! | `submap` | walls and free space that some keyframes saw |
+//! | `graph` | the keyframes and what was measured between them |
+//! | `closure` | loop closures |
+//! | `foreign_nodes` | what other robots have told of the building |
+//! | `back_end` | closures, optimisation and the grid's redrawing in a thread. It moves submaps; the robot's pose in the map is the pose of its submap times its pose therein |
 //!
-//! After Hess et al., "Real-time loop closure in 2D LIDAR SLAM" (ICRA 2016), with point-to-line matching in the place of
-//! their probability grids.
+//! After Hess et al., "Real-time loop closure in 2D LIDAR SLAM" (ICRA 2016), with point-to-line
+//! matching in the place of their probability grids.
 
-pub mod back_end;
-pub mod closure;
+mod back_end;
+mod calibration;
+mod closure;
 mod config;
 mod estimate;
-pub mod graph;
+mod foreign_nodes;
+mod graph;
 mod joining;
-pub mod submap;
-pub mod told;
+mod keyframe;
+mod submap;
 mod tracking;
 
+pub use closure::ClosureCounts;
 pub use config::SlamConfig;
-pub use estimate::{Anchored, Estimate, SlamUpdate, Tracking, View};
+pub use estimate::{Anchored, GridScan, SlamEstimate, SlamUpdate, Tracking};
+pub(crate) use foreign_nodes::{Told, ToldNode};
 
-use crate::beside::{Beside, Pace};
-use crate::calibration::OdometryCalibration;
-use back_end::{BackEnd, Job, Outcome};
-use closure::{ClosureCounts, NewKeyframe, Sighting, with_floor};
+use crate::slam::calibration::OdometryCalibration;
+use back_end::{BackEnd, BackEndJob, BackEndResult};
+use closure::SubmapSighting;
 use estimate::locate;
-use fht_robot::frame::{LaserScan, SensorFrame};
-use fht_robot::grid::OccupancyGrid;
-use fht_robot::matching::{Prior, ScanMatch};
-use fht_robot::pose::{Point2, Pose2};
-use fht_robot::pose_graph::Edge;
-use graph::Link;
-use joining::unplaced_link;
-use nalgebra::{Matrix3, Vector2};
+use fht_perception::frame::{LaserScan, SensorFrame};
+use fht_perception::grid::OccupancyGrid;
+use fht_perception::matching::Prior;
+use fht_perception::pose::{Point2, Pose2};
+use fht_worker::{BackgroundWorker, Pace};
+use foreign_nodes::Hearsay;
+use nalgebra::Matrix3;
 use std::sync::Arc;
 use submap::Submap;
-use told::Hearsay;
 
 /// Frames between a job of the back end and its result.
 const BACK_END_DELAY_FRAMES: u64 = 40;
@@ -54,7 +56,8 @@ struct Keyframe {
     anchored: Anchored,
 }
 
-/// The submaps that grow: the robot is matched to the first; the second takes its place when that is full.
+/// The submaps that grow: the robot is matched to the first; the second takes its place when that
+/// is full.
 #[derive(Debug)]
 struct Active {
     older: Submap,
@@ -100,7 +103,8 @@ pub struct Slam {
     contradicted_m: f64,
     /// Whether the robot was lost, and no scan has been matched since.
     was_lost: bool,
-    /// Whether the active submap is one in which a lost robot was found: the wheels tell nothing of the way there.
+    /// Whether the active submap is one in which a lost robot was found: the wheels tell nothing of
+    /// the way there.
     is_found_again: bool,
     /// The submap that was being made when the robot got lost.
     left: Option<Arc<Submap>>,
@@ -110,12 +114,13 @@ pub struct Slam {
     averaged_odom_from_base: Pose2,
     frame: u64,
     /// What the back end has not been given yet.
-    next_job: Job,
+    next_job: BackEndJob,
     /// What others have told, as the grid shows it.
     hearsay: Hearsay,
-    /// How many keyframes stand for the map's frame: one in a run that is to join a map, and none where the first keyframe is the frame.
+    /// How many keyframes stand for the map's frame: one in a run that is to join a map, and none
+    /// where the first keyframe is the frame.
     frames: usize,
-    back_end: Beside<Job, Outcome>,
+    back_end: BackgroundWorker<BackEndJob, BackEndResult>,
     counts: ClosureCounts,
 }
 
@@ -142,10 +147,10 @@ impl Slam {
             last_sighting: None,
             averaged_odom_from_base: Pose2::identity(),
             frame: 0,
-            next_job: Job::default(),
+            next_job: BackEndJob::default(),
             hearsay: Hearsay::default(),
             frames: 0,
-            back_end: Beside::start("slam", pace, move |job| back_end.work(job))?,
+            back_end: BackgroundWorker::one_by_one("slam", pace, move |job| back_end.work(job))?,
             counts: ClosureCounts::default(),
             config,
         })
@@ -177,24 +182,24 @@ impl Slam {
 
     /// What is known by now.
     #[must_use]
-    pub fn estimate(&self) -> Estimate<'_> {
-        Estimate { grid: &self.grid, poses: &self.poses }
+    pub fn estimate(&self) -> SlamEstimate<'_> {
+        SlamEstimate { grid: &self.grid, poses: &self.poses }
     }
 
-    /// Tells what a panorama looked like that was taken at `anchored`: `components` are a unit vector, and `match_threshold`
-    /// is the cosine that means "near".
-    pub fn see(&mut self, anchored: &Anchored, components: Arc<Vec<f32>>, match_threshold: f32) {
+    /// Tells what a panorama looked like that was taken at `anchored`: `components` are a unit
+    /// vector, and `match_threshold` is the cosine that means "near".
+    pub fn observe_appearance(&mut self, anchored: &Anchored, components: Arc<Vec<f32>>, match_threshold: f32) {
         // One of each keyframe: a robot that stands still sees nothing new.
         if self.last_sighting.is_none_or(|last| anchored.keyframe > last) {
             self.last_sighting = Some(anchored.keyframe);
-            self.next_job.sightings.push(Sighting { keyframe: anchored.keyframe, components, match_threshold });
+            self.next_job.sightings.push(SubmapSighting { keyframe: anchored.keyframe, components, match_threshold });
         }
     }
 
     /// Takes in one frame.
     pub fn update(&mut self, frame: &SensorFrame) -> SlamUpdate {
         let outcome = self.back_end.take_due(self.frame);
-        let is_corrected = outcome.is_some_and(|outcome| self.take(outcome, &frame.odom_from_base));
+        let is_corrected = outcome.is_some_and(|outcome| self.take_result(outcome, &frame.odom_from_base));
         let update = self.track(frame);
         let job = &self.next_job;
         let is_worth_it = !job.keyframes.is_empty() || !job.told.is_empty() || job.lost.is_some();
@@ -209,17 +214,17 @@ impl Slam {
     pub fn finish(&mut self) {
         let Some(last_odom) = self.active.as_ref().map(|(_, latest)| latest.odom_from_base) else { return };
         if let Some(outcome) = self.back_end.finish() {
-            self.take(outcome, &last_odom);
+            self.take_result(outcome, &last_odom);
         }
-        let last = Job { is_last: true, ..std::mem::take(&mut self.next_job) };
+        let last = BackEndJob { is_last: true, ..std::mem::take(&mut self.next_job) };
         self.back_end.submit(last, self.frame);
         if let Some(outcome) = self.back_end.finish() {
-            self.take(outcome, &last_odom);
+            self.take_result(outcome, &last_odom);
         }
     }
 
     /// Takes over what the back end found; true when keyframes have moved.
-    fn take(&mut self, outcome: Outcome, odom_from_base: &Pose2) -> bool {
+    fn take_result(&mut self, outcome: BackEndResult, odom_from_base: &Pose2) -> bool {
         self.counts = outcome.counts;
         let is_corrected = outcome.poses.is_some();
         if let Some(poses) = outcome.poses {
@@ -287,7 +292,8 @@ impl Slam {
             self.add_keyframe(frame, points, &mut active, &mut latest, links);
             self.averaged_odom_from_base = frame.odom_from_base;
         } else if self.keyframes.len() == self.frames + 1 && raw_motion == Pose2::identity() {
-            // Standing at the start: the same place again. The map's frame is as true as what is known of this pose.
+            // Standing at the start: the same place again. The map's frame is as true as what is
+            // known of this pose.
             latest.submap_from_base = Pose2::identity();
             active.older.average(&latest.submap_from_base, &points);
         } else if matched.as_ref().is_some_and(|found| self.is_worth_averaging(frame, &motion, found.score)) {
@@ -312,128 +318,14 @@ impl Slam {
         }
     }
 
-    /// Whether a scan between keyframes shows something new, was not taken in a turn and fits well: what fits badly may
-    /// be in the wrong place, and would fit there ever after.
+    /// Whether a scan between keyframes shows something new, was not taken in a turn and fits well:
+    /// what fits badly may be in the wrong place, and would fit there ever after.
     fn is_worth_averaging(&self, frame: &SensorFrame, motion: &Pose2, score: f64) -> bool {
         let since = frame.odom_from_base.translation.vector - self.averaged_odom_from_base.translation.vector;
         !self.is_found_again
             && score >= self.config.good_score
             && since.norm() >= self.config.average_distance_m
             && motion.rotation.angle().abs() <= self.config.average_turn_rad
-    }
-
-    /// The link of a new keyframe to the submap that it was matched to, and what the scan alone knows of it.
-    fn scan_edge(
-        &self,
-        active: &Active,
-        latest: &Latest,
-        matched: Option<&ScanMatch>,
-        prior_information: &Matrix3<f64>,
-    ) -> (Option<Link>, Option<Matrix3<f64>>) {
-        let Some(found) = matched else { return (None, None) };
-        // The wheels have an edge of their own.
-        let information = found.covariance.try_inverse().unwrap_or_else(Matrix3::zeros) - prior_information;
-        let covariance = (information + Matrix3::from_diagonal_element(1e-4)).try_inverse();
-        let closure = &self.config.closure;
-        let floored = covariance.and_then(|c| with_floor(&c, closure.floor_m, closure.floor_rad));
-        let edge = |information| Edge {
-            from: active.older.first(),
-            to: self.keyframes.len(),
-            measured: latest.submap_from_base,
-            information,
-            is_doubtful: false,
-        };
-        (floored.map(edge).map(Link::ordinary), Some(information))
-    }
-
-    /// The link of a new keyframe to the one before it, by the wheels.
-    fn wheels_link(&self, odom_from_base: &Pose2, has_scan: bool) -> Link {
-        let newest = self.keyframes.len() - 1;
-        let raw = self.keyframes[newest].odom_from_base.inverse() * odom_from_base;
-        let measured = self.calibration.correct(&raw);
-        let (trust, doubt) = if has_scan {
-            (self.config.odometry_trust, 1.0)
-        } else if self.has_given_up() {
-            // Nobody knows what happened on the way.
-            (1e-4, f64::INFINITY)
-        } else {
-            (1.0, 10.0)
-        };
-        let information = self.calibration.information(&measured, measured.rotation.angle()) * trust;
-        let edge = Edge { from: newest, to: newest + 1, measured, information, is_doubtful: false };
-        // Finite, so that there is a way: longer than any window grows.
-        let way_m = (measured.translation.vector.norm() * doubt).min(1e3);
-        Link { edge, way_m }
-    }
-
-    fn begin(&mut self, frame: &SensorFrame, points: Vec<Point2>) -> SlamUpdate {
-        let origin = Pose2::identity();
-        let first = self.keyframes.len();
-        let older = Submap::begin(first, &self.config.submap, &frame.scan, &points);
-        let anchored = Anchored { keyframe: first, keyframe_from_base: origin };
-        self.averaged_odom_from_base = frame.odom_from_base;
-        self.keyframes.push(Keyframe { odom_from_base: frame.odom_from_base, anchored });
-        self.poses.push(origin);
-        let links = if first == 0 { Vec::new() } else { vec![unplaced_link(first)] };
-        self.next_job.keyframes.push(NewKeyframe { points: Arc::new(points), links, finished: Vec::new() });
-        let odom_from_base = frame.odom_from_base;
-        let latest = Latest { submap_from_base: origin, odom_from_base, submap_from_keyframe: origin };
-        self.active = Some((Active { older, newer: None }, latest));
-        self.view(&anchored, &frame.scan);
-        SlamUpdate {
-            map_from_base: origin,
-            anchored,
-            covariance: Matrix3::zeros(),
-            score: 1.0,
-            tracking: Tracking::Matched,
-            is_corrected: false,
-        }
-    }
-
-    fn add_keyframe(
-        &mut self,
-        frame: &SensorFrame,
-        points: Vec<Point2>,
-        active: &mut Active,
-        latest: &mut Latest,
-        links: Vec<Link>,
-    ) {
-        let index = self.keyframes.len();
-        let here = latest.submap_from_base;
-        let anchored = Anchored { keyframe: active.older.first(), keyframe_from_base: here };
-        self.keyframes.push(Keyframe { odom_from_base: frame.odom_from_base, anchored });
-        self.poses.push(locate(&self.poses, &anchored));
-        let mut finished: Vec<Arc<Submap>> = self.left.take().into_iter().collect();
-        latest.submap_from_keyframe = here;
-        if self.is_found_again || self.has_given_up() {
-            // A submap of its own: the keyframes of one are consecutive.
-            let next = Submap::begin(index, &self.config.submap, &frame.scan, &points);
-            let before = std::mem::replace(&mut active.older, next);
-            if !self.is_found_again {
-                finished.push(Arc::new(before));
-            }
-            active.newer = None;
-            latest.submap_from_base = Pose2::identity();
-            latest.submap_from_keyframe = Pose2::identity();
-            (self.is_found_again, self.was_lost, self.contradicted_m) = (false, false, 0.0);
-        } else {
-            active.older.insert(&here, &frame.scan, &points);
-            if let Some((newer, older_from_newer)) = &mut active.newer {
-                newer.insert(&(older_from_newer.inverse() * here), &frame.scan, &points);
-            } else if active.older.members().len() >= self.config.submap.keyframes {
-                active.newer = Some((Submap::begin(index, &self.config.submap, &frame.scan, &points), here));
-            }
-            if active.older.is_full()
-                && let Some((newer, older_from_newer)) = active.newer.take()
-            {
-                latest.submap_from_base = older_from_newer.inverse() * here;
-                latest.submap_from_keyframe = latest.submap_from_base;
-                let next = Submap::begin(index, &self.config.submap, &frame.scan, &points);
-                finished.push(Arc::new(std::mem::replace(&mut active.older, newer)));
-                active.newer = Some((next, latest.submap_from_base));
-            }
-        }
-        self.next_job.keyframes.push(NewKeyframe { points: Arc::new(points), links, finished });
     }
 
     /// Draws a scan into the grid, if the robot has moved since the last one.
@@ -443,7 +335,7 @@ impl Slam {
         let is_due = |moved| is_beyond(&moved, self.config.view_distance_m, self.config.view_turn_rad);
         if self.tracking != Tracking::Lost && !self.is_contradicted && moved.is_none_or(is_due) {
             self.grid.integrate(&map_from_base, scan);
-            self.next_job.views.push(View { anchored: *anchored, scan: Arc::new(scan.clone()) });
+            self.next_job.views.push(GridScan { anchored: *anchored, scan: Arc::new(scan.clone()) });
             self.last_view = Some(*anchored);
         }
     }
@@ -452,9 +344,4 @@ impl Slam {
 /// Whether a motion is at least as long, or turns at least as far.
 fn is_beyond(motion: &Pose2, distance_m: f64, turn_rad: f64) -> bool {
     motion.translation.vector.norm() >= distance_m || motion.rotation.angle().abs() >= turn_rad
-}
-
-/// Unit vector of a heading.
-pub(crate) fn direction(yaw: f64) -> Vector2<f64> {
-    Vector2::new(yaw.cos(), yaw.sin())
 }

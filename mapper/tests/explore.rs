@@ -1,11 +1,12 @@
-//! Exploration of the built-in worlds with true poses: how much is seen, how far is driven, and that nothing is touched.
-//! `cargo test --release -p mapper --test explore -- --nocapture` prints the figures.
+//! Exploration of the built-in worlds with true poses: how much is seen, how far is driven, and
+//! that nothing is touched. `cargo test --release -p mapper --test explore -- --nocapture` prints
+//! the figures.
 
-use fht_robot::grid::{GridConfig, OccupancyGrid};
-use fht_robot::pose::Pose2;
+use fht_perception::grid::{GridConfig, OccupancyGrid};
+use fht_perception::pose::Pose2;
+use fht_sim::scoring::explored;
 use fht_sim::{SimConfig, Simulator, load};
 use mapper::explore::{Ending, ExploreConfig, ExploreStep, Explorer};
-use mapper::report::explored;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 

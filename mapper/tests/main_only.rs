@@ -3,10 +3,10 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests, where a panic is the failure")]
 
 use fht_map::MapState;
-use fht_map::graph::distances_from;
+use fht_map::graph::dijkstra::distances_from;
 use fht_proto::AuthorId;
 use fht_sim::{SimConfig, Simulator};
-use mapper::mapping::{Mapper, MapperConfig, Step};
+use mapper::{Mapper, MapperConfig, MapperStep};
 use std::sync::Arc;
 
 /// The map after some minutes in the museum, without cameras.
@@ -19,8 +19,8 @@ fn explored(config: MapperConfig) -> MapState {
     let mut frame = simulator.sense_first();
     for _ in 0..1200 {
         match mapper.step(&frame).unwrap() {
-            Step::Drive(twist) => frame = simulator.step(twist),
-            Step::Done(_) => break,
+            MapperStep::Drive(twist) => frame = simulator.step(twist),
+            MapperStep::Done(_) => break,
         }
     }
     mapper.finish();

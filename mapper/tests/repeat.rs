@@ -1,9 +1,9 @@
 //! The same seeds give the same map, with the camera and refinement threads at work.
 
+use fht_descriptor::DescriptorNet;
 use fht_proto::{AuthorId, Digest};
-use fht_robot::descriptor::DescriptorNet;
 use fht_sim::{SimConfig, Simulator, load};
-use mapper::mapping::{Mapper, MapperConfig, Step};
+use mapper::{Mapper, MapperConfig, MapperStep};
 use std::sync::Arc;
 
 /// Digest and nodes of a map after a minute of simulated time.
@@ -15,7 +15,7 @@ fn explore(seed: u64) -> (Digest, usize) {
     let mut mapper = Mapper::new(MapperConfig::default(), AuthorId(1), Some(net)).expect("threads");
     let mut frame = simulator.sense_first();
     for _ in 0..300 {
-        let Ok(Step::Drive(twist)) = mapper.step(&frame) else { break };
+        let Ok(MapperStep::Drive(twist)) = mapper.step(&frame) else { break };
         frame = simulator.step(twist);
     }
     mapper.finish();

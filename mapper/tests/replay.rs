@@ -1,41 +1,25 @@
 //! A run that was recorded and is replayed gives the same map, to the last bit.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-use fht_robot::bag::{FrameConfig, TopicConfig};
-use fht_robot::stop::Stop;
-use fht_sim::SimConfig;
-use mapper::mapping::MapperConfig;
-use mapper::replay::{ReplayError, ReplayReport, ReplayTask, replay};
-use mapper::report::ExploreReport;
-use mapper::run::{ExploreTask, explore};
+use fht_bag::{FrameConfig, TopicConfig};
+use fht_program::stop::Stop;
+use fht_sim::SimSetup;
+use mapper::program::{ExploreReport, ExploreTask, ReplayError, ReplayReport, ReplayTask, explore, replay};
+use mapper::run::MappingTask;
 use std::path::{Path, PathBuf};
 
 fn block_on<T>(future: impl Future<Output = T>) -> T {
     tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap().block_on(future)
 }
 
+fn offline() -> MappingTask {
+    MappingTask::new("museum".parse().unwrap(), "explorer")
+}
+
 fn explored(record: Option<PathBuf>, cameras: bool, seconds: f64, seed: u64) -> ExploreReport {
-    let task = ExploreTask {
-        world: "museum".to_owned(),
-        textures: None,
-        world_seed: 1,
-        sim: SimConfig::default(),
-        seed,
-        start: None,
-        map_origin: None,
-        map: "museum".parse().unwrap(),
-        robot: "explorer".to_owned(),
-        link: None,
-        spool: None,
-        model: None,
-        cameras,
-        rate: None,
-        max_sim_s: seconds,
-        linger_s: 0.0,
-        mapper: MapperConfig::default(),
-        record,
-        stop: Stop::default(),
-    };
+    let setup = SimSetup { seed, ..SimSetup::of("museum") };
+    let mapping = MappingTask { cameras, max_s: seconds, ..offline() };
+    let task = ExploreTask { record, ..ExploreTask::new(setup, mapping) };
     block_on(explore(task, |_| {})).unwrap()
 }
 
@@ -45,13 +29,8 @@ fn replayed(bag: &Path, record: Option<PathBuf>, cameras: bool) -> Result<Replay
     let task = ReplayTask {
         bag: bag.to_owned(),
         frames: FrameConfig { topics, strict: true, ..FrameConfig::default() },
-        map: "museum".parse().unwrap(),
-        robot: "explorer".to_owned(),
-        link: None,
-        model: None,
+        mapping: offline(),
         rate: None,
-        linger_s: 0.0,
-        mapper: MapperConfig::default(),
         record,
         stop: Stop::default(),
     };

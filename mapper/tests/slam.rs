@@ -1,17 +1,20 @@
-//! SLAM on the simulator, whose truth is known: maps that stay true while the wheels drift, and a robot that is carried away.
+//! SLAM on the simulator, whose truth is known: maps that stay true while the wheels drift, and a
+//! robot that is carried away.
 #![allow(clippy::unwrap_used)] // tests may panic
 
+use fht_perception::frame::SensorFrame;
+use fht_perception::pose::Pose2;
 use fht_proto::AuthorId;
-use fht_robot::frame::SensorFrame;
-use fht_robot::pose::Pose2;
+use fht_sim::scoring::trajectory_error;
 use fht_sim::{SimConfig, Simulator, load};
-use mapper::beside::Pace;
-use mapper::mapping::{Mapper, MapperConfig, Step};
-use mapper::report::{main_node_errors, trajectory_error};
+use fht_worker::Pace;
+use mapper::program::main_node_errors;
 use mapper::slam::{Anchored, Slam, SlamConfig, SlamUpdate, Tracking};
+use mapper::{Mapper, MapperConfig, MapperStep};
 use std::sync::Arc;
 
-/// A whole exploration without cameras: the mapper, the frames, and where the robot truly was (in the map frame's start).
+/// A whole exploration without cameras: the mapper, the frames, and where the robot truly was (in
+/// the map frame's start).
 struct Run {
     mapper: Mapper,
     frames: Vec<SensorFrame>,
@@ -31,7 +34,7 @@ fn explore(world: &str, drift_factor: f64, seed: u64) -> Run {
         truth.push(start.inverse() * simulator.truth());
         let step = mapper.step(&frame).unwrap();
         anchored.push(mapper.latest().unwrap().anchored);
-        let Step::Drive(twist) = step else { break };
+        let MapperStep::Drive(twist) = step else { break };
         frames.push(std::mem::replace(&mut frame, simulator.step(twist)));
     }
     mapper.finish();
@@ -45,7 +48,7 @@ fn a_map_made_with_drifting_wheels_is_true() {
         let corrected: Vec<Pose2> = run.anchored.iter().map(|anchored| run.mapper.locate(anchored)).collect();
         let error = trajectory_error(&corrected, &run.truth, &Pose2::identity());
         assert!(error.mean_m < 0.05 && error.mean_deg < 0.5, "drift {drift}, seed {seed}: {error:?}");
-        let nodes = main_node_errors(&run.mapper, &run.truth, &Pose2::identity());
+        let nodes = main_node_errors(run.mapper.map(), &run.mapper, &run.truth, &Pose2::identity());
         let far = nodes.iter().filter(|error_m| **error_m > 0.05).count();
         assert!(nodes.len() > 15 && far * 20 <= nodes.len(), "drift {drift}, seed {seed}: {nodes:?}");
         // The wheels alone would have been far off.

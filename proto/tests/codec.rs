@@ -1,27 +1,28 @@
-//! The codec: what is encoded decodes to itself, no bytes make a decoder panic, messages are small, and format version 2
-//! is still read, and version 3
-//! stays what it is.
+//! The codec: what is encoded decodes to itself, no bytes make a decoder panic, messages are small,
+//! and format version 2 is still read, and version 3 stays what it is.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 mod arbitrary;
 
 use arbitrary::{descriptor, fold, increment, scan};
-use fht_proto::compact::{CompactNode, CompactNodes, CompactPath, CompactWaypoint};
-use fht_proto::envelope::{FORMAT_VERSION, MAGIC, MAX_BODY_BYTES, Message, OLDEST_FORMAT_VERSION, is_canonical, seal};
-use fht_proto::fold::Rest;
-use fht_proto::query::Snapshot;
+use fht_proto::api::compact::{CompactNode, CompactNodes, CompactPath, CompactWaypoint};
+use fht_proto::api::reply::Series;
+use fht_proto::codec::envelope::{
+    FORMAT_VERSION, MAGIC, MAX_BODY_BYTES, Message, OLDEST_FORMAT_VERSION, is_canonical, seal,
+};
+use fht_proto::model::compaction::Rest;
 use fht_proto::{
-    AuthorId, CodecError, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Fold, Increment,
-    ModelId, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, Signature, VersionVector, Zone, ZoneRule,
-    decode, encode,
+    AuthorId, CodecError, CompactedSeries, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose,
+    Increment, ModelId, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, Signature, VersionVector, Zone,
+    ZoneRule, decode, encode,
 };
 use proptest::prelude::*;
 
 fn decode_all(bytes: &[u8]) {
     let _ = decode::<Increment>(bytes);
     let _ = decode::<Descriptor>(bytes);
-    let _ = decode::<Snapshot>(bytes);
-    let _ = decode::<Fold>(bytes);
+    let _ = decode::<Series>(bytes);
+    let _ = decode::<CompactedSeries>(bytes);
     let _ = decode::<CompactPath>(bytes);
     let _ = decode::<CompactNodes>(bytes);
 }
@@ -44,13 +45,13 @@ proptest! {
     fn a_series_survives_the_wire(
         folds in prop::collection::vec(fold(), 0..4), increments in prop::collection::vec(increment(), 0..4)
     ) {
-        let series = Snapshot { folds, increments };
-        prop_assert_eq!(decode::<Snapshot>(&encode(&series).unwrap()).unwrap(), series);
+        let series = Series { folds, increments };
+        prop_assert_eq!(decode::<Series>(&encode(&series).unwrap()).unwrap(), series);
     }
 
     #[test]
     fn a_fold_survives_the_wire(fold in fold()) {
-        prop_assert_eq!(decode::<Fold>(&encode(&fold).unwrap()).unwrap(), fold);
+        prop_assert_eq!(decode::<CompactedSeries>(&encode(&fold).unwrap()).unwrap(), fold);
     }
 
     #[test]
@@ -148,7 +149,8 @@ fn noise() -> impl FnMut() -> f64 {
     }
 }
 
-/// What the paper's scanner (360 beams, 7 m, 1 cm of noise) sees from a place in a hall of 5.2 m × 16 m with two columns.
+/// What the paper's scanner (360 beams, 7 m, 1 cm of noise) sees from a place in a hall of 5.2 m ×
+/// 16 m with two columns.
 fn hall_ranges_mm(noise: &mut impl FnMut() -> f64) -> Vec<u16> {
     let column = |(x, y): (f64, f64), (cos, sin): (f64, f64)| {
         let (along, across) = (x * cos + y * sin, y * cos - x * sin);
@@ -322,14 +324,14 @@ fn every_message_of_format_version_3_is_unchanged() {
     let (before, since) = (one_of_each(), one_of_each_since_3());
     let descriptor = Descriptor { model: ModelId(3), scale: 0.5, values: vec![-1, 2, 0, 127, -128] };
     let rests = vec![Rest { number: 4, hlc_us: 9, ops: vec![(1, Op::RemoveNode { id: node(1) })] }];
-    let fold = Fold { author: node(1).author, first: 3, last: 300, rests };
-    let series = Snapshot { folds: vec![fold.clone()], increments: vec![before.clone(), since.clone()] };
+    let fold = CompactedSeries { author: node(1).author, first: 3, last: 300, rests };
+    let series = Series { folds: vec![fold.clone()], increments: vec![before.clone(), since.clone()] };
     for (bytes, golden) in [
         (hex(&before), GOLDEN_INCREMENT),
         (hex(&since), GOLDEN_INCREMENT_SINCE_3),
         (hex(&descriptor), GOLDEN_DESCRIPTOR),
         (hex(&fold), GOLDEN_FOLD),
-        (hex(&Snapshot::default()), GOLDEN_EMPTY_SERIES),
+        (hex(&Series::default()), GOLDEN_EMPTY_SERIES),
         (hex(&series), GOLDEN_SERIES),
     ] {
         assert_eq!(bytes, golden, "bytes of format version 3 have changed: increase FORMAT_VERSION instead");
@@ -337,8 +339,8 @@ fn every_message_of_format_version_3_is_unchanged() {
     assert_eq!(decode::<Increment>(&from_hex(GOLDEN_INCREMENT)).unwrap(), before);
     assert_eq!(decode::<Increment>(&from_hex(GOLDEN_INCREMENT_SINCE_3)).unwrap(), since);
     assert_eq!(decode::<Descriptor>(&from_hex(GOLDEN_DESCRIPTOR)).unwrap(), descriptor);
-    assert_eq!(decode::<Fold>(&from_hex(GOLDEN_FOLD)).unwrap(), fold);
-    assert_eq!(decode::<Snapshot>(&from_hex(GOLDEN_SERIES)).unwrap(), series);
+    assert_eq!(decode::<CompactedSeries>(&from_hex(GOLDEN_FOLD)).unwrap(), fold);
+    assert_eq!(decode::<Series>(&from_hex(GOLDEN_SERIES)).unwrap(), series);
 }
 
 #[test]
@@ -407,14 +409,15 @@ fn a_stated_length_reserves_no_memory() {
         bytes.push(count as u8);
         bytes
     };
-    // What comes before each count: an increment's author, number, clock; then, for the later ones, one operation that sets
-    // the signature of node 0.
+    // What comes before each count: an increment's author, number, clock; then, for the later ones,
+    // one operation that sets the signature of node 0.
     let increment = vec![1, 1, 1];
     let signature = [increment.clone(), vec![1, 4, 0]].concat();
     let descriptor = [vec![1], 1.0_f32.to_le_bytes().to_vec()].concat();
     let scan = [vec![0; 3 + 8], vec![1]].concat();
     let before_peak = peak_kib();
-    // Sixteen thousand million are 16 GiB of the smallest items: a system that promises more than it has would give them.
+    // Sixteen thousand million are 16 GiB of the smallest items: a system that promises more than
+    // it has would give them.
     for count in [1 << 20, 1 << 34, 1 << 60] {
         let with = |parts: &[&[u8]]| [parts.concat(), varint(count)].concat();
         let refused = |what: &str, error: Option<CodecError>| {
@@ -427,7 +430,7 @@ fn a_stated_length_reserves_no_memory() {
         refused("descriptor values", as_increment(&[&signature, &[1], &descriptor]));
         refused("bytes of a descriptor", as_increment(&[&signature, &[1], &descriptor, &[8]]));
         refused("letters of a model's name", as_increment(&[&increment, &[1, 7, 1]]));
-        refused("increments", decode::<Snapshot>(&envelope(Snapshot::KIND, &with(&[]))).err());
+        refused("increments", decode::<Series>(&envelope(Series::KIND, &with(&[]))).err());
         refused("values", decode::<Descriptor>(&envelope(Descriptor::KIND, &with(&[&descriptor]))).err());
         // With a stream that is too short for them, too.
         let beams = [with(&[&signature, &[0], &scan]), vec![1, 0]].concat();

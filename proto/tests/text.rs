@@ -1,9 +1,10 @@
-//! What is written as text reads back: keys, ids, vectors, digests, places. Other texts are refused.
+//! What is written as text reads back: keys, ids, vectors, digests, places. Other texts are
+//! refused.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-use fht_proto::compact::CompactPath;
-use fht_proto::keys::{AdminAction, Key, RobotTopic, Topic};
-use fht_proto::query::{ErrorCode, ErrorReply, Head, Place, parse_point};
+use fht_proto::api::compact::CompactPath;
+use fht_proto::api::keys::{AdminAction, Key, RobotTopic, Topic};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, Head, PlaceRef, parse_point};
 use fht_proto::{AuthorId, Digest, FixedPoint, FixedPose, MapName, NodeId, Rect, VersionVector, decode};
 use proptest::prelude::*;
 
@@ -43,7 +44,7 @@ proptest! {
         let _ = text.parse::<Key>();
         let _ = text.parse::<NodeId>();
         let _ = text.parse::<VersionVector>();
-        let _ = text.parse::<Place>();
+        let _ = text.parse::<PlaceRef>();
         let _ = text.parse::<Digest>();
         let _ = decode::<CompactPath>(text.as_bytes());
     }
@@ -52,7 +53,7 @@ proptest! {
     fn node_ids_read_back(author: u32, number: u32) {
         let id = NodeId { author: AuthorId(author), number };
         prop_assert_eq!(id.to_string().parse::<NodeId>().unwrap(), id);
-        prop_assert_eq!(id.to_string().parse::<Place>().unwrap(), Place::Node(id));
+        prop_assert_eq!(id.to_string().parse::<PlaceRef>().unwrap(), PlaceRef::Node(id));
     }
 
     #[test]
@@ -135,7 +136,7 @@ fn wrong_vectors_and_places_are_refused() {
         assert!(wrong.parse::<VersionVector>().is_err(), "{wrong}");
     }
     for wrong in ["", "1", "1,", "a,b", "nan,0", "inf,0", "1e9,0", "1,2,3", "1a2b3c4d.", "1a2b3c4d.x", "-dock"] {
-        let error = wrong.parse::<Place>().unwrap_err();
+        let error = wrong.parse::<PlaceRef>().unwrap_err();
         assert_eq!(error.code, ErrorCode::BadRequest, "{wrong}");
     }
 }

@@ -1,23 +1,25 @@
-//! A fleet on one server: real processes, real sessions, and bare Zenoh queries beside ours in the same run.
+//! A fleet on one server: real processes and sessions, with bare Zenoh queries beside ours in the
+//! same run.
 //!
-//! The server is a process of its own; on its session a bare queryable answers with as many bytes as a path has. The clients are
-//! sessions and live copies of the map, in another process. Paths and bare queries take turns, so that whatever else the machine
-//! does hits both. Meanwhile somebody changes the map.
+//! The server is a separate process; on its session a bare queryable answers with as many bytes as
+//! a path has. The clients are sessions with live copies of the map, all in another process. Paths
+//! and bare queries take turns, so that whatever else the machine does affects both. Meanwhile the
+//! map changes.
 
 pub mod clients;
 pub mod latencies;
 pub mod server;
 pub mod usage;
 
-use crate::feed::{FeedError, put, write};
-use crate::process::{Process, ProcessError, free_endpoint};
-use client_robot::replica::{AskError, ask_head};
+use crate::upload::{UploadError, put_increment, upload_map};
 use clients::{Event, Kind, Outcome, Report};
-use fht_link::{LinkConfig, LinkError};
-use fht_proto::{AuthorId, CodecError, FixedPose, Increment, MapName, NodeId, NodeKind, Op, VersionVector};
+use fht_client::{AskError, ask_head};
+use fht_demo::{Process, ProcessError, free_endpoint};
+use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op, VersionVector};
+use fht_session::{SessionConfig, SessionError};
 use latencies::Latencies;
 use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -25,103 +27,104 @@ use zenoh::{Session, Wait};
 
 /// How long the server may take to start.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Zenoh's threads in the server, as `deploy/` sets them: who waits for the sockets also reads them, so that a message is not handed from
-/// thread to thread.
+/// Zenoh's threads in the server, as `deploy/` sets them: the thread that waits for the sockets
+/// also reads them, so no message is handed from thread to thread.
 pub const SERVER_THREADS: &str = "(acc: (handover: rx), net: (handover: rx))";
 /// Zenoh's threads for all clients together, which share the machine with the server.
 const CLIENT_THREADS: &str = "(acc: (handover: rx), net: (handover: rx), tx: (handover: rx))";
-/// How often the server's memory is looked at.
+/// How often the server's memory is sampled.
 const MEMORY_EVERY: Duration = Duration::from_millis(200);
 
-/// What is tried.
+/// How a run goes.
 #[derive(Clone, Debug)]
-pub struct FleetConfig {
-    /// This program: `fleet`.
+pub struct FleetTrialConfig {
+    /// This program, `fleet`.
     pub executable: PathBuf,
-    /// Where the server keeps its map.
+    /// The server's data directory.
     pub data: PathBuf,
-    /// What the map is called.
+    /// The map's name.
     pub map: MapName,
-    /// Clients, their rate and how long.
+    /// How many clients.
     pub clients: usize,
-    /// Questions of each client, a second.
+    /// Questions of each client, per second.
     pub rate_hz: f64,
     /// How long each kind of question is asked, seconds.
     pub seconds: f64,
     /// The kinds take turns of this length, seconds.
     pub turn_s: f64,
-    /// How long before anything counts, seconds, each kind.
+    /// How long each kind is asked before anything counts, seconds.
     pub warm_up_s: f64,
-    /// Questions of one client alone, of each kind.
+    /// Questions of a single client, of each kind.
     pub alone: usize,
-    /// Increments that are written meanwhile, a second.
+    /// Increments written meanwhile, per second.
     pub increments_hz: f64,
     /// Seed of the places.
     pub seed: u64,
 }
 
-/// What the server's process took for one kind of question.
+/// The processor time that one kind of question took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Computed {
-    /// Time of the server on the processor, seconds.
+    /// Processor time of the server, seconds.
     pub server_s: f64,
-    /// Time of all clients on the processor, seconds.
+    /// Processor time of all clients, seconds.
     pub clients_s: f64,
-    /// Time that went by, seconds.
+    /// Elapsed time, seconds.
     pub wall_s: f64,
 }
 
-/// What came out.
+/// The results.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct FleetReport {
-    /// Clients.
+    /// How many clients.
     pub clients: usize,
-    /// Questions of each, a second.
+    /// Questions of each client, per second.
     pub rate_hz: f64,
-    /// How long it took until all had the map, seconds.
+    /// How long it took until all clients had the map, seconds.
     pub joined_s: f64,
     /// Paths.
     pub path: Outcome,
-    /// Bare queries with answers as long.
+    /// Bare queries with answers of the same length.
     pub bare: Outcome,
-    /// What paths took.
+    /// Processor time for paths.
     pub path_computed: Computed,
-    /// What bare queries took.
+    /// Processor time for bare queries.
     pub bare_computed: Computed,
-    /// One client that waits for each answer: paths.
+    /// Paths for a single client that waits for each answer.
     pub path_alone: Latencies,
-    /// The same, bare.
+    /// Bare queries for such a client.
     pub bare_alone: Latencies,
-    /// Clients whose copies are the server's map in the end.
+    /// Clients whose copies equal the server's map in the end.
     pub copies_agree: usize,
-    /// Versions of the map that were written meanwhile.
+    /// Versions of the map written meanwhile.
     pub versions: u64,
-    /// The most that the server had resident until it was warm, bytes.
+    /// The server's largest resident memory during warm-up, bytes.
     pub warm_bytes: u64,
-    /// The most after that, bytes.
+    /// The largest after that, bytes.
     pub most_bytes: u64,
-    /// What it had in the end, bytes.
+    /// The server's resident memory in the end, bytes.
     pub last_bytes: u64,
-    /// Programs that wanted to compute in the end, averaged over a minute.
+    /// Load average over the last minute.
     pub load: f64,
     /// Processors of the machine.
     pub processors: usize,
 }
 
 impl FleetReport {
-    /// Refusals and questions without an answer.
+    /// Refusals and unanswered questions.
     #[must_use]
     pub fn failures(&self) -> u64 {
         [&self.path, &self.bare].iter().map(|outcome| outcome.errors + outcome.unanswered).sum()
     }
 
-    /// Whether the server's memory stayed within a twentieth, or 8 MiB, of what it was when warm.
+    /// Whether the server's memory stayed within a twentieth, or 8 MiB, of what it was after
+    /// warm-up.
     #[must_use]
     pub fn memory_is_steady(&self) -> bool {
         self.most_bytes <= self.warm_bytes + (self.warm_bytes / 20).max(8 << 20)
     }
 
-    /// How many times a bare query's median a path's is, for one client.
+    /// The ratio of medians of paths and bare queries, for a single client.
     #[must_use]
     pub fn ratio_alone(&self) -> f64 {
         self.path_alone.quantile_ms(0.5) / self.bare_alone.quantile_ms(0.5)
@@ -131,7 +134,7 @@ impl FleetReport {
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
 pub enum FleetError {
-    /// A process is of no use.
+    /// A process failed.
     #[error(transparent)]
     Process(#[from] ProcessError),
     /// The system refuses.
@@ -139,7 +142,7 @@ pub enum FleetError {
     System(#[from] std::io::Error),
     /// No session.
     #[error(transparent)]
-    Link(#[from] LinkError),
+    Link(#[from] SessionError),
     /// The server does not answer.
     #[error(transparent)]
     Ask(#[from] AskError),
@@ -148,25 +151,25 @@ pub enum FleetError {
     Zenoh(#[from] zenoh::Error),
     /// The map is not on the server.
     #[error(transparent)]
-    Feed(#[from] FeedError),
+    Upload(#[from] UploadError),
     /// The clients did not report.
     #[error("the clients ended without a report")]
     NoReport,
 }
 
-/// Tries a fleet on the map that `increments` make.
+/// Runs a fleet on the map that `increments` make.
 ///
 /// # Errors
-/// [`FleetError`]. Failures of single questions are in the report.
-pub fn run(config: &FleetConfig, increments: &[Increment]) -> Result<FleetReport, FleetError> {
+/// [`FleetError`]. Failed questions are in the report.
+pub fn run(config: &FleetTrialConfig, increments: &[Increment]) -> Result<FleetReport, FleetError> {
     let endpoint = free_endpoint()?;
     let mut command = Command::new(&config.executable);
     command.args(["server", "--listen", &endpoint, "--data"]).arg(&config.data).env("ZENOH_RUNTIME", SERVER_THREADS);
     let mut server = Process::run("the server", command)?;
     server.wait_until_listening(&endpoint, PATIENCE)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
-    let session = runtime.block_on(fht_link::open(&LinkConfig::from_options(vec![endpoint.clone()], None)))?;
-    let vector = write(&session, &config.map, increments)?;
+    let session = runtime.block_on(fht_session::open(&SessionConfig::from_options(vec![endpoint.clone()], None)))?;
+    let vector = upload_map(&session, &config.map, increments)?;
 
     let mut report = FleetReport {
         clients: config.clients,
@@ -198,8 +201,9 @@ pub fn run(config: &FleetConfig, increments: &[Increment]) -> Result<FleetReport
     Ok(report)
 }
 
-/// The clients' process: one alone that asks one question after the other, or all at their rate.
-fn clients_of(config: &FleetConfig, endpoint: &str, is_alone: bool) -> Command {
+/// The clients' process: a single client that asks one question after the other, or all at their
+/// rate.
+fn clients_of(config: &FleetTrialConfig, endpoint: &str, is_alone: bool) -> Command {
     let (clients, seconds, alone) = if is_alone { (1, 0.0, config.alone) } else { (config.clients, config.seconds, 0) };
     let mut command = Command::new(&config.executable);
     command.args(["clients", "--connect", endpoint, "--map", config.map.as_str()]).env("ZENOH_RUNTIME", CLIENT_THREADS);
@@ -217,9 +221,10 @@ fn clients_of(config: &FleetConfig, endpoint: &str, is_alone: bool) -> Command {
     command
 }
 
-/// Changes the map until told to stop: moves one node to and fro. Returns how many increments the server has stored.
+/// Changes the map until told to stop, by moving one node to and fro. Returns how many increments
+/// the server has stored.
 fn change(
-    config: &FleetConfig,
+    config: &FleetTrialConfig,
     session: &Session,
     mut vector: VersionVector,
     stop: &AtomicBool,
@@ -235,7 +240,7 @@ fn change(
         number += 1;
         let pose = FixedPose::from_metres(0.001 * (number % 10) as f64, 0.0, 0.0);
         let op = if number == 1 { Op::PutNode { id, kind: NodeKind::Support, pose } } else { Op::SetPose { id, pose } };
-        put(session, &config.map, &Increment { author, number, hlc_us: hlc_us + number, ops: vec![op] })?;
+        put_increment(session, &config.map, &Increment { author, number, hlc_us: hlc_us + number, ops: vec![op] })?;
         vector.set(author, number);
         std::thread::sleep(Duration::from_secs_f64(1.0 / config.increments_hz));
     }
@@ -262,12 +267,12 @@ fn watch_memory(server: u32, is_warm: &AtomicBool, stop: &AtomicBool, memory: &s
     }
 }
 
-/// Follows what clients say.
+/// Follows what the clients report.
 struct Watch<'a> {
     server: u32,
     clients: u32,
     report: &'a mut FleetReport,
-    /// When the turn under way began: on the clock, of the server, of the clients.
+    /// When the current turn began: the time, and the processor times of server and clients.
     since: Option<(Instant, Duration, Duration)>,
 }
 
@@ -301,41 +306,4 @@ impl Watch<'_> {
         computed.server_s += now.1.saturating_sub(since.1).as_secs_f64();
         computed.clients_s += now.2.saturating_sub(since.2).as_secs_f64();
     }
-}
-
-/// A map to try a fleet on where none was explored: a hall of so many rows and columns of nodes with overlapping rectangles.
-#[must_use]
-pub fn hall(rows: u32, columns: u32) -> Vec<Increment> {
-    use fht_proto::{EdgeKey, Rect};
-    let author = AuthorId::of_robot("hall");
-    let id = |row: u32, column: u32| NodeId { author, number: row * columns + column };
-    let places = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
-    let increment = |((row, column), number): ((u32, u32), u64)| {
-        let (x, y) = (f64::from(column) * 2.0, f64::from(row) * 2.0);
-        let pose = FixedPose::from_metres(x, y, 0.0);
-        let rect = Rect::around(pose.position, (x - 1.1, y - 1.1), (x + 1.1, y + 1.1));
-        let mut ops = vec![
-            Op::PutNode { id: id(row, column), kind: NodeKind::Support, pose },
-            Op::SetFreeSpace { id: id(row, column), rect: Some(rect) },
-        ];
-        let before = [(column > 0).then(|| id(row, column - 1)), (row > 0).then(|| id(row - 1, column))];
-        let edges = before.into_iter().flatten();
-        ops.extend(edges.map(|other| Op::PutEdge { edge: EdgeKey::new(other, id(row, column)) }));
-        Increment { author, number, hlc_us: number, ops }
-    };
-    places.zip(1..).map(increment).collect()
-}
-
-/// The increments of an explored world, as they travelled.
-///
-/// # Errors
-/// [`CodecError`].
-pub fn decoded(increments: &[Vec<u8>]) -> Result<Vec<Increment>, CodecError> {
-    increments.iter().map(|bytes| fht_proto::decode(bytes)).collect()
-}
-
-/// Where explored worlds are kept.
-#[must_use]
-pub fn kept() -> &'static Path {
-    Path::new("target/evaluation")
 }

@@ -1,47 +1,37 @@
-//! What only whole systems can show: the handoff demo, end-to-end scenarios, evaluations.
+//! What only whole systems can show: programs as processes, fleets, breaking links, killed
+//! machines, other people's clients. The scenarios are in `tests/`; this crate has what they share,
+//! and what the programs in `src/bin/` measure.
 //!
 //! | module | idea |
 //! | --- | --- |
-//! | [`process`] | the programs as child processes that end with their parent |
-//! | [`router`] | a Zenoh router with storages, in zenohd's place |
+//! | [`simulation`] | a fleet on a bad network, in simulated time |
 //! | [`fleet`] | many clients on one server, beside bare queries |
 //! | [`thin_link`] | a slow link that breaks |
-//! | [`joining`] | a client that joins over such a link |
-//! | [`feed`] | putting a map on a server |
-//! | [`handoff`] | the demo: map, keep, relocalize, drive |
-//! | [`python`] | other people's programs, from PyPI |
-//! | [`picture`] | a map as a picture, like the paper's figure 1 |
-//! | [`survey`] | explored worlds, kept for evaluations |
-//! | [`storage`] | what a map's bytes are spent on |
-//! | [`known`] | how much of what a robot sees the main nodes' scans know |
-//! | [`grid_map`] | the explorer's occupancy grid, kept and counted |
-//! | [`drive`] | a recorded drive of a robot that does not know where it is |
-//! | [`systems`] | the systems that are compared: ours, AMCL, MR-TopoMap |
-//! | [`simulation`] | a fleet on a bad network, in simulated time |
-//! | [`team`] | several explorers in one building, in simulated time |
+//! | [`slow_join`] | a client that joins a map over such a link |
 //! | [`site`] | several routers and servers, killed again and again under load |
-//! | [`trial`] | one system on one drive |
-//! | [`merging`] | maps made apart, merged, against the truth |
-//! | [`ledger`] | results that cost minutes, kept as they come |
+//! | [`router`] | a Zenoh router with storages, in zenohd's place |
+//! | [`maps`] | maps to try them on: explored, or drawn |
+//! | [`corridors`] | the smallest map with a way in it |
+//! | [`upload`] | puts a map on a server |
+//! | [`python`] | other people's programs, from PyPI |
+//!
+//! One simulated fleet, determined by its seed:
+//!
+//! ```
+//! use fht_tests::simulation::{SimulationConfig, run};
+//!
+//! let config = SimulationConfig { increments: 10, trouble_s: 5, ..SimulationConfig::default() };
+//! let outcome = run(1, &config).expect("all copies are one in the end");
+//! assert!(outcome.increments > 0);
+//! ```
 
-pub mod drive;
-pub mod feed;
+pub mod corridors;
 pub mod fleet;
-pub mod grid_map;
-pub mod handoff;
-pub mod joining;
-pub mod known;
-pub mod ledger;
-pub mod merging;
-pub mod picture;
-pub mod process;
+pub mod maps;
 pub mod python;
 pub mod router;
 pub mod simulation;
 pub mod site;
-pub mod storage;
-pub mod survey;
-pub mod systems;
-pub mod team;
+pub mod slow_join;
 pub mod thin_link;
-pub mod trial;
+pub mod upload;

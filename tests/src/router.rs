@@ -1,4 +1,5 @@
-//! A Zenoh router with the storage manager linked in: what zenohd with its plugin is to a site, as a process that tests can kill.
+//! A Zenoh router with the storage manager linked in: what zenohd with its plugin is to a site, as
+//! a process that tests can kill.
 
 use clap::Parser;
 use std::ffi::OsString;
@@ -10,7 +11,9 @@ use zenoh::internal::plugins::PluginsManager;
 use zenoh::internal::runtime::RuntimeBuilder;
 use zenoh_plugin_storage_manager::StoragesPlugin;
 
-/// What zenohd calls the plugin.
+/// The router's name among the programs.
+pub const NAME: &str = "router";
+/// zenohd's name for the plugin.
 const PLUGIN: &str = "storage_manager";
 
 /// A Zenoh router with storages. The options are those of zenohd.

@@ -1,7 +1,9 @@
-//! A thin link that breaks, for TCP: so many bits a second and so much delay each way, cut when told, or after so many bytes.
+//! A thin TCP link that breaks: with a bit rate and a delay each way, cut on command or after so
+//! many bytes.
 //!
-//! What has been read of one side travels in small pieces, one after the other, and is written to the other side when its last bit
-//! would arrive. Only what is on the way, and a little more, is read ahead, so whoever sends meets the link's pace.
+//! What is read from one side travels in small pieces, one after the other, and is written to the
+//! other side when its last bit would arrive. Only what is on the way, and a little more, is read
+//! ahead, so the sender experiences the link's pace.
 
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -12,18 +14,18 @@ use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::sync::{mpsc, watch};
 
-/// How the link is.
+/// The properties of the link.
 #[derive(Clone, Copy, Debug)]
 pub struct LinkShape {
-    /// Each way.
+    /// Bit rate each way.
     pub bits_per_s: f64,
-    /// Each way.
+    /// Delay each way.
     pub delay: Duration,
 }
 
 /// A piece as it travels, bytes: an Ethernet frame's worth.
 const PIECE: usize = 1400;
-/// Buffers of the sockets, bytes: what is queued before the link, as by a small router.
+/// Socket buffers, bytes: what queues before the link, as in a small router.
 const SOCKET_BUFFER: u32 = 32 << 10;
 
 #[derive(Debug)]
@@ -33,22 +35,22 @@ struct Shared {
     /// Bytes that have arrived from the target.
     down: AtomicU64,
     connections: AtomicU64,
-    /// Nothing is read from the target.
+    /// While set, nothing is read from the target.
     is_stalled: AtomicBool,
     /// Changes when all connections are to end.
     cuts: watch::Sender<u64>,
     plan: Mutex<Plan>,
 }
 
-/// When the link breaks, and what became of it.
+/// When the link breaks, and when it has broken.
 #[derive(Debug, Default)]
 struct Plan {
-    /// Cut when so many bytes have come down, lowest last.
+    /// Byte counts at which it is cut, lowest last.
     at_bytes: Vec<u64>,
     lasting: Duration,
-    /// Nobody is let in before.
+    /// No connections are accepted before this time.
     closed_until: Option<Instant>,
-    /// When the link broke, and when somebody was let in again.
+    /// When the link broke, and when a connection was accepted again.
     breaks: Vec<(Instant, Option<Instant>)>,
 }
 
@@ -61,7 +63,7 @@ pub struct ThinLink {
 }
 
 impl ThinLink {
-    /// A link to `target` (`tcp/host:port`), and where it begins.
+    /// A link to `target` (`tcp/host:port`).
     ///
     /// # Errors
     /// When the system gives no port, or no thread.
@@ -84,20 +86,21 @@ impl ThinLink {
         Ok(Self { shared, endpoint, _runtime: runtime })
     }
 
-    /// Where it begins (`tcp/host:port`).
+    /// The endpoint at which the link begins (`tcp/host:port`).
     #[must_use]
     pub fn endpoint(&self) -> &str {
         &self.endpoint
     }
 
-    /// Breaks the link whenever one of these numbers of bytes has come down, counted from the start, for so long each time.
+    /// Breaks the link whenever one of these byte counts has come down, counted from the start, for
+    /// `lasting` each time.
     pub fn cut_at(&self, mut bytes: Vec<u64>, lasting: Duration) {
         bytes.sort_unstable_by(|a, b| b.cmp(a));
         let mut plan = self.shared.plan();
         (plan.at_bytes, plan.lasting) = (bytes, lasting);
     }
 
-    /// Lets nothing through from the target any more, or again; connections stay.
+    /// Stops or resumes everything from the target; connections stay open.
     pub fn stall(&self, is_stalled: bool) {
         self.shared.is_stalled.store(is_stalled, Ordering::Release);
     }
@@ -108,7 +111,7 @@ impl ThinLink {
         self.shared.down.load(Ordering::Acquire)
     }
 
-    /// Connections so far.
+    /// Connections accepted so far.
     #[must_use]
     pub fn connections(&self) -> u64 {
         self.shared.connections.load(Ordering::Acquire)
@@ -126,7 +129,7 @@ impl Shared {
         self.plan.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether somebody is let in now.
+    /// Whether connections are accepted now.
     fn is_open(&self) -> bool {
         let mut plan = self.plan();
         let now = Instant::now();
@@ -182,7 +185,7 @@ async fn connect(target: SocketAddr) -> std::io::Result<TcpStream> {
 
 async fn one_way(mut from: OwnedReadHalf, mut to: OwnedWriteHalf, shared: &Shared, is_down: bool) {
     let LinkShape { bits_per_s, delay } = shared.shape;
-    // As much as fits into the link, and one piece.
+    // As many pieces as fit into the link, and one more.
     let on_the_way = (bits_per_s * delay.as_secs_f64() / 8.0) as usize / PIECE + 1;
     let (send, mut receive) = mpsc::channel::<(tokio::time::Instant, Vec<u8>)>(on_the_way);
     let reading = async move {

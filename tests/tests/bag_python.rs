@@ -1,13 +1,13 @@
-//! Bags between us and other people's programs: what we record, rosbags and mcap read; what rosbags and mcap write, we read.
+//! Bags between us and other people's programs: what we record, rosbags and mcap read; what rosbags
+//! and mcap write, we read.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-use fht_robot::bag::{BagReport, Dropped, FrameConfig, FrameError, Frames, TopicConfig, survey};
-use fht_robot::frame::SensorFrame;
-use fht_robot::stop::Stop;
-use fht_sim::SimConfig;
+use fht_bag::{BagError, BagReport, Dropped, FrameConfig, Frames, TopicConfig, survey};
+use fht_perception::frame::SensorFrame;
+use fht_sim::SimSetup;
 use fht_tests::python::{environment, run};
-use mapper::mapping::MapperConfig;
-use mapper::run::{ExploreTask, explore};
+use mapper::program::{ExploreTask, explore};
+use mapper::run::MappingTask;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -23,7 +23,7 @@ fn python(script: &str) -> Command {
     command
 }
 
-fn read(bag: &Path, config: FrameConfig) -> Result<(Vec<SensorFrame>, BagReport), FrameError> {
+fn read(bag: &Path, config: FrameConfig) -> Result<(Vec<SensorFrame>, BagReport), BagError> {
     let mut frames = Frames::open(bag, config)?;
     let all = frames.by_ref().collect::<Result<Vec<_>, _>>()?;
     Ok((all, frames.report()))
@@ -34,27 +34,8 @@ fn what_we_record_others_read() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["run.mcap", "run"] {
         let bag = folder.path().join(name);
-        let task = ExploreTask {
-            world: "museum".to_owned(),
-            textures: None,
-            world_seed: 1,
-            sim: SimConfig::default(),
-            seed: 1,
-            start: None,
-            map_origin: None,
-            map: "museum".parse().unwrap(),
-            robot: "explorer".to_owned(),
-            link: None,
-            spool: None,
-            model: None,
-            cameras: true,
-            rate: None,
-            max_sim_s: 12.0,
-            linger_s: 0.0,
-            mapper: MapperConfig::default(),
-            record: Some(bag.clone()),
-            stop: Stop::default(),
-        };
+        let mapping = MappingTask { max_s: 12.0, ..MappingTask::new("museum".parse().unwrap(), "explorer") };
+        let task = ExploreTask { record: Some(bag.clone()), ..ExploreTask::new(SimSetup::of("museum"), mapping) };
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
         runtime.block_on(explore(task, |_| {})).unwrap();
         let read_by_others = run(python("read.py").arg(&bag)).stdout;
@@ -85,7 +66,7 @@ fn compare(bag: &Path, others: &Value) {
     assert_eq!((frames.len(), report.panoramas), (61, 13));
     for (frame, odometry) in frames.iter().zip(rosbags["odometry"].as_array().unwrap()) {
         let [x, y, z, w] = [0, 1, 2, 3].map(|index| odometry[index].as_f64().unwrap());
-        // Numbers in JSON may be read to the last bit but one.
+        // JSON numbers may differ in the last bit.
         assert!((frame.odom_from_base.translation.vector - nalgebra::Vector2::new(x, y)).norm() < 1e-12);
         assert!((2.0 * z.atan2(w) - frame.odom_from_base.rotation.angle()).abs() < 1e-12);
     }
@@ -140,9 +121,10 @@ fn what_others_write_we_read() {
     let (frames, report) = bag("without_transforms");
     assert_eq!((frames.len(), report.notes.len()), (20, 1), "{report}");
     let strict = read(&folder.join("without_transforms"), FrameConfig { strict: true, ..FrameConfig::default() });
-    assert!(matches!(strict, Err(FrameError::MissingTransform { .. })));
+    assert!(matches!(strict, Err(BagError::MissingTransform { .. })));
 
-    // Base turned by 90° under the mast, which carries the scanner upside down: its first beam (its right) is on the left.
+    // The base is turned by 90° under the mast, which carries the scanner upside down: its first
+    // beam (its right) points left.
     let (frames, report) = bag("upside_down");
     assert!(report.notes.is_empty() && report.dropped.is_empty(), "{report}");
     let points = frames[0].scan.points_in_base();

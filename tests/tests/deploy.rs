@@ -1,4 +1,4 @@
-//! Every file of `deploy/`, as far as it can be tried without Docker and without the network.
+//! Every file of `deploy/`, as far as it can be tested without Docker and without the network.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 mod site;
@@ -15,10 +15,10 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Output};
 
-const HANDOFF: &str = env!("CARGO_BIN_EXE_handoff");
+const PROGRAMS: &str = env!("CARGO_BIN_EXE_programs");
 
 fn map_server(args: &[&str]) -> Output {
-    Command::new(HANDOFF).args(["role", "map-server", "--"]).args(args).output().unwrap()
+    Command::new(PROGRAMS).args(["role", "map-server", "--"]).args(args).output().unwrap()
 }
 
 fn said(output: &Output) -> String {
@@ -29,7 +29,7 @@ fn roles() -> Roles {
     parse(&read("roles.json5")).unwrap()
 }
 
-/// Role and name of everybody, as in file names.
+/// Role and name of every member, as in file names.
 fn members() -> Vec<String> {
     let roles = roles();
     let lists = [
@@ -129,7 +129,7 @@ fn the_walk_through_makes_every_file_that_the_compose_file_mounts() {
     let with_storages = String::from_utf8(with_storages.stdout).unwrap();
     config(&with_storages);
 
-    // More servers are made in the same way.
+    // Further servers are made in the same way.
     let stateless = ["maps-1", "maps-2", "maps-3"].map(|name| format!("server-{name}"));
     for name in &stateless {
         assert!(
@@ -141,8 +141,9 @@ fn the_walk_through_makes_every_file_that_the_compose_file_mounts() {
     }
 }
 
-/// Everything that a compose file mounts is made by the README's commands or in this folder, and is where the routers' configuration looks
-/// for it; but the libraries of plugins, which come from elsewhere.
+/// Everything that a compose file mounts is made by the README's commands or lies in this folder,
+/// where the routers' configuration looks for it; except the plugins' libraries, which come from
+/// elsewhere.
 fn mounts_what_there_is(file: &str, zenohd: &str, made: &impl Fn(&str) -> bool) {
     let compose: Value = serde_saphyr::from_str(&read(file)).unwrap();
     let services = compose["services"].as_object().unwrap();
@@ -156,7 +157,8 @@ fn mounts_what_there_is(file: &str, zenohd: &str, made: &impl Fn(&str) -> bool) 
             .collect();
     for (name, service) in services {
         let mounts: Vec<&str> = service["volumes"].as_array().unwrap().iter().map(|it| it.as_str().unwrap()).collect();
-        // Each of the routers: with a library missing in two of three no increment would ever be acknowledged.
+        // Each of the routers: if two of three lacked a library, no increment would ever be
+        // acknowledged.
         for path in zenohd_needs.iter().filter(|_| runs_zenohd(service)) {
             let there = mounts.iter().any(|mount| mount.ends_with(&format!(":{path}:ro")));
             assert!(there, "{file}: {name} does not mount {path}");
@@ -180,7 +182,7 @@ fn mounts_what_there_is(file: &str, zenohd: &str, made: &impl Fn(&str) -> bool) 
     assert_eq!(used.len(), volumes.len());
 }
 
-/// What RocksDB's volume is replaced by where there is none.
+/// The replacement for RocksDB's volume where there is none.
 fn in_memory(config: &str) -> Value {
     let mut config: Value = json5::from_str(config).unwrap();
     let storages = &mut config["plugins"]["storage_manager"];
@@ -195,7 +197,7 @@ fn in_memory(config: &str) -> Value {
 fn the_storages_keep_what_servers_put_and_nothing_else() {
     let text = in_memory(&read("storages.json5"));
     let storage = &text["plugins"]["storage_manager"]["storages"]["increments"];
-    assert_eq!(storage["key_expr"], fht_proto::keys::ALL_KEPT);
+    assert_eq!(storage["key_expr"], fht_proto::api::keys::ALL_KEPT);
     assert!(storage["replication"]["interval"].as_f64().unwrap() > 0.5, "twice the delay of propagation at least");
     assert_eq!(text["plugins_loading"]["enabled"], true, "zenohd loads no plugin otherwise");
     let router: Value = json5::from_str(&read("router.json5")).unwrap();
@@ -233,7 +235,7 @@ fn names_what_it_runs(file: &str) {
             // Sessions look for the routers under these names.
             assert!(read("explorer.json5").contains(&format!("tls/{name}:7447")));
         } else {
-            // What the parser does not know comes before the help.
+            // Words that the parser does not know come before the help.
             assert!(map_server(&[&command[..], &["--help"]].concat()).status.success(), "{command:?}");
         }
     }
@@ -300,9 +302,9 @@ fn the_units_are_sound_and_start_what_there_is() {
         } else {
             assert!(words[1..].chunks(2).all(|pair| ["-c", "-e", "--rest-http-port"].contains(&pair[0])), "{start}");
         }
-        // Where there is systemd, it is asked; the programs are not installed here.
+        // If systemd is installed, it checks the units; the programs are not installed here.
         let copy = dir.path().join(unit);
-        std::fs::write(&copy, text.replace(words[0], HANDOFF)).unwrap();
+        std::fs::write(&copy, text.replace(words[0], PROGRAMS)).unwrap();
         match Command::new("systemd-analyze").arg("verify").arg(&copy).output() {
             Ok(output) => assert!(said(&output).lines().all(|line| !line.contains(unit)), "{}", said(&output)),
             Err(_) => assert!(text.contains("[Service]") && text.contains("[Install]")),
@@ -339,4 +341,25 @@ fn the_readme_knows_every_file() {
         assert!(file.file_type().unwrap().is_dir() || name == "README.md" || readme.contains(&name), "{name}");
     }
     assert!(certificates().exists());
+}
+
+/// What Docker sends to the image's build: the first pattern leaves out everything, the others let
+/// folders in again, and keys and builds stay out of those.
+#[test]
+fn no_key_and_no_build_is_in_the_context_of_the_image() {
+    let root = deploy("..");
+    let text = std::fs::read_to_string(root.join(".dockerignore")).unwrap();
+    let patterns: Vec<&str> = text.lines().filter(|line| !line.is_empty() && !line.starts_with('#')).collect();
+    assert_eq!(patterns[0], "*");
+    let (allowed, denied): (Vec<&str>, Vec<&str>) = patterns[1..].iter().partition(|pattern| pattern.starts_with('!'));
+    assert_eq!(denied, ["**/target", "**/*.key", "**/*.pem"]);
+    assert_eq!(patterns[patterns.len() - denied.len()..], denied, "the last pattern that fits decides");
+    assert!(!allowed.contains(&"!deploy"), "make-certificates.sh puts keys there");
+    // What Cargo needs to build a member of the workspace is all there.
+    let manifest: toml::Table = std::fs::read_to_string(root.join("Cargo.toml")).unwrap().parse().unwrap();
+    let members = manifest["workspace"]["members"].as_array().unwrap();
+    let folders = members.iter().map(|member| member.as_str().unwrap().trim_end_matches("/*"));
+    for needed in folders.chain(["Cargo.toml", "Cargo.lock", ".cargo", "models"]) {
+        assert!(allowed.contains(&format!("!{needed}").as_str()), "{needed} is left out");
+    }
 }

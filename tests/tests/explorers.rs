@@ -1,18 +1,18 @@
-//! Several explorers of one building: together, one after the other, and after the building has changed. In simulated time, without
-//! cameras; the last two tests run real processes.
+//! Several explorers in one building: together, one after the other, and after the building has
+//! changed. In simulated time, without cameras; the last two tests run real processes.
 
 #![allow(clippy::unwrap_used)] // tests may panic
 
-use fht_map::{FreeSpace, MapState, SpaceConfig, route::RouteConfig, taut};
+use fht_demo::{Crew, HandoffConfig, Process, Role, free_endpoint, hand_off};
+use fht_eval::{Member, TeamRun, TeamTask, explore_as_team};
+use fht_map::plan::shortest_path;
+use fht_map::{FreeSpace, MapState, NodeRouteConfig, SpaceConfig};
+use fht_perception::pose::{Point2, Pose2};
 use fht_proto::FixedPoint;
-use fht_robot::pose::{Point2, Pose2};
-use fht_sim::{Changes, SimConfig, World, load, load_with};
-use fht_tests::handoff::{Crew, HandoffConfig, run as hand_off};
-use fht_tests::process::{Process, Role, free_endpoint};
-use fht_tests::team::{Member, TeamRun, TeamTask, run, start_near};
+use fht_sim::{Changes, SimConfig, World, load, load_with, start_near};
+use mapper::MapperConfig;
 use mapper::explore::Ending;
-use mapper::mapping::MapperConfig;
-use mapper::report::ExploreReport;
+use mapper::program::ExploreReport;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -24,10 +24,11 @@ fn museum() -> Arc<World> {
 fn explored(world: &Arc<World>, members: Vec<Member>, seed: u64) -> TeamRun {
     println!("seed {seed}");
     let task = TeamTask { members, seed, cameras: false, mapper: MapperConfig::default(), most_s: 3600.0 };
-    run(world, &task, |_, _| {}).unwrap()
+    explore_as_team(world, &task, |_, _| {}).unwrap()
 }
 
-/// How many of the paths between random places of `world` touch something, and how many there are.
+/// How many of the paths between random places of `world` touch something, and how many paths there
+/// are.
 fn blocked_paths(map: &MapState, world: &World, world_from_map: &Pose2) -> (usize, usize) {
     let radius_m = SimConfig::default().radius_m;
     let space = FreeSpace::of(map, &SpaceConfig::default());
@@ -36,7 +37,7 @@ fn blocked_paths(map: &MapState, world: &World, world_from_map: &Pose2) -> (usiz
     let (mut blocked, mut planned) = (0, 0);
     for pair in 0..150 {
         let [from, to] = [place(2 * pair), place(2 * pair + 1)].map(|place| world_from_map.inverse() * place);
-        let route = match taut::plan(map, &space, fixed(from), fixed(to), &RouteConfig::default()) {
+        let route = match shortest_path::plan(map, &space, fixed(from), fixed(to), &NodeRouteConfig::default()) {
             Ok(route) => route,
             Err(reason) => {
                 println!("no path from {from} to {to} (map frame): {reason}");
@@ -65,7 +66,7 @@ fn two_explorers_divide_a_building_and_make_one_map() {
     assert_eq!(report.parts, 1, "{report:?}");
     assert!(report.explored_fraction > 0.99 && report.members[1].joined.is_some(), "{report:?}");
     assert!(report.members.iter().all(|member| member.node_error_max_m < 0.05 && member.main_nodes > 3), "{report:?}");
-    // In a building of seven rooms there is less to divide than in an office.
+    // A building of seven rooms has less to divide than an office.
     assert!(report.time_s < 0.85 * alone.time_s, "{} s and {} s", report.time_s, alone.time_s);
     let (blocked, planned) = blocked_paths(&team.map, &world, &team.world_from_map);
     assert!(planned == 150 && blocked == 0, "{blocked} of {planned}");
@@ -119,7 +120,7 @@ fn what_has_changed_is_found_by_one_that_looks_again() {
     println!("paths that touch something: {stale} before, {blocked} of {planned} after");
     assert!(stale >= 5, "the changes stand in nobody's way: {stale}");
     assert!(planned > 140 && blocked * 10 <= stale, "{blocked} of {planned}, {stale} before");
-    // Nodes that stood where something stands now are gone, and the rest keeps its trust.
+    // Nodes where something now stands are gone, and the others keep their trust.
     let gone = before.map.nodes().filter(|node| after.map.node(node.id).is_none()).count();
     let doubted = after.map.nodes().filter(|node| node.trust < fht_map::FULL_TRUST).count();
     println!("{gone} nodes of {} retired, {doubted} doubted", before.map.nodes().count());
@@ -127,7 +128,7 @@ fn what_has_changed_is_found_by_one_that_looks_again() {
 }
 
 fn executable() -> &'static Path {
-    Path::new(env!("CARGO_BIN_EXE_handoff"))
+    Path::new(env!("CARGO_BIN_EXE_programs"))
 }
 
 #[test]

@@ -2,12 +2,13 @@
 
 #![allow(clippy::unwrap_used)] // a test: what goes wrong ends it
 
-use fht_tests::fleet::{FleetConfig, hall, run};
+use fht_tests::fleet::{FleetTrialConfig, run};
+use fht_tests::maps::hall;
 
 #[test]
 fn all_questions_of_a_small_fleet_are_answered() {
     let folder = tempfile::tempdir().unwrap();
-    let config = FleetConfig {
+    let config = FleetTrialConfig {
         executable: env!("CARGO_BIN_EXE_fleet").into(),
         data: folder.path().join("data"),
         map: "hall".parse().unwrap(),

@@ -1,5 +1,6 @@
-//! Machines of a site are killed (SIGKILL) while robots write and ask: a router and a server, twice, one after the other. Five minutes of
-//! it, with the time that answers may take: `cargo run --release --bin site`.
+//! Machines of a site are killed (SIGKILL) while robots write and ask: a router and a server,
+//! twice, one after the other. For five minutes of it, with the times of answers, run `cargo run
+//! --release --bin site`.
 
 #![allow(clippy::unwrap_used)] // a test: what goes wrong ends it
 
@@ -15,9 +16,9 @@ fn nothing_acknowledged_is_lost_and_questions_are_answered() {
         kill_every: Duration::from_secs(12),
         back_after: Duration::from_secs(4),
         readers: 2,
-        // As long as it takes on a machine that does other things, too.
+        // Generous, for machines that are busy with other work.
         limit: Duration::from_secs(10),
-        ..SiteConfig::new(PathBuf::from(env!("CARGO_BIN_EXE_handoff")), folder.path().to_owned())
+        ..SiteConfig::new(PathBuf::from(env!("CARGO_BIN_EXE_programs")), folder.path().to_owned())
     };
     let report = run(&config, |what| println!("{what}")).unwrap();
     assert!(report.is_success(), "{report:?}");

@@ -1,23 +1,24 @@
-//! Two explorers map one building from different starts, each for itself; an operator merges what they made. Real processes: server,
-//! explorers, operator's commands. A map of another building is refused.
+//! Two explorers map one building separately, from different starts; an operator merges their maps.
+//! Real processes: server, explorers, operator's commands. A map of another building is refused.
 #![allow(clippy::unwrap_used)] // tests may panic
 
+use fht_demo::{Process, ProcessError, Role, free_endpoint};
+use fht_eval::{MadeMap, merge_and_measure, quantile_x};
 use fht_map::MapState;
-use fht_map::rules::Rules;
-use fht_map::{FreeSpace, RouteConfig};
+use fht_map::plan::rules::Rules;
+use fht_map::{FreeSpace, NodeRouteConfig};
 use fht_merge::{AlignmentFigures, MergeConfig};
-use fht_proto::archive::Archive;
+use fht_perception::pose::{from_fixed, pose};
+use fht_proto::codec::archive::Archive;
 use fht_proto::{AuthorId, NodeKind};
-use fht_robot::pose::{from_fixed, pose};
-use fht_tests::merging::{MadeMap, merge, quantile_x};
-use fht_tests::process::{Process, ProcessError, Role, free_endpoint};
-use mapper::report::ExploreReport;
+use mapper::program::ExploreReport;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 const PATIENCE: Duration = Duration::from_secs(30);
-/// The bar: nodes of one map are so near to where they are in the other's frame, metres.
+/// The requirement: how near nodes of one map must be to where they truly are in the other's frame,
+/// metres.
 const BAR_M: f64 = 0.1;
 
 struct Site {
@@ -27,7 +28,7 @@ struct Site {
 }
 
 fn start<'a>(role: Role, args: impl IntoIterator<Item = &'a str>) -> Process {
-    Process::start(Path::new(env!("CARGO_BIN_EXE_handoff")), role, args).unwrap()
+    Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), role, args).unwrap()
 }
 
 impl Site {
@@ -43,7 +44,7 @@ impl Site {
         self.folder.path().join(format!("{map}.json"))
     }
 
-    /// All explorers have one name: their maps have nodes of the same ids.
+    /// All explorers have the same name: their maps have nodes with the same ids.
     fn explorer(&self, map: &str, more: &[&str]) -> Process {
         let report = self.report(map);
         let usual = ["explore", "--map", map, "--no-cameras", "--quiet", "--connect", &self.endpoint];
@@ -99,23 +100,24 @@ fn two_maps_of_one_museum_become_one_and_another_building_is_refused() {
 
     let (west, east) = (site.made("west"), site.made("east"));
     let world = fht_sim::load("museum", None, 1).unwrap();
-    let merged = merge(&west, &east, Some(&world), &MergeConfig::default()).unwrap();
+    let merged = merge_and_measure(&west, &east, Some(&world), &MergeConfig::default()).unwrap();
     println!("{}", serde_json::to_string_pretty(&merged).unwrap());
     assert!(merged.error_max_m <= BAR_M, "{} m", merged.error_max_m);
-    // Half of the building in both maps: each has a part that the other lacks.
+    // Half of the building is in both maps: each has a part that the other lacks.
     let (low, high) = (quantile_x(&west, 0.25), quantile_x(&west, 0.75));
     let (part, other) = (west.part(|at| at.x <= high), east.part(|at| at.x >= low));
-    let parts = merge(&part, &other, Some(&world), &MergeConfig::default()).unwrap();
+    let parts = merge_and_measure(&part, &other, Some(&world), &MergeConfig::default()).unwrap();
     println!("{}", serde_json::to_string_pretty(&parts).unwrap());
     assert!(parts.error_max_m <= BAR_M && parts.joined.main_nodes >= 3 && parts.parts[1] == 1, "{parts:?}");
     assert!(parts.paths > 0 && parts.planned == parts.paths && parts.touching == 0, "{parts:?}");
-    assert!(merge(&west, &east.mirrored(), None, &MergeConfig::default()).is_err());
+    assert!(merge_and_measure(&west, &east.mirrored(), None, &MergeConfig::default()).is_err());
 
     let before = (west.map.digest(), east.map.digest());
     let dry = site.do_operate(&["merge", "west", "east", "--dry-run"]);
     assert_eq!((&dry["fits"], &dry["written"]), (&Value::Bool(true), &Value::Null));
     let alignment: AlignmentFigures = serde_json::from_value(dry["alignment"].clone()).unwrap();
-    let same = |one: f64, other: f64| (one - other).abs() < 1e-9; // but for the last digit, as JSON is read
+    // JSON numbers may differ in the last digit.
+    let same = |one: f64, other: f64| (one - other).abs() < 1e-9;
     let is_same = alignment.transform.iter().zip(merged.alignment.transform).all(|(one, other)| same(*one, other));
     assert!(is_same && alignment.matched == merged.alignment.matched, "{alignment:?} {:?}", merged.alignment);
     site.do_operate(&["place", "east", "dock", "1,0,90"]);
@@ -123,7 +125,7 @@ fn two_maps_of_one_museum_become_one_and_another_building_is_refused() {
     assert_eq!(done["written"][0], "whole");
     assert_eq!(site.map("west").digest(), before.0, "--into leaves the first as it is");
 
-    // The nodes that were taken over are where they truly are.
+    // The nodes taken over are where they truly are.
     let whole = site.map("whole");
     let author = AuthorId::of_robot("ana");
     let new = || whole.nodes().filter(|node| node.id.author == author);
@@ -138,13 +140,13 @@ fn two_maps_of_one_museum_become_one_and_another_building_is_refused() {
             (west.world_from_map * from_fixed(node.pose)).translation.vector - world_from_origin.translation.vector;
         assert!(off.norm() <= BAR_M, "{}: {} m", node.id, off.norm());
     }
-    // A place of the one map is reached from the other's origin.
+    // A place of one map is reached from the other's origin.
     let dock = whole.annotations().place(&"dock".parse().unwrap()).unwrap();
     let rules = Rules::of(&whole, Vec::new());
     let space = FreeSpace::of(&whole, &rules.space_config());
-    assert!(rules.plan(&whole, &space, Default::default(), dock.position, &RouteConfig::default()).is_ok());
+    assert!(rules.plan(&whole, &space, Default::default(), dock.position, &NodeRouteConfig::default()).is_ok());
 
-    // Into the first itself; and what there is nothing to do about.
+    // Into the first map itself; and requests that make no sense.
     let done = site.do_operate(&["merge", "west", "east"]);
     assert_eq!(done["written"][0], "west");
     assert_eq!(site.map("west").counts(), whole.counts());

@@ -1,13 +1,13 @@
-//! A recorded run, replayed through a real server, is the same map; a recorder that is killed leaves what it had written.
+//! A recorded run, replayed through a real server, gives the same map; a recorder that is killed
+//! leaves what it had written.
 
 #![allow(clippy::unwrap_used)] // a test: what goes wrong ends it
 
-use client_robot::replica::ask_head;
-use fht_link::LinkConfig;
+use fht_client::ask_head;
+use fht_demo::{Process, Role, free_endpoint};
 use fht_proto::Digest;
-use fht_tests::process::{Process, Role, free_endpoint};
-use mapper::replay::ReplayReport;
-use mapper::report::ExploreReport;
+use fht_session::SessionConfig;
+use mapper::program::{ExploreReport, ReplayReport};
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -17,7 +17,7 @@ use zenoh::Wait;
 const PATIENCE: Duration = Duration::from_secs(30);
 
 fn executable() -> &'static Path {
-    Path::new(env!("CARGO_BIN_EXE_handoff"))
+    Path::new(env!("CARGO_BIN_EXE_programs"))
 }
 
 fn mapper(args: &[&str]) -> Output {
@@ -50,7 +50,7 @@ fn a_recorded_run_replayed_through_the_server_is_the_same_map() {
     assert_eq!((replayed.digest, replayed.version), (explored.digest, explored.version));
 
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-    let session = runtime.block_on(fht_link::open(&LinkConfig::from_options(vec![endpoint], None))).unwrap();
+    let session = runtime.block_on(fht_session::open(&SessionConfig::from_options(vec![endpoint], None))).unwrap();
     assert_eq!(head_digest(&session, "driven"), explored.digest);
     assert_eq!(head_digest(&session, "replayed"), explored.digest);
     session.close().wait().unwrap();

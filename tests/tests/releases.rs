@@ -1,13 +1,13 @@
-//! What a robot runs: the copy as it grows, or the release that is enabled, wherever the copy is; and what other robots found blocked holds for it
-//! at once. A real server, and real sessions.
+//! What a robot runs: its copy as it grows, or the enabled release, wherever the copy is. What
+//! other robots found blocked applies to it at once. A real server and real sessions.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-use client_robot::replica::{LiveReplica, ReplicaConfig, ask_head};
-use fht_link::LinkConfig;
-use fht_proto::keys::{Key, RobotTopic};
+use fht_client::{LiveReplica, ReplicaConfig, ask_head};
+use fht_proto::api::keys::{Key, RobotTopic};
 use fht_proto::{
     AuthorId, FixedPoint, FixedPose, Increment, MapName, NodeId, NodeKind, Op, Release, ReleaseId, ReleaseName, encode,
 };
+use fht_session::SessionConfig;
 use map_server::ServerConfig;
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
@@ -31,7 +31,7 @@ fn until(what: &str, mut is_so: impl FnMut() -> bool) {
 fn put(session: &Session, author: AuthorId, number: u64, ops: Vec<Op>) {
     let increment = Increment { author, number, hlc_us: 1000 * number + u64::from(author.0), ops };
     let (key, bytes) = (Key::increment(&museum(), author, number).to_string(), encode(&increment).unwrap());
-    // As writers do: until the server says that it has it.
+    // Like a writer: until the server says that it has it.
     until("an increment is stored", || {
         let head = ask_head(session, &museum(), Duration::from_secs(1));
         let is_stored = head.is_ok_and(|head| head.vector.get(author) >= number);
@@ -57,12 +57,12 @@ fn nodes(replica: &LiveReplica) -> usize {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_robot_runs_what_is_enabled_until_it_is_told_otherwise() {
     let data = tempfile::tempdir().unwrap();
-    let endpoint = fht_tests::process::free_endpoint().unwrap();
-    let server_link = map_server::config::LinkConfig { listen: vec![endpoint.clone()], ..Default::default() };
+    let endpoint = fht_demo::free_endpoint().unwrap();
+    let server_link = map_server::ServerEndpoints { listen: vec![endpoint.clone()], ..Default::default() };
     let (stop, stopped) = oneshot::channel::<()>();
     let config = ServerConfig::new(data.path().to_owned(), server_link);
     let server = tokio::spawn(map_server::run(config, async { _ = stopped.await }));
-    let session = fht_link::open(&LinkConfig::from_options(vec![endpoint], None)).await.unwrap();
+    let session = fht_session::open(&SessionConfig::from_options(vec![endpoint], None)).await.unwrap();
 
     tokio::task::spawn_blocking(move || {
         let start = |robot: &str| LiveReplica::start(&session, &museum(), robot, ReplicaConfig::default()).unwrap();

@@ -1,31 +1,34 @@
-//! The programs themselves under mutual TLS and access control: what the README of `deploy/` has people type, from nothing to a robot that
-//! arrives, what others get who try the same, and what is said about it.
+//! The programs under mutual TLS and access control: the commands of `deploy/README.md`, from
+//! nothing to a robot that arrives; what others get who try the same, and what is reported about
+//! it.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 mod site;
 
-use fht_link::LinkConfig;
-use fht_proto::keys::Key;
-use fht_proto::query::{MapsReply, PathReply};
-use fht_tests::process::{Process, ProcessError, Role};
-use map_server::retention::Retained;
+use fht_demo::{Process, ProcessError, Role};
+use fht_proto::api::keys::Key;
+use fht_proto::api::reply::{MapsReply, PathReply};
+use fht_session::SessionConfig;
+use fht_tests::python::{ZENOH_CLI, environment, run};
+use map_server::ingest::Retained;
 use serde_json::Value;
 use site::{
     PATIENCE, ask, author, certificates, config, free_endpoint, guarded, in_file, make_certificates,
     make_certificates_of_the_readme, museum, put, readme_command, shipped, shipped_with,
 };
 use std::io::{BufRead, BufReader};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::channel;
 use std::time::Duration;
 use tempfile::TempDir;
 use tokio::time::timeout;
 
-const HANDOFF: &str = env!("CARGO_BIN_EXE_handoff");
-/// For an exploration of a minute of robot time, beside others.
+const PROGRAMS: &str = env!("CARGO_BIN_EXE_programs");
+/// Enough for an exploration of a minute of robot time, beside other work.
 const LONG: Duration = Duration::from_secs(60);
 
-/// A folder that has everything that the README speaks of, and the site's programs that run in it.
+/// A folder with everything that the README mentions, and the site's programs that run in it.
 struct Walk {
     folder: TempDir,
     endpoint: String,
@@ -57,24 +60,26 @@ impl Walk {
         Self { folder, endpoint, running: Vec::new() }
     }
 
-    fn start(&self, role: Role, args: &[impl AsRef<str>]) -> Process {
-        let mut command = Command::new(HANDOFF);
-        command.args(["role", role.name(), "--"]).args(args.iter().map(AsRef::as_ref)).current_dir(self.folder.path());
+    fn start(&self, role: impl Into<&'static str>, args: &[impl AsRef<str>]) -> Process {
+        let role = role.into();
+        let mut command = Command::new(PROGRAMS);
+        command.args(["role", role, "--"]).args(args.iter().map(AsRef::as_ref)).current_dir(self.folder.path());
         command.env_remove("RUST_LOG");
-        Process::run(role.name(), command).unwrap()
+        Process::run(role, command).unwrap()
     }
 
-    /// Runs a program to its end; what it printed, or what it complained about.
-    fn try_run(&self, role: Role, args: &[impl AsRef<str>]) -> Result<String, String> {
+    /// Runs a program to its end; returns its output, or its error text.
+    fn try_run(&self, role: impl Into<&'static str>, args: &[impl AsRef<str>]) -> Result<String, String> {
         self.start(role, args).finish(LONG).map_err(|error| match error {
             ProcessError::Failed { stderr, .. } => stderr,
             other => panic!("{other}"),
         })
     }
 
-    /// The same for what has to do.
-    fn run(&self, role: Role, args: &[impl AsRef<str>]) -> String {
-        self.try_run(role, args).unwrap_or_else(|complaint| panic!("{role:?}: {complaint}"))
+    /// The same for a program that must succeed.
+    fn run(&self, role: impl Into<&'static str>, args: &[impl AsRef<str>]) -> String {
+        let role = role.into();
+        self.try_run(role, args).unwrap_or_else(|complaint| panic!("{role}: {complaint}"))
     }
 
     /// An operator's command with JSON.
@@ -83,19 +88,27 @@ impl Walk {
         serde_json::from_str(&self.run(Role::MapServer, &args)).unwrap()
     }
 
+    /// Runs the README's question of zenoh-cli, as a shell does; returns what it prints.
+    fn ask_with_zenoh_cli(&self) -> String {
+        let programs = environment(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("zenoh-cli"), &[ZENOH_CLI]);
+        let question = format!("{}/zenoh {}", programs.display(), readme_command("zenoh ").join(" "));
+        let output = run(Command::new("sh").args(["-c", &question]).current_dir(self.folder.path()));
+        String::from_utf8(output.stdout).unwrap()
+    }
+
     /// Writes the access control into a configuration.
     fn guard(&self, args: &[impl AsRef<str>], into: &str) {
         std::fs::write(self.folder.path().join(into), self.run(Role::MapServer, args)).unwrap();
     }
 
     /// Starts what is the site's router.
-    fn listen(&mut self, role: Role, args: &[&str]) {
+    fn listen(&mut self, role: impl Into<&'static str>, args: &[&str]) {
         let mut router = self.start(role, args);
         router.wait_until_listening(&self.endpoint.replace("tls/", "tcp/"), PATIENCE).unwrap();
         self.running.push(router);
     }
 
-    /// The explorer's command of the README, and `more`, for a minute of robot time.
+    /// The README's explorer command with `more`, for a minute of robot time.
     fn explore(&self, more: &[&str]) {
         let mut args = words("mapper ", "explore --world museum");
         args.extend(["--quiet", "--max-sim", "60"].iter().chain(more).map(|&word| word.to_owned()));
@@ -118,7 +131,7 @@ fn the_readmes_steps_lead_from_nothing_to_a_robot_that_arrives() {
     let [command @ .., into, zenohd] = access.as_slice() else { panic!("{access:?}") };
     assert_eq!((into.as_str(), zenohd.as_str()), (">", "zenohd.json5"));
     walk.guard(command, zenohd);
-    walk.listen(Role::Router, &["-c", "zenohd.json5"]);
+    walk.listen(fht_tests::router::NAME, &["-c", "zenohd.json5"]);
     walk.running.push(walk.start(Role::MapServer, &["--data", "maps", "--zenoh-config", "server.json5"]));
 
     walk.explore(&[]);
@@ -130,6 +143,8 @@ fn the_readmes_steps_lead_from_nothing_to_a_robot_that_arrives() {
     assert!(report["goal_distance_m"].as_f64().unwrap() < 0.5, "{report}");
 
     let before: MapsReply = walk.operate(&["maps"]);
+    let asked: MapsReply = serde_json::from_str(&walk.ask_with_zenoh_cli()).unwrap();
+    assert_eq!(asked.maps, before.maps);
     let place = walk.run(Role::MapServer, &words("map-server ", "place"));
     assert!(place.starts_with("written; map museum is at version"), "{place}");
     let made: Value = walk.operate(&["release", "create", "museum", "opening"]);
@@ -158,7 +173,7 @@ fn near_the_start() -> String {
 #[test]
 fn programs_with_a_clients_certificate_change_nothing_and_say_that_they_failed() {
     let mut walk = Walk::begin();
-    // The small site of the README: the server is the router, and its certificate names the host.
+    // The README's small site: the server is the router, and its certificate names the host.
     let made = walk.folder.path().join("certificates");
     for file in ["server-maps.pem", "server-maps.key"] {
         std::fs::remove_file(made.join(file)).unwrap();
@@ -196,12 +211,13 @@ fn programs_with_a_clients_certificate_change_nothing_and_say_that_they_failed()
 
     let after: MapsReply = walk.operate(&["maps"]);
     assert_eq!(after.maps, before.maps, "nothing came as far as the server");
-    // Had it been folded, the oldest version would be gone.
+    // If it had been compacted, the oldest version would be gone.
     let diff: Value = walk.operate(&["diff", "museum", "1"]);
     assert_eq!(diff["to"]["version"], before.maps[0].version, "{diff}");
 }
 
-/// Reads what a process says until a line satisfies `wanted`; `false` when it ends before, or is silent for long.
+/// Reads a process's output until a line satisfies `wanted`; `false` when it ends before, or is
+/// silent for long.
 fn says_until(child: &mut Child, said: &mut String, wanted: impl Fn(&str) -> bool) -> bool {
     let (line_to, lines) = channel();
     let stderr = BufReader::new(child.stderr.take().unwrap());
@@ -220,7 +236,7 @@ async fn what_is_denied_is_counted_and_told_to_the_operator() {
     let dir = tempfile::tempdir().unwrap();
     let endpoint = free_endpoint();
     let file = in_file(dir.path(), "server", &guarded("server-alone.json5", "server-maps", &[&endpoint]));
-    let mut server = Command::new(env!("CARGO_BIN_EXE_handoff"))
+    let mut server = Command::new(env!("CARGO_BIN_EXE_programs"))
         .args(["role", "map-server", "--", "--data"])
         .arg(dir.path().join("data"))
         .arg("--zenoh-config")
@@ -230,7 +246,7 @@ async fn what_is_denied_is_counted_and_told_to_the_operator() {
         .spawn()
         .unwrap();
     let file = in_file(dir.path(), "tug", &shipped("client.json5", "client-tug", &[], &[&endpoint]));
-    let tug = fht_link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap();
+    let tug = fht_session::open(&SessionConfig::from_options(Vec::new(), Some(file))).await.unwrap();
     assert!(timeout(PATIENCE, ask(&tug, "fht/maps")).await.is_ok(), "what is allowed is not counted");
     put(&tug, "tug", "tug", 1).await;
     let check = tokio::task::spawn_blocking(move || {
@@ -247,11 +263,12 @@ async fn what_is_denied_is_counted_and_told_to_the_operator() {
     tug.close().await.unwrap();
 }
 
-/// Starts `client-robot path` with a configuration and reads what it says until a line contains `expected`.
+/// Starts `client-robot path` with a configuration and reads its output until a line contains
+/// `expected`.
 fn says(text: &str, expected: &str) {
     let dir = tempfile::tempdir().unwrap();
     let file = in_file(dir.path(), "robot", text);
-    let mut robot = Command::new(env!("CARGO_BIN_EXE_handoff"))
+    let mut robot = Command::new(env!("CARGO_BIN_EXE_programs"))
         .args(["role", "client-robot", "--", "path", "--from", "0,0", "--to", "1,1", "--zenoh-config"])
         .arg(file)
         .env_remove("RUST_LOG")

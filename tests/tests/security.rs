@@ -1,15 +1,15 @@
-//! Who gets in and who may do what, over real sessions with mutual TLS: the routers' and sessions' files of `deploy/`, the
-//! certificates of its script, and the access control that `map-server access-control` writes.
+//! Who gets in and who may do what, over real sessions with mutual TLS: the routers' and sessions'
+//! files of `deploy/`, the certificates of its script, and the access control that `map-server
+//! access-control` writes.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 mod site;
 
-use fht_link::LinkConfig;
+use fht_proto::api::keys::Key;
+use fht_proto::api::reply::{ErrorReply, Head, MapsReply, Series};
 use fht_proto::encode;
-use fht_proto::keys::Key;
-use fht_proto::query::{ErrorReply, Head, MapsReply, Snapshot};
-use fht_tests::process::{Process, Role};
-use map_server::retention::Retained;
+use fht_session::SessionConfig;
+use map_server::ingest::Retained;
 use site::{
     MOMENT, PATIENCE, Site, ask, ask_with, author, certificates, config, free_endpoint, guarded, head, in_file,
     increment, museum, put, serve, shipped, try_once, write,
@@ -17,13 +17,11 @@ use site::{
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, Instant};
 use tokio::time::timeout;
+use zenoh::Wait;
 use zenoh::handlers::FifoChannelHandler;
 use zenoh::pubsub::Subscriber;
-use zenoh::query::{ConsolidationMode, QueryTarget};
 use zenoh::sample::Sample;
-use zenoh::{Session, Wait};
 
 type Heard = Subscriber<FifoChannelHandler<Sample>>;
 
@@ -36,7 +34,7 @@ async fn hears_nothing(subscriber: &Heard) -> bool {
     timeout(MOMENT, subscriber.recv_async()).await.is_err()
 }
 
-/// For as long as a message may take, whatever else comes.
+/// How long a message may take, whatever else runs.
 async fn hears_no_lies(subscriber: &Heard) -> bool {
     let deadline = tokio::time::Instant::now() + MOMENT;
     while let Ok(sample) = tokio::time::timeout_at(deadline, subscriber.recv_async()).await {
@@ -65,7 +63,7 @@ async fn nobody_gets_in_without_a_certificate_of_this_site() {
             assert!(try_once(config(&foreign)).await.is_err(), "{file}: with another authority's certificate");
             let plain = ours.replace("tls/", "tcp/").replace("[\"tls\"]", "[\"tcp\"]");
             assert!(try_once(config(&plain)).await.is_err(), "{file}: without TLS");
-            // The other way round: a robot does not speak to a router of another site.
+            // The other way round: a robot does not speak to another site's router.
             let authority = certificates().join("elsewhere/ca.pem");
             let astray = ours.replace(certificates().join("ca.pem").to_str().unwrap(), authority.to_str().unwrap());
             assert!(try_once(config(&astray)).await.is_err(), "{file}: to a router of another authority");
@@ -83,7 +81,7 @@ async fn nobody_gets_in_without_a_certificate_of_this_site() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn sessions_speak_tls_only_and_robots_cannot_pose_as_routers() {
     let endpoint = free_endpoint();
-    // A robot's certificate is no good for listening, whatever its owner makes of it.
+    // A robot's certificate is not valid for listening, whatever its owner tries.
     let impostor = zenoh::open(config(&shipped("router.json5", "explorer-ana", &[&endpoint], &[]))).await.unwrap();
     for (file, own) in [
         ("explorer.json5", "explorer-ana"),
@@ -113,7 +111,8 @@ async fn increments_are_written_under_the_name_of_the_certificate_and_by_no_clie
     assert!(hears(&live).await.is_some(), "a client hears increments as they are put");
 
     for _ in 0..3 {
-        // As itself, and as others: the payload's author agrees with the key, so the server alone would take it.
+        // As itself, and as others: the payload's author agrees with the key, so the server alone
+        // would accept it.
         put(&tug, "tug", "tug", 1).await;
         put(&tug, "ana", "ana", 2).await;
         put(&ana, "ben", "ben", 1).await;
@@ -204,7 +203,7 @@ async fn a_robot_speaks_of_itself_only() {
         assert_eq!(heard, Some((format!("fht/museum/robots/tug/{topic}"), b"truth".to_vec())));
     }
     assert!(hears_nothing(&robots).await);
-    // A publisher asks first whether anybody listens; that must be answered, too.
+    // A publisher first asks whether anybody listens; that must be answered, too.
     let poses = tug.declare_publisher("fht/museum/robots/tug/pose").await.unwrap();
     tokio::time::sleep(MOMENT).await;
     poses.put("truth").await.unwrap();
@@ -238,7 +237,7 @@ async fn operators_give_orders_and_servers_answer_and_refuse() {
     for number in 1..=12 {
         write(&ana, "ana", number).await;
     }
-    let series = encode(&Snapshot { increments: vec![increment("ana", 1)], ..Snapshot::default() }).unwrap();
+    let series = encode(&Series { increments: vec![increment("ana", 1)], ..Series::default() }).unwrap();
     for session in [&ana, &tug] {
         for order in ["fht/museum/admin/retain", "fht/museum/**", "fht/**", "fht/*/admin/*", "fht/museum/*/retain"] {
             let replies = ask(session, &format!("{order}?keep=1")).await;
@@ -286,7 +285,7 @@ async fn a_map_server_alone_guards_itself() {
     let (stop, server) = serve(&dir.path().join("data"), file);
     let session = async |name: &str, file: &str, own: &str| {
         let file = in_file(dir.path(), name, &shipped(file, own, &[], &[&endpoint]));
-        fht_link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap()
+        fht_session::open(&SessionConfig::from_options(Vec::new(), Some(file))).await.unwrap()
     };
     let ana = session("ana", "explorer.json5", "explorer-ana").await;
     let tug = session("tug", "client.json5", "client-tug").await;
@@ -307,101 +306,7 @@ async fn a_robot_finds_the_router_that_is_there() {
     let router = zenoh::open(config(&shipped("router.json5", "router-a", &[&alive], &[]))).await.unwrap();
     let dir = tempfile::tempdir().unwrap();
     let file = in_file(dir.path(), "ana", &shipped("explorer.json5", "explorer-ana", &[], &[&dead, &alive]));
-    let link = LinkConfig::from_options(Vec::new(), Some(file));
-    timeout(PATIENCE, fht_link::open(&link)).await.expect("no end").unwrap().close().await.unwrap();
+    let link = SessionConfig::from_options(Vec::new(), Some(file));
+    timeout(PATIENCE, fht_session::open(&link)).await.expect("no end").unwrap().close().await.unwrap();
     router.close().await.unwrap();
-}
-
-/// A router of `deploy/` with access control and the storages, but in memory, as a process.
-fn with_storages(dir: &Path, own: &str, listen: &str, others: &[&str]) -> Process {
-    let mut config: serde_json::Value = json5::from_str(&guarded("router.json5", own, &[listen])).unwrap();
-    let mut plugins = json5::from_str::<serde_json::Value>(&site::read("storages.json5")).unwrap()["plugins"].take();
-    let manager = &mut plugins["storage_manager"];
-    manager["volumes"] = serde_json::json!({});
-    manager["storages"]["increments"]["volume"] = "memory".into();
-    manager["storages"]["increments"]["replication"]["interval"] = 1.into();
-    config["plugins"] = plugins;
-    config["connect"]["endpoints"] = others.into();
-    let file = in_file(dir, own, &config.to_string());
-    let handoff = Path::new(env!("CARGO_BIN_EXE_handoff"));
-    let mut router = Process::start(handoff, Role::Router, ["-c".as_ref(), file.as_os_str()]).unwrap();
-    router.wait_until_listening(&listen.replace("tls/", "tcp/"), PATIENCE).unwrap();
-    router
-}
-
-/// What each storage holds under keys, as an operator may ask.
-async fn held(operator: &Session, keys: &str) -> Vec<(String, Vec<u8>)> {
-    let ask = operator.get(keys).target(QueryTarget::All).consolidation(ConsolidationMode::None);
-    let replies = ask.timeout(Duration::from_secs(3)).await.unwrap();
-    let mut held = Vec::new();
-    while let Ok(reply) = replies.recv_async().await {
-        let sample = reply.result().unwrap();
-        held.push((sample.key_expr().to_string(), sample.payload().to_bytes().into_owned()));
-    }
-    held
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
-async fn storages_hold_what_servers_put_and_nobody_else() {
-    let (first, second) = (free_endpoint(), free_endpoint());
-    let dir = tempfile::tempdir().unwrap();
-    let mut a = with_storages(dir.path(), "router-a", &first, &[]);
-    let _b = with_storages(dir.path(), "router-b", &second, &[&first]);
-    let server = |number: usize, at: &str| {
-        let file =
-            in_file(dir.path(), &format!("server-{number}"), &shipped("server.json5", "server-maps", &[], &[at]));
-        let link = map_server::config::LinkConfig { zenoh_config: Some(file), ..Default::default() };
-        let storages = Some(map_server::storages::QuorumConfig::majority(2));
-        let config = map_server::ServerConfig { storages, ..map_server::ServerConfig::new("unused".into(), link) };
-        let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
-        (stop, tokio::spawn(map_server::run(config, async { _ = stopped.await })))
-    };
-    let session = async |file: &str, own: &str| {
-        let file = in_file(dir.path(), own, &shipped(file, own, &[], &[&second]));
-        fht_link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap()
-    };
-    let ana = session("explorer.json5", "explorer-ana").await;
-    let desk = session("operator.json5", "operator-desk").await;
-    let servers = [server(1, &first), server(2, &second)];
-    assert_eq!(mapper::publish::find_head(&ana, &museum(), PATIENCE).await.unwrap(), None);
-    let head = write(&ana, "ana", 1).await;
-    assert_eq!(head.vector.get(author("ana")), 1);
-    let keys = "fht/museum/kept/**";
-    let both = held(&desk, keys).await;
-    assert_eq!(both.len(), 2, "both storages have to confirm it");
-    assert!(both.iter().all(|(_, bytes)| *bytes == encode(&increment("ana", 1)).unwrap()));
-
-    // Neither an explorer nor an operator puts anything there, not even under its own name, nor takes anything away.
-    for (liar, name) in [(&ana, "ana"), (&desk, "desk")] {
-        for number in [1, 2] {
-            let key = Key::kept(&museum(), author(name), number).to_string();
-            liar.put(key.as_str(), "lies").await.unwrap();
-        }
-        liar.delete(Key::kept(&museum(), author("ana"), 1).to_string()).await.unwrap();
-        liar.delete(keys).await.unwrap();
-    }
-    tokio::time::sleep(MOMENT).await;
-    assert_eq!(held(&desk, keys).await, both);
-    assert_eq!(write(&ana, "ana", 2).await.version, 2);
-
-    for (stop, ended) in servers {
-        stop.send(()).unwrap();
-        ended.await.unwrap().unwrap();
-    }
-    // Nothing is left but what the storages hold; a router that comes anew has it from the other.
-    a.kill().unwrap();
-    let _a = with_storages(dir.path(), "router-a", &first, &[&second]);
-    let start = Instant::now();
-    while held(&desk, keys).await.len() < 4 {
-        assert!(start.elapsed() < PATIENCE, "the storages do not become one again");
-        tokio::time::sleep(MOMENT).await;
-    }
-    let (stop, ended) = server(3, &first);
-    let found = mapper::publish::find_head(&ana, &museum(), PATIENCE).await.unwrap().unwrap();
-    assert_eq!((found.version, found.vector.get(author("ana"))), (2, 2));
-    stop.send(()).unwrap();
-    ended.await.unwrap().unwrap();
-    for session in [ana, desk] {
-        session.close().await.unwrap();
-    }
 }

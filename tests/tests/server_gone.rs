@@ -1,19 +1,19 @@
-//! The server is gone (SIGKILL), and robots go on with their own copies of the map: their paths are those that it gave them
-//! before, and who was driving arrives.
+//! The server is gone (SIGKILL), and robots continue with their own copies of the map: their paths
+//! are those that the server gave them before, and a robot that was driving arrives.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-use client_robot::paths::{ServerPaths, ServerPathsConfig, ask_path, planned_between};
-use client_robot::pilot::PathSource;
-use client_robot::replica::{AskError, LiveReplica, ReplicaConfig, ask, ask_head};
-use client_robot::route::{PlannedPath, Planner};
-use fht_link::LinkConfig;
-use fht_map::{FreeSpace, MapState, RouteConfig, Rules};
-use fht_proto::fleet::{LocalizationState, RobotPose};
-use fht_proto::keys::{Key, RobotTopic};
-use fht_proto::query::{ErrorCode, ErrorReply};
-use fht_proto::{EdgeKey, FixedPoint, MapName};
-use fht_robot::pose::Point2;
-use fht_tests::process::{Process, ProcessError, Role, free_endpoint};
+use fht_client::{
+    AskError, LiveReplica, PathQuestion, PathSource, PlannedPath, Planner, ReplicaConfig, ServerPaths,
+    ServerPathsConfig, ask, ask_head, ask_path, planned_between,
+};
+use fht_demo::{Process, ProcessError, Role, free_endpoint};
+use fht_map::{FreeSpace, MapState, NodeRouteConfig, Rules};
+use fht_perception::pose::Point2;
+use fht_proto::api::fleet::{LocalizationState, RobotPose};
+use fht_proto::api::keys::{Key, RobotTopic};
+use fht_proto::api::reply::{ErrorCode, ErrorReply};
+use fht_proto::{EdgeKey, FixedPoint, Footprint, MapName};
+use fht_session::SessionConfig;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ use tempfile::TempDir;
 use tokio::runtime::Runtime;
 use zenoh::{Session, Wait};
 
-/// For whatever a process or the network may take.
+/// How long a process or the network may take.
 const PATIENCE: Duration = Duration::from_secs(40);
 
 fn museum() -> MapName {
@@ -31,16 +31,16 @@ fn museum() -> MapName {
 }
 
 fn start(role: Role, args: &[&str]) -> Process {
-    Process::start(Path::new(env!("CARGO_BIN_EXE_handoff")), role, args).unwrap()
+    Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), role, args).unwrap()
 }
 
-/// An operator's command; what it printed.
+/// Runs an operator's command; returns its output.
 fn operate(endpoint: &str, args: &[&str]) -> String {
     start(Role::MapServer, &[args, &["--connect", endpoint]].concat()).finish(PATIENCE).unwrap()
 }
 
 fn map_server(data: &Path, endpoint: &str) -> Process {
-    Process::map_server(Path::new(env!("CARGO_BIN_EXE_handoff")), data, endpoint, PATIENCE).unwrap()
+    Process::map_server(Path::new(env!("CARGO_BIN_EXE_programs")), data, endpoint, PATIENCE).unwrap()
 }
 
 /// The museum's first rooms in a file, explored once for all tests.
@@ -51,7 +51,8 @@ fn explored() -> PathBuf {
         let _server = map_server(&dir.path().join("data"), &endpoint);
         let args =
             ["explore", "--world", "museum", "--no-cameras", "--max-sim", "60", "--quiet", "--connect", &endpoint];
-        // It says so, by its exit code, too, that the map is not complete; what there is has been stored.
+        // It reports, by its exit code, too, that the map is not complete; what there is has been
+        // stored.
         let ended = start(Role::Mapper, &args).finish(PATIENCE).unwrap_err();
         let is_out_of_time =
             matches!(&ended, ProcessError::Failed { stderr, .. } if stderr.contains("not complete: out of time"));
@@ -78,8 +79,8 @@ impl Site {
         let map = explored();
         let server = map_server(&folder.path().join("data"), &endpoint);
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-        let link = LinkConfig::from_options(vec![endpoint.clone()], None);
-        let session = runtime.block_on(fht_link::open(&link)).unwrap();
+        let link = SessionConfig::from_options(vec![endpoint.clone()], None);
+        let session = runtime.block_on(fht_session::open(&link)).unwrap();
         // It listens before it answers, and operators' commands ask once.
         let begin = Instant::now();
         while let Err(error) = ask(&session, &Key::Maps.to_string(), PATIENCE) {
@@ -105,17 +106,19 @@ impl Site {
 type Answer = Result<PlannedPath, ErrorReply>;
 type Question = (Point2, Point2);
 
-/// What the server answers to whoever asks.
+/// The server's answer.
 fn server_says(session: &Session, (from, to): Question) -> Answer {
     let text = |point: Point2| format!("{:.3},{:.3}", point.x, point.y);
-    match ask_path(session, &museum(), &text(from), &text(to), PATIENCE) {
+    let (from_text, to_text) = (text(from), text(to));
+    let question = PathQuestion { from: &from_text, to: &to_text, footprint: &Footprint::default(), release: None };
+    match ask_path(session, &museum(), &question, PATIENCE) {
         Ok(reply) => Ok(planned_between(reply, from, to).unwrap()),
         Err(AskError::Refused(refusal)) => Err(refusal),
         Err(error) => panic!("{from} to {to}: {error}"),
     }
 }
 
-/// What a robot's loop ends up with: its own path at once, and a better one if there comes one.
+/// The path that a robot's loop ends up with: its own at once, then the server's if that is better.
 fn robot_has(paths: &mut ServerPaths<'_>, (from, to): Question) -> Answer {
     let begin = Instant::now();
     let mut answer = paths.plan(from, to, &BTreeSet::new());
@@ -126,7 +129,8 @@ fn robot_has(paths: &mut ServerPaths<'_>, (from, to): Question) -> Answer {
     answer
 }
 
-/// Whether two answers are the same to the last point, or the same refusal. The server's lengths are in whole millimetres.
+/// Whether two answers are the same to the last point, or the same refusal. The server's lengths
+/// are in whole millimetres.
 fn is_same(one: &Answer, other: &Answer) -> bool {
     match (one, other) {
         (Ok(one), Ok(other)) => one.points == other.points && (one.length_m - other.length_m).abs() < 0.000_501,
@@ -135,7 +139,8 @@ fn is_same(one: &Answer, other: &Answer) -> bool {
     }
 }
 
-/// Pairs of nodes all over the map, a goal and a start that nobody knows, and a start just outside of what is known.
+/// Pairs of nodes all over the map, an unknown goal and an unknown start, and a start just outside
+/// the known space.
 fn questions(map: &MapState) -> Vec<Question> {
     let point = |point: FixedPoint| Point2::new(point.x(), point.y());
     let places: Vec<Point2> = map.nodes().map(|node| point(node.pose.position)).collect();
@@ -149,13 +154,13 @@ fn questions(map: &MapState) -> Vec<Question> {
     questions
 }
 
-/// An edge that the way from one place to another has to do without when it is closed.
+/// An edge that a path uses, and that the path must avoid when it is closed.
 fn edge_in_the_way(map: &MapState, (from, to): Question) -> EdgeKey {
     let fixed = |point: Point2| FixedPoint::from_metres(point.x, point.y);
     let way = |closed: BTreeSet<EdgeKey>| {
         let rules = Rules { closed, ..Rules::default() };
         let space = FreeSpace::of(map, &rules.space_config());
-        rules.plan(map, &space, fixed(from), fixed(to), &RouteConfig::default()).map(|route| route.length_m).ok()
+        rules.plan(map, &space, fixed(from), fixed(to), &NodeRouteConfig::default()).map(|route| route.length_m).ok()
     };
     let open = way(BTreeSet::new());
     assert!(open.is_some());
@@ -171,7 +176,7 @@ fn without_the_server_a_robot_finds_the_paths_that_it_was_given() {
     let mut questions = questions(&map);
     let free: Vec<Answer> = questions.iter().map(|&question| server_says(&site.session, question)).collect();
 
-    // A zone in the middle of the way of the second question, and an edge in the way of the first.
+    // A zone in the way of the second question, and an edge in the way of the first.
     let points = &free[1].as_ref().unwrap().points;
     let straights = points.windows(2).map(|way| (way[0].position, way[1].position));
     let length = |(from, to): &(Point2, Point2)| (to - from).norm();
@@ -192,11 +197,12 @@ fn without_the_server_a_robot_finds_the_paths_that_it_was_given() {
     assert!(paths >= 5, "{paths} paths of {}", questions.len());
     assert_eq!(served.last().unwrap().as_ref().unwrap_err().code, ErrorCode::KeepOut);
 
-    // A robot outside of the mapped space drives to the nearest node first, which the server leaves to it.
+    // A robot outside the mapped space drives to the nearest node first; the server leaves that to
+    // the robot.
     let outside = questions.len() - 2;
     assert_eq!(served[outside].as_ref().unwrap_err().code, ErrorCode::OutOfMap);
     let ask_all = |timeout: Duration| {
-        let config = ServerPathsConfig { timeout, ..ServerPathsConfig::default() };
+        let config = ServerPathsConfig { timeout_s: timeout.as_secs_f64(), ..ServerPathsConfig::default() };
         let mut paths = ServerPaths::new(&site.session, museum(), "r", &replica, &config).unwrap();
         let answers: Vec<Answer> = questions.iter().map(|&question| robot_has(&mut paths, question)).collect();
         (answers, paths.fallbacks())
@@ -218,8 +224,8 @@ fn without_the_server_a_robot_finds_the_paths_that_it_was_given() {
     assert!(without[outside].as_ref().is_ok_and(|path| path.points[1].node.is_some()), "{:?}", without[outside]);
 }
 
-/// A robot drives to the far end of the map; the server is killed as soon as what it says of itself satisfies `is_time`. Its
-/// report, if it arrives.
+/// A robot drives to the far end of the map; the server is killed as soon as the robot's status
+/// satisfies `is_time`. Returns its report, if it arrives.
 fn driven(mut is_time: impl FnMut(&RobotPose) -> bool) -> Value {
     let mut site = Site::start();
     let pose_key = Key::robot(&museum(), "tug", RobotTopic::Pose).to_string();
@@ -268,7 +274,7 @@ fn a_robot_that_loses_the_server_on_the_way_arrives() {
         let here = Point2::new(x, y);
         (here - *first.get_or_insert(here)).norm() > 1.0
     });
-    // The way that it was on was the server's.
+    // The path that it was on was the server's.
     assert_eq!(report["planner"], "server", "{report}");
     let count = |name: &str| report[name].as_u64().unwrap();
     assert!(count("fallbacks") < count("plans"), "the first one was answered: {report}");

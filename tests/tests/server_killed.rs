@@ -1,17 +1,17 @@
-//! The map server dies (SIGKILL) in the middle of an exploration and comes back: nothing acknowledged may be lost, the
-//! explorer goes on meanwhile, and in the end server, explorer and client have the same map. If the explorer dies, too, its next run
-//! delivers what it had made by then.
+//! The map server dies (SIGKILL) during an exploration and comes back: nothing acknowledged may be
+//! lost, the explorer goes on meanwhile, and in the end server, explorer and client have the same
+//! map. If the explorer dies, too, its next run delivers what it had made by then.
 
 #![allow(clippy::unwrap_used)] // a test: what goes wrong ends it
 
-use client_robot::replica::{LiveReplica, ReplicaConfig, ask_head};
-use fht_link::LinkConfig;
-use fht_proto::keys::{Key, Topic};
-use fht_proto::query::Snapshot;
+use fht_client::{LiveReplica, ReplicaConfig, ask_head};
+use fht_demo::{Process, Role, free_endpoint};
+use fht_proto::api::keys::{Key, Topic};
+use fht_proto::api::reply::Series;
 use fht_proto::{AuthorId, MapName, decode, encode};
-use fht_tests::process::{Process, Role, free_endpoint};
-use mapper::report::ExploreReport;
-use mapper::spool::Spool;
+use fht_session::SessionConfig;
+use mapper::program::ExploreReport;
+use mapper::publish::Spool;
 use serde_json::Value;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -20,11 +20,11 @@ use zenoh::Wait;
 const PATIENCE: Duration = Duration::from_secs(30);
 /// The server is killed when it has acknowledged this many increments.
 const KILL_AT: u64 = 15;
-/// … and comes back when the explorer has written this many more.
+/// It comes back when the explorer has written this many more.
 const BACK_AFTER: u64 = 10;
 
 fn start_server(data: &Path, endpoint: &str) -> Process {
-    Process::map_server(Path::new(env!("CARGO_BIN_EXE_handoff")), data, endpoint, PATIENCE).unwrap()
+    Process::map_server(Path::new(env!("CARGO_BIN_EXE_programs")), data, endpoint, PATIENCE).unwrap()
 }
 
 #[test]
@@ -37,9 +37,10 @@ fn nothing_acknowledged_is_lost_and_all_agree_in_the_end() {
     let author = AuthorId::of_robot("explorer");
     let mut server = start_server(&data, &endpoint);
 
-    // A client that listens all the time, over the death of the server.
+    // A client that keeps listening while the server dies.
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-    let session = runtime.block_on(fht_link::open(&LinkConfig::from_options(vec![endpoint.clone()], None))).unwrap();
+    let session =
+        runtime.block_on(fht_session::open(&SessionConfig::from_options(vec![endpoint.clone()], None))).unwrap();
     let replica = LiveReplica::start(&session, &map, "r", ReplicaConfig::default()).unwrap();
 
     let report_arg = report_file.to_string_lossy().into_owned();
@@ -58,7 +59,7 @@ fn nothing_acknowledged_is_lost_and_all_agree_in_the_end() {
         "--report",
         &report_arg,
     ];
-    let explorer = Process::start(Path::new(env!("CARGO_BIN_EXE_handoff")), Role::Mapper, args).unwrap();
+    let explorer = Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), Role::Mapper, args).unwrap();
     // Acknowledged and written at the kill; then acknowledged after the restart.
     let mut killed: Option<(u64, u64)> = None;
     let mut written_while_dead = 0;
@@ -110,7 +111,7 @@ fn what_a_killed_explorer_had_made_is_delivered_by_its_next_run() {
     let explore = |more: &[&str]| {
         let spool = spool.to_str().unwrap();
         let usual = ["explore", "--map", "museum", "--no-cameras", "--connect", &endpoint, "--spool", spool];
-        Process::start(Path::new(env!("CARGO_BIN_EXE_handoff")), Role::Mapper, [&usual[..], more].concat()).unwrap()
+        Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), Role::Mapper, [&usual[..], more].concat()).unwrap()
     };
     let mut first = explore(&["--rate", "20", "--progress-json"]);
     let mut killed: Option<u64> = None;
@@ -125,7 +126,7 @@ fn what_a_killed_explorer_had_made_is_delivered_by_its_next_run() {
     });
     first.kill().unwrap();
     let left = Spool::open(&spool, &map, author).unwrap().backlog().unwrap();
-    // Not all that was written: what was never put need not be there.
+    // Not everything that was written: what was never put need not be there.
     assert!(!left.encoded.is_empty());
 
     let _server = start_server(&data, &endpoint);
@@ -133,13 +134,13 @@ fn what_a_killed_explorer_had_made_is_delivered_by_its_next_run() {
     let report: ExploreReport = serde_json::from_str(&report).unwrap();
     assert!(report.joined.is_some() && report.version > left.written(), "{report:?}");
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-    let session = runtime.block_on(fht_link::open(&LinkConfig::from_options(vec![endpoint.clone()], None))).unwrap();
+    let session =
+        runtime.block_on(fht_session::open(&SessionConfig::from_options(vec![endpoint.clone()], None))).unwrap();
     let head = wait_for_head(&session, &map);
     assert_eq!((head.vector.get(author), head.digest), (report.version, report.digest));
     let since = format!("{}?vector={author}:{}", Key::topic(&map, Topic::Since), left.acknowledged);
     let answers = session.get(since).consolidation(zenoh::query::ConsolidationMode::None).wait().unwrap();
-    let pieces =
-        answers.iter().map(|answer| decode::<Snapshot>(&answer.result().unwrap().payload().to_bytes()).unwrap());
+    let pieces = answers.iter().map(|answer| decode::<Series>(&answer.result().unwrap().payload().to_bytes()).unwrap());
     let stored: Vec<Vec<u8>> =
         pieces.flat_map(|piece| piece.increments).map(|increment| encode(&increment).unwrap()).collect();
     let made: Vec<Vec<u8>> = left.encoded.into_values().collect();
@@ -148,7 +149,7 @@ fn what_a_killed_explorer_had_made_is_delivered_by_its_next_run() {
 }
 
 /// The head, asked for until the session has found the server again.
-fn wait_for_head(session: &zenoh::Session, map: &MapName) -> fht_proto::query::Head {
+fn wait_for_head(session: &zenoh::Session, map: &MapName) -> fht_proto::api::reply::Head {
     let deadline = Instant::now() + PATIENCE;
     loop {
         match ask_head(session, map, Duration::from_secs(2)) {

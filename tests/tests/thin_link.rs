@@ -1,20 +1,21 @@
-//! Clients on thin links that break or stand still. Figures: `cargo run --release --bin joining`.
+//! Clients on thin links that break or stall. For figures: `cargo run --release --bin joining`.
 
 #![allow(clippy::unwrap_used)] // a test: what goes wrong ends it
 
-use client_robot::replica::{LiveReplica, ReplicaConfig};
+use fht_client::{LiveReplica, ReplicaConfig};
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op, VersionVector};
-use fht_tests::feed::put;
-use fht_tests::joining::{JoiningConfig, Site, office, run};
+use fht_tests::maps::office;
+use fht_tests::slow_join::{MapSite, SlowJoinConfig, run};
 use fht_tests::thin_link::{LinkShape, ThinLink};
+use fht_tests::upload::put_increment;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use zenoh::Wait;
 use zenoh::qos::CongestionControl;
 
-fn config(folder: &Path) -> JoiningConfig {
-    JoiningConfig {
-        executable: env!("CARGO_BIN_EXE_handoff").into(),
+fn config(folder: &Path) -> SlowJoinConfig {
+    SlowJoinConfig {
+        executable: env!("CARGO_BIN_EXE_programs").into(),
         data: folder.join("data"),
         shape: LinkShape { bits_per_s: 8e6, delay: Duration::from_millis(50) },
         cuts: 3,
@@ -39,13 +40,14 @@ fn a_client_joins_over_a_link_that_is_cut_and_fetches_hardly_anything_twice() {
 
 #[test]
 fn a_client_that_takes_nothing_keeps_nobody_waiting() {
-    /// Longer than Zenoh waits for a link before it closes it, and shorter than it takes a silent one for dead.
+    /// Longer than Zenoh waits for a link before it closes it, and shorter than it takes to declare
+    /// a silent one dead.
     const STALL: Duration = Duration::from_secs(7);
     /// Shorter than that.
     const SOON: Duration = Duration::from_secs(4);
     let folder = tempfile::tempdir().unwrap();
     let map: MapName = "office".parse().unwrap();
-    let site = Site::with(&config(folder.path()), &map, &office(1)).unwrap();
+    let site = MapSite::with(&config(folder.path()), &map, &office(1)).unwrap();
     let link = ThinLink::to(&site.endpoint, LinkShape { bits_per_s: 100e6, delay: Duration::ZERO }).unwrap();
     let sessions = [link.endpoint(), &site.endpoint].map(|endpoint| site.session_by(endpoint).unwrap());
     let [stalled, other] =
@@ -57,7 +59,7 @@ fn a_client_that_takes_nothing_keeps_nobody_waiting() {
     let bulk = sessions[0].declare_subscriber("bulk").callback(|_| ()).wait().unwrap();
     std::thread::sleep(Duration::from_millis(500));
 
-    // More than all buffers on the way to it hold, all of it to be waited for.
+    // More than all buffers on the way hold, with every put waiting for room.
     link.stall(true);
     let begin = Instant::now();
     for _ in 0..200 {
@@ -68,7 +70,8 @@ fn a_client_that_takes_nothing_keeps_nobody_waiting() {
     for number in 1..=20 {
         let pose = FixedPose::from_metres(0.0, 0.1 * number as f64, 0.0);
         let op = Op::PutNode { id: NodeId { author, number: 0 }, kind: NodeKind::Support, pose };
-        put(&site.session, &map, &Increment { author, number, hlc_us: 1_000_000 + number, ops: vec![op] }).unwrap();
+        put_increment(&site.session, &map, &Increment { author, number, hlc_us: 1_000_000 + number, ops: vec![op] })
+            .unwrap();
         vector.set(author, number);
     }
     assert!(other.wait_for(&vector, SOON), "{} after {:?}", other.read().vector(), begin.elapsed());

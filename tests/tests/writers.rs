@@ -1,17 +1,16 @@
 //! Writers and the map server: who may write, and what a writer learns when it may not.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-use fht_link::LinkConfig;
-use fht_proto::keys::{Key, RobotTopic, Topic};
-use fht_proto::query::{ErrorCode, ErrorReply};
+use fht_demo::free_endpoint;
+use fht_proto::api::keys::{Key, RobotTopic, Topic};
+use fht_proto::api::reply::{ErrorCode, ErrorReply};
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op, VersionVector, encode};
-use fht_tests::process::free_endpoint;
+use fht_session::SessionConfig;
 use map_server::config::Limits;
 use map_server::{ServerConfig, ServerError};
-use mapper::deliver::{DeliverError, deliver};
-use mapper::publish::{Progress, PublishError, find_head, outbox};
-use mapper::spool::{Origin, Spool};
-use mapper::window::Backlog;
+use mapper::publish::{
+    Backlog, DeliverError, Progress, PublishError, RunOrigin, Spool, WindowConfig, deliver, find_head, outbox,
+};
 use std::ops::RangeInclusive;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -47,18 +46,18 @@ impl Running {
     async fn start(limits: Limits) -> Self {
         let data = tempfile::tempdir().unwrap();
         let endpoint = free_endpoint().unwrap();
-        let server_link = map_server::config::LinkConfig { listen: vec![endpoint.clone()], ..Default::default() };
+        let server_link = map_server::ServerEndpoints { listen: vec![endpoint.clone()], ..Default::default() };
         let config = ServerConfig { limits, ..ServerConfig::new(data.path().to_owned(), server_link) };
         let (stop, stopped) = oneshot::channel::<()>();
         let server = tokio::spawn(map_server::run(config, async { _ = stopped.await }));
-        let session = fht_link::open(&LinkConfig::from_options(vec![endpoint], None)).await.unwrap();
+        let session = fht_session::open(&SessionConfig::from_options(vec![endpoint], None)).await.unwrap();
         assert_eq!(find_head(&session, &museum(), PATIENCE).await.unwrap(), None);
         Self { session, stop, server, _data: data }
     }
 
     /// A whole run of `count` increments.
     async fn write(&self, count: u64, x: f64) -> Result<Progress, PublishError> {
-        let (outbox, publisher) = outbox(self.session.clone(), museum(), author(), 0, None);
+        let (outbox, publisher) = outbox(self.session.clone(), museum(), author(), 0, None, WindowConfig::default());
         let made = tokio::task::spawn_blocking(move || {
             for number in 1..=count {
                 outbox.send(increment(number, x));
@@ -109,27 +108,37 @@ async fn what_a_killed_run_has_left_is_delivered_and_only_to_the_server_that_kno
     let running = Running::start(Limits::default()).await;
     for (first, last) in [(1, 20), (21, 30)] {
         spool.add(left(first..=last).collect()).await.unwrap();
-        let head = deliver(&running.session, &museum(), "explorer", &spool, PATIENCE).await.unwrap().unwrap();
+        let head = deliver(&running.session, &museum(), "explorer", &spool, &WindowConfig::default(), PATIENCE)
+            .await
+            .unwrap()
+            .unwrap();
         assert_eq!(head.vector.get(author()), last);
         assert_eq!(spool.backlog().unwrap(), Backlog::after(last));
     }
     // Nothing waits, and the server has everything.
-    assert!(deliver(&running.session, &museum(), "explorer", &spool, PATIENCE).await.unwrap().is_some());
+    assert!(
+        deliver(&running.session, &museum(), "explorer", &spool, &WindowConfig::default(), PATIENCE)
+            .await
+            .unwrap()
+            .is_some()
+    );
 
-    // A server without the map: the run would give numbers again.
+    // A server without the map: the run would use numbers again.
     let other = Running::start(Limits::default()).await;
     let soon = Duration::from_millis(300);
-    let behind = deliver(&other.session, &museum(), "explorer", &spool, soon).await.unwrap_err();
+    let behind =
+        deliver(&other.session, &museum(), "explorer", &spool, &WindowConfig::default(), soon).await.unwrap_err();
     assert!(matches!(behind, DeliverError::Behind { .. }), "{behind}");
     assert!(
         behind
             .to_string()
             .contains(&format!("is at '' on the map server, and this robot has seen it at '{}:30'", author()))
     );
-    // Another robot of the same name has written there: nothing is put behind what it has made.
+    // Another robot of the same name has written there: nothing is put behind its increments.
     other.write(32, 1000.0).await.unwrap();
     spool.add(left(31..=40).collect()).await.unwrap();
-    let taken = deliver(&other.session, &museum(), "explorer", &spool, PATIENCE).await.unwrap_err();
+    let taken =
+        deliver(&other.session, &museum(), "explorer", &spool, &WindowConfig::default(), PATIENCE).await.unwrap_err();
     assert!(matches!(taken, DeliverError::Taken { .. }) && taken.to_string().contains("remove that file"), "{taken}");
     assert_eq!(spool.backlog().unwrap().encoded.len(), 10, "it stays there");
     let head = find_head(&other.session, &museum(), PATIENCE).await.unwrap().unwrap();
@@ -140,7 +149,7 @@ async fn what_a_killed_run_has_left_is_delivered_and_only_to_the_server_that_kno
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_spool_is_right_about_what_is_there_already_and_about_the_maps_frame() {
-    // The first node is the one that a map's frame is that of.
+    // The map's frame is that of the first node.
     let node = |author, kind| {
         let id = NodeId { author, number: 0 };
         vec![Op::PutNode { id, kind, pose: FixedPose::from_metres(0.0, 0.0, 0.0) }]
@@ -156,33 +165,35 @@ async fn a_spool_is_right_about_what_is_there_already_and_about_the_maps_frame()
     let running = Running::start(Limits::default()).await;
     let send = |spool: &Spool| {
         let (session, spool) = (running.session.clone(), spool.clone());
-        async move { deliver(&session, &museum(), "explorer", &spool, PATIENCE).await }
+        async move { deliver(&session, &museum(), "explorer", &spool, &WindowConfig::default(), PATIENCE).await }
     };
     // Another robot begins the map while this one, which had begun it, too, is away.
-    spool.begin(Origin { is_founder: true, basis: VersionVector::default() }).await.unwrap();
+    spool.begin(RunOrigin { is_founder: true, basis: VersionVector::default() }).await.unwrap();
     spool.add((1..=3).map(encoded).collect()).await.unwrap();
     let other_author = AuthorId::of_robot("other");
     let first = Increment { author: other_author, ops: node(other_author, NodeKind::Main), ..increment(1, 0.0) };
-    // It only says so as yet.
+    // So far it only says so.
     let claim = Key::robot(&museum(), "other", RobotTopic::Pose).to_string();
     let claim = running.session.liveliness().declare_token(claim).await.unwrap();
     let begins = send(&spool).await.unwrap_err();
     assert!(matches!(begins, DeliverError::BegunByAnother { .. }), "{begins}");
     claim.undeclare().await.unwrap();
-    let (other_box, publisher) = outbox(running.session.clone(), museum(), other_author, 0, None);
+    let (other_box, publisher) =
+        outbox(running.session.clone(), museum(), other_author, 0, None, WindowConfig::default());
     tokio::task::spawn_blocking(move || other_box.send(first)).await.unwrap();
     publisher.await.unwrap();
     let begun = send(&spool).await.unwrap_err();
     assert!(matches!(begun, DeliverError::BegunByAnother { .. }), "{begun}");
     drop(spool);
-    // What had found its place in the map is of its frame.
+    // What found its place in the map is in the map's frame.
     let spool = open(&other);
     let basis = find_head(&running.session, &museum(), PATIENCE).await.unwrap().unwrap().vector;
-    spool.begin(Origin { is_founder: false, basis }).await.unwrap();
+    spool.begin(RunOrigin { is_founder: false, basis }).await.unwrap();
     spool.add((1..=3).map(encoded).collect()).await.unwrap();
     assert_eq!(send(&spool).await.unwrap().unwrap().vector.get(author()), 3);
-    // A run without the spool goes on from there; what the spool still has, as after a kill, is the same there.
-    let (outbox, publisher) = outbox(running.session.clone(), museum(), author(), 3, None);
+    // A run without the spool continues from there; what the spool still has, as after a kill, is
+    // the same there.
+    let (outbox, publisher) = outbox(running.session.clone(), museum(), author(), 3, None, WindowConfig::default());
     tokio::task::spawn_blocking(move || outbox.send(increment(4, 0.0))).await.unwrap();
     publisher.await.unwrap();
     drop(spool);
@@ -200,7 +211,8 @@ async fn a_run_that_leaves_without_its_server_has_everything_in_the_spool() {
     let mut config = zenoh::Config::default();
     config.insert_json5("scouting/multicast/enabled", "false").unwrap();
     let alone = zenoh::open(config).await.unwrap();
-    let (outbox, publisher) = outbox(alone.clone(), museum(), author(), 0, Some(spool.clone()));
+    let (outbox, publisher) =
+        outbox(alone.clone(), museum(), author(), 0, Some(spool.clone()), WindowConfig::default());
     let publisher = tokio::spawn(publisher);
     let written = tokio::task::spawn_blocking(move || {
         (1..=500).for_each(|number| _ = outbox.send(increment(number, 0.0)));
@@ -221,11 +233,11 @@ async fn silence_is_not_taken_for_an_unknown_map() {
     config.insert_json5("listen/endpoints", &format!("[\"{endpoint}\"]")).unwrap();
     config.insert_json5("scouting/multicast/enabled", "false").unwrap();
     let router = zenoh::open(config).await.unwrap();
-    let robot = fht_link::open(&LinkConfig::from_options(vec![endpoint], None)).await.unwrap();
+    let robot = fht_session::open(&SessionConfig::from_options(vec![endpoint], None)).await.unwrap();
     let unknown = find_head(&robot, &museum(), Duration::from_millis(500)).await.unwrap_err();
     assert!(matches!(unknown, PublishError::NoAnswer { .. }), "{unknown}");
 
-    // Busy twice, then the truth.
+    // Busy twice, then an answer.
     let asked = AtomicU64::new(0);
     router
         .declare_queryable(Key::topic(&museum(), Topic::Head).to_string())

@@ -1,6 +1,7 @@
 use super::*;
-use fht_robot::frame::LaserScan;
-use fht_robot::pose::pose;
+use fht_perception::frame::LaserScan;
+use fht_perception::pose::pose;
+use std::collections::BTreeSet;
 
 struct NoPaths;
 

@@ -1,20 +1,23 @@
 //! `map-server access-control`: the list of roles on the command line.
 
-use super::{AccessError, configuration, object, parse};
+use crate::access::roles::{AccessError, parse};
+use crate::access::section::{configuration, object};
 use clap::Args;
 use serde_json::Map;
 use std::path::{Path, PathBuf};
 
-/// Writes the access control section of a Zenoh router's configuration from a list of who has which role.
+/// Writes the access control section of a Zenoh router's configuration from a list of who has which
+/// role.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
-pub struct AccessArgs {
-    /// Who has which role (JSON5): routers, servers, explorers, clients, operators, each a list of names as in the
-    /// certificates.
+pub(crate) struct AccessArgs {
+    /// Who has which role (JSON5): routers, servers, explorers, clients, operators, each a list of
+    /// names as in the certificates.
     #[arg(value_name = "ROLES.json5")]
     roles: PathBuf,
-    /// A router's configuration (JSON5) to put the section into, in place of one that it has; its comments are lost. Without
-    /// it the section is written alone. Repeatable: sections of later files, such as storages, are put into the first.
+    /// A router's configuration (JSON5) to put the section into, in place of one that it has; its
+    /// comments are lost. Without it the section is written alone. Repeatable: sections of later
+    /// files, such as storages, are put into the first.
     #[arg(long, value_name = "FILE")]
     into: Vec<PathBuf>,
 }
@@ -36,19 +39,19 @@ Everything that a role does not need is denied. Routers read this at their start
 
 /// Why nothing was written.
 #[derive(Debug, thiserror::Error)]
-pub enum AccessCommandError {
+pub(crate) enum AccessCommandError {
     /// A file cannot be read.
     #[error("{} cannot be read: {source}", file.display())]
     Read {
-        /// Which.
+        /// The file.
         file: PathBuf,
         /// What the system says.
         source: std::io::Error,
     },
-    /// A file makes no sense.
+    /// A file is not understood.
     #[error("{}: {source}", file.display())]
     Access {
-        /// Which.
+        /// The file.
         file: PathBuf,
         /// Why.
         source: AccessError,
@@ -64,7 +67,7 @@ impl AccessArgs {
     ///
     /// # Errors
     /// [`AccessCommandError`], which names the file.
-    pub fn run(&self) -> Result<String, AccessCommandError> {
+    pub(crate) fn run(&self) -> Result<String, AccessCommandError> {
         let roles_in = |source| AccessCommandError::Access { file: self.roles.clone(), source };
         let roles = parse(&read(&self.roles)?).map_err(roles_in)?;
         let mut whole = Map::new();

@@ -2,8 +2,8 @@
 #![allow(dead_code, clippy::unwrap_used)] // every test program uses a part of it; tests may panic
 
 use fht_map::MapState;
-use fht_proto::keys::{Key, Topic};
-use fht_proto::query::{ErrorReply, Head};
+use fht_proto::api::keys::{Key, Topic};
+use fht_proto::api::reply::{ErrorReply, Head};
 use fht_proto::{
     AuthorId, Descriptor, EdgeKey, FixedPose, Increment, MapName, ModelId, NodeId, NodeKind, Op, Rect, ScanRecord,
     Signature, VersionVector, encode,
@@ -25,8 +25,8 @@ pub fn node(author: AuthorId, number: u32) -> NodeId {
     NodeId { author, number }
 }
 
-/// Increment `number` of a robot that drives along y = 0, a node a metre, each joined to the one before. Every fifth is a
-/// main node of usual size.
+/// Increment `number` of a robot that drives along y = 0, a node per metre, each joined to the one
+/// before. Every fifth is a main node of typical size.
 pub fn increment(author: AuthorId, number: u64) -> Increment {
     let index = number as u32 - 1;
     let id = node(author, index);
@@ -53,7 +53,7 @@ pub fn signature(seed: u32) -> Signature {
             base_from_sensor: FixedPose::default(),
             angle_min: 0.0,
             angle_increment: 0.017,
-            // Far outside of the free space.
+            // Far outside the free space.
             ranges_mm: vec![50_000; 360],
         },
     }
@@ -77,7 +77,7 @@ pub fn expected(counts: &[(AuthorId, u64)]) -> (MapState, VersionVector) {
     (state, vector)
 }
 
-/// A port that is free now.
+/// An endpoint with a free port.
 pub fn free_endpoint() -> String {
     let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     format!("tcp/127.0.0.1:{port}")
@@ -114,7 +114,7 @@ impl Drop for Server {
     }
 }
 
-/// Runs a server that should refuse to start; its exit code and what it said.
+/// Runs a server that should refuse to start; returns its exit code and what it said.
 pub fn refused_start(data: &Path, endpoint: &str) -> (Option<i32>, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_map-server"))
         .args(["--data", data.to_str().unwrap(), "--listen", endpoint])

@@ -1,43 +1,51 @@
-//! Support nodes for free space that no rectangle covers: paths lead through rectangles, and where there is none they make a
-//! detour or none leads at all. Greedy: of all rectangles that could be added, always the one that covers most.
+//! Support nodes for free space that no rectangle covers: paths lead through rectangles, and where
+//! there is none they make a detour or none leads at all. Greedy: of all rectangles that could be
+//! added, always the one that covers most.
 //!
-//! Two things are to be covered: where the centre of a robot may be that keeps the distance from walls that paths keep; and the
-//! ground under a robot that squeezes into a gap too narrow for that, for nobody else can tell the way out of it.
+//! Two things are to be covered: where the centre of a robot may be that keeps the distance from
+//! walls that paths keep; and the ground under a robot that squeezes into a gap too narrow for
+//! that, for nobody else can tell the way out of it.
 
 use super::plan_config;
 use fht_map::MapState;
-use fht_proto::{FixedPoint, Rect};
-use fht_robot::free_space::{FreeSpaceConfig, grow};
-use fht_robot::grid::{Cell, CellBounds, OccupancyGrid};
-use fht_robot::planning::Traversable;
-use fht_robot::pose::Point2;
+use fht_navigation::planning::Traversable;
+use fht_perception::free_rectangle::{FreeRectangleConfig, grow};
+use fht_perception::grid::{Cell, CellBounds, OccupancyGrid};
+use fht_perception::pose::Point2;
+use fht_proto::{FixedPoint, Footprint, Rect};
+use serde::{Deserialize, Serialize};
 
 /// Parameters of the coverage.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
 pub struct CoverageConfig {
-    /// A rectangle covers what is farther than this from its border: where a robot of this radius may be, metres. Default 0.16.
+    /// A rectangle covers what is farther than this from its border: where a robot of this radius
+    /// may be, metres. Default 0.16.
     pub half_width_m: f64,
-    /// The least that a new rectangle must cover, square metres. Default 0.06, which is what is left open in a doorway of 0.9 m:
-    /// about 30 bytes of map each.
+    /// The least that a new rectangle must cover, square metres. Default 0.06, which is what is
+    /// left open in a doorway of 0.9 m: about 30 bytes of map each.
     pub least_gain_m2: f64,
     /// Edges of such a node at most: its rectangle joins it to others already. Default 2.
     pub most_edges: usize,
     /// Distance of the places that are tried, metres; half of it in gaps. Default 0.2.
+    #[cfg_attr(feature = "schema", schemars(range(min = 0.05, max = 100.0)))]
     pub spacing_m: f64,
     /// The robot's radius, metres. Default 0.105.
     pub robot_radius_m: f64,
-    /// The least that a rectangle in a gap must cover of the ground under the robot, square metres. Default 0.08.
+    /// The least that a rectangle in a gap must cover of the ground under the robot, square metres.
+    /// Default 0.08.
     pub least_ground_m2: f64,
 }
 
 impl Default for CoverageConfig {
     fn default() -> Self {
         Self {
-            half_width_m: 0.16,
+            half_width_m: Footprint::default().mesh_clearance_m(),
             least_gain_m2: 0.06,
             most_edges: 2,
             spacing_m: 0.2,
-            robot_radius_m: 0.105,
+            robot_radius_m: Footprint::default().circumscribed_radius_m(),
             least_ground_m2: 0.08,
         }
     }
@@ -61,8 +69,8 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// Places in the rectangle where its node could be instead, the nearest first: centres of every second cell, the same cells
-    /// for all patches.
+    /// Places in the rectangle where its node could be instead, the nearest first: centres of every
+    /// second cell, the same cells for all patches.
     #[must_use]
     pub fn places(&self, grid: &OccupancyGrid) -> Vec<FixedPoint> {
         let (min, max) = (self.rect.min(self.place), self.rect.max(self.place));
@@ -86,7 +94,7 @@ impl Patch {
 
 /// What is to be covered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Goal {
+pub enum CoverageGoal {
     /// Where the centre of a robot may be, at the distance from walls that paths keep.
     Centre,
     /// The ground under a robot wherever it fits.
@@ -111,18 +119,18 @@ impl Gaps {
     pub fn of(
         map: &MapState,
         grid: &OccupancyGrid,
-        free_space: &FreeSpaceConfig,
+        free_space: &FreeRectangleConfig,
         config: &CoverageConfig,
-        goal: Goal,
+        goal: CoverageGoal,
     ) -> Self {
         let resolution_m = grid.resolution_m();
         let (clearance_m, margin_m, least_m2, spacing_m) = match goal {
-            Goal::Centre => (config.half_width_m, config.half_width_m, config.least_gain_m2, config.spacing_m),
-            Goal::Ground => (config.robot_radius_m, 0.0, config.least_ground_m2, 0.5 * config.spacing_m),
+            CoverageGoal::Centre => (config.half_width_m, config.half_width_m, config.least_gain_m2, config.spacing_m),
+            CoverageGoal::Ground => (config.robot_radius_m, 0.0, config.least_ground_m2, 0.5 * config.spacing_m),
         };
         let space = Traversable::new(grid, &plan_config(clearance_m, grid));
         let mut open = reachable(map, grid, &space);
-        if goal == Goal::Ground {
+        if goal == CoverageGoal::Ground {
             open = widened(&open, grid, config.robot_radius_m);
         }
         let mut gaps = Self {
@@ -143,7 +151,7 @@ impl Gaps {
         gaps
     }
 
-    fn candidates(&self, grid: &OccupancyGrid, free_space: &FreeSpaceConfig) -> Vec<Patch> {
+    fn candidates(&self, grid: &OccupancyGrid, free_space: &FreeRectangleConfig) -> Vec<Patch> {
         let on_lattice = |cell: &Cell| cell.i.rem_euclid(self.every) == 0 && cell.j.rem_euclid(self.every) == 0;
         let cells = (0..self.open.len()).filter(|&index| self.open[index]).map(|index| self.bounds.cell(index));
         let patch = |cell: Cell| {
@@ -175,7 +183,8 @@ impl Gaps {
         }
     }
 
-    /// The cells whose centres a patch covers: least and greatest, both included; `None` if there is none.
+    /// The cells whose centres a patch covers: least and greatest, both included; `None` if there
+    /// is none.
     fn covered(&self, patch: &Patch) -> Option<(Cell, Cell)> {
         let (min, max) = (patch.rect.min(patch.place), patch.rect.max(patch.place));
         let margin = self.margin_m;

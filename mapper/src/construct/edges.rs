@@ -2,10 +2,10 @@
 
 use super::point;
 use fht_map::MapState;
+pub use fht_perception::drivable_line::DrivableLineConfig;
+use fht_perception::drivable_line::lines_to;
+use fht_perception::grid::OccupancyGrid;
 use fht_proto::{EdgeKey, FixedPoint, NodeId};
-pub use fht_robot::edges::EdgeConfig;
-use fht_robot::edges::lines_to;
-use fht_robot::grid::OccupancyGrid;
 
 /// Nodes within `radius_m` of a place, nearest first: distance, id, position.
 #[must_use]
@@ -26,20 +26,21 @@ pub fn edges_of(
     grid: &OccupancyGrid,
     id: NodeId,
     here: FixedPoint,
-    config: &EdgeConfig,
+    config: &DrivableLineConfig,
 ) -> Vec<EdgeKey> {
     let others = nearby_nodes(state, here, config.longest_m).into_iter().filter(|(_, other, _)| *other != id);
     lines_to(grid, here, others, config).into_iter().map(|other| EdgeKey::new(id, other)).collect()
 }
 
-/// Whether something stands on an edge of the map by now. `is_own` says which nodes this robot made.
+/// Whether something stands on an edge of the map by now. `is_own` says which nodes this robot
+/// made.
 #[must_use]
 pub fn is_blocked(
     state: &MapState,
     grid: &OccupancyGrid,
     edge: EdgeKey,
     is_own: impl Fn(NodeId) -> bool,
-    config: &EdgeConfig,
+    config: &DrivableLineConfig,
 ) -> bool {
     let (Some(a), Some(b)) = (state.node(edge.low()), state.node(edge.high())) else { return false };
     let half_m = if is_own(a.id) && is_own(b.id) { config.blocked_m } else { config.blocked_told_m };
@@ -52,7 +53,7 @@ pub fn blocked(
     state: &MapState,
     grid: &OccupancyGrid,
     is_own: impl Fn(NodeId) -> bool,
-    config: &EdgeConfig,
+    config: &DrivableLineConfig,
 ) -> Vec<EdgeKey> {
     state.edges().filter(|edge| is_blocked(state, grid, *edge, &is_own, config)).collect()
 }

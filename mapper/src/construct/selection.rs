@@ -1,31 +1,36 @@
 //! Which places become main nodes (paper, section III-B-1).
 
-use super::Observation;
+use super::PlaceObservation;
 use fht_proto::{FixedPoint, NodeId};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Parameters of the selection.
 ///
-/// The paper gives its thresholds as symbols; its code weighs nodes by entropy in bits (about 3.3), which leaves a
-/// window of 0.4 m to choose a place from. Here information is a share of its greatest value, and the
-/// thresholds leave a window of about σ_c/2.
-#[derive(Clone, Debug)]
+/// The paper gives its thresholds as symbols; its code weighs nodes by entropy in bits (about 3.3),
+/// which leaves a window of 0.4 m to choose a place from. Here information is a share of its
+/// greatest value, and the thresholds leave a window of about σ_c/2.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
 pub struct SelectionConfig {
-    /// σ_c: how far a main node's relocalization capability reaches, metres. Default 2.65 (paper, section IV-A).
+    /// σ_c: how far a main node's relocalization capability reaches, metres. Default 2.65 (paper,
+    /// section IV-A).
     pub sigma_c_m: f64,
     /// γ₁: below this capability places are considered. Default 0.57.
     pub gamma_1: f64,
     /// γ₂: below this capability the best place considered becomes a node. Default 0.25.
     pub gamma_2: f64,
-    /// A place becomes a node, whatever its capability, when the main nodes know less than this share of what is seen
-    /// from it ([`known_share`](super::known::known_share)). Default 0.5: behind a wall, or where a room opens. Not in the
-    /// paper.
+    /// A place becomes a node, whatever its capability, when the main nodes know less than this
+    /// share of what is seen from it
+    /// (`scan_coverage::known_share`). Default 0.5: behind a wall,
+    /// or where a room opens. Not in the paper.
     pub least_known: f64,
-    /// At the end, places that were passed become nodes as long as one shows this much wall that no node knows, metres.
-    /// Default 2. Not in the paper.
+    /// At the end, places that were passed become nodes as long as one shows this much wall that no
+    /// node knows, metres. Default 2. Not in the paper.
     pub least_news_m: f64,
-    /// Visual information of nodes that other robots made, who do not tell it: a share of its greatest value. Default 0.85, about
-    /// what panoramas of furnished rooms have.
+    /// Visual information of nodes that other robots made, who do not tell it: a share of its
+    /// greatest value. Default 0.85, about what panoramas of furnished rooms have.
     pub told_information: f64,
 }
 
@@ -43,19 +48,20 @@ impl Default for SelectionConfig {
 }
 
 /// A place that might become a main node.
-pub(super) struct Place {
+pub(super) struct SelectedPlace {
     pub position: FixedPoint,
-    pub value: Observation,
+    pub value: PlaceObservation,
 }
 
 /// The state of the selection: the nodes chosen, and the best place since capability fell below γ₁.
 pub(super) struct Selection {
     config: SelectionConfig,
     chosen: BTreeMap<NodeId, (FixedPoint, f64)>,
-    best: Option<Observation>,
+    best: Option<PlaceObservation>,
 }
 
-/// Relocalization capability C at `here` (paper, equation 3) from the main nodes' positions and information.
+/// Relocalization capability C at `here` (paper, equation 3) from the main nodes' positions and
+/// information.
 #[must_use]
 pub fn capability(nodes: impl Iterator<Item = (FixedPoint, f64)>, here: FixedPoint, config: &SelectionConfig) -> f64 {
     nodes
@@ -68,9 +74,13 @@ impl Selection {
         Self { config, chosen: BTreeMap::new(), best: None }
     }
 
-    /// Considers a place; returns the observation that becomes a node now, if any (paper, equation 4). `known` says which
-    /// share of what is seen from it the nodes know.
-    pub fn observe(&mut self, place: Place, known: impl FnOnce(&Observation) -> f64) -> Option<Observation> {
+    /// Considers a place; returns the observation that becomes a node now, if any (paper, equation
+    /// 4). `known` says which share of what is seen from it the nodes know.
+    pub fn observe(
+        &mut self,
+        place: SelectedPlace,
+        known: impl FnOnce(&PlaceObservation) -> f64,
+    ) -> Option<PlaceObservation> {
         let capability = capability(self.chosen.values().copied(), place.position, &self.config);
         if capability >= self.config.gamma_2 && known(&place.value) < self.config.least_known {
             self.best = None;
@@ -109,10 +119,10 @@ impl Selection {
 mod tests {
     use super::*;
     use crate::slam::Anchored;
+    use fht_perception::pose::{pose, to_fixed};
     use fht_proto::{AuthorId, ScanRecord};
-    use fht_robot::pose::{pose, to_fixed};
 
-    fn place(x: f64, information: f64) -> Place {
+    fn place(x: f64, information: f64) -> SelectedPlace {
         let map_from_base = pose(x, 0.0, 0.0);
         let scan = ScanRecord {
             base_from_sensor: to_fixed(&pose(0.0, 0.0, 0.0)),
@@ -121,8 +131,8 @@ mod tests {
             ranges_mm: vec![1000; 60],
         };
         let anchored = Anchored { keyframe: 0, keyframe_from_base: map_from_base };
-        let value = Observation { anchored, frame: 0, scan, descriptor: None, information };
-        Place { position: to_fixed(&map_from_base).position, value }
+        let value = PlaceObservation { anchored, frame: 0, scan, descriptor: None, information };
+        SelectedPlace { position: to_fixed(&map_from_base).position, value }
     }
 
     #[test]

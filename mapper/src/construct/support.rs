@@ -1,15 +1,19 @@
 //! When a support node is needed (paper, section III-B-2).
 
-use super::edges::{EdgeConfig, nearby_nodes};
+use super::edges::{DrivableLineConfig, nearby_nodes};
 use super::point;
 use fht_map::MapState;
+use fht_perception::grid::OccupancyGrid;
 use fht_proto::FixedPoint;
-use fht_robot::grid::OccupancyGrid;
+use serde::{Deserialize, Serialize};
 
 /// Parameters of the support nodes.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
 pub struct SupportConfig {
     /// th_s: a support node is made when no node is this near, metres. Default 2 (the paper's).
+    #[cfg_attr(feature = "schema", schemars(range(min = 0.1, max = 100.0)))]
     pub spacing_m: f64,
 }
 
@@ -20,13 +24,15 @@ impl Default for SupportConfig {
 }
 
 /// Which sorts of nodes there are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
 pub enum Hierarchy {
     /// Main nodes to relocalize by, support nodes to find ways by: the FHT-Map.
     #[default]
     MainAndSupport,
-    /// Main nodes only (the paper's ablation "Main Only"): where no node could be reached any more in a
-    /// straight line, a main node is made, joined to the one before if to no other.
+    /// Main nodes only (the paper's ablation "Main Only"): where no node could be reached any more
+    /// in a straight line, a main node is made, joined to the one before if to no other.
     MainOnly,
 }
 
@@ -50,7 +56,7 @@ pub fn need(
     grid: &OccupancyGrid,
     here: FixedPoint,
     config: &SupportConfig,
-    edges: &EdgeConfig,
+    edges: &DrivableLineConfig,
 ) -> Need {
     let nearby = nearby_nodes(state, here, edges.longest_m);
     let Some(&(nearest, ..)) = nearby.first() else {

@@ -1,9 +1,11 @@
 //! Rectangles and nodes follow what is seen.
 
 use super::*;
-use fht_proto::AuthorId;
-use fht_robot::frame::LaserScan;
-use fht_robot::grid::{Cell, CellBounds, CellState, GridConfig};
+use fht_perception::frame::LaserScan;
+use fht_perception::grid::{Cell, CellBounds, CellState, GridConfig};
+use fht_perception::pose::{Point2, pose};
+use fht_proto::{AuthorId, EdgeKey};
+use std::collections::BTreeSet;
 
 /// A scan from the middle of a square room of side 6 m, with a post of 0.2 m at (1, 0) if `post`.
 fn room(post: bool) -> LaserScan {
@@ -25,7 +27,7 @@ fn mapped() -> (Builder, Journal, OccupancyGrid, NodeId) {
     let mut journal = Journal::new(AuthorId(1));
     let mut make = |place: Pose2| {
         let footing = Footing { anchored: Anchored { keyframe: 0, keyframe_from_base: place }, frame: None };
-        let estimate = Estimate { grid: &grid, poses: &[Pose2::identity()] };
+        let estimate = SlamEstimate { grid: &grid, poses: &[Pose2::identity()] };
         let (id, ops) = builder.make_node(footing, None, &mut journal, &estimate);
         journal.write(ops, 1);
         id
@@ -49,7 +51,7 @@ fn a_rectangle_that_something_stands_in_is_corrected_when_a_node_near_it_is_made
             builder.finish(&journal, &grid)
         } else {
             let anchored = Anchored { keyframe: 0, keyframe_from_base: pose(-1.0, -1.0, 0.0) };
-            let estimate = Estimate { grid: &grid, poses: &[Pose2::identity()] };
+            let estimate = SlamEstimate { grid: &grid, poses: &[Pose2::identity()] };
             builder.make_node(Footing { anchored, frame: None }, None, &mut journal, &estimate).1
         };
         journal.write(ops, 2);
@@ -66,12 +68,13 @@ fn nodes_follow_their_keyframes_and_an_edge_that_then_leads_through_a_post_is_re
     let second = NodeId { author: AuthorId(1), number: 1 };
     let estimate = |shift: Pose2| [shift];
     let still = estimate(pose(0.002, 0.0, 0.001));
-    let (ops, moved) = builder.follow(&journal, &Estimate { grid: &grid, poses: &still });
+    let (ops, moved) = builder.follow(&journal, &SlamEstimate { grid: &grid, poses: &still });
     assert!(ops.is_empty() && moved.is_empty(), "millimetres are not worth an increment");
 
-    // The keyframe turns by 90°: the second node goes from (-1, 1) to (-1, -1), and so does the post's shadow.
+    // The keyframe turns by 90°: the second node goes from (-1, 1) to (-1, -1), and so does the
+    // post's shadow.
     let turned = estimate(pose(0.0, 0.0, std::f64::consts::FRAC_PI_2));
-    let (ops, moved) = builder.follow(&journal, &Estimate { grid: &grid, poses: &turned });
+    let (ops, moved) = builder.follow(&journal, &SlamEstimate { grid: &grid, poses: &turned });
     assert_eq!(moved.len(), 2, "the first turns on the spot");
     journal.write(ops, 2);
     let place = |journal: &Journal, id| journal.state().node(id).map(|node| point(node.pose.position));
@@ -103,7 +106,8 @@ fn a_node_that_something_stands_on_has_no_free_space() {
 
 #[test]
 fn ground_in_a_gap_too_narrow_for_an_edge_is_covered_from_outside() {
-    // A room of 3 m by 3 m, and out of the middle of its right wall a niche, 0.3 m wide and 1 m deep.
+    // A room of 3 m by 3 m, and out of the middle of its right wall a niche, 0.3 m wide and 1 m
+    // deep.
     let bounds = CellBounds { min: Cell { i: -30, j: -30 }, max: Cell { i: 52, j: 31 } };
     let is_free = |cell: Cell| {
         (cell.i.abs() < 30 && cell.j.abs() < 30) || (cell.i < 50 && (-3..3).contains(&cell.j) && cell.i > -30)
@@ -113,7 +117,7 @@ fn ground_in_a_gap_too_narrow_for_an_edge_is_covered_from_outside() {
     let grid = OccupancyGrid::from_states(GridConfig::default(), bounds, (0..cells).map(state));
     let mut builder = Builder::new(BuilderConfig::default());
     let mut journal = Journal::new(AuthorId(1));
-    let estimate = Estimate { grid: &grid, poses: &[Pose2::identity()] };
+    let estimate = SlamEstimate { grid: &grid, poses: &[Pose2::identity()] };
     let anchored = Anchored { keyframe: 0, keyframe_from_base: pose(0.0, -1.0, 0.0) };
     let (_, ops) = builder.make_node(Footing { anchored, frame: None }, None, &mut journal, &estimate);
     journal.write(ops, 1);
@@ -131,7 +135,7 @@ fn ground_in_a_gap_too_narrow_for_an_edge_is_covered_from_outside() {
     let before = journal.state().nodes().count();
     journal.write(builder.finish(&journal, &grid), 3);
     assert!(
-        builder.cover(&mut journal, &Estimate { grid: &grid, poses: &[Pose2::identity()] }).is_empty(),
+        builder.cover(&mut journal, &SlamEstimate { grid: &grid, poses: &[Pose2::identity()] }).is_empty(),
         "{before} nodes cover it"
     );
 }

@@ -1,17 +1,17 @@
-//! The search for a goal: the expensive part of exploration, a pure function of a grid and a question. It is asked beside the
-//! robot's loop, which drives on meanwhile.
+//! The search for a goal: the expensive part of exploration, a pure function of a grid and a
+//! question. It is asked beside the robot's loop, which drives on meanwhile.
 
-use super::seams::Seams;
 use super::setbacks::Setbacks;
-use super::team::{Prospect, Team, Worth};
-use super::{ExploreConfig, closed, utility};
-use crate::frontier::{self, Knowledge, find_frontiers};
+use super::{ExploreConfig, utility, zone_keeping};
+use crate::explore::division::{Prospect, Team, Worth};
+use crate::explore::frontier::{self, Knowledge, find_frontiers};
+use crate::explore::missing_links::MissingLinks;
 use fht_map::{MapState, Rules};
+use fht_navigation::motion::PathFollower;
+use fht_navigation::planning::{PlanConfig, Traversable, region_around};
+use fht_perception::grid::{Cell, OccupancyGrid};
+use fht_perception::pose::{Point2, Pose2, wrap_angle};
 use fht_proto::Square;
-use fht_robot::grid::{Cell, OccupancyGrid};
-use fht_robot::motion::PathFollower;
-use fht_robot::planning::{PlanConfig, Traversable, region_around};
-use fht_robot::pose::{Point2, Pose2, wrap_angle};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -21,7 +21,8 @@ const SET_OFF_M: f64 = 0.6;
 const NEAR_M: f64 = 6.0;
 /// Every further search goes farther by this factor.
 const WIDEN: f64 = 2.5;
-/// The region of a search reaches beyond its limit by this much, so that frontiers at the limit are seen whole, metres.
+/// The region of a search reaches beyond its limit by this much, so that frontiers at the limit are
+/// seen whole, metres.
 const REGION_MARGIN_M: f64 = 1.0;
 /// Where the robot began is a place this near to it, metres.
 const HOME_REACH_M: f64 = 0.5;
@@ -33,7 +34,8 @@ const DETOUR_M: f64 = 2.0;
 pub(super) struct Goal {
     pub(super) target: Point2,
     pub(super) stand: Point2,
-    /// What the way there keeps from occupied cells, metres: less than otherwise if the robot was boxed in.
+    /// What the way there keeps from occupied cells, metres: less than otherwise if the robot was
+    /// boxed in.
     pub(super) robot_radius_m: f64,
     pub(super) follower: PathFollower,
     pub(super) reached_us: Option<u64>,
@@ -69,17 +71,17 @@ pub struct Search {
 
 /// Where to look for a goal, and for which.
 struct Quest<'a> {
-    /// What is free and not closed, as far as anybody has seen.
+    /// What is free and not zone_keeping, as far as anybody has seen.
     free: &'a OccupancyGrid,
     /// What need not be seen any more.
     known: Knowledge<'a>,
     /// Only frontiers at which the map lacks a link, wherever they are.
-    seams: Option<Seams<'a>>,
+    seams: Option<MissingLinks<'a>>,
 }
 
 /// The answer to a [`Search`].
 #[derive(Clone, Debug)]
-pub struct Answer {
+pub struct SearchResult {
     /// The goal that was to be kept.
     pub(super) underway: Option<Point2>,
     /// What to drive to; `None` when nothing is left.
@@ -87,24 +89,26 @@ pub struct Answer {
 }
 
 impl Search {
-    /// The same question, given the map if it is of use: when others have seen some of the building.
+    /// The same question, given the map if it is of use: when others have seen some of the
+    /// building.
     #[must_use]
     pub fn over(self, map: impl FnOnce() -> MapState) -> Self {
         let map = (!self.team.seen.is_empty()).then(map);
         Self { map, ..self }
     }
 
-    /// Searches `grid`, which is in the map frame, and what others say that they have seen, but for what is closed.
+    /// Searches `grid`, which is in the map frame, and what others say that they have seen, but for
+    /// what is closed.
     #[must_use]
-    pub fn run(&self, grid: &OccupancyGrid) -> Answer {
+    pub fn run(&self, grid: &OccupancyGrid) -> SearchResult {
         let mut seen = Cow::Borrowed(grid);
         let is_doubted = |at: Point2| self.team.seen.iter().any(|seen| seen.square_at(at) == Square::Occupied);
         for told in &self.team.seen {
             told.draw_free_space(seen.to_mut(), is_doubted);
         }
-        let free = closed::drawn(&seen, &self.rules, Some(self.position()));
+        let free = zone_keeping::drawn(&seen, &self.rules, Some(self.position()));
         let (plan, config) = (&self.config.plan, &self.config.links);
-        let seams = || self.map.as_ref().map(|map| Seams::of(map, &free, plan, config));
+        let seams = || self.map.as_ref().map(|map| MissingLinks::of(map, &free, plan, config));
         // Another one may have joined a seam's ends since.
         let is_open = |underway: &Underway| {
             !underway.is_seam || seams().is_some_and(|seams| seams.is_missing_link(underway.target))
@@ -118,22 +122,23 @@ impl Search {
             .or_else(|| self.choose(&unseen))
             .or_else(|| self.choose(&Quest { free: &free, known: Knowledge::alone(grid), seams: Some(seams()?) }));
         let underway = self.underway.map(|underway| underway.target);
-        Answer { underway, goal }
+        SearchResult { underway, goal }
     }
 
     fn position(&self) -> Point2 {
         Point2::from(self.map_from_base.translation.vector)
     }
 
-    /// The nearest place that is not closed, if the robot stands where it may not and knows a way out: what it went to see, and what
-    /// is best to see, may lie deeper in the same zone. `free` is open where the robot stands, `seen` is without what is closed.
+    /// The nearest place that is not zone_keeping, if the robot stands where it may not and knows a
+    /// way out: what it went to see, and what is best to see, may lie deeper in the same zone.
+    /// `free` is open where the robot stands, `seen` is without what is closed.
     fn way_out(&self, free: &OccupancyGrid, seen: &OccupancyGrid) -> Option<Goal> {
         let position = self.position();
-        if !closed::is_closed(&self.rules, position) {
+        if !zone_keeping::is_closed(&self.rules, position) {
             return None;
         }
         let plan = &self.config.plan;
-        let outside = Traversable::new(&closed::drawn(seen, &self.rules, None), plan);
+        let outside = Traversable::new(&zone_keeping::drawn(seen, &self.rules, None), plan);
         let space = Traversable::new(free, plan);
         let distances = space.distances_from(position);
         let bounds = space.bounds();
@@ -168,8 +173,8 @@ impl Search {
         })
     }
 
-    /// The frontier of greatest utility that has not failed; if all have, the best that may be tried again. A robot that is
-    /// boxed in squeezes out first.
+    /// The frontier of greatest utility that has not failed; if all have, the best that may be
+    /// tried again. A robot that is boxed in squeezes out first.
     fn choose(&self, quest: &Quest<'_>) -> Option<Goal> {
         let config = &self.config;
         let allowed = |target: Point2| self.setbacks.allows(target, self.time_us, &config.setbacks);
@@ -188,8 +193,8 @@ impl Search {
         })
     }
 
-    /// Whether the robot cannot even get back to where it began: it drove into a gap that has become narrower in the grid, or
-    /// what was closed since leaves a gap only, or nothing.
+    /// Whether the robot cannot even get back to where it began: it drove into a gap that has
+    /// become narrower in the grid, or what was closed since leaves a gap only, or nothing.
     fn is_boxed_in(&self, grid: &OccupancyGrid) -> bool {
         let space = Traversable::new(grid, &self.config.plan);
         let position = self.position();
@@ -197,9 +202,11 @@ impl Search {
         origin.is_some_and(|home| space.distances_from(position).distance_m(home).is_none())
     }
 
-    /// The way to the frontier of greatest utility among those that `accept` allows, wherever it is.
+    /// The way to the frontier of greatest utility among those that `accept` allows, wherever it
+    /// is.
     ///
-    /// It looks near the robot first, and farther only while something farther could still be better.
+    /// It looks near the robot first, and farther only while something farther could still be
+    /// better.
     fn best_goal(&self, quest: &Quest<'_>, config: &ExploreConfig, accept: impl Fn(Point2) -> bool) -> Option<Goal> {
         let map_from_base = &self.map_from_base;
         let grid = quest.free;

@@ -1,9 +1,12 @@
 //! Places that exploration failed to reach or to see into.
 
-use fht_robot::pose::Point2;
+use fht_perception::pose::Point2;
+use serde::{Deserialize, Serialize};
 
 /// When a place is given up.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
 pub struct SetbackConfig {
     /// Targets this near to a failed one share its fate, metres. Default 0.6.
     pub radius_m: f64,

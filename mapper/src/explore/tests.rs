@@ -1,7 +1,7 @@
 use super::*;
+use fht_perception::grid::{Cell, CellBounds, CellState, GridConfig};
+use fht_perception::pose::pose;
 use fht_proto::{AuthorId, SeenArea, Square};
-use fht_robot::grid::{Cell, CellBounds, CellState, GridConfig};
-use fht_robot::pose::pose;
 use std::sync::Arc;
 
 /// What a robot at (0, 0) sees in a closed square room of side 4 m.
@@ -84,7 +84,8 @@ fn a_robot_that_cannot_move_backs_out_and_gives_up_in_the_end() {
 
 #[test]
 fn a_robot_that_is_boxed_in_squeezes_out_before_it_says_that_all_is_seen() {
-    // It began at the origin and stands behind a wall with an opening of 0.25 m; on its side nothing is left to be seen.
+    // It began at the origin and stands behind a wall with an opening of 0.25 m; on its side
+    // nothing is left to be seen.
     let bounds = CellBounds { min: Cell { i: -20, j: -10 }, max: Cell { i: 41, j: 11 } };
     let state = |index| match bounds.cell(index) {
         Cell { i: 20, j } if j.abs() > 2 => CellState::Occupied,
@@ -118,21 +119,22 @@ fn who_waits_for_another_one_takes_over_when_that_one_is_gone() {
         remaining_m: 0.0,
         is_finished: false,
     };
-    let config = ExploreConfig { team: TeamConfig { claim_m: 10.0, ..TeamConfig::default() }, ..config };
+    let config = ExploreConfig { team: DivisionConfig { claim_m: 10.0, ..DivisionConfig::default() }, ..config };
     let mut explorer = Explorer::new(config);
-    explorer.hear(Team { mates: vec![mate], ..Team::default() });
+    explorer.set_team(Team { mates: vec![mate], ..Team::default() });
     for second in 0..20 {
         assert_eq!(step(&mut explorer, &grid, &here, &scan, second * 1_000_000), ExploreStep::Drive(Twist::default()));
     }
     assert!(explorer.goal().is_none());
-    explorer.hear(Team::default());
+    explorer.set_team(Team::default());
     assert!(matches!(step(&mut explorer, &grid, &here, &scan, 20_000_000), ExploreStep::Drive(_)));
     assert_eq!(explorer.goal(), target);
 }
 
 #[test]
 fn where_others_left_off_is_reached_through_what_they_have_seen() {
-    // A room with a door in its right wall, and a corridor behind it that only another robot has seen, up to x = 6.
+    // A room with a door in its right wall, and a corridor behind it that only another robot has
+    // seen, up to x = 6.
     let cells = |x: i32, y: i32| CellBounds { min: Cell { i: -40, j: -40 }, max: Cell { i: x, j: y } };
     let is_corridor = |cell: Cell| (40..120).contains(&cell.i) && cell.j.abs() < 10;
     let is_wall = |cell: Cell| cell.i.max(cell.j) == 39 || cell.i.min(cell.j) == -40;
@@ -171,7 +173,7 @@ fn where_others_left_off_is_reached_through_what_they_have_seen() {
         is_finished: false,
     };
     let seen = vec![Arc::new(SeenSquares::new(&area, grid.resolution_m()).expect("cells are its squares"))];
-    explorer.hear(Team { mates: vec![mate], told: Arc::default(), seen });
+    explorer.set_team(Team { mates: vec![mate], told: Arc::default(), seen });
     step(&mut explorer, &grid, &here, &scan, 0);
     assert!(explorer.goal().is_some_and(|goal| (5.5..6.5).contains(&goal.x)), "{:?}", explorer.goal());
 }

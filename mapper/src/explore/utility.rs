@@ -1,16 +1,20 @@
 //! Which frontier next: the paper's equation 1.
 
-use fht_robot::pose::wrap_angle;
+use fht_perception::pose::wrap_angle;
+use serde::{Deserialize, Serialize};
 
 /// Terms of the utility U = Infor / Cost.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
 pub struct UtilityConfig {
     /// Frontiers of this size (in squares of the thinning) carry 63 % of what a frontier can carry:
     /// Infor = 1 - exp(-size / scale). Default 4.
     pub information_scale: f64,
     /// What turning by one radian costs, metres. Default 0.5.
     pub turn_cost_m_per_rad: f64,
-    /// Added to every cost, so that frontiers next to the robot are compared by their size, metres. Default 1.
+    /// Added to every cost, so that frontiers next to the robot are compared by their size, metres.
+    /// Default 1.
     pub base_cost_m: f64,
 }
 
@@ -20,8 +24,8 @@ impl Default for UtilityConfig {
     }
 }
 
-/// U of one frontier: `size` as counted by the frontier search, `distance_m` the length of the way there, `turn_rad` how
-/// far the robot must turn to set off.
+/// U of one frontier: `size` as counted by the frontier search, `distance_m` the length of the way
+/// there, `turn_rad` how far the robot must turn to set off.
 #[must_use]
 pub fn utility(size: usize, distance_m: f64, turn_rad: f64, config: &UtilityConfig) -> f64 {
     let information = 1.0 - (-(size as f64) / config.information_scale).exp();

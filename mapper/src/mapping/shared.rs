@@ -1,81 +1,33 @@
 //! A map that others write, too: joining it, following what they write, and dividing the work.
 
+use super::others::{Known, Newcomer, Others};
 use super::{Mapper, MapperConfig, match_threshold};
-use crate::beside::Pace;
-use crate::construct::{Observation, point};
-use crate::explore::{SeenSquares, Team, Teammate, seen_area};
-use crate::joining::Joining;
-use crate::slam::told::{Told, ToldNode};
-use crate::slam::{Anchored, Slam, Tracking};
-use client_robot::inquiry::Taking;
-use fht_map::{MapState, NodeRef, Rules};
-use fht_proto::fleet::{ExplorerGoal, LocalizationState};
-use fht_proto::{AuthorId, Descriptor, FixedPose, NodeId, NodeKind, Rect, SeenArea};
-use fht_robot::descriptor::{Appearance, DescriptorNet};
-use fht_robot::frame::SensorFrame;
-use fht_robot::pose::{Point2, Pose2, from_fixed, to_fixed};
-use std::collections::{BTreeMap, BTreeSet};
+use crate::construct::{PlaceObservation, point};
+use crate::explore::{SeenSquares, Teammate, seen_area};
+use crate::slam::{Anchored, Slam, Told, ToldNode, Tracking};
+use crate::team::Joining;
+use fht_client::PoseReport;
+use fht_descriptor::{Appearance, DescriptorNet};
+use fht_map::{MapState, Rules};
+use fht_perception::frame::SensorFrame;
+use fht_perception::pose::{Point2, Pose2, from_fixed, to_fixed};
+use fht_proto::api::fleet::{ExplorerGoal, LocalizationState};
+use fht_proto::{AuthorId, Descriptor, NodeId, NodeKind, SeenArea};
+use fht_worker::{Pace, Taking};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Frames after a change of the map at which its walls are used by a robot that looks for its place.
+/// Frames after a change of the map at which its walls are used by a robot that looks for its
+/// place.
 const WALLS_AFTER_FRAMES: u32 = 2;
 /// Squares that others may tell of in all.
 const MOST_SQUARES: usize = 16_000_000;
 /// Way between places that a newcomer remembers, metres.
 const REMEMBER_EVERY_M: f64 = 0.5;
 
-/// A robot that is to join a map and does not know yet where in it it is.
-pub(super) struct Newcomer {
-    joining: Joining,
-    eyes: Option<DescriptorNet>,
-    /// The map, and how many increments of this author the server has.
-    shared: Option<(MapState, u64)>,
-    remembered: Option<Pose2>,
-}
-
-/// What of a node is news when it changes.
-#[derive(Clone, Copy, PartialEq)]
-struct Known {
-    kind: NodeKind,
-    pose: FixedPose,
-    free_space: Option<Rect>,
-    has_signature: bool,
-}
-
-impl Known {
-    fn of(node: &NodeRef<'_>) -> Self {
-        let has_signature = node.signature.is_some();
-        Self { kind: node.kind, pose: node.pose, free_space: node.free_space, has_signature }
-    }
-}
-
-/// What others have made of the map.
-#[derive(Default)]
-pub(super) struct Others {
-    nodes: BTreeMap<NodeId, Known>,
-    /// Who had written before this robot joined: it holds itself to their nodes.
-    seniors: BTreeSet<AuthorId>,
-    team: Team,
-    /// What operators and other robots have closed.
-    rules: Arc<Rules>,
-}
-
-/// What a robot says of where it is.
-#[derive(Clone, Debug)]
-pub struct Whereabouts {
-    /// Whether it knows.
-    pub state: LocalizationState,
-    /// How probable the pose, or the likeliest candidate, is, as the robot sees it: 0 to 1.
-    pub confidence: f64,
-    /// Where it is, if it knows.
-    pub map_from_base: Option<Pose2>,
-    /// Where it may be, likeliest first, if it does not.
-    pub candidates: Vec<Pose2>,
-}
-
 impl Mapper {
-    /// Before the first frame of a robot that is to join a map. It explores at once, and writes when it has found its place.
-    /// `eyes` are a network of its own to find it with.
+    /// Before the first frame of a robot that is to join a map. It explores at once, and writes
+    /// when it has found its place. `eyes` are a network of its own to find it with.
     ///
     /// # Errors
     /// When the system gives no thread.
@@ -95,18 +47,21 @@ impl Mapper {
         Ok(Self { slam, newcomer, ..Self::new(config, author, net)? })
     }
 
-    /// Says what the clock on the wall showed when the run began, microseconds since 1970: see [`Journal::set_began`](crate::journal::Journal::set_began).
+    /// Says what the clock on the wall showed when the run began, microseconds since 1970: see
+    /// [`Journal::set_began`](crate::publish::Journal::set_began).
     pub fn set_began(&mut self, wall_us: u64) {
         self.journal.set_began(wall_us);
     }
 
-    /// From now on others may write the map, too, and what they write is given by [`take_in`](Self::take_in). It is `shared` now, and has no
-    /// nodes; `stored` are the increments of earlier runs of this robot.
+    /// From now on others may write the map, too, and what they write is given by
+    /// [`take_shared_map`](Self::take_shared_map). It is `shared` now, and has no nodes; `stored`
+    /// are the increments of earlier runs of this robot.
     pub fn share(&mut self, shared: &MapState, stored: u64) {
         self.journal.resume(shared, stored);
     }
 
-    /// Whether the robot knows where in the map it is: from the first frame on, unless it is to join one.
+    /// Whether the robot knows where in the map it is: from the first frame on, unless it is to
+    /// join one.
     #[must_use]
     pub fn is_placed(&self) -> bool {
         self.newcomer.is_none()
@@ -114,9 +69,9 @@ impl Mapper {
 
     /// What the robot says of where it is.
     #[must_use]
-    pub fn whereabouts(&self) -> Whereabouts {
+    pub fn whereabouts(&self) -> PoseReport {
         match (&self.newcomer, &self.latest) {
-            (Some(newcomer), _) => Whereabouts {
+            (Some(newcomer), _) => PoseReport {
                 // It is not localized before it has joined.
                 state: match newcomer.joining.state() {
                     LocalizationState::Localized => LocalizationState::Candidates,
@@ -126,13 +81,13 @@ impl Mapper {
                 map_from_base: None,
                 candidates: newcomer.joining.candidates(),
             },
-            (None, Some(latest)) if latest.tracking != Tracking::Lost => Whereabouts {
+            (None, Some(latest)) if latest.tracking != Tracking::Lost => PoseReport {
                 state: LocalizationState::Localized,
                 confidence: 1.0,
                 map_from_base: Some(latest.map_from_base),
                 candidates: Vec::new(),
             },
-            _ => Whereabouts {
+            _ => PoseReport {
                 state: LocalizationState::Lost,
                 confidence: 0.0,
                 map_from_base: None,
@@ -141,7 +96,8 @@ impl Mapper {
         }
     }
 
-    /// What the robot is about, for others to go elsewhere; nothing before it knows where in the map it is.
+    /// What the robot is about, for others to go elsewhere; nothing before it knows where in the
+    /// map it is.
     #[must_use]
     pub fn goal(&self) -> Option<ExplorerGoal> {
         let at = self.whereabouts().map_from_base?.translation;
@@ -160,14 +116,14 @@ impl Mapper {
     }
 
     /// The other explorers that are there, and what they are about.
-    pub fn hear(&mut self, mates: Vec<Teammate>) {
+    pub fn set_teammates(&mut self, mates: Vec<Teammate>) {
         self.others.team.mates = mates;
         self.tell_explorer();
     }
 
-    /// What holds on the map from now on: what operators wrote, and what other robots found blocked. The robot keeps to it once it knows
-    /// where in the map it is.
-    pub fn obey(&mut self, rules: Arc<Rules>) {
+    /// What holds on the map from now on: what operators wrote, and what other robots found
+    /// blocked. The robot keeps to it once it knows where in the map it is.
+    pub fn set_rules(&mut self, rules: Arc<Rules>) {
         self.others.rules = rules;
         self.bind_explorer();
     }
@@ -175,20 +131,21 @@ impl Mapper {
     /// Places of the map mean nothing to an explorer that is in a frame of its own.
     fn bind_explorer(&mut self) {
         if self.is_placed() {
-            self.explorer.obey(Arc::clone(&self.others.rules));
+            self.explorer.set_rules(Arc::clone(&self.others.rules));
         }
     }
 
     /// What others say is of use once this robot knows where in the map it is.
     fn tell_explorer(&mut self) {
         if self.is_placed() {
-            self.explorer.hear(self.others.team.clone());
+            self.explorer.set_team(self.others.team.clone());
         }
     }
 
-    /// What other explorers have seen: by author, the newest word of each whose increments are here that it had written by then. The word of one
-    /// that died is not to be given: it may have seen what it made no nodes of.
-    pub fn hear_seen(&mut self, areas: &[SeenArea]) {
+    /// What other explorers have seen: by author, the newest word of each whose increments are here
+    /// that it had written by then. The word of one that died is not to be given: it may have seen
+    /// what it made no nodes of.
+    pub fn take_seen_areas(&mut self, areas: &[SeenArea]) {
         let resolution_m = self.grid().resolution_m();
         let areas = if self.config.join.looks_again { &[] } else { areas };
         // Each is read on the robot's loop: names are free to invent.
@@ -204,8 +161,9 @@ impl Mapper {
         self.tell_explorer();
     }
 
-    /// The map is `shared` now, of which the server has this robot's increments up to number `acknowledged`.
-    pub fn take_in(&mut self, shared: &MapState, acknowledged: u64) {
+    /// The map is `shared` now, of which the server has this robot's increments up to number
+    /// `acknowledged`.
+    pub fn take_shared_map(&mut self, shared: &MapState, acknowledged: u64) {
         if let Some(newcomer) = &mut self.newcomer {
             newcomer.joining.follow(shared);
             newcomer.shared = Some((shared.clone(), acknowledged));
@@ -219,9 +177,9 @@ impl Mapper {
         }
         for (id, node) in &news {
             let position = node.as_ref().filter(|node| node.scan.is_some());
-            self.builder.tell(*id, position.map(|node| to_fixed(&node.map_from_node).position));
+            self.builder.take_foreign_node(*id, position.map(|node| to_fixed(&node.map_from_node).position));
         }
-        self.slam.tell(news);
+        self.slam.take_foreign_nodes(news);
         self.tell_explorer();
     }
 
@@ -254,10 +212,11 @@ impl Mapper {
             let descriptor = describe(&mut seen);
             let information = seen.as_ref().map_or(1.0, |seen| seen.information);
             if let (Some(seen), Some(model)) = (seen, model) {
-                self.slam.see(anchored, Arc::new(seen.components), match_threshold(model));
+                self.slam.observe_appearance(anchored, Arc::new(seen.components), match_threshold(model));
             }
             let scan = frame.scan.to_record();
-            let observation = Observation { anchored: *anchored, frame: self.frame, scan, descriptor, information };
+            let observation =
+                PlaceObservation { anchored: *anchored, frame: self.frame, scan, descriptor, information };
             self.builder.remember(observation);
         }
         if let Some(map_from_run) = placed {
@@ -278,7 +237,7 @@ impl Mapper {
         let Some((shared, written)) = self.newcomer.take().and_then(|newcomer| newcomer.shared) else { return };
         self.journal.resume(&shared, written);
         self.others.seniors = shared.nodes().map(|node| node.id.author).collect();
-        self.take_in(&shared, written);
+        self.take_shared_map(&shared, written);
         self.bind_explorer();
     }
 

@@ -1,38 +1,31 @@
 //! The back end's thread: keyframes go in, corrected poses and a grid redrawn with them come out.
 
-use super::closure::{ClosureConfig, ClosureCounts, Found, LoopCloser, NewKeyframe, Sighting};
-use super::estimate::{View, locate};
+use super::closure::{ClosureConfig, ClosureCounts, Found, LoopCloser, NewKeyframe, SubmapSighting};
+use super::estimate::{GridScan, Lost, locate};
 use super::graph::KeyframeGraph;
 use super::submap::SubmapConfig;
-use super::told::{Hearsay, Shift, Told};
-use fht_robot::grid::{GridConfig, OccupancyGrid};
-use fht_robot::pose::{Point2, Pose2};
+use crate::slam::foreign_nodes::{Hearsay, Shift, Told};
+use fht_perception::grid::{GridConfig, OccupancyGrid};
+use fht_perception::pose::Pose2;
 
-/// The grid is drawn again when some keyframe has moved by this much since it was drawn, metres. Less than half a cell.
+/// The grid is drawn again when some keyframe has moved by this much since it was drawn, metres.
+/// Less than half a cell.
 pub(super) const REDRAW: Shift = Shift { least_m: 0.02, least_rad: 0.003 };
-
-/// What a robot sees that does not know where it is.
-#[derive(Clone, Debug)]
-pub struct Lost {
-    /// Wall points in its frame.
-    pub points: Vec<Point2>,
-    /// What the wheels said there.
-    pub odom_from_base: Pose2,
-}
 
 /// What the back end is given.
 #[derive(Debug, Default)]
-pub struct Job {
+pub struct BackEndJob {
     /// Keyframes since the last job.
     pub keyframes: Vec<NewKeyframe>,
     /// What the grid is to show of them.
-    pub views: Vec<View>,
+    pub views: Vec<GridScan>,
     /// What panoramas looked like.
-    pub sightings: Vec<Sighting>,
+    pub sightings: Vec<SubmapSighting>,
     /// What others have told of the building.
     pub told: Vec<Told>,
-    /// Where the run's frame lies in the map that the robot has joined, if that was found out after the keyframes of the last job and
-    /// before those of this one: [`Job::keyframes`] are in the map's frame.
+    /// Where the run's frame lies in the map that the robot has joined, if that was found out after
+    /// the keyframes of the last job and before those of this one: [`BackEndJob::keyframes`] are in
+    /// the map's frame.
     pub map_from_run: Option<Pose2>,
     /// A robot that does not know where it is.
     pub lost: Option<Lost>,
@@ -42,7 +35,7 @@ pub struct Job {
 
 /// What it made of that.
 #[derive(Debug)]
-pub struct Outcome {
+pub struct BackEndResult {
     /// Poses of all keyframes that it was given, if they have moved.
     pub poses: Option<Vec<Pose2>>,
     /// The grid of all views that it was given, if it had to be drawn again.
@@ -59,7 +52,7 @@ pub struct BackEnd {
     submap: SubmapConfig,
     graph: KeyframeGraph,
     closer: LoopCloser,
-    views: Vec<View>,
+    views: Vec<GridScan>,
     hearsay: Hearsay,
     /// Poses with which the front end's grid was drawn.
     drawn: Vec<Pose2>,
@@ -81,7 +74,7 @@ impl BackEnd {
     }
 
     /// Works on a job.
-    pub fn work(&mut self, job: Job) -> Outcome {
+    pub fn work(&mut self, job: BackEndJob) -> BackEndResult {
         let mut has_moved = job.map_from_run.is_some();
         if let Some(map_from_run) = job.map_from_run {
             self.graph.place(&map_from_run);
@@ -89,8 +82,8 @@ impl BackEnd {
         let mut is_outdated = false;
         for (id, node) in job.told {
             let anchor = node.as_ref().filter(|node| node.is_anchor);
-            self.closer.tell(id, anchor, &self.submap, &mut self.graph);
-            is_outdated |= !self.hearsay.take((id, node), REDRAW);
+            self.closer.take_anchor(id, anchor, &self.submap, &mut self.graph);
+            is_outdated |= !self.hearsay.take_node((id, node), REDRAW);
         }
         has_moved |= self.closer.settle(&mut self.graph);
         for keyframe in job.keyframes {
@@ -98,7 +91,7 @@ impl BackEnd {
             has_moved |= self.closer.settle(&mut self.graph);
         }
         for sighting in job.sightings {
-            self.closer.see(sighting, &mut self.graph);
+            self.closer.observe_appearance(sighting, &mut self.graph);
             has_moved |= self.closer.settle(&mut self.graph);
         }
         if job.is_last {
@@ -111,10 +104,11 @@ impl BackEnd {
         // Until it is drawn again, the grid shows new keyframes where they are now.
         self.drawn.extend_from_slice(&self.graph.poses()[self.drawn.len()..]);
         let poses = has_moved.then(|| self.graph.poses().to_vec());
-        Outcome { poses, grid, found, counts: self.closer.counts() }
+        BackEndResult { poses, grid, found, counts: self.closer.counts() }
     }
 
-    /// The grid as it is now, if that is another one than was drawn, or what was told `is_outdated`.
+    /// The grid as it is now, if that is another one than was drawn, or what was told
+    /// `is_outdated`.
     fn redraw(&mut self, is_outdated: bool) -> Option<OccupancyGrid> {
         let poses = self.graph.poses();
         let has_moved = |(now, then): (&Pose2, &Pose2)| {

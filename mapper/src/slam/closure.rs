@@ -1,30 +1,38 @@
-//! Loop closure: which earlier submaps a new keyframe is matched to, and which matches are believed.
+//! Loop closure: which earlier submaps a new keyframe is matched to, and which matches are
+//! believed.
 //!
-//! * Close at hand, where little has been driven since both places were joined: refinement from where the graph says.
+//! * Close at hand, where little has been driven since both places were joined: refinement from
+//!   where the graph says.
 //! * After a long way: a correlative search, as wide as the way was long.
-//! * Where the panorama looks like an earlier one: a search at all headings, whatever the graph says.
+//! * Where the panorama looks like an earlier one: a search at all headings, whatever the graph
+//!   says.
 //!
-//! What the last two find is believed only when several keyframes say the same. What is believed may still be wrong: the
-//! optimisation gives it a robust weight.
+//! What the last two find is believed only when several keyframes say the same. What is believed
+//! may still be wrong: the optimisation gives it a robust weight.
 //!
 //! A run that has joined a map is also matched to what the map's nodes saw (`anchors`).
 
 mod anchors;
 mod config;
+mod look_alike;
+mod lost;
+mod matching;
 
 pub use config::ClosureConfig;
+pub(super) use matching::with_floor;
 
-use super::back_end::Lost;
 use super::graph::{KeyframeGraph, Link};
-use super::submap::{Submap, Verdict};
+use super::submap::Submap;
+use fht_perception::pose::{Point2, Pose2, wrap_angle};
+use fht_perception::pose_graph::{GraphConfig, PoseConstraint, chi2};
 use fht_proto::NodeId;
-use fht_robot::matching::{ScanMatch, SearchWindow, alignments, refine};
-use fht_robot::pose::{Point2, Pose2, pose, wrap_angle};
-use fht_robot::pose_graph::{Edge, GraphConfig, chi2};
-use nalgebra::{Matrix3, Vector3};
+use matching::{Candidate, match_within};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::sync::Arc;
+
+/// Half widths of the search after everything was optimised: metres, radians.
+const SETTLED: (f64, f64) = (0.2, 0.05);
 
 /// A keyframe as the front end hands it over.
 #[derive(Clone, Debug)]
@@ -39,7 +47,7 @@ pub struct NewKeyframe {
 
 /// What a panorama taken at a keyframe looks like: a unit vector, and the cosine that means "near".
 #[derive(Clone, Debug)]
-pub struct Sighting {
+pub struct SubmapSighting {
     /// The keyframe.
     pub keyframe: usize,
     /// The descriptor's components.
@@ -51,7 +59,7 @@ pub struct Sighting {
 /// A closure that waits for others that say the same.
 #[derive(Clone, Debug)]
 struct Pending {
-    edge: Edge,
+    edge: PoseConstraint,
     /// The correction in the map frame that it implies.
     correction: Pose2,
 }
@@ -92,7 +100,7 @@ pub struct LoopCloser {
     submaps: Vec<Arc<Submap>>,
     /// What nodes of the map saw that other robots made, each in its node's frame.
     anchorages: BTreeMap<NodeId, Submap>,
-    sightings: Vec<Sighting>,
+    sightings: Vec<SubmapSighting>,
     /// The keyframe of the newest sighting for which a look-alike was tried.
     tried_alike: Option<usize>,
     pending: Vec<Pending>,
@@ -102,16 +110,6 @@ pub struct LoopCloser {
     /// Whether closures after long ways were joined since the last optimisation.
     is_graduated: bool,
     counts: ClosureCounts,
-}
-
-/// A submap that a keyframe could be matched to.
-struct Candidate {
-    submap: usize,
-    /// Where the keyframe should be in it.
-    guess: Pose2,
-    window_m: f64,
-    window_rad: f64,
-    distance_m: f64,
 }
 
 impl LoopCloser {
@@ -148,47 +146,6 @@ impl LoopCloser {
         self.submaps.extend(keyframe.finished);
     }
 
-    /// Takes a panorama's look in, and searches where an earlier one looked alike.
-    pub fn see(&mut self, sighting: Sighting, graph: &mut KeyframeGraph) {
-        // Panoramas of one place are one witness.
-        let is_due = self.tried_alike.is_none_or(|last| sighting.keyframe >= last + self.config.search_every);
-        if is_due && self.try_look_alike(&sighting, graph) {
-            self.tried_alike = Some(sighting.keyframe);
-        }
-        self.sightings.push(sighting);
-    }
-
-    fn try_look_alike(&mut self, sighting: &Sighting, graph: &mut KeyframeGraph) -> bool {
-        let least = self.config.min_similarity.unwrap_or(sighting.match_threshold);
-        let ways = graph.ways_from(sighting.keyframe);
-        let cosine = |other: &Sighting| -> f32 {
-            other.components.iter().zip(sighting.components.iter()).map(|(a, b)| a * b).sum()
-        };
-        let alike = self
-            .sightings
-            .iter()
-            .filter(|other| ways[other.keyframe] > self.config.look_alike_way_m)
-            .map(|other| (cosine(other), other.keyframe))
-            .filter(|(cosine, _)| *cosine >= least)
-            .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
-        let Some((_, there)) = alike else { return false };
-        let Some(submap) = self.submaps.iter().position(|submap| submap.has(there)) else { return false };
-        // The cameras look all around, so headings may be anything; the place is within sight of the other.
-        let member = self.submaps[submap].members()[there - self.submaps[submap].first()];
-        let candidate =
-            Candidate { submap, guess: member, window_m: self.config.look_alike_m, window_rad: PI, distance_m: 0.0 };
-        // Many places look alike; it is another one when it is farther off than the way can have led astray.
-        let found = self.match_to(sighting.keyframe, &candidate);
-        match found.filter(|edge| self.is_plausible(edge, ways[there], graph)) {
-            Some(edge) => {
-                self.counts.look_alike += 1;
-                self.take_far(edge, graph);
-            }
-            None => self.counts.refused += 1,
-        }
-        true
-    }
-
     /// Half widths of the uncertainty after a way: metres and radians.
     fn uncertainty(&self, way_m: f64) -> (f64, f64) {
         let config = &self.config;
@@ -196,7 +153,7 @@ impl LoopCloser {
         (window_m, (config.window_rad + config.window_rad_per_m * way_m).min(PI))
     }
 
-    fn is_plausible(&self, edge: &Edge, way_m: f64, graph: &KeyframeGraph) -> bool {
+    fn is_plausible(&self, edge: &PoseConstraint, way_m: f64, graph: &KeyframeGraph) -> bool {
         let poses = graph.poses();
         let off = poses[edge.to].inverse() * (poses[edge.from] * edge.measured);
         let (window_m, window_rad) = self.uncertainty(way_m);
@@ -224,7 +181,7 @@ impl LoopCloser {
         }
     }
 
-    fn join(&mut self, edge: Edge, graph: &mut KeyframeGraph) {
+    fn join(&mut self, edge: PoseConstraint, graph: &mut KeyframeGraph) {
         self.tension += chi2(&edge, graph.poses()).min(self.config.most_tension);
         graph.join(Link::ordinary(edge));
     }
@@ -282,7 +239,7 @@ impl LoopCloser {
     }
 
     /// A closure found by searching: held back until enough others agree.
-    fn take_far(&mut self, edge: Edge, graph: &mut KeyframeGraph) {
+    fn take_far(&mut self, edge: PoseConstraint, graph: &mut KeyframeGraph) {
         let wanted = graph.poses()[edge.from] * edge.measured;
         let here = graph.poses()[edge.to];
         let correction = wanted * here.inverse();
@@ -294,7 +251,8 @@ impl LoopCloser {
         };
         let agreeing = self.pending.iter().filter(|other| agrees(other));
         // One of each keyframe: the same scan seen twice is one witness.
-        let chosen: BTreeMap<usize, Edge> = agreeing.map(|other| (other.edge.to, other.edge.clone())).collect();
+        let chosen: BTreeMap<usize, PoseConstraint> =
+            agreeing.map(|other| (other.edge.to, other.edge.clone())).collect();
         if chosen.len() < self.config.agreeing {
             let excess = self.pending.len().saturating_sub(20);
             self.pending.drain(..excess);
@@ -310,77 +268,17 @@ impl LoopCloser {
         self.is_graduated = true;
     }
 
-    fn match_to(&self, index: usize, candidate: &Candidate) -> Option<Edge> {
+    fn match_to(&self, index: usize, candidate: &Candidate) -> Option<PoseConstraint> {
         self.match_within(&self.submaps[candidate.submap], index, candidate)
     }
 
     /// Matches a keyframe to a submap within a candidate's window.
-    fn match_within(&self, submap: &Submap, index: usize, candidate: &Candidate) -> Option<Edge> {
-        let config = &self.config;
-        let points = self.points[index].as_slice();
-        let guess = candidate.guess;
-        let aligned = if candidate.window_m <= config.refine_m {
-            refine(submap.cloud(), points, &guess, &config.matching).into_iter().collect()
-        } else {
-            let window = SearchWindow {
-                centre: guess,
-                half_x_m: candidate.window_m,
-                half_y_m: candidate.window_m,
-                half_yaw_rad: candidate.window_rad,
-            };
-            alignments(submap.cloud(), points, &window, &config.matching)
-        };
-        let is_inside = |found: &ScanMatch| {
-            let off = guess.inverse() * found.reference_from_moving;
-            off.translation.vector.norm() <= 1.5 * candidate.window_m + 0.1
-                && off.rotation.angle().abs() <= 1.5 * candidate.window_rad
-        };
-        let judged = aligned.into_iter().filter(is_inside).map(|found| judge(submap, points, found));
-        let (found, verdict) = judged.max_by(|(_, a), (_, b)| a.balance().cmp(&b.balance()))?;
-        if verdict.agreement() < config.min_agreement || verdict.overlap() < config.min_overlap {
-            return None;
-        }
-        let information = with_floor(&found.covariance, config.floor_m, config.floor_rad)?;
-        let measured = found.reference_from_moving;
-        Some(Edge { from: submap.first(), to: index, measured, information, is_doubtful: true })
+    fn match_within(&self, submap: &Submap, index: usize, candidate: &Candidate) -> Option<PoseConstraint> {
+        match_within(submap, (index, &self.points[index]), candidate, &self.config)
     }
 
-    /// Looks for a lost robot in every submap, at every heading. `None` also when two places fit alike.
-    #[must_use]
-    pub fn find(&self, lost: &Lost, graph: &KeyframeGraph) -> Option<Found> {
-        let (config, points) = (&self.config, lost.points.as_slice());
-        let mut fits: Vec<(i64, Pose2, Found)> = Vec::new();
-        for submap in &self.submaps {
-            let middle = submap.members()[submap.members().len() / 2].translation;
-            let window = SearchWindow {
-                centre: pose(middle.x, middle.y, 0.0),
-                half_x_m: config.lost_window_m,
-                half_y_m: config.lost_window_m,
-                half_yaw_rad: PI,
-            };
-            for found in alignments(submap.cloud(), points, &window, &config.matching) {
-                let (found, verdict) = judge(submap, points, found);
-                let is_good = verdict.agreement() >= config.lost_agreement && verdict.overlap() >= config.lost_overlap;
-                if is_good {
-                    let submap_from_base = found.reference_from_moving;
-                    let map_from_base = graph.poses()[submap.first()] * submap_from_base;
-                    let odom_from_base = lost.odom_from_base;
-                    let found = Found { submap: submap.clone(), submap_from_base, odom_from_base };
-                    fits.push((verdict.balance(), map_from_base, found));
-                }
-            }
-        }
-        let (balance, place, found) = fits.iter().max_by_key(|(balance, ..)| *balance)?;
-        let is_elsewhere = |other: &Pose2| {
-            let apart = place.inverse() * other;
-            apart.translation.vector.norm() > 1.0 || apart.rotation.angle().abs() > 0.3
-        };
-        let rival = fits.iter().filter(|(_, other, _)| is_elsewhere(other)).map(|(balance, ..)| *balance).max();
-        let is_clear = rival.is_none_or(|rival| (rival as f64) < config.lost_ambiguity * *balance as f64);
-        is_clear.then(|| found.clone())
-    }
-
-    /// After the last keyframe: every keyframe is matched to all finished submaps near it, and all is optimised again.
+    /// After the last keyframe: every keyframe is matched to all finished submaps near it, and all
+    /// is optimised again.
     pub fn finish(&mut self, graph: &mut KeyframeGraph) {
         let config = GraphConfig { is_graduated: false, ..self.config.graph.clone() };
         let optimise = |graph: &mut KeyframeGraph| {
@@ -390,7 +288,7 @@ impl LoopCloser {
             return;
         }
         graph.drop_doubtful();
-        let (window_m, window_rad) = anchors::SETTLED;
+        let (window_m, window_rad) = SETTLED;
         for index in 0..graph.poses().len() {
             let here = graph.poses()[index];
             let mut near: Vec<(f64, usize)> = (0..self.submaps.len())
@@ -406,7 +304,7 @@ impl LoopCloser {
                     graph.join(Link::ordinary(edge));
                 }
             }
-            self.anchor_within(index, anchors::SETTLED, graph);
+            self.anchor_within(index, SETTLED, graph);
         }
         let _ = optimise(graph);
     }
@@ -417,15 +315,4 @@ fn distance_m(submap: &Submap, index: usize, graph: &KeyframeGraph) -> f64 {
     let here = graph.poses()[index].translation.vector;
     let apart = |member: usize| (graph.poses()[member].translation.vector - here).norm();
     submap.keyframes().map(apart).fold(f64::INFINITY, f64::min)
-}
-
-fn judge(submap: &Submap, points: &[Point2], found: ScanMatch) -> (ScanMatch, Verdict) {
-    let verdict = submap.judge(points, &found.reference_from_moving);
-    (found, verdict)
-}
-
-/// Information of a match whose covariance is at least the floor.
-pub(super) fn with_floor(covariance: &Matrix3<f64>, floor_m: f64, floor_rad: f64) -> Option<Matrix3<f64>> {
-    let floor = Vector3::new(floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad);
-    (covariance + Matrix3::from_diagonal(&floor)).try_inverse()
 }

@@ -2,12 +2,15 @@
 
 use super::closure::ClosureConfig;
 use super::submap::SubmapConfig;
-use crate::calibration::OdometryNoise;
-use fht_robot::grid::GridConfig;
-use fht_robot::matching::MatchConfig;
+use crate::slam::calibration::OdometryNoise;
+use fht_perception::grid::GridConfig;
+use fht_perception::matching::MatchConfig;
+use serde::{Deserialize, Serialize};
 
 /// Parameters of the SLAM.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
 pub struct SlamConfig {
     /// The occupancy grid.
     pub grid: GridConfig,
@@ -23,21 +26,24 @@ pub struct SlamConfig {
     pub keyframe_distance_m: f64,
     /// A keyframe is taken after this much turning, radians. Default 0.5.
     pub keyframe_turn_rad: f64,
-    /// Between keyframes, scans are averaged into the submaps after this much driving, metres. Default 0.08.
+    /// Between keyframes, scans are averaged into the submaps after this much driving, metres.
+    /// Default 0.08.
     pub average_distance_m: f64,
-    /// Scans taken while the robot turned by more than this since the last one are not averaged in: they are drawn out by the
-    /// turn. Radians. Default 0.05.
+    /// Scans taken while the robot turned by more than this since the last one are not averaged in:
+    /// they are drawn out by the turn. Radians. Default 0.05.
     pub average_turn_rad: f64,
     /// The grid shows a scan after this much driving, metres. Default 0.1.
     pub view_distance_m: f64,
     /// The grid shows a scan after this much turning, radians. Default 0.2.
     pub view_turn_rad: f64,
-    /// A scan that explains less than this share of its points does not move the estimate: the wheels do. Default 0.3.
+    /// A scan that explains less than this share of its points does not move the estimate: the
+    /// wheels do. Default 0.3.
     pub min_score: f64,
-    /// Share of the information of a wheels' edge that counts beside an edge of the scan: wheels err alike from one
-    /// keyframe to the next. Default 0.3.
+    /// Share of the information of a wheels' edge that counts beside an edge of the scan: wheels
+    /// err alike from one keyframe to the next. Default 0.3.
     pub odometry_trust: f64,
-    /// A scan that explains less than this share is also searched for elsewhere: the wheels slipped. Default 0.6.
+    /// A scan that explains less than this share is also searched for elsewhere: the wheels
+    /// slipped. Default 0.6.
     pub good_score: f64,
     /// Half width of that search, metres. Default 0.5.
     pub rescue_m: f64,
@@ -45,12 +51,13 @@ pub struct SlamConfig {
     pub rescue_rad: f64,
     /// What that search finds must explain this share of the points more. Default 0.1.
     pub rescue_gain: f64,
-    /// A scan that does not fit contradicts the submap when more than this share of its points lies where the submap saw
-    /// free space. Default 0.3.
+    /// A scan that does not fit contradicts the submap when more than this share of its points lies
+    /// where the submap saw free space. Default 0.3.
     pub lost_contradiction: f64,
     /// The robot is lost after driving this far while scans contradict, metres. Default 1.
     pub lost_after_m: f64,
-    /// A robot that was not found again by then begins a new submap where the wheels say, metres. Default 30.
+    /// A robot that was not found again by then begins a new submap where the wheels say, metres.
+    /// Default 30.
     pub give_up_m: f64,
 }
 

@@ -1,8 +1,8 @@
 //! What SLAM says: where things are, and how well that is known.
 
-use fht_robot::frame::LaserScan;
-use fht_robot::grid::OccupancyGrid;
-use fht_robot::pose::Pose2;
+use fht_perception::frame::LaserScan;
+use fht_perception::grid::OccupancyGrid;
+use fht_perception::pose::{Point2, Pose2};
 use nalgebra::Matrix3;
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ pub struct Anchored {
 
 /// A scan that the grid shows.
 #[derive(Clone, Debug)]
-pub struct View {
+pub struct GridScan {
     /// Where it was taken.
     pub anchored: Anchored,
     /// The scan.
@@ -26,14 +26,14 @@ pub struct View {
 
 /// What is known by now: the grid, and where the keyframes are.
 #[derive(Clone, Copy)]
-pub struct Estimate<'a> {
+pub struct SlamEstimate<'a> {
     /// The occupancy grid, in the map frame.
     pub grid: &'a OccupancyGrid,
     /// Poses of the keyframes in the map frame.
     pub poses: &'a [Pose2],
 }
 
-impl Estimate<'_> {
+impl SlamEstimate<'_> {
     /// Where something is in the map.
     #[must_use]
     pub fn locate(&self, anchored: &Anchored) -> Pose2 {
@@ -57,9 +57,11 @@ pub enum Tracking {
     /// Scans fit.
     #[default]
     Matched,
-    /// The scan shows too little to be matched, or did not fit for a moment: the wheels are believed.
+    /// The scan shows too little to be matched, or did not fit for a moment: the wheels are
+    /// believed.
     Wheels,
-    /// Scans have contradicted the map for a while: nothing is mapped until the robot is found again.
+    /// Scans have contradicted the map for a while: nothing is mapped until the robot is found
+    /// again.
     Lost,
 }
 
@@ -83,4 +85,13 @@ pub struct SlamUpdate {
 /// Where something is in the map.
 pub(super) fn locate(poses: &[Pose2], anchored: &Anchored) -> Pose2 {
     poses.get(anchored.keyframe).copied().unwrap_or_else(Pose2::identity) * anchored.keyframe_from_base
+}
+
+/// What a robot sees that does not know where it is.
+#[derive(Clone, Debug)]
+pub struct Lost {
+    /// Wall points in its frame.
+    pub points: Vec<Point2>,
+    /// What the wheels said there.
+    pub odom_from_base: Pose2,
 }

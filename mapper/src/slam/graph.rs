@@ -1,8 +1,9 @@
-//! Keyframes and what was measured between them; and, in a run that has joined a map, between them and nodes of the map.
+//! Keyframes and what was measured between them; and, in a run that has joined a map, between them
+//! and nodes of the map.
 
+use fht_perception::pose::Pose2;
+use fht_perception::pose_graph::{GraphConfig, GraphError, PoseConstraint, chi2, optimise};
 use fht_proto::NodeId;
-use fht_robot::pose::Pose2;
-use fht_robot::pose_graph::{Edge, GraphConfig, GraphError, chi2, optimise};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -11,11 +12,12 @@ use std::collections::{BTreeMap, BinaryHeap};
 #[derive(Clone, Debug, Default)]
 pub struct KeyframeGraph {
     poses: Vec<Pose2>,
-    edges: Vec<Edge>,
+    edges: Vec<PoseConstraint>,
     anchors: Vec<Anchor>,
     /// Where the nodes are that keyframes are anchored to, as their makers have them.
     nodes: BTreeMap<NodeId, Pose2>,
-    /// Neighbours, and how much uncertainty has been driven in between, in metres of ordinary driving.
+    /// Neighbours, and how much uncertainty has been driven in between, in metres of ordinary
+    /// driving.
     ways: Vec<Vec<(usize, f64)>>,
 }
 
@@ -23,7 +25,7 @@ pub struct KeyframeGraph {
 #[derive(Clone, Debug)]
 pub struct Link {
     /// The measurement.
-    pub edge: Edge,
+    pub edge: PoseConstraint,
     /// Metres.
     pub way_m: f64,
 }
@@ -47,7 +49,7 @@ const JOINED_WAY_M: f64 = 5.0;
 impl Link {
     /// A measurement whose uncertainty is that of ordinary driving.
     #[must_use]
-    pub fn ordinary(edge: Edge) -> Self {
+    pub fn ordinary(edge: PoseConstraint) -> Self {
         let way_m = edge.measured.translation.vector.norm();
         Self { edge, way_m }
     }
@@ -62,11 +64,12 @@ impl KeyframeGraph {
 
     /// The edges, oldest first.
     #[must_use]
-    pub fn edges(&self) -> &[Edge] {
+    pub fn edges(&self) -> &[PoseConstraint] {
         &self.edges
     }
 
-    /// Adds a keyframe where the first of its links says; links lead from earlier keyframes to this one.
+    /// Adds a keyframe where the first of its links says; links lead from earlier keyframes to this
+    /// one.
     pub fn add(&mut self, links: Vec<Link>) -> usize {
         let index = self.poses.len();
         let pose = links.first().map_or_else(Pose2::identity, |link| self.poses[link.edge.from] * link.edge.measured);
@@ -90,8 +93,8 @@ impl KeyframeGraph {
         self.anchors.clear();
     }
 
-    /// The robot has found out where the frame of its run lies in the map: everything moves there. Keyframe 0 is the map's frame, and nothing
-    /// but its first link tied the run to it.
+    /// The robot has found out where the frame of its run lies in the map: everything moves there.
+    /// Keyframe 0 is the map's frame, and nothing but its first link tied the run to it.
     pub fn place(&mut self, map_from_run: &Pose2) {
         self.poses.iter_mut().skip(1).for_each(|pose| *pose = map_from_run * *pose);
         let poses = &self.poses;
@@ -131,18 +134,19 @@ impl KeyframeGraph {
         self.anchors.push(anchor);
     }
 
-    /// How far anchors pull at the graph (sum of squared Mahalanobis distances, each at most `most`).
+    /// How far anchors pull at the graph (sum of squared Mahalanobis distances, each at most
+    /// `most`).
     #[must_use]
     pub fn anchor_tension(&self, most: f64) -> f64 {
         self.anchor_edges().map(|edge| chi2(&edge, &self.poses).min(most)).sum()
     }
 
     /// The anchors as measurements from the map's frame.
-    fn anchor_edges(&self) -> impl Iterator<Item = Edge> + '_ {
+    fn anchor_edges(&self) -> impl Iterator<Item = PoseConstraint> + '_ {
         self.anchors.iter().filter_map(|anchor| {
             let map_from_node = self.nodes.get(&anchor.node)?;
             let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), map_from_node.rotation.angle()).into_inner();
-            Some(Edge {
+            Some(PoseConstraint {
                 from: 0,
                 to: anchor.keyframe,
                 measured: map_from_node * anchor.node_from_keyframe,
@@ -160,11 +164,12 @@ impl KeyframeGraph {
         if self.anchors.is_empty() {
             return optimise(&mut self.poses, &self.edges, config);
         }
-        let edges: Vec<Edge> = self.edges.iter().cloned().chain(self.anchor_edges()).collect();
+        let edges: Vec<PoseConstraint> = self.edges.iter().cloned().chain(self.anchor_edges()).collect();
         optimise(&mut self.poses, &edges, config)
     }
 
-    /// Shortest ways from a keyframe to all others, metres: error grows with them, and a closure makes them short.
+    /// Shortest ways from a keyframe to all others, metres: error grows with them, and a closure
+    /// makes them short.
     #[must_use]
     pub fn ways_from(&self, index: usize) -> Vec<f64> {
         // Millimetres as integers: an order without NaN.
@@ -186,4 +191,12 @@ impl KeyframeGraph {
         let metres = |way: u64| if way == u64::MAX { f64::INFINITY } else { way as f64 * 1e-3 };
         shortest.into_iter().map(metres).collect()
     }
+}
+
+/// The link between the map's frame and the first keyframe of a run that is to join the map: it
+/// says next to nothing.
+pub(super) fn unplaced_link(first: usize) -> Link {
+    let (measured, information) = (Pose2::identity(), Matrix3::identity());
+    // Longer than any window grows.
+    Link { edge: PoseConstraint { from: 0, to: first, measured, information, is_doubtful: false }, way_m: 1e3 }
 }

@@ -1,18 +1,25 @@
-//! A submap: the walls and the free space that some consecutive keyframes saw, rigid, in the frame of the first of them.
+//! A submap: the walls and the free space that some consecutive keyframes saw, rigid, in the frame
+//! of the first of them.
 
-use fht_robot::frame::LaserScan;
-use fht_robot::grid::{CellState, GridConfig, OccupancyGrid};
-use fht_robot::matching::{ReferenceCloud, SeenPoint};
-use fht_robot::pose::{Point2, Pose2};
+use fht_perception::frame::LaserScan;
+use fht_perception::grid::{CellState, GridConfig, OccupancyGrid};
+use fht_perception::matching::{ReferenceCloud, SeenPoint};
+use fht_perception::pose::{Point2, Pose2};
+use serde::{Deserialize, Serialize};
 
 /// Parameters of submaps.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
 pub struct SubmapConfig {
     /// Keyframes after which the next submap is begun; a submap holds twice as many. Default 15.
+    #[cfg_attr(feature = "schema", schemars(range(min = 1, max = 10000)))]
     pub keyframes: usize,
     /// Wall points are at least this far apart, metres. Default 0.03.
+    #[cfg_attr(feature = "schema", schemars(range(min = 0.001, max = 1.0)))]
     pub point_spacing_m: f64,
     /// Side of the cells in which free space is remembered, metres. Default 0.1.
+    #[cfg_attr(feature = "schema", schemars(range(min = 0.01, max = 1.0)))]
     pub resolution_m: f64,
     /// A point is explained when a wall is nearer than this, metres. Default 0.06.
     pub explained_m: f64,
@@ -36,7 +43,7 @@ pub struct Submap {
 
 /// How a scan fits a submap, in numbers of points.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Verdict {
+pub struct SubmapFit {
     /// On a wall of the submap.
     pub explained: usize,
     /// In space that the submap saw empty.
@@ -45,7 +52,7 @@ pub struct Verdict {
     pub unseen: usize,
 }
 
-impl Verdict {
+impl SubmapFit {
     /// Explained share of what the submap can judge, 0 to 1.
     #[must_use]
     pub fn agreement(&self) -> f64 {
@@ -117,14 +124,16 @@ impl Submap {
         &self.cloud
     }
 
-    /// Adds the next keyframe: its pose in this frame, its scan and the scan's points in the robot's frame.
+    /// Adds the next keyframe: its pose in this frame, its scan and the scan's points in the
+    /// robot's frame.
     pub fn insert(&mut self, submap_from_base: &Pose2, scan: &LaserScan, points: &[Point2]) {
         self.average(submap_from_base, points);
         self.space.integrate(submap_from_base, scan);
         self.members.push(*submap_from_base);
     }
 
-    /// Averages in a scan that makes no keyframe, in the robot's frame: the noise of the walls becomes less.
+    /// Averages in a scan that makes no keyframe, in the robot's frame: the noise of the walls
+    /// becomes less.
     pub fn average(&mut self, submap_from_base: &Pose2, points: &[Point2]) {
         let seen = points.iter().copied().map(SeenPoint::of_scan);
         self.cloud.absorb(seen.map(|point| point.transformed(submap_from_base)), self.config.point_spacing_m);
@@ -138,8 +147,8 @@ impl Submap {
 
     /// How a scan taken at `submap_from_base` fits.
     #[must_use]
-    pub fn judge(&self, points: &[Point2], submap_from_base: &Pose2) -> Verdict {
-        let mut verdict = Verdict::default();
+    pub fn judge(&self, points: &[Point2], submap_from_base: &Pose2) -> SubmapFit {
+        let mut verdict = SubmapFit::default();
         for point in points {
             let point = SeenPoint::of_scan(*point).transformed(submap_from_base);
             if self.cloud.explains(&point, self.config.explained_m) {

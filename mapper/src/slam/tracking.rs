@@ -1,13 +1,13 @@
-//! Whether the robot is where it thinks it is: matches that are believed, scans that contradict the map, and a robot that
-//! is lost and found again.
+//! Whether the robot is where it thinks it is: matches that are believed, scans that contradict the
+//! map, and a robot that is lost and found again.
 
-use super::back_end::Lost;
 use super::closure::Found;
+use super::estimate::Lost;
 use super::submap::Submap;
 use super::{Active, Anchored, Latest, Slam, Tracking};
-use fht_robot::grid::{Cell, CellState};
-use fht_robot::matching::{Prior, ScanMatch, SearchWindow, alignments, refine_with_prior};
-use fht_robot::pose::{Point2, Pose2};
+use fht_perception::grid::{Cell, CellState};
+use fht_perception::matching::{Prior, ScanMatch, SearchWindow, alignments, refine_with_prior};
+use fht_perception::pose::{Point2, Pose2};
 use std::sync::Arc;
 
 /// A beam that ends this far behind a wall of the grid has gone through it, metres.
@@ -16,7 +16,8 @@ const HIDDEN_BY_M: f64 = 0.3;
 const HIDDEN_SHARE: f64 = 0.7;
 
 impl Slam {
-    /// Matches a scan to the active submap: from where the wheels say, and if that fits badly, anywhere near.
+    /// Matches a scan to the active submap: from where the wheels say, and if that fits badly,
+    /// anywhere near.
     pub(super) fn match_to(&self, submap: &Submap, points: &[Point2], prior: &Prior) -> Option<ScanMatch> {
         let config = &self.config;
         let near = refine_with_prior(submap.cloud(), points, prior, &config.matching);
@@ -100,7 +101,8 @@ impl Slam {
             && contradicted <= (1.0 - closure.lost_agreement) * points.len() as f64
     }
 
-    /// How many points cannot have been seen from here: they lie where the grid is free and no wall is near, or behind a wall.
+    /// How many points cannot have been seen from here: they lie where the grid is free and no wall
+    /// is near, or behind a wall.
     fn contradicted_by_grid(&self, points: &[Point2], map_from_base: &Pose2) -> usize {
         let here = Point2::from(map_from_base.translation.vector);
         let is_clear = |place: Point2| {
@@ -121,12 +123,14 @@ impl Slam {
         points.iter().filter(is_contradicted).count()
     }
 
-    /// Whether a robot that is lost maps on as if in a new building, since no place was found for so long.
+    /// Whether a robot that is lost maps on as if in a new building, since no place was found for
+    /// so long.
     pub(super) fn has_given_up(&self) -> bool {
         self.was_lost && self.contradicted_m >= self.config.give_up_m
     }
 
-    /// Goes on where a lost robot was found: in a finished submap, which grows no more, so the next keyframe begins a new one.
+    /// Goes on where a lost robot was found: in a finished submap, which grows no more, so the next
+    /// keyframe begins a new one.
     pub(super) fn resume(&mut self, found: &Found, odom_from_base: &Pose2) {
         let Some((active, _)) = self.active.take() else { return };
         tracing::info!("found again in the submap of keyframe {}", found.submap.first());

@@ -1,6 +1,6 @@
 //! Valid values of all types, over their whole ranges.
 
-use fht_proto::fold::{Fold, Rest};
+use fht_proto::model::compaction::{CompactedSeries, Rest};
 use fht_proto::{
     AuthorId, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Increment, Label, ModelId, NodeId,
     NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, ScanRecord, Signature, VersionVector, Zone, ZoneRule,
@@ -108,7 +108,7 @@ pub fn vector() -> impl Strategy<Value = VersionVector> {
 }
 
 /// What is left of some increments: any part of their operations.
-pub fn fold() -> impl Strategy<Value = Fold> {
+pub fn fold() -> impl Strategy<Value = CompactedSeries> {
     let rest = (1..5_u64, 0..=1_u64 << 53, prop::collection::btree_map(0..4096_u16, op(), 1..4));
     (author(), 1..=1_u64 << 47, 0..20_u64, prop::collection::vec(rest, 0..5)).prop_map(
         |(author, first, more, rests)| {
@@ -118,7 +118,7 @@ pub fn fold() -> impl Strategy<Value = Fold> {
                 number += step;
                 placed.push(Rest { number, hlc_us, ops: ops.into_iter().collect() });
             }
-            Fold { author, first, last: number.max(first) + more, rests: placed }
+            CompactedSeries { author, first, last: number.max(first) + more, rests: placed }
         },
     )
 }

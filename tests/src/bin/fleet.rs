@@ -1,18 +1,19 @@
 //! A fleet on one server, beside bare Zenoh queries: see `fht_tests::fleet`.
 
 use clap::{Parser, Subcommand};
+use fht_demo::map_name;
+use fht_demo::this_executable;
 use fht_tests::fleet::clients::{self, ClientsConfig, Outcome};
-use fht_tests::fleet::{Computed, FleetConfig, FleetReport, decoded, hall, kept, run, server};
-use fht_tests::handoff::map_name;
-use fht_tests::process::this_executable;
-use fht_tests::survey::{Survey, SurveyTask};
+use fht_tests::fleet::{Computed, FleetReport, FleetTrialConfig, run, server};
+use fht_tests::maps::{explored, hall};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Tries a fleet: clients with a live copy of the map each, which ask for paths at a steady rate, and for as many bytes from a bare
-/// queryable of the same server, in turns.
+/// Tries a fleet: clients with a live copy of the map each, which ask for paths at a steady rate,
+/// and for as many bytes from a bare queryable of the same server, in turns.
 ///
-/// Ends with 1 if a question failed, a copy is not the server's map in the end, or the server's memory has grown.
+/// Ends with 1 if a question failed, a copy is not the server's map in the end, or the server's
+/// memory has grown.
 #[derive(Debug, Parser)]
 #[command(name = "fleet", version, args_conflicts_with_subcommands = true)]
 struct Cli {
@@ -24,7 +25,8 @@ struct Cli {
 
 #[derive(Debug, clap::Args)]
 struct FleetArgs {
-    /// museum, office, or a file: explored once and kept in target/evaluation. `hall`: drawn, 20 by 20 nodes.
+    /// museum, office, or a file: explored once and kept in target/evaluation. `hall`: drawn, 20 by
+    /// 20 nodes.
     #[arg(long, default_value = "museum")]
     world: String,
     /// How many clients.
@@ -116,7 +118,7 @@ fn main() -> ExitCode {
 fn be_clients(args: ClientsArgs) -> Result<(), String> {
     let config = ClientsConfig {
         endpoint: args.connect,
-        map: args.map.parse().map_err(|error: fht_proto::ids::ParseIdError| error.to_string())?,
+        map: args.map.parse().map_err(|error: fht_proto::model::ids::ParseIdError| error.to_string())?,
         clients: args.clients,
         rate_hz: args.rate,
         warm_up_s: args.warm_up,
@@ -134,15 +136,9 @@ fn be_clients(args: ClientsArgs) -> Result<(), String> {
 
 fn fleet(args: &FleetArgs) -> Result<bool, String> {
     let text = |error: &dyn std::fmt::Display| error.to_string();
-    let increments = if args.world == "hall" {
-        hall(20, 20)
-    } else {
-        let task = SurveyTask::usual(&args.world);
-        let survey = Survey::of(&task, kept()).map_err(|error| text(&error))?;
-        decoded(&survey.increments).map_err(|error| text(&error))?
-    };
+    let increments = if args.world == "hall" { hall(20, 20) } else { explored(&args.world)? };
     let folder = tempfile::tempdir().map_err(|error| text(&error))?;
-    let config = FleetConfig {
+    let config = FleetTrialConfig {
         executable: this_executable().map_err(|error| text(&error))?,
         data: folder.path().join("data"),
         map: map_name(&args.world).map_err(|error| text(&error))?,

@@ -1,23 +1,25 @@
-//! A client joins over a thin link that breaks: see `fht_tests::joining`.
+//! A client joins over a thin link that breaks: see `fht_tests::slow_join`.
 
 use clap::Parser;
-use fht_tests::fleet::{decoded, kept};
-use fht_tests::joining::{Joining, JoiningConfig, office, run};
-use fht_tests::survey::{Survey, SurveyTask};
+use fht_tests::maps::{explored, office};
+use fht_tests::slow_join::{SlowJoin, SlowJoinConfig, run};
 use fht_tests::thin_link::LinkShape;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// Tries how a client joins a map over a thin link, once while it holds and once while it is cut, and how late live increments are.
+/// Tries how a client joins a map over a thin link, once while it holds and once while it is cut,
+/// and how late live increments are.
 ///
-/// Ends with 1 if 5 % or more of the bytes were fetched again, or a live increment was later than a second.
+/// Ends with 1 if 5 % or more of the bytes were fetched again, or a live increment was later than a
+/// second.
 #[derive(Debug, Parser)]
 struct Args {
     /// `handoff`, which runs the server.
     #[arg(long, default_value = "target/release/handoff")]
     handoff: PathBuf,
-    /// A world to be explored (once; it is kept): office, museum, a file. None: a drawn map as long as an explored office.
+    /// A world to be explored (once; it is kept): office, museum, a file. None: a drawn map as long
+    /// as an explored office.
     #[arg(long)]
     world: Option<String>,
     /// The drawn map is so many times as long.
@@ -61,14 +63,10 @@ fn joining(args: &Args) -> Result<bool, String> {
     let text = |error: &dyn std::fmt::Display| error.to_string();
     let increments = match &args.world {
         None => office(args.times),
-        Some(world) => {
-            let task = SurveyTask::usual(world);
-            decoded(&Survey::of(&task, kept()).map_err(|error| text(&error))?.increments)
-                .map_err(|error| text(&error))?
-        }
+        Some(world) => explored(world)?,
     };
     let folder = tempfile::tempdir().map_err(|error| text(&error))?;
-    let config = JoiningConfig {
+    let config = SlowJoinConfig {
         executable: args.handoff.clone(),
         data: folder.path().join("data"),
         shape: LinkShape { bits_per_s: args.mbit * 1e6, delay: Duration::from_millis(args.delay_ms) },
@@ -77,7 +75,7 @@ fn joining(args: &Args) -> Result<bool, String> {
         every: Duration::from_secs_f64(1.0 / args.live.max(0.001)),
         after: Duration::from_secs(5),
     };
-    let map = "office".parse().map_err(|error: fht_proto::ids::ParseIdError| text(&error))?;
+    let map = "office".parse().map_err(|error: fht_proto::model::ids::ParseIdError| text(&error))?;
     let report = run(&config, &map, &increments).map_err(|error| text(&error))?;
     println!(
         "map       {} increments, {} bytes; link of {} Mbit/s and {} ms each way",
@@ -86,8 +84,8 @@ fn joining(args: &Args) -> Result<bool, String> {
         args.mbit,
         args.delay_ms
     );
-    let row = |name: &str, joining: &Joining| {
-        let Joining { seconds, fetched_bytes, link_bytes, cuts, live_s } = joining;
+    let row = |name: &str, joining: &SlowJoin| {
+        let SlowJoin { seconds, fetched_bytes, link_bytes, cuts, live_s } = joining;
         let at = |share: f64| {
             live_s.get((live_s.len().saturating_sub(1) as f64 * share) as usize).copied().unwrap_or(f64::NAN)
         };

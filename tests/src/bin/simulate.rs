@@ -1,14 +1,15 @@
 //! Fleets on bad networks, by the thousand: see `fht_tests::simulation`.
 
 use clap::Parser;
-use fht_tests::simulation::{Outcome, SimulationConfig, run};
+use fht_tests::simulation::{SimulationConfig, SimulationOutcome, run};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::process::ExitCode;
 
-/// Simulates explorers, an operator, servers and clients over a network that loses, delays, repeats, reorders and parts, with machines
-/// that fail at durable writes.
+/// Simulates explorers, an operator, servers and clients over a network that loses, delays,
+/// repeats, reorders and parts, with machines that fail at durable writes.
 ///
-/// Ends with 1 at the first seed after which copies differ, an acknowledged increment is lost, or a release has changed.
+/// Ends with 1 at the first seed after which copies differ, an acknowledged increment is lost, or a
+/// release has changed.
 #[derive(Debug, Parser)]
 struct Args {
     /// How many seeds.
@@ -23,8 +24,8 @@ struct Args {
     /// Share of killed explorers that come back within seconds.
     #[arg(long, value_name = "SHARE", default_value_t = 0.8, value_parser = share)]
     returning: f64,
-    /// Share of explorers without a spool on a disk [default: 0.5, and 0 with --servers: once in some thousand fleets one without undoes
-    /// there what a run of its own had put before].
+    /// Share of explorers without a spool on a disk [default: 0.5, and 0 with --servers: once in
+    /// some thousand fleets one without undoes there what a run of its own had put before].
     #[arg(long, value_name = "SHARE", value_parser = share)]
     forgetful: Option<f64>,
     /// No progress bar.
@@ -45,21 +46,10 @@ fn main() -> ExitCode {
     }
     let (servers, returning, forgetful) = (args.servers, args.returning, args.forgetful);
     let config = SimulationConfig { servers, returning, forgetful, ..SimulationConfig::default() };
-    let mut sum = Outcome::default();
+    let mut sum = SimulationOutcome::default();
     for seed in args.first..args.first.saturating_add(args.seeds) {
         match run(seed, &config) {
-            Ok(outcome) => {
-                sum.increments += outcome.increments;
-                sum.crashes += outcome.crashes;
-                sum.partitions += outcome.partitions;
-                sum.returns += outcome.returns;
-                sum.told += outcome.told;
-                sum.lost += outcome.lost;
-                sum.sent += outcome.sent;
-                sum.releases += outcome.releases;
-                sum.folded += outcome.folded;
-                sum.seconds += outcome.seconds;
-            }
+            Ok(outcome) => sum += outcome,
             Err(violation) => {
                 bar.finish_and_clear();
                 eprintln!("simulate: seed {seed}: {violation}");
@@ -83,7 +73,7 @@ fn main() -> ExitCode {
         sum.returns,
         sum.told,
         sum.releases,
-        sum.folded
+        sum.compactions
     );
     ExitCode::SUCCESS
 }

@@ -1,16 +1,18 @@
 //! Three routers, three servers, and one of each killed every so often: see `fht_tests::site`.
 
 use clap::Parser;
-use fht_tests::process::this_executable;
+use fht_demo::this_executable;
 use fht_tests::site::{SiteConfig, SiteReport, run};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// Runs a site of routers with replicated storages and stateless servers under load, and kills one router and one server every so often.
+/// Runs a site of routers with replicated storages and stateless servers under load, and kills one
+/// router and one server every so often.
 ///
-/// Ends with 1 if an acknowledged increment is lost, a question is not answered in time, or servers differ in the end.
+/// Ends with 1 if an acknowledged increment is lost, a question is not answered in time, or servers
+/// differ in the end.
 #[derive(Debug, Parser)]
 struct Args {
     /// How long, minutes.
@@ -60,7 +62,7 @@ fn print(report: &SiteReport) {
 }
 
 fn main() -> ExitCode {
-    // One executable is all of them: see `handoff role`.
+    // One executable has all roles: see `handoff role`.
     let args: Vec<OsString> = std::env::args_os().collect();
     if let [_, word, role, rest @ ..] = args.as_slice()
         && word == "role"

@@ -1,13 +1,14 @@
-//! Many clients in one process: each a session and a live copy of the map of its own, all asking at a steady rate.
+//! Many clients in one process. Each has its own session and live copy of the map, and all ask at a
+//! steady rate.
 
-use super::latencies::Latencies;
-use super::server::bare_selector;
-use client_robot::replica::{AskError, LiveReplica, ReplicaConfig, ReplicaError, ask, ask_head};
-use fht_link::{LinkConfig, LinkError};
+use crate::fleet::latencies::Latencies;
+use crate::fleet::server::bare_selector;
+use fht_client::{AskError, LiveReplica, ReplicaConfig, ReplicaError, ask, ask_head};
 use fht_map::{FreeSpace, MapState, SpaceConfig};
-use fht_proto::keys::{Key, Topic};
-use fht_proto::query::PathReply;
+use fht_proto::api::keys::{Key, Topic};
+use fht_proto::api::reply::PathReply;
 use fht_proto::{FixedPoint, MapName};
+use fht_session::{SessionConfig, SessionError};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -21,20 +22,20 @@ use zenoh::{Session, Wait};
 const PATIENCE: Duration = Duration::from_secs(120);
 /// How long one answer may take.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(10);
-/// Sessions that are opened at a time.
+/// How many sessions are opened at a time.
 const OPENING: usize = 8;
-/// Pairs of places that are asked for in turn.
+/// How many pairs of places are asked for in turn.
 const PAIRS: usize = 500;
-/// Of so many replies one is read whole; all are looked at.
+/// One of so many replies is fully decoded; all are checked.
 const READ_EVERY: u64 = 64;
 
-/// What is asked for.
+/// A kind of question.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     /// A path on the map.
     Path,
-    /// As many bytes from the bare queryable.
+    /// The same number of bytes from the bare queryable.
     Bare,
 }
 
@@ -45,70 +46,70 @@ pub struct ClientsConfig {
     pub endpoint: String,
     /// The map.
     pub map: MapName,
-    /// How many.
+    /// How many clients.
     pub clients: usize,
-    /// Questions of each, a second.
+    /// Questions of each client, per second.
     pub rate_hz: f64,
-    /// How long each kind is asked for before anything is counted, seconds.
+    /// How long each kind is asked before anything counts, seconds.
     pub warm_up_s: f64,
-    /// How long each kind is asked for, seconds.
+    /// How long each kind is asked, seconds.
     pub seconds: f64,
     /// The kinds take turns of this length, seconds.
     pub turn_s: f64,
-    /// Questions of one client that waits for each answer, of each kind in turn, at the end.
+    /// Questions of a single client that waits for each answer, of each kind in turn, at the end.
     pub alone: usize,
     /// Seed of the places.
     pub seed: u64,
 }
 
-/// What became of the questions of one kind.
+/// The results for one kind of question.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
-    /// Questions put.
+    /// Questions asked.
     pub asked: u64,
-    /// Refusals, and answers that cannot be read.
+    /// Refusals and unreadable answers.
     pub errors: u64,
     /// Questions that ended without an answer.
     pub unanswered: u64,
-    /// From putting the question to having the answer.
+    /// Time from asking to having the answer.
     pub latencies: Latencies,
-    /// How late questions were put: a generator that cannot keep up.
+    /// How late questions were asked: the generator may not keep up.
     pub late: Latencies,
-    /// Bytes of answers.
+    /// Bytes of the answers.
     pub bytes: u64,
 }
 
-/// What clients say while they are at it.
+/// What the clients report while they run.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Event {
-    /// All have the map.
+    /// All clients have the map.
     Joined {
-        /// After so many seconds.
+        /// Time since the start, seconds.
         seconds: f64,
     },
-    /// Warm by now: what follows counts.
+    /// The warm-up is over: from here on, questions count.
     Warm,
     /// A turn begins.
     Begins(Kind),
-    /// It has ended.
+    /// The turn has ended.
     Ended(Kind),
-    /// The end.
+    /// The results.
     Report(Box<Report>),
 }
 
-/// What clients found.
+/// The clients' results.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Report {
     /// Paths.
     pub path: Outcome,
-    /// Bare answers.
+    /// Bare queries.
     pub bare: Outcome,
-    /// Of one client alone.
+    /// Paths for a single client.
     pub path_alone: Latencies,
-    /// The same, bare.
+    /// Bare queries for a single client.
     pub bare_alone: Latencies,
-    /// Copies that are the server's map in the end.
+    /// Copies that equal the server's map in the end.
     pub copies_agree: usize,
     /// Version of the map in the end.
     pub version: u64,
@@ -119,7 +120,7 @@ pub struct Report {
 pub enum ClientsError {
     /// A session cannot be opened.
     #[error(transparent)]
-    Link(#[from] LinkError),
+    Link(#[from] SessionError),
     /// A copy cannot be kept.
     #[error(transparent)]
     Replica(#[from] ReplicaError),
@@ -143,14 +144,14 @@ pub enum ClientsError {
     Answer(String),
 }
 
-/// Counts the answers to the questions of one kind.
+/// Counts the answers to one kind of question.
 #[derive(Debug, Default)]
 struct Tally {
     outcome: Mutex<Outcome>,
     under_way: AtomicU64,
 }
 
-/// A question until it has ended.
+/// A question under way.
 struct Asked {
     at: Instant,
     is_answered: AtomicBool,
@@ -165,7 +166,7 @@ impl Tally {
 }
 
 impl Asked {
-    fn answered(&self, reply: &Reply) {
+    fn take_reply(&self, reply: &Reply) {
         let took = self.at.elapsed();
         self.is_answered.store(true, Ordering::Relaxed);
         let bytes = reply.result().map_or(0, |sample| sample.payload().len());
@@ -194,7 +195,7 @@ impl Drop for Asked {
     }
 }
 
-/// A question, and how long the answer to it is.
+/// A question, and the bare question whose answer is as long.
 struct Pair {
     path: String,
     bare: String,
@@ -209,10 +210,10 @@ impl Pair {
     }
 }
 
-/// Does all of it; `say` is told how it goes.
+/// Runs the clients; `say` receives their reports.
 ///
 /// # Errors
-/// [`ClientsError`]. Questions without an answer are no error but a result.
+/// [`ClientsError`]. Unanswered questions are a result, not an error.
 pub fn run(config: &ClientsConfig, mut say: impl FnMut(&Event)) -> Result<(), ClientsError> {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let begin = Instant::now();
@@ -266,13 +267,13 @@ pub fn run(config: &ClientsConfig, mut say: impl FnMut(&Event)) -> Result<(), Cl
 }
 
 async fn open_all(config: &ClientsConfig) -> Result<Vec<Session>, ClientsError> {
-    let link = LinkConfig::from_options(vec![config.endpoint.clone()], None);
+    let link = SessionConfig::from_options(vec![config.endpoint.clone()], None);
     let mut sessions = Vec::new();
     while sessions.len() < config.clients {
         let mut opening = tokio::task::JoinSet::new();
         for _ in 0..OPENING.min(config.clients - sessions.len()) {
             let link = link.clone();
-            opening.spawn(async move { fht_link::open(&link).await });
+            opening.spawn(async move { fht_session::open(&link).await });
         }
         for session in opening.join_all().await {
             sessions.push(session?);
@@ -281,7 +282,7 @@ async fn open_all(config: &ClientsConfig) -> Result<Vec<Session>, ClientsError> 
     Ok(sessions)
 }
 
-/// Whether a copy is the server's map: at some moment, since others may write.
+/// Whether a copy equals the server's map at some moment, since others may be writing.
 fn agrees(replica: &LiveReplica, session: &Session, map: &MapName) -> bool {
     (0..20).any(|_| {
         let Ok(head) = ask_head(session, map, ANSWER_TIMEOUT) else { return false };
@@ -291,7 +292,7 @@ fn agrees(replica: &LiveReplica, session: &Session, map: &MapName) -> bool {
     })
 }
 
-/// Pairs of places in free space, each asked for once.
+/// Pairs of places in free space; each is asked for once to learn the length of the answer.
 fn pairs(config: &ClientsConfig, session: &Session, map: &MapState) -> Result<Vec<Pair>, ClientsError> {
     let space = FreeSpace::of(map, &SpaceConfig::default());
     let places: Vec<FixedPoint> =
@@ -319,7 +320,8 @@ fn pairs(config: &ClientsConfig, session: &Session, map: &MapState) -> Result<Ve
     Ok(pairs)
 }
 
-/// All clients ask at their rate, evenly spread, for so many seconds, whether they are answered or not. Waits for the answers.
+/// All clients ask at their rate, evenly spread, for `seconds`, whether they are answered or not.
+/// Then waits for the answers.
 fn ask_all(config: &ClientsConfig, sessions: &[Session], pairs: &[Pair], kind: Kind, seconds: f64, tally: &Arc<Tally>) {
     let interval_s = 1.0 / (config.rate_hz * sessions.len() as f64);
     let count = (seconds / interval_s).round() as u64;
@@ -340,8 +342,8 @@ fn ask_all(config: &ClientsConfig, sessions: &[Session], pairs: &[Pair], kind: K
             outcome.late.add(at.saturating_duration_since(due));
         });
         let get = session.get(pair.selector(kind)).timeout(ANSWER_TIMEOUT);
-        // A question that cannot be put drops the callback, and counts as unanswered.
-        let _ = get.callback(move |reply| asked.answered(&reply)).wait();
+        // A question that cannot be sent drops the callback, and counts as unanswered.
+        let _ = get.callback(move |reply| asked.take_reply(&reply)).wait();
     }
     let deadline = Instant::now() + PATIENCE;
     while tally.under_way.load(Ordering::Acquire) > 0 && Instant::now() < deadline {
@@ -349,7 +351,8 @@ fn ask_all(config: &ClientsConfig, sessions: &[Session], pairs: &[Pair], kind: K
     }
 }
 
-/// One client that waits for each answer, of both kinds in turn: what it takes until the program has the answer.
+/// A single client that waits for each answer, of both kinds in turn: the time until the program
+/// has the answer.
 fn ask_alone(session: &Session, pairs: &[Pair], count: usize) -> Result<(Latencies, Latencies), ClientsError> {
     let mut latencies = (Latencies::default(), Latencies::default());
     let timed = |selector: &str| -> Result<Duration, ClientsError> {
@@ -358,7 +361,7 @@ fn ask_alone(session: &Session, pairs: &[Pair], count: usize) -> Result<(Latenci
         Ok(at.elapsed())
     };
     for (number, pair) in (0..count).zip(pairs.iter().cycle()) {
-        // Neither always comes after the other.
+        // Alternates which kind comes first.
         if number % 2 == 0 {
             latencies.0.add(timed(&pair.path)?);
             latencies.1.add(timed(&pair.bare)?);

@@ -1,10 +1,11 @@
-//! How long many things took: counts by duration, to three digits, so that a million of them are a few hundred numbers.
+//! Durations as counts, rounded to three digits, so that a million of them take a few hundred
+//! numbers.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// Durations, counted.
+/// Counted durations.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Latencies {
     /// By microseconds, rounded to three digits.
@@ -18,20 +19,21 @@ fn rounded(us: u64) -> u64 {
 }
 
 impl Latencies {
-    /// One more.
+    /// Adds a duration.
     pub fn add(&mut self, duration: Duration) {
         let us = u64::try_from(duration.as_micros()).unwrap_or(u64::MAX);
         *self.counts.entry(rounded(us)).or_default() += 1;
         self.max_us = self.max_us.max(us);
     }
 
-    /// How many.
+    /// How many there are.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.counts.values().sum()
     }
 
-    /// The duration that `share` of them (0 to 1) do not exceed, milliseconds; NaN if there is none.
+    /// The duration that `share` of them (0 to 1) do not exceed, milliseconds; NaN if there is
+    /// none.
     #[must_use]
     pub fn quantile_ms(&self, share: f64) -> f64 {
         let rank = (self.count() as f64 * share).ceil().max(1.0);

@@ -1,19 +1,18 @@
-//! The fleet's server: a map-server, and on the same session a bare queryable that answers at once with as many bytes as it is
-//! asked for.
+//! The fleet's server: a map-server, with a bare queryable on the same session that answers at once
+//! with as many bytes as it is asked for.
 
-use map_server::config::LinkConfig;
-use map_server::{ServerConfig, ServerError};
+use map_server::{ServerConfig, ServerEndpoints, ServerError};
 use std::path::PathBuf;
 use zenoh::Wait;
 use zenoh::bytes::Encoding;
 use zenoh::query::Query;
 
-/// Where the bare queryable answers.
+/// The key of the bare queryable.
 pub const BARE_KEY: &str = "fleet/bare";
 /// Longest bare answer, bytes.
 const MAX_BARE_BYTES: usize = 1 << 20;
 
-/// What a client asks for a bare answer of so many bytes.
+/// The question for a bare answer of `bytes`.
 #[must_use]
 pub fn bare_selector(bytes: usize) -> String {
     format!("{BARE_KEY}?bytes={bytes}")
@@ -22,17 +21,17 @@ pub fn bare_selector(bytes: usize) -> String {
 fn answer(query: &Query) {
     let bytes = query.parameters().get("bytes").and_then(|bytes| bytes.parse::<usize>().ok()).unwrap_or(0);
     let payload = vec![b'.'; bytes.min(MAX_BARE_BYTES)];
-    // Who asked may be gone.
+    // The client may be gone.
     let _ = query.reply(BARE_KEY, payload).encoding(Encoding::APPLICATION_JSON).wait();
 }
 
-/// Runs until it is told to end.
+/// Runs until SIGTERM or Ctrl-C.
 ///
 /// # Errors
 /// [`ServerError`].
 pub fn serve(data: PathBuf, endpoint: String) -> Result<(), ServerError> {
-    let link = LinkConfig { listen: vec![endpoint], ..LinkConfig::default() };
-    map_server::cli::serve(ServerConfig::new(data, link), |session| {
+    let link = ServerEndpoints { listen: vec![endpoint], ..ServerEndpoints::default() };
+    map_server::serve_until_signal(ServerConfig::new(data, link), |session| {
         session.declare_queryable(BARE_KEY).callback(|query| answer(&query)).wait()
     })
 }

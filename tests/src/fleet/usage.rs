@@ -1,11 +1,11 @@
-//! What a process takes, as Linux counts it.
+//! The memory and processor time of a process, as Linux counts them.
 
 use std::time::Duration;
 
-/// Clock ticks a second in `/proc`: the same on every Linux that there is.
+/// Clock ticks per second in `/proc`: the same on every Linux.
 const TICKS_PER_S: f64 = 100.0;
 
-/// Memory that a process has resident, bytes; `None` when it is gone, or where there is no `/proc`.
+/// Resident memory of a process, bytes; `None` when it is gone, or without `/proc`.
 #[must_use]
 pub fn resident_bytes(process: u32) -> Option<u64> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
@@ -13,18 +13,18 @@ pub fn resident_bytes(process: u32) -> Option<u64> {
     Some(line.trim().strip_suffix(" kB")?.parse::<u64>().ok()? * 1024)
 }
 
-/// How long a process has computed, all its threads together.
+/// Processor time of a process, all its threads together.
 #[must_use]
 pub fn computed(process: u32) -> Option<Duration> {
     let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
-    // The name, in parentheses, may hold anything.
+    // The name, in parentheses, may contain anything.
     let after_name = stat.rsplit_once(") ")?.1;
     let mut numbers = after_name.split(' ').skip(11);
     let (user, system): (f64, f64) = (numbers.next()?.parse().ok()?, numbers.next()?.parse().ok()?);
     Some(Duration::from_secs_f64((user + system) / TICKS_PER_S))
 }
 
-/// Programs that want to compute, averaged over a minute.
+/// The load average over the last minute.
 #[must_use]
 pub fn load() -> Option<f64> {
     std::fs::read_to_string("/proc/loadavg").ok()?.split(' ').next()?.parse().ok()

@@ -1,23 +1,25 @@
-//! Those who write: explorers, and an operator who makes releases. Explorers are killed; most of them come back under their own name, and
-//! go on with their own numbers. Some keep what is not acknowledged on a disk and deliver it first. A run that is told that somebody else has
-//! its numbers ends, and the next one begins; one that keeps what it makes is never told so.
+//! Those who write: explorers, and an operator who makes releases. Explorers are killed; most of
+//! them come back under their own name and continue their own numbers. Some keep unacknowledged
+//! increments on a disk and deliver those first. A run that learns that somebody else has used its
+//! numbers ends, and the next one begins; a robot that keeps its increments never learns that.
 
-use super::writer::{End, Writer};
-use super::{Message, Violation};
-use fht_proto::query::Head;
+use crate::simulation::message::Message;
+use crate::simulation::outcome::Violation;
+use crate::simulation::writer::{End, Writer};
+use fht_proto::api::reply::Head;
 use fht_proto::{AuthorId, EdgeKey, FixedPose, Increment, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName};
-use mapper::window::Backlog;
+use mapper::publish::Backlog;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
 
 /// Chance of writing in a step.
 const WRITE_CHANCE: f64 = 0.03;
-/// Nodes that are written about, so that authors meet.
+/// How many nodes are written about; few, so that authors meet.
 const NODES: u32 = 12;
-/// After how long, microseconds.
+/// How long a killed explorer is away, microseconds, least and most.
 const AWAY_US: (u64, u64) = (100_000, 8_000_000);
-/// Share of those who came back that are killed again.
+/// Share of returned explorers that are killed again.
 const DYING_AGAIN: f64 = 0.5;
 /// How soon, microseconds, at most.
 const AGAIN_US: u64 = 15_000_000;
@@ -26,7 +28,7 @@ const AGAIN_US: u64 = 15_000_000;
 pub(super) struct Run {
     pub(super) written: Vec<Increment>,
     pub(super) acknowledged: u64,
-    /// Whether it has ended with the word that its numbers are another's.
+    /// Whether it ended because its numbers are another's.
     pub(super) is_told: bool,
 }
 
@@ -50,15 +52,15 @@ pub(super) struct Author {
     is_operator: bool,
     /// Chance of coming back.
     returning: f64,
-    /// Whether what is not acknowledged survives its runs.
+    /// Whether unacknowledged increments survive a run.
     keeps: bool,
     backlog: Option<Backlog>,
-    /// Nobody is killed from then on.
+    /// From then on nobody is killed.
     calm_us: u64,
     dies_us: Option<u64>,
     back_us: Option<u64>,
     writer: Option<Writer>,
-    /// Why the run ends now.
+    /// Why the run is about to end.
     ends: Option<End>,
     past: Vec<Run>,
     past_written: u64,
@@ -107,13 +109,13 @@ impl Author {
         self.returns
     }
 
-    /// All runs; the last one may go on.
+    /// All runs; the last one may still be running.
     pub(super) fn runs(&self) -> impl Iterator<Item = Run> + '_ {
         let past = self.past.iter().map(|run| Run { written: run.written.clone(), ..*run });
         past.chain(self.writer.iter().map(|writer| Run::of(writer, false)))
     }
 
-    /// Whether it has a disk and so gives no number twice.
+    /// Whether it has a disk and so uses no number twice.
     pub(super) fn keeps(&self) -> bool {
         self.keeps
     }
@@ -134,7 +136,8 @@ impl Author {
         format!("{} of {} written, acknowledged to {acknowledged}", self.written(), self.last)
     }
 
-    /// A first run is never refused, and none of an explorer that keeps what it makes: nobody else has its name.
+    /// A first run is never refused, and neither is an explorer that keeps its increments: nobody
+    /// else has its name.
     pub(super) fn receive(&mut self, message: Message, now: Instant) -> Result<(), Violation> {
         let Some(writer) = self.writer.as_mut().filter(|_| self.ends.is_none()) else { return Ok(()) };
         if let Err(end) = writer.receive(message, now) {
@@ -169,7 +172,7 @@ impl Author {
             }
             writer.write(ops, now_us);
         }
-        // What was just written may be on the disk and never have been put.
+        // What was just written may be on the disk without ever having been put.
         if self.dies_us.take_if(|dies_us| now_us >= *dies_us).is_some() {
             self.end(End::Killed, now_us, rng);
             return Vec::new();
@@ -179,7 +182,7 @@ impl Author {
             Vec::new()
         });
         if self.keeps && writer.has_delivered() {
-            // The next run has all that it made acknowledged.
+            // The next run has everything that this one made acknowledged.
             self.past.iter_mut().for_each(|run| run.acknowledged = run.last());
         }
         sent
@@ -203,8 +206,8 @@ impl Author {
     }
 }
 
-/// What an operator's program writes besides: a release of what the server says that it has, and now and then which one robots are to use,
-/// the one made last or the newest state.
+/// The operator's extra operations: a release of what the server says it has, and now and then
+/// which release robots are to use, the latest or the newest state.
 fn release_ops(author: AuthorId, written: u64, rng: &mut ChaCha8Rng, head: &Head) -> Vec<Op> {
     let mut ops = Vec::new();
     let release = Release { vector: head.vector.clone(), digest: head.digest };

@@ -1,13 +1,15 @@
-//! A disk under a server whose machine fails at some writes: before the commit or after it, never in between, which is what `redb`
-//! promises. What was committed is there when the machine comes back.
+//! A disk under a server whose machine fails at some writes: before the commit or after it, but
+//! never in between, which is what `redb` promises. What was committed is there when the machine
+//! comes back.
 
-use fht_proto::{AuthorId, MapName, VersionVector};
-use map_server::log::{Floor, FoldRecord, IncrementLog, Piece, Record, StoreError, Stored, Visit};
-use map_server::memory::MemoryLog;
+use crate::simulation::message::map;
+use fht_proto::{AuthorId, MapName};
+use map_server::store::{
+    CompactedRecord, CompactionFloor, IncrementLog, LogReader, MemoryLog, Record, StoreError, Stored,
+};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
-use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
 
 /// The disk.
@@ -15,7 +17,8 @@ use std::sync::{Mutex, PoisonError};
 pub(super) struct Disk {
     kept: MemoryLog,
     fate: Mutex<Fate>,
-    /// All that was ever committed, for the checks: what is folded cannot be read any more.
+    /// Everything that was ever committed, for the checks: compacted increments can no longer be
+    /// read.
     history: Mutex<BTreeMap<(AuthorId, u64), Vec<u8>>>,
 }
 
@@ -48,7 +51,7 @@ impl Disk {
         self.fate().crashes
     }
 
-    /// Does `write`, unless the machine fails before it; afterwards it may fail, too.
+    /// Does `write`, unless the machine fails before it; it may also fail after it.
     fn commit(&self, write: impl FnOnce() -> Result<(), StoreError>) -> Result<(), StoreError> {
         let (before, after) = {
             let mut fate = self.fate();
@@ -64,11 +67,11 @@ impl Disk {
         if after { Err(crashed()) } else { Ok(()) }
     }
 
-    /// What is there under a number, or was before it was folded.
+    /// What is stored under a number, or was before it was compacted.
     pub(super) fn stored(&self, author: AuthorId, number: u64) -> Option<Vec<u8>> {
-        match self.kept.stored(&super::map(), author, number) {
+        match self.kept.stored(&map(), author, number) {
             Ok(Stored::Increment(bytes)) => Some(bytes),
-            Ok(Stored::Folded) => {
+            Ok(Stored::Compacted) => {
                 self.history.lock().unwrap_or_else(PoisonError::into_inner).get(&(author, number)).cloned()
             }
             Ok(Stored::Absent) | Err(_) => None,
@@ -82,6 +85,10 @@ impl Disk {
 }
 
 impl IncrementLog for Disk {
+    fn reader(&self) -> &dyn LogReader {
+        &self.kept
+    }
+
     fn append(&self, records: &[Record]) -> Result<(), StoreError> {
         self.commit(|| {
             self.kept.append(records)?;
@@ -90,37 +97,21 @@ impl IncrementLog for Disk {
         })
     }
 
-    fn stored(&self, map: &MapName, author: AuthorId, number: u64) -> Result<Stored, StoreError> {
-        self.kept.stored(map, author, number)
-    }
-
-    fn for_each(&self, of: Option<&MapName>, visit: &mut Visit<'_>) -> Result<(), StoreError> {
-        self.kept.for_each(of, visit)
-    }
-
-    fn for_each_lacking(
+    fn add_compacted(
         &self,
         map: &MapName,
-        have: &VersionVector,
-        upto: &VersionVector,
-        visit: &mut dyn FnMut(Piece<'_>) -> ControlFlow<()>,
+        floor: &CompactionFloor,
+        series: &[CompactedRecord],
     ) -> Result<(), StoreError> {
-        self.kept.for_each_lacking(map, have, upto, visit)
+        self.commit(|| self.kept.add_compacted(map, floor, series))
     }
 
-    fn vector_at(&self, map: &MapName, version: u64) -> Result<Option<VersionVector>, StoreError> {
-        self.kept.vector_at(map, version)
-    }
-
-    fn floor(&self, map: &MapName) -> Result<Floor, StoreError> {
-        self.kept.floor(map)
-    }
-
-    fn add_folds(&self, map: &MapName, floor: &Floor, folds: &[FoldRecord]) -> Result<(), StoreError> {
-        self.commit(|| self.kept.add_folds(map, floor, folds))
-    }
-
-    fn replace_folded(&self, map: &MapName, floor: &Floor, folds: &[FoldRecord]) -> Result<(), StoreError> {
-        self.commit(|| self.kept.replace_folded(map, floor, folds))
+    fn replace_compacted(
+        &self,
+        map: &MapName,
+        floor: &CompactionFloor,
+        series: &[CompactedRecord],
+    ) -> Result<(), StoreError> {
+        self.commit(|| self.kept.replace_compacted(map, floor, series))
     }
 }

@@ -1,7 +1,8 @@
-//! A client: the real copy and the real decisions about what to ask; questions that are not answered in time end.
+//! A client: the real copy, and the real decisions about what to ask. Questions that are not
+//! answered in time end.
 
-use super::{Message, SERVER};
-use client_robot::sync::{Question, Sync, SyncConfig};
+use crate::simulation::message::{Message, SERVER};
+use fht_client::{Sync, SyncConfig, SyncQuestion};
 use fht_map::Replica;
 use fht_proto::{Digest, Increment, decode};
 use rand::RngExt;
@@ -11,7 +12,7 @@ use std::time::{Duration, Instant};
 /// How long an answer may take.
 const HEAD_TIMEOUT: Duration = Duration::from_secs(1);
 const PART_TIMEOUT: Duration = Duration::from_secs(5);
-/// Chance that the robot is switched off and on again in a step.
+/// Chance that the robot is restarted in a step.
 const RESTART_CHANCE: f64 = 0.0005;
 
 pub(super) struct Follower {
@@ -31,7 +32,8 @@ impl Follower {
         Self { place, copy, sync, next_id: 0, head: None, part: None, is_calm: false }
     }
 
-    /// The copy that an explorer keeps: it is never switched off alone. Its questions are numbered after `next_id`.
+    /// The copy that an explorer keeps: it is never restarted alone. Its questions are numbered
+    /// after `next_id`.
     pub(super) fn of_explorer(place: usize, next_id: u64) -> Self {
         Self { next_id, is_calm: true, ..Self::new(place) }
     }
@@ -44,7 +46,7 @@ impl Follower {
         &self.copy
     }
 
-    /// What it runs: the digest of the release that is enabled; none: its copy.
+    /// What it runs: the digest of the enabled release; none: its copy.
     pub(super) fn runs(&self) -> Option<Digest> {
         self.sync.running().map(|running| running.state.digest())
     }
@@ -94,15 +96,15 @@ impl Follower {
             self.next_id += 1;
             let id = self.next_id;
             let message = match question {
-                Question::Head => {
+                SyncQuestion::Head => {
                     self.head = Some((id, now));
                     Message::AskHead { id }
                 }
-                Question::Since(have) => {
+                SyncQuestion::Since(have) => {
                     self.part = Some((id, now));
                     Message::AskSince { id, have }
                 }
-                Question::At { vector, have } => {
+                SyncQuestion::At { vector, have } => {
                     self.part = Some((id, now));
                     Message::AskAt { id, vector, have }
                 }

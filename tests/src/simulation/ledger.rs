@@ -1,7 +1,7 @@
-//! What servers have ever said that they have: by author and number, the increment that a head covered. It may neither go nor become
-//! another one.
+//! Everything that servers have ever acknowledged: by author and number, the increment that a head
+//! covered. It may neither vanish nor become another one.
 
-use super::Violation;
+use crate::simulation::outcome::Violation;
 use fht_proto::{AuthorId, Increment, VersionVector, decode};
 use std::collections::BTreeMap;
 
@@ -11,7 +11,8 @@ pub(super) struct Ledger {
 }
 
 impl Ledger {
-    /// A server says that it has everything up to `vector`, after it had said so `upto` another; `stored` is what it has.
+    /// A server says that it has everything up to `vector`, after it had said so `upto` another;
+    /// `stored` returns what it has.
     pub(super) fn cover(
         &mut self,
         upto: &VersionVector,
@@ -30,7 +31,7 @@ impl Ledger {
         Ok(())
     }
 
-    /// All of them as they are now, decoded.
+    /// All covered increments, decoded.
     pub(super) fn increments(&self) -> impl Iterator<Item = Result<Increment, Violation>> + '_ {
         self.covered.values().map(|bytes| decode(bytes).map_err(|error| Violation::Failed(error.to_string())))
     }

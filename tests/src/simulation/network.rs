@@ -1,7 +1,7 @@
-//! Links that lose, delay, repeat and reorder; places that are cut off from everybody, and partitions: two groups between which nothing
-//! passes for a while.
+//! Links that lose, delay, repeat and reorder; places that are cut off from everybody; and
+//! partitions: two groups between which nothing passes for a while.
 
-use super::Message;
+use crate::simulation::message::Message;
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -16,13 +16,13 @@ pub struct NetworkConfig {
     pub repeated: f64,
     /// Least and greatest delay, milliseconds; messages overtake each other. Default 1 to 400.
     pub delay_ms: (u64, u64),
-    /// How often somebody is cut off, seconds between cuts of one place, on average. Default 20.
+    /// Average time between cuts of one place, seconds. Default 20.
     pub cut_every_s: f64,
-    /// For how long, seconds, at most. Default 15.
+    /// Longest cut, seconds. Default 15.
     pub cut_for_s: u64,
-    /// How often all places fall into two groups, seconds between partitions, on average. Default 20.
+    /// Average time between partitions into two groups, seconds. Default 20.
     pub part_every_s: f64,
-    /// For how long, seconds, at most. Default 10.
+    /// Longest partition, seconds. Default 10.
     pub part_for_s: u64,
 }
 
@@ -44,7 +44,7 @@ impl Default for NetworkConfig {
 pub(super) struct Network {
     config: NetworkConfig,
     is_calm: bool,
-    /// Places that hear what is published; the others are storages, which only servers speak to.
+    /// Places that receive what is published; the others are storages, which only servers talk to.
     hearers: usize,
     /// By time of arrival and order of sending.
     under_way: BTreeMap<(u64, u64), (usize, usize, Message)>,
@@ -52,7 +52,7 @@ pub(super) struct Network {
     cut_until_us: Vec<u64>,
     /// Until when nothing passes between the two groups.
     parted_until_us: u64,
-    /// Who is in the second of them.
+    /// Who is in the second group.
     is_beyond: Vec<bool>,
     counts: NetworkCounts,
 }
@@ -65,7 +65,7 @@ pub(super) struct NetworkCounts {
     pub(super) partitions: u64,
 }
 
-/// A thin link that is not cut, milliseconds.
+/// Least and greatest delay of a link in calm times, milliseconds.
 const CALM_DELAY_MS: (u64, u64) = (1, 20);
 /// Steps in a second.
 const STEPS_PER_S: f64 = 100.0;
@@ -100,13 +100,15 @@ impl Network {
         self.cut_until_us.get(place).is_some_and(|until_us| *until_us > now_us)
     }
 
-    /// Whether there is a way from one place to another: neither is cut off, and they are in one group.
+    /// Whether a message can pass from one place to another: neither is cut off, and they are in
+    /// one group.
     pub(super) fn reaches(&self, from: usize, to: usize, now_us: u64) -> bool {
         let is_parted = self.parted_until_us > now_us && self.is_beyond.get(from) != self.is_beyond.get(to);
         !is_parted && !self.is_cut(from, now_us) && !self.is_cut(to, now_us)
     }
 
-    /// What is sent between two places overtakes what was sent before; but the end of an answer comes last, as Zenoh sees to.
+    /// Messages between two places overtake each other; but the end of an answer comes last, as
+    /// Zenoh guarantees.
     pub(super) fn send(&mut self, from: usize, to: usize, message: Message, now_us: u64, rng: &mut ChaCha8Rng) {
         self.counts.sent += 1;
         let trouble = !self.is_calm;
@@ -129,14 +131,14 @@ impl Network {
         }
     }
 
-    /// To everybody else; to each on its own link.
+    /// Sends to everybody else, each on its own link.
     pub(super) fn publish(&mut self, from: usize, message: &Message, now_us: u64, rng: &mut ChaCha8Rng) {
         for to in (0..self.hearers).filter(|&to| to != from) {
             self.send(from, to, message.clone(), now_us, rng);
         }
     }
 
-    /// What arrives now; what is on its way and has no way any more is lost.
+    /// What arrives now; messages whose way is now interrupted are lost.
     pub(super) fn arriving(&mut self, now_us: u64) -> Vec<(usize, usize, Message)> {
         let later = self.under_way.split_off(&(now_us + 1, 0));
         let due = std::mem::replace(&mut self.under_way, later);
@@ -146,7 +148,7 @@ impl Network {
         arrived
     }
 
-    /// Perhaps somebody is cut off now, or all fall into two groups.
+    /// By chance, cuts a place off, or splits all places into two groups.
     pub(super) fn weather(&mut self, now_us: u64, rng: &mut ChaCha8Rng) {
         if self.is_calm {
             return;

@@ -1,33 +1,33 @@
-//! What a server tells writers whose increments it refuses because it has others of their numbers. The intake itself lets through a word a
-//! second by the clock of the real machine, on which nothing may depend here; so this decides the same in simulated time.
+//! What a server tells writers whose increments it refuses because it has others with their
+//! numbers. The real ingest limits these notices by the real clock, on which nothing may depend
+//! here; so this decides the same in simulated time.
 
-use super::map;
-use fht_proto::keys::Key;
-use fht_proto::query::{ErrorCode, ErrorReply};
+use crate::simulation::message::map;
+use fht_proto::api::keys::Key;
+use fht_proto::api::reply::{ErrorCode, ErrorReply};
 use fht_proto::{AuthorId, VersionVector};
-use map_server::check::Arrival;
-use map_server::log::{IncrementLog, Stored};
-use map_server::refusals::{Notice, Refusals};
+use map_server::ingest::{Arrival, RefusalNotice, RefusalThrottle};
+use map_server::store::{IncrementLog, Stored};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
-/// A writer is told at most this often, as by the intake.
+/// The shortest time between two notices to a writer, as in the real ingest.
 const PERIOD: Duration = Duration::from_secs(1);
 
 pub(super) struct Refused {
-    /// Those that wait for a gap to close: the first of each number stays.
+    /// Increments that wait for a gap to close: the first of each number stays.
     waiting: BTreeMap<(AuthorId, u64), Vec<u8>>,
-    refusals: Refusals,
+    refusals: RefusalThrottle,
     /// What simulated time counts from.
     origin: Instant,
 }
 
 impl Refused {
     pub(super) fn new() -> Self {
-        Self { waiting: BTreeMap::new(), refusals: Refusals::new(PERIOD), origin: Instant::now() }
+        Self { waiting: BTreeMap::new(), refusals: RefusalThrottle::new(PERIOD), origin: Instant::now() }
     }
 
-    /// Notes what is about to be taken in; returns what is offered by writers.
+    /// Notes what is about to be taken in; returns what writers offer.
     pub(super) fn offered(&mut self, arrivals: &[Arrival], vector: &VersionVector) -> Vec<(AuthorId, u64, Vec<u8>)> {
         self.waiting.retain(|(author, number), _| *number > vector.get(*author));
         let offered = arrivals.iter().filter_map(|arrival| {
@@ -43,7 +43,8 @@ impl Refused {
         offered
     }
 
-    /// Who is told, now that all was taken in: those whose increment is another than what is there, or what waits.
+    /// Who is told, after everything was taken in: writers whose increment differs from what is
+    /// stored, or from what waits.
     pub(super) fn told(
         &mut self,
         offered: Vec<(AuthorId, u64, Vec<u8>)>,
@@ -53,13 +54,13 @@ impl Refused {
         let now = self.origin + Duration::from_micros(now_us);
         let mut told = BTreeSet::new();
         for (author, number, bytes) in offered {
-            let is_other = match log.stored(&map(), author, number) {
+            let is_other = match log.reader().stored(&map(), author, number) {
                 Ok(Stored::Increment(stored)) => stored != bytes,
-                // Nobody can tell any more.
-                Ok(Stored::Folded) | Err(_) => false,
+                // It cannot be told any more.
+                Ok(Stored::Compacted) | Err(_) => false,
                 Ok(Stored::Absent) => self.waiting.get(&(author, number)).is_some_and(|first| *first != bytes),
             };
-            let notice = Notice { map: map(), author, reply: ErrorReply::new(ErrorCode::Conflict, "") };
+            let notice = RefusalNotice { map: map(), author, reply: ErrorReply::new(ErrorCode::Conflict, "") };
             if is_other && self.refusals.pass(&notice, now) {
                 told.insert(author);
             }

@@ -1,26 +1,22 @@
-//! A server: what comes in goes through the real intake, onto a disk that may fail or into storages that may; questions are answered from
-//! the real catalog and log.
+//! A server: increments go through the real ingest, onto a disk that may fail or into storages that
+//! may; questions are answered from the real catalog and log.
 
-use super::disk::Disk;
-use super::ledger::Ledger;
-use super::refused::Refused;
-use super::storages::Site;
-use super::{EVERYBODY, Message, Violation, map, unpack};
-use fht_proto::keys::{Key, Topic};
-use fht_proto::query::{ErrorCode, Head};
-use fht_proto::request::parse;
+use crate::simulation::disk::Disk;
+use crate::simulation::ledger::Ledger;
+use crate::simulation::message::{EVERYBODY, Message, map, unpack};
+use crate::simulation::outcome::Violation;
+use crate::simulation::refused::Refused;
+use crate::simulation::storages::Site;
+use fht_proto::api::keys::{Key, Topic};
+use fht_proto::api::reply::{ErrorCode, Head};
+use fht_proto::api::request::parse;
 use fht_proto::{AuthorId, Digest, Increment, Release, VersionVector, encode};
-use map_server::answer::{Answer, Sources, answer};
-use map_server::basis::state_at;
-use map_server::catalog::Catalog;
-use map_server::catch_up::{self, CatchUp, CatchUpConfig};
-use map_server::check::Arrival;
-use map_server::config::{AnswerConfig, Limits};
-use map_server::fleet::Fleet;
-use map_server::ingest::Ingest;
-use map_server::live::LiveRules;
-use map_server::log::{IncrementLog, StoreError, Stored};
-use map_server::quorum::{QuorumLog, settle};
+use map_server::catalog::{Catalog, state_at};
+use map_server::config::{AnswerConfig, GapFillConfig, Limits};
+use map_server::ingest::{Arrival, Ingest};
+use map_server::query::{ActiveRules, Answer, AnswerSources, Fleet, answer};
+use map_server::replicated::{GapFill, QuorumLog, restore, settle_disputed};
+use map_server::store::{IncrementLog, StoreError, Stored};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
@@ -37,13 +33,13 @@ pub(super) enum Ground {
 /// What runs until the machine fails.
 struct Running {
     ingest: Ingest,
-    sources: Sources,
+    sources: AnswerSources,
     arrivals: Vec<Arrival>,
     questions: Vec<(usize, Message)>,
-    missed: CatchUp,
-    look_at_us: u64,
+    gaps: GapFill,
+    next_gap_fill_us: u64,
     refused: Refused,
-    /// Up to where it was noted what its heads cover.
+    /// How far its heads have been noted in the ledger.
     covered: VersionVector,
 }
 
@@ -54,23 +50,24 @@ pub(super) struct Server {
     running: Option<Running>,
     up_at_us: u64,
     is_calm: bool,
-    folded: u64,
+    compactions: u64,
     crashes: u64,
-    /// How often it gave way to storages that keep another increment than it has.
+    /// How often it gave way because storages hold another increment.
     overruled: u64,
-    /// The releases as they were first seen; none for those of states that had been folded away before the release came.
+    /// The releases as they were first seen; none if their states had been compacted away before
+    /// the release arrived.
     releases: BTreeMap<String, Option<Release>>,
 }
 
 /// How long a machine takes to come back, seconds, at most.
 const DOWN_S: u64 = 5;
-/// Chance of folding the log in a step.
-const FOLD_CHANCE: f64 = 0.002;
+/// Chance of compacting the log in a step.
+const COMPACT_CHANCE: f64 = 0.002;
 /// Chance that a server without a disk is killed in a step.
 const KILL_CHANCE: f64 = 0.0005;
-/// How often such a server looks for what it has missed, microseconds.
-const LOOK_EVERY_US: u64 = 1_000_000;
-/// Clocks of the explorers start at 0; nobody is ahead of this.
+/// How often such a server looks for gaps, microseconds.
+const GAP_FILL_EVERY_US: u64 = 1_000_000;
+/// The server's clock. Explorers' clocks start at 0, so none of them is ahead of it.
 const WALL_US: u64 = 1_795_000_000_000_000;
 
 impl Server {
@@ -81,7 +78,7 @@ impl Server {
             running: None,
             up_at_us: 0,
             is_calm: false,
-            folded: 0,
+            compactions: 0,
             crashes: 0,
             overruled: 0,
             releases: BTreeMap::new(),
@@ -104,11 +101,11 @@ impl Server {
         self.running.is_some()
     }
 
-    /// What it has under a number, folded or not.
+    /// What it has under a number, compacted or not.
     pub(super) fn stored(&self, author: AuthorId, number: u64) -> Option<Vec<u8>> {
         match &self.ground {
             Ground::Disk(disk) => disk.stored(author, number),
-            Ground::Site(_) => match self.running.as_ref()?.sources.log.stored(&map(), author, number) {
+            Ground::Site(_) => match self.running.as_ref()?.sources.log.reader().stored(&map(), author, number) {
                 Ok(Stored::Increment(bytes)) => Some(bytes),
                 _ => None,
             },
@@ -129,7 +126,7 @@ impl Server {
         self.overruled
     }
 
-    /// Notes what its head covers now.
+    /// Notes in the ledger what its head covers now.
     pub(super) fn note_covered(&mut self, ledger: &mut Ledger) -> Result<(), Violation> {
         let Some(head) = self.head() else { return Ok(()) };
         if let Some(running) = &self.running {
@@ -148,8 +145,8 @@ impl Server {
         }
     }
 
-    pub(super) fn folded(&self) -> u64 {
-        self.folded
+    pub(super) fn compactions(&self) -> u64 {
+        self.compactions
     }
 
     pub(super) fn releases(&self) -> usize {
@@ -160,8 +157,8 @@ impl Server {
         self.running.as_ref()?.sources.catalog.view(&map()).map(|view| view.head)
     }
 
-    /// What robots are to run: the digest of the release that is enabled, or none for the newest state. Nothing is said of a release that
-    /// cannot be had: robots go on with what they ran.
+    /// What robots should run: the digest of the enabled release, or none for the newest state.
+    /// Unknown while the release is not available: robots go on with what they ran.
     pub(super) fn runs(&self) -> Option<Option<Digest>> {
         let view = self.running.as_ref()?.sources.catalog.view(&map())?;
         match view.state.annotations().enabled() {
@@ -188,36 +185,36 @@ impl Server {
                 (Arc::new(QuorumLog::new(site.seen_by(self.place), Site::quorum())), Arc::new(Catalog::default()))
             }
         };
-        let sources = Sources {
+        let sources = AnswerSources {
             catalog: Arc::clone(&catalog),
             log: Arc::clone(&log),
-            live: Arc::new(LiveRules::default()),
+            active_rules: Arc::new(ActiveRules::default()),
             fleet: Arc::new(Fleet::default()),
             config: Arc::new(AnswerConfig::default()),
         };
         let mut ingest = Ingest::new(log, catalog, Limits::default());
         if let Ground::Site(site) = &self.ground {
-            match catch_up::restore(site.seen_by(self.place).as_ref(), Site::quorum(), &mut ingest) {
+            match restore(site.seen_by(self.place).as_ref(), Site::quorum(), &mut ingest) {
                 Ok(()) => {}
                 Err(StoreError::Unconfirmed) => return Ok(None),
                 Err(other) => return Err(failed(other)),
             }
         }
-        let missed =
-            CatchUp::new(CatchUpConfig { part: 3, max_increments: 10, list_every: 5, ..CatchUpConfig::default() });
+        let gaps =
+            GapFill::new(GapFillConfig { part: 3, max_increments: 10, list_every: 5, ..GapFillConfig::default() });
         let (arrivals, questions) = (Vec::new(), Vec::new());
         let (refused, covered) = (Refused::new(), VersionVector::default());
-        Ok(Some(Running { ingest, sources, arrivals, questions, missed, look_at_us: now_us, refused, covered }))
+        Ok(Some(Running { ingest, sources, arrivals, questions, gaps, next_gap_fill_us: now_us, refused, covered }))
     }
 
-    /// What has arrived, if there is a way to keep it now; and what is found to have been missed.
+    /// What has arrived, if it can be kept now, and what the gap fill has found.
     fn arrivals(&mut self, now_us: u64) -> Vec<Arrival> {
         let Some(running) = &mut self.running else { return Vec::new() };
         if let Ground::Site(site) = &self.ground {
-            if now_us >= running.look_at_us {
-                running.look_at_us = now_us + LOOK_EVERY_US;
+            if now_us >= running.next_gap_fill_us {
+                running.next_gap_fill_us = now_us + GAP_FILL_EVERY_US;
                 let heads = running.sources.catalog.heads();
-                running.arrivals.extend(running.missed.look(site.seen_by(self.place).as_ref(), &heads));
+                running.arrivals.extend(running.gaps.find_missing(site.seen_by(self.place).as_ref(), &heads));
             }
             if !site.is_within_reach(self.place) {
                 return Vec::new();
@@ -226,8 +223,9 @@ impl Server {
         std::mem::take(&mut running.arrivals)
     }
 
-    /// Takes in what has arrived; what others should hear of it. `None` when the machine fails.
-    fn take(
+    /// Takes in what has arrived; returns what others should hear of it. `None` when the machine
+    /// fails.
+    fn take_in(
         &mut self,
         arrivals: Vec<Arrival>,
         now_us: u64,
@@ -237,9 +235,9 @@ impl Server {
         let Some(running) = &mut self.running else { return Ok(Some(Vec::new())) };
         let offered = running.refused.offered(&arrivals, &vector);
         let log = Arc::clone(&running.sources.log);
-        let taken = running.ingest.take(arrivals, WALL_US).and_then(|taken| {
+        let taken = running.ingest.take_arrivals(arrivals, WALL_US).and_then(|taken| {
             if let Ground::Site(site) = &self.ground {
-                settle(&taken.disputed, log.as_ref(), site.seen_by(self.place).as_ref())?;
+                settle_disputed(&taken.disputed, log.as_ref(), site.seen_by(self.place).as_ref())?;
             }
             Ok(taken)
         });
@@ -258,10 +256,10 @@ impl Server {
         let told = running.refused.told(offered, log.as_ref(), now_us);
         let told = told.into_iter().map(|author| (author.0 as usize, Message::Refused));
         let announced = running.sources.catalog.view(&map()).filter(|_| !taken.announce.is_empty());
-        let folds = matches!(self.ground, Ground::Disk(_)) && rng.random_bool(FOLD_CHANCE);
-        if folds {
+        let compacts = matches!(self.ground, Ground::Disk(_)) && rng.random_bool(COMPACT_CHANCE);
+        if compacts {
             match running.ingest.retain(&map(), rng.random_range(0..40)) {
-                Ok(retained) => self.folded += u64::from(retained.is_some_and(|retained| retained.folded > 0)),
+                Ok(retained) => self.compactions += u64::from(retained.is_some_and(|retained| retained.folded > 0)),
                 Err(_) => return Ok(None),
             }
         }
@@ -269,7 +267,7 @@ impl Server {
         Ok(Some(told.chain(heads).collect()))
     }
 
-    /// What everybody is sent, and what those who asked are answered.
+    /// What everybody is sent, and the answers to questions.
     pub(super) fn act(&mut self, now_us: u64, rng: &mut ChaCha8Rng) -> Result<Vec<(usize, usize, Message)>, Violation> {
         if self.running.is_none() && (now_us >= self.up_at_us || self.is_calm) {
             self.running = self.start(now_us)?;
@@ -280,11 +278,11 @@ impl Server {
         }
         let arrivals = self.arrivals(now_us);
         let is_killed = matches!(self.ground, Ground::Site(_)) && !self.is_calm && rng.random_bool(KILL_CHANCE);
-        let announced = self.take(arrivals, now_us, rng)?.filter(|_| !is_killed);
+        let announced = self.take_in(arrivals, now_us, rng)?.filter(|_| !is_killed);
         let mut sent = Vec::new();
         if let Ground::Site(site) = &self.ground {
-            // What it put is out, whatever becomes of it.
-            for put in site.take_heard(self.place) {
+            // What it has put is out, whatever becomes of the server.
+            for put in site.take_puts(self.place) {
                 let others = (0..site.servers()).filter(|other| *other != self.place);
                 sent.extend(others.map(|other| (self.place, other, put.clone())));
             }
@@ -303,7 +301,7 @@ impl Server {
         Ok(sent)
     }
 
-    /// A release is what it was when it was first seen.
+    /// Checks that releases are what they were when they were first seen.
     fn note_releases(&mut self) -> Result<(), Violation> {
         let Some(running) = &self.running else { return Ok(()) };
         let (log, Some(view)) = (&running.sources.log, running.sources.catalog.view(&map())) else { return Ok(()) };
@@ -312,7 +310,7 @@ impl Server {
             let first = match self.releases.get(&id) {
                 Some(first) => first,
                 None => {
-                    let floor = log.floor(&map()).map_err(|error| Violation::Failed(error.to_string()))?;
+                    let floor = log.reader().floor(&map()).map_err(|error| Violation::Failed(error.to_string()))?;
                     let is_whole = release.release.vector.covers(&floor.vector);
                     self.releases.entry(id.clone()).or_insert(is_whole.then(|| release.release.clone()))
                 }
@@ -324,7 +322,7 @@ impl Server {
         Ok(())
     }
 
-    /// Every release adds up to what it was made of.
+    /// Checks that every release adds up to what it was made of.
     pub(super) fn check_releases(&self) -> Result<(), Violation> {
         let Some(running) = &self.running else { return Ok(()) };
         for (id, release) in &self.releases {
@@ -349,8 +347,8 @@ fn pieces(id: u64, answers: Vec<Answer>) -> Result<Vec<Message>, Violation> {
     Ok(messages)
 }
 
-/// What a question is answered with, over the text forms that travel.
-fn answers(sources: &Sources, question: Message) -> Result<Vec<Message>, Violation> {
+/// The answer to a question, through the text forms that travel.
+fn answers(sources: &AnswerSources, question: Message) -> Result<Vec<Message>, Violation> {
     let ask = |topic: Topic, parameters: &[(&str, &str)]| {
         let key = Key::topic(&map(), topic);
         parse(key, parameters.iter().copied(), None).and_then(|request| answer(request, sources, 0))

@@ -1,27 +1,29 @@
-//! Replicated storages under several servers: dumb, newest put wins, each on a machine of its own that fails at some writes, before or
-//! after them, and keeps what it has. What is put or asked may be lost on the way to any of them, and puts may come late. Those that are
-//! up and reach each other compare what they have now and then. Each has a place in the network, so it may be cut off, or parted from servers
-//! and from other storages.
+//! Replicated storages under several servers. They are plain: the newest put wins. Each runs on a
+//! machine of its own that fails at some writes, before or after them, and keeps what it has. Puts
+//! and questions may be lost on the way to any of them, and puts may arrive late. Storages that are
+//! up and reach each other align now and then. Each has a place in the network, so it may be cut
+//! off, or partitioned from servers and from other storages.
 
-use super::network::NetworkConfig;
-use super::{Message, map};
-use fht_proto::keys::Key;
+use crate::simulation::message::{Message, map};
+use crate::simulation::network::NetworkConfig;
+use fht_proto::api::keys::Key;
 use fht_proto::{AuthorId, Increment, MapName, encode};
-use map_server::storages::{Held, Place, QuorumConfig, Storages};
+use map_server::QuorumConfig;
+use map_server::replicated::{Held, IncrementKey, Storages};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Storages of a site.
+/// How many storages a site has.
 pub(super) const COUNT: usize = 3;
 /// How long a storage's machine takes to come back, seconds, at most.
 const DOWN_S: u64 = 5;
-/// Chance that two storages compare what they have in a step.
+/// Chance that two storages align in a step.
 const ALIGN_CHANCE: f64 = 0.005;
-/// Share of puts that come late, and by how much, microseconds, at most.
+/// Share of puts that arrive late, and by how much, microseconds, at most.
 const LATE: (f64, u64) = (0.1, 2_000_000);
-/// A server gives up after so many questions: it is begun anew then.
+/// A server gives up after so many questions and is started anew.
 const PATIENCE: u32 = 8;
 
 /// When and by whom something was put; the newest counts.
@@ -29,30 +31,30 @@ type Stamp = (u64, u64);
 
 #[derive(Debug, Default)]
 struct Storage {
-    held: BTreeMap<Place, (Stamp, Vec<u8>)>,
+    held: BTreeMap<IncrementKey, (Stamp, Vec<u8>)>,
     down_until_us: u64,
 }
 
 impl Storage {
-    fn take(&mut self, place: &Place, stamp: Stamp, bytes: &[u8]) {
+    fn take_put(&mut self, place: &IncrementKey, stamp: Stamp, bytes: &[u8]) {
         if self.held.get(place).is_none_or(|(before, _)| *before < stamp) {
             self.held.insert(place.clone(), (stamp, bytes.to_vec()));
         }
     }
 }
 
-/// A put that comes late.
+/// A put that arrives late.
 #[derive(Debug)]
 struct Late {
     at_us: u64,
     server: usize,
     storage: usize,
-    place: Place,
+    place: IncrementKey,
     stamp: Stamp,
     bytes: Vec<u8>,
 }
 
-/// Between whom there is a way now.
+/// Which places reach each other now.
 #[derive(Debug)]
 pub(super) struct Reach {
     /// By server.
@@ -72,7 +74,7 @@ struct State {
     storages: [Storage; COUNT],
     late: Vec<Late>,
     reach: Reach,
-    /// What each server has put since this was asked: the others hear it, too.
+    /// What each server has put since the last call: the others receive it, too.
     heard: Vec<Vec<Message>>,
 }
 
@@ -86,19 +88,19 @@ impl State {
         self.reach.servers[server][storage] && self.is_up(storage) && !self.rng.random_bool(self.loss)
     }
 
-    /// The storages that a server has a connection to, if all of them come to the end of their answer.
+    /// The storages that a server is connected to, if all of them answer completely.
     fn answering(&mut self, server: usize) -> Option<Vec<usize>> {
         let is_there = |storage: &usize| self.reach.servers[server][*storage] && self.is_up(*storage);
         let there: Vec<usize> = (0..COUNT).filter(is_there).collect();
         there.iter().all(|&storage| self.arrives(server, storage)).then_some(there)
     }
 
-    /// Writes, unless the machine fails before it; afterwards it may fail, too.
-    fn write(&mut self, storage: usize, place: &Place, stamp: Stamp, bytes: &[u8]) {
+    /// Writes, unless the machine fails before it; it may also fail after it.
+    fn write(&mut self, storage: usize, place: &IncrementKey, stamp: Stamp, bytes: &[u8]) {
         let half = self.crash_share / 2.0;
         let (before, after) = (self.rng.random_bool(half), self.rng.random_bool(half));
         if !before {
-            self.storages[storage].take(place, stamp, bytes);
+            self.storages[storage].take_put(place, stamp, bytes);
         }
         if before || after {
             self.crashes += 1;
@@ -151,7 +153,7 @@ impl Site {
         self.lock().crashes
     }
 
-    /// Time goes on.
+    /// Advances the time.
     pub(super) fn step(&self, now_us: u64, reach: Reach) {
         let mut state = self.lock();
         (state.now_us, state.reach) = (now_us, reach);
@@ -167,14 +169,14 @@ impl Site {
             if state.is_up(one) && state.is_up(other) && state.reach.storages[one][other] {
                 for (from, to) in [(one, other), (other, one)] {
                     for (place, (stamp, bytes)) in state.storages[from].held.clone() {
-                        state.storages[to].take(&place, stamp, &bytes);
+                        state.storages[to].take_put(&place, stamp, &bytes);
                     }
                 }
             }
         }
     }
 
-    /// Whether a server may hope that what it puts is confirmed.
+    /// Whether a server can expect what it puts to be confirmed.
     pub(super) fn is_within_reach(&self, server: usize) -> bool {
         let state = self.lock();
         let is_there = |storage: &usize| state.is_up(*storage) && state.reach.servers[server][*storage];
@@ -183,14 +185,14 @@ impl Site {
 
     /// How many storages hold an increment.
     pub(super) fn copies(&self, increment: &Increment) -> usize {
-        let place = Place { map: map(), author: increment.author, number: increment.number };
+        let place = IncrementKey { map: map(), author: increment.author, number: increment.number };
         let Ok(bytes) = encode(increment) else { return 0 };
         let holds = |storage: &&Storage| storage.held.get(&place).is_some_and(|(_, held)| *held == bytes);
         self.lock().storages.iter().filter(holds).count()
     }
 
-    /// What a server has put since this was asked.
-    pub(super) fn take_heard(&self, server: usize) -> Vec<Message> {
+    /// What a server has put since the last call.
+    pub(super) fn take_puts(&self, server: usize) -> Vec<Message> {
         std::mem::take(&mut self.lock().heard[server])
     }
 
@@ -207,7 +209,7 @@ struct Seen {
 }
 
 impl Storages for Seen {
-    fn put(&self, place: &Place, bytes: &[u8]) {
+    fn put(&self, place: &IncrementKey, bytes: &[u8]) {
         let mut state = self.site.lock();
         state.puts += 1;
         let stamp = (state.now_us, state.puts);
@@ -227,9 +229,9 @@ impl Storages for Seen {
         state.heard[self.server].push(Message::Put { key, bytes: Arc::new(bytes.to_vec()) });
     }
 
-    fn held(&self, places: &[Place], enough: usize) -> Vec<Held> {
+    fn held(&self, places: &[IncrementKey], enough: usize) -> Vec<Held> {
         let mut state = self.site.lock();
-        let of_place = |place: &Place| {
+        let of_place = |place: &IncrementKey| {
             let mut held = Held::default();
             for storage in 0..COUNT {
                 if held.answers() < enough && state.arrives(self.server, storage) {
@@ -260,7 +262,7 @@ impl Storages for Seen {
         let mut state = self.site.lock();
         let mut all: BTreeMap<u64, Held> = BTreeMap::new();
         for storage in state.answering(self.server)? {
-            let of_author = |place: &&Place| (&place.map, place.author) == (map, author);
+            let of_author = |place: &&IncrementKey| (&place.map, place.author) == (map, author);
             for place in state.storages[storage].held.keys().filter(of_author) {
                 let (_, bytes) = &state.storages[storage].held[place];
                 all.entry(place.number).or_default().add(bytes.clone());

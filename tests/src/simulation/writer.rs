@@ -1,15 +1,15 @@
-//! One run of somebody who writes. What is numbered and stamped is decided by the real journal, what is sent and sent again by the real
-//! window, and what heads cover is read back and compared as the real one does. A run of an explorer that was there before asks the server how
-//! far its series got, waits until its copy of the map has come that far, finds its place, and goes on from there. What the run before had made
-//! and nobody acknowledged is gone with it, or waits on the robot's disk: then it is delivered first.
+//! One run of somebody who writes. The real journal numbers and stamps, the real window decides
+//! what is sent and sent again, and what heads cover is read back and compared as the real
+//! publisher does. The run of an explorer that was there before asks the server how far its series
+//! got, waits until its copy of the map has come that far, finds its place, and continues from
+//! there. What the run before had made and nobody acknowledged is gone with it, or waits on the
+//! robot's disk: then it is delivered first.
 
-use super::follower::Follower;
-use super::{EVERYBODY, Message, SERVER, map};
-use fht_proto::keys::Key;
+use crate::simulation::follower::Follower;
+use crate::simulation::message::{EVERYBODY, Message, SERVER, map};
+use fht_proto::api::keys::Key;
 use fht_proto::{AuthorId, Increment, Op, VersionVector, encode};
-use mapper::journal::Journal;
-use mapper::verify::Verified;
-use mapper::window::{Backlog, Window, WindowConfig};
+use mapper::publish::{Backlog, Journal, Verified, Window, WindowConfig};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
@@ -29,19 +29,19 @@ pub(super) enum End {
     Killed,
     /// It could not begin.
     NoAnswer,
-    /// It was told that its numbers are taken.
+    /// It learned that its numbers are taken.
     Told,
 }
 
 enum Stage {
-    /// Waits for a server that has what was acknowledged to the runs before, and reads back what it has of what they have left: up to
-    /// this number, once a server has answered.
+    /// Waits for a server that has what the earlier runs had acknowledged, and reads back what the
+    /// server has of their backlog: up to this number, once a server has answered.
     Reaches(Option<u64>),
-    /// Publishes what they have left.
+    /// Publishes the backlog.
     Delivers,
-    /// Waits for the server's word about the map.
+    /// Waits for the server's head.
     Asks,
-    /// Waits for its copy.
+    /// Waits for its copy to come this far.
     Copies(VersionVector),
     /// Publishes; writes from this time on.
     Writes(u64),
@@ -50,14 +50,15 @@ enum Stage {
 pub(super) struct Writer {
     place: usize,
     id: AuthorId,
-    /// Number of the last increment of the runs before it.
+    /// Number of the last increment of earlier runs.
     first: u64,
     stage: Stage,
     begun: Instant,
     copy: Option<Follower>,
     journal: Journal,
     window: Window,
-    /// What is on the robot's disk at least: which of it was acknowledged is written there with the next increment.
+    /// What is on the robot's disk at least: acknowledgements are written there only with the next
+    /// increment.
     durable: Backlog,
     written: Vec<Increment>,
     next_id: u64,
@@ -66,7 +67,7 @@ pub(super) struct Writer {
     /// What it wants to read back, and the question under way.
     wanted: Option<VersionVector>,
     reading: Option<(u64, Instant)>,
-    /// Whether what is under way counts as lost if nothing of it is read back.
+    /// Whether increments under way count as lost if none of them is read back.
     doubts: bool,
 }
 
@@ -94,9 +95,11 @@ impl Writer {
         }
     }
 
-    /// A later run; `index` counts them. `backlog` is what is on the robot's disk, if it keeps anything there.
+    /// A later run; `index` counts them. `backlog` is what is on the robot's disk, if it keeps
+    /// anything there.
     pub(super) fn again(place: usize, index: u64, backlog: Option<Backlog>, now: Instant) -> Self {
-        /// Questions that a run, and its copy, may ask; answers to earlier runs are told from its own by their numbers.
+        /// How many questions a run, and its copy, may ask; their numbers tell answers to earlier
+        /// runs apart.
         const QUESTIONS: u64 = 1 << 32;
         let next_id = 2 * index * QUESTIONS;
         let copy = Some(Follower::of_explorer(place, next_id + QUESTIONS));
@@ -107,12 +110,13 @@ impl Writer {
         Self { next_id, copy, stage: Stage::Reaches(None), window, durable: backlog, verified, ..first }
     }
 
-    /// What is on the robot's disk, if it keeps anything there: after a kill at an unlucky time a little more than needs to be.
+    /// What is on the robot's disk, if it keeps anything there: after an ill-timed kill a little
+    /// more than necessary.
     pub(super) fn backlog(&self, rng: &mut ChaCha8Rng) -> Backlog {
         if rng.random_bool(0.5) { self.window.backlog() } else { self.durable.clone() }
     }
 
-    /// Whether what the runs before had left has been delivered.
+    /// Whether the earlier runs' backlog has been delivered.
     pub(super) fn has_delivered(&self) -> bool {
         !matches!(self.stage, Stage::Reaches(_) | Stage::Delivers)
     }
@@ -151,25 +155,25 @@ impl Writer {
                 let vector = head.map(|head| head.vector.clone()).unwrap_or_default();
                 if vector.get(self.id) >= self.window.acknowledged() {
                     (self.stage, self.begun) = (Stage::Reaches(Some(vector.get(self.id))), now);
-                    self.hear(&vector)?;
+                    self.see_head(&vector)?;
                 }
             }
             (Stage::Asks, Message::HeadAnswer { head, .. }) if is_answer => {
                 self.asked = None;
                 let vector = head.map(|head| head.vector.clone()).unwrap_or_default();
                 self.first = vector.get(self.id);
-                // A server may lag behind the one that has acknowledged the backlog.
+                // A server may lag behind the one that acknowledged the backlog.
                 if self.first >= self.window.acknowledged() {
                     (self.stage, self.begun) = (Stage::Copies(vector), now);
                 }
             }
             (_, Message::Head(head)) if is_publishing => {
-                self.hear(&head.vector)?;
+                self.see_head(&head.vector)?;
             }
             (_, Message::HeadAnswer { head, .. }) if is_answer && is_publishing => {
                 self.asked = None;
                 self.doubts = true;
-                self.hear(&head.map(|head| head.vector.clone()).unwrap_or_default())?;
+                self.see_head(&head.map(|head| head.vector.clone()).unwrap_or_default())?;
                 if self.wanted.is_none() && self.reading.is_none() {
                     self.acknowledge(now)?;
                 }
@@ -191,8 +195,8 @@ impl Writer {
         self.reading.is_some_and(|(asked, _)| asked == id)
     }
 
-    /// A head is at `vector`.
-    fn hear(&mut self, vector: &VersionVector) -> Result<(), End> {
+    /// A head has reached `vector`.
+    fn see_head(&mut self, vector: &VersionVector) -> Result<(), End> {
         self.window.check(vector.get(self.id)).map_err(|_| End::Told)?;
         self.wanted = self.verified.lacking(vector).or(self.wanted.take());
         Ok(())
@@ -273,7 +277,7 @@ impl Writer {
 
     pub(super) fn write(&mut self, ops: Vec<Op>, now_us: u64) {
         if let Some(copy) = &self.copy {
-            // Before the first one of this run it goes on where the last run ended.
+            // The first increment of a run continues where the last run ended.
             match self.written.is_empty() {
                 true => self.journal.resume(copy.copy().state(), self.window.acknowledged()),
                 false => self.journal.follow(copy.copy().state(), self.window.acknowledged()),

@@ -1,28 +1,29 @@
-//! The robots of a site: those that write, by the mapper's own publisher, and those that ask.
+//! The robots of a site: writers, with the mapper's own publisher, and readers.
 
-use super::{SiteError, SiteReport, close, map};
-use client_robot::ask::{AskError, ask};
+use crate::site::report::{SiteError, SiteReport};
+use crate::site::sessions::{close, map};
+use fht_client::{AskError, ask};
 use fht_map::MapState;
-use fht_proto::keys::{Key, Topic};
-use fht_proto::query::ErrorCode;
+use fht_proto::api::keys::{Key, Topic};
+use fht_proto::api::reply::ErrorCode;
 use fht_proto::{AuthorId, EdgeKey, FixedPose, Increment, NodeId, NodeKind, Op, Rect};
-use mapper::publish::{Progress, outbox};
+use mapper::publish::{Progress, WindowConfig, outbox};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use zenoh::Session;
 
-/// Nodes along each side of the floor that the first author writes, a metre apart.
+/// Nodes along each side of the floor that the first author writes, one metre apart.
 const FLOOR: u32 = 12;
 /// Nodes of each writer, in a row of its own beside the floor.
 const ROW: u32 = 12;
-/// How long one question may take before it is put again.
+/// How long one question may take before it is repeated.
 const TRY: Duration = Duration::from_millis(500);
-/// Between two tries.
+/// Pause between two tries.
 const PAUSE: Duration = Duration::from_millis(20);
 
-/// All that was written, and how much of it was acknowledged.
+/// Everything that was written, and how much of it was acknowledged.
 #[derive(Debug, Default)]
 pub(super) struct Written {
     authors: Mutex<BTreeMap<AuthorId, (Vec<Increment>, u64)>>,
@@ -59,7 +60,7 @@ impl Written {
         self.lock().iter().map(|(author, (_, count))| (*author, *count)).collect()
     }
 
-    pub(super) fn tell(&self, report: &mut SiteReport) {
+    pub(super) fn report_to(&self, report: &mut SiteReport) {
         report.written = self.lock().values().map(|(increments, _)| increments.len() as u64).sum();
         report.acknowledged = self.lock().values().map(|(_, count)| count).sum();
         let slowest = *self.slowest.lock().unwrap_or_else(PoisonError::into_inner);
@@ -67,7 +68,7 @@ impl Written {
     }
 }
 
-/// A node at a place in metres with a metre of free space around it.
+/// A node at a place in metres, with a square of free space around it.
 fn node(id: NodeId, x: f64, y: f64) -> [Op; 2] {
     let pose = FixedPose::from_metres(x, y, 0.0);
     let rect = Rect::around(pose.position, (x - 0.7, y - 0.7), (x + 0.7, y + 0.7));
@@ -75,7 +76,7 @@ fn node(id: NodeId, x: f64, y: f64) -> [Op; 2] {
 }
 
 /// Writes the floor that paths are asked on, and waits until it is acknowledged.
-pub(super) async fn write_basis(session: &Session, written: &Written, patience: Duration) -> Result<(), SiteError> {
+pub(super) async fn write_floor(session: &Session, written: &Written, patience: Duration) -> Result<(), SiteError> {
     let author = AuthorId::of_robot("floor");
     let id = |x: u32, y: u32| NodeId { author, number: y * FLOOR + x };
     let rows = (0..FLOOR).map(|y| {
@@ -86,7 +87,7 @@ pub(super) async fn write_basis(session: &Session, written: &Written, patience: 
         }
         Increment { author, number: u64::from(y) + 1, hlc_us: u64::from(y) + 1, ops }
     });
-    let (outbox, publisher) = outbox(session.clone(), map(), author, 0, None);
+    let (outbox, publisher) = outbox(session.clone(), map(), author, 0, None, WindowConfig::default());
     let increments: Vec<Increment> = rows.collect();
     for increment in &increments {
         written.add(increment.clone());
@@ -104,7 +105,7 @@ pub(super) async fn write_basis(session: &Session, written: &Written, patience: 
     Ok(())
 }
 
-/// A robot that writes: a row of nodes, and ever new trust in them.
+/// A robot that writes: a row of nodes, then changes of their trust.
 pub(super) struct Writer {
     index: usize,
     period: Duration,
@@ -136,7 +137,7 @@ impl Writer {
         patience: Duration,
     ) -> Result<Progress, SiteError> {
         let author = AuthorId::of_robot(&format!("writer-{}", self.index));
-        let (outbox, publisher) = outbox(session.clone(), map(), author, 0, None);
+        let (outbox, publisher) = outbox(session.clone(), map(), author, 0, None, WindowConfig::default());
         let mut publisher = tokio::spawn(publisher);
         let written = Arc::clone(&self.written);
         let write = move || {
@@ -173,7 +174,7 @@ impl Writer {
     }
 }
 
-/// What a robot that asks has seen.
+/// What a reader has measured.
 #[derive(Debug, Default)]
 pub(super) struct Asked {
     times: Vec<Duration>,
@@ -188,7 +189,7 @@ impl Asked {
         self.repeated += other.repeated;
     }
 
-    pub(super) fn tell(mut self, report: &mut SiteReport) {
+    pub(super) fn report_to(mut self, report: &mut SiteReport) {
         self.times.sort_unstable();
         let ms = |time: Option<&Duration>| time.map_or(0.0, |time| time.as_secs_f64() * 1000.0);
         let count = self.times.len();
@@ -225,7 +226,7 @@ impl Reader {
                 let (from, to) = (number % FLOOR as usize, (number / 7) % FLOOR as usize);
                 format!("{}?from={from},0;to={to},{}", Key::topic(&map(), Topic::Path), FLOOR - 1)
             };
-            // Asked until it is answered: who gives up learns nothing.
+            // Asked until it is answered.
             while !is_answered(session, &selector) && begin.elapsed() < 30 * self.limit {
                 asked.repeated += 1;
                 std::thread::sleep(PAUSE);
@@ -240,7 +241,8 @@ impl Reader {
     }
 }
 
-/// An answer is what was asked for; errors other than of a server that has not read the map are none, either.
+/// Whether a question is answered. Errors count as no answer; a server that has not read the map
+/// yet is not logged.
 fn is_answered(session: &Session, selector: &str) -> bool {
     match ask(session, selector, TRY) {
         Ok(answers) => !answers.is_empty(),

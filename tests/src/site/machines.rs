@@ -1,7 +1,9 @@
-//! The machines of a site: routers and servers as processes, killed as a power cut would.
+//! The machines of a site: routers and servers as processes, killed as by a power cut.
 
-use super::{SiteConfig, SiteError, rotated};
-use crate::process::{Process, Role, free_endpoint};
+use crate::site::config::SiteConfig;
+use crate::site::report::SiteError;
+use crate::site::sessions::rotated;
+use fht_demo::{Process, Role, free_endpoint};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -12,7 +14,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// The storages of `deploy/`.
 const STORAGES: &str = include_str!("../../../deploy/storages.json5");
 
-/// What zenohd is told in `deploy/`, but for TLS, and with a volume that forgets everything when its router ends.
+/// The configuration that `deploy/` gives zenohd, but without TLS, and with a volume in memory.
 fn router() -> Result<String, SiteError> {
     let unreadable = |error: json5::Error| SiteError::Late(format!("storages.json5: {error}"));
     let mut storages: Value = json5::from_str::<Value>(STORAGES).map_err(unreadable)?["plugins"].take();
@@ -34,7 +36,7 @@ pub(super) struct Machines {
     executable: PathBuf,
     configuration: PathBuf,
     endpoints: Vec<String>,
-    /// None while one is down.
+    /// None while it is down.
     routers: Vec<Option<Process>>,
     servers: Vec<Option<Process>>,
     storages: usize,
@@ -77,10 +79,10 @@ impl Machines {
         for (other, endpoint) in self.endpoints.iter().enumerate() {
             args.extend([if other == index { "-l" } else { "-e" }.to_owned(), endpoint.clone()]);
         }
-        Ok(Process::start(&self.executable, Role::Router, args)?)
+        Ok(Process::start(&self.executable, crate::router::NAME, args)?)
     }
 
-    /// Each has another router that is its first.
+    /// Each server has another router first.
     fn server(&self, index: usize) -> Result<Process, SiteError> {
         let mut args = vec!["--storages".to_owned(), self.storages.to_string()];
         for endpoint in rotated(&self.endpoints, index) {
@@ -106,7 +108,7 @@ impl Machines {
         Ok(())
     }
 
-    /// Kills all servers, so that nothing is left but what the storages keep, and starts them.
+    /// Kills all servers and starts them, so that they have only what the storages keep.
     pub(super) fn begin_anew(&mut self) -> Result<(), SiteError> {
         for server in self.servers.iter_mut().flatten() {
             server.kill()?;

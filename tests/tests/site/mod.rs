@@ -1,13 +1,13 @@
-//! A site for tests: certificates from the script, and the files of `deploy/` with their paths and endpoints replaced.
+//! A site for tests: certificates from the script, and the files of `deploy/` with their paths and
+//! endpoints replaced.
 #![allow(dead_code, clippy::unwrap_used)] // every test program uses a part of it; tests may panic
 
-use fht_link::LinkConfig;
-use fht_proto::keys::Key;
-use fht_proto::query::Head;
+use fht_proto::api::keys::Key;
+use fht_proto::api::reply::Head;
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op, encode};
+use fht_session::SessionConfig;
 use map_server::access::{Roles, configuration, object, parse};
-use map_server::config::LinkConfig as ServerLink;
-use map_server::{ServerConfig, ServerError};
+use map_server::{ServerConfig, ServerEndpoints, ServerError};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -22,7 +22,7 @@ use zenoh::{Config, Session};
 pub const PATIENCE: Duration = Duration::from_secs(20);
 /// Long enough on loopback for a message that is let through.
 pub const MOMENT: Duration = Duration::from_millis(400);
-/// How the files name what a machine has.
+/// The placeholders in the files.
 const OWN: &str = "/etc/fht-map/tls/own";
 const AUTHORITY: &str = "/etc/fht-map/tls/ca.pem";
 const ROUTERS: &str = r#"["tls/router-a:7447", "tls/router-b:7447", "tls/router-c:7447"]"#;
@@ -36,7 +36,7 @@ pub fn read(file: &str) -> String {
     std::fs::read_to_string(deploy(file)).unwrap_or_else(|error| panic!("{file}: {error}"))
 }
 
-/// The words of the README's command that begins with `command`, after it.
+/// The words after `command` of the README's command that begins with it.
 pub fn readme_command(command: &str) -> Vec<String> {
     let readme = read("README.md");
     let found = readme.lines().find_map(|line| line.strip_prefix(command));
@@ -44,7 +44,7 @@ pub fn readme_command(command: &str) -> Vec<String> {
     words.split_whitespace().map(str::to_owned).collect()
 }
 
-/// Runs the README's commands that make certificates, as they stand there, in `folder`.
+/// Runs the README's commands that make certificates, unchanged, in `folder`.
 pub fn make_certificates_of_the_readme(folder: &Path) {
     let readme = read("README.md");
     let commands: Vec<&str> = readme.lines().filter(|line| line.starts_with("./make-certificates.sh ")).collect();
@@ -67,7 +67,8 @@ fn made(out: &Path, args: &str) {
     assert!(output.status.success(), "{args}: {}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// An authority, and one certificate for each member of the fleet, once for all tests of a program.
+/// An authority, and one certificate for each member of the fleet, made once for all tests of a
+/// program.
 pub fn certificates() -> &'static Path {
     static MADE: OnceLock<tempfile::TempDir> = OnceLock::new();
     let dir = MADE.get_or_init(|| {
@@ -84,7 +85,7 @@ pub fn certificates() -> &'static Path {
         ] {
             made(dir.path(), args);
         }
-        // Another site's, and one of ours that is in nobody's list.
+        // Another site's certificate, and one of ours that is in nobody's list.
         made(&dir.path().join("elsewhere"), "authority");
         made(&dir.path().join("elsewhere"), "explorer ana");
         made(dir.path(), "explorer stranger");
@@ -107,7 +108,7 @@ fn list(endpoints: &[&str]) -> String {
     serde_json::to_string(endpoints).unwrap()
 }
 
-/// A file of `deploy/` as it is on the machine whose certificate is `own` (ROLE-NAME).
+/// A file of `deploy/` as on the machine whose certificate is `own` (ROLE-NAME).
 pub fn shipped(file: &str, own: &str, listen: &[&str], connect: &[&str]) -> String {
     shipped_with(certificates(), file, own, listen, connect)
 }
@@ -161,7 +162,7 @@ impl Site {
         let mut routers = Vec::new();
         for (own, listen, others) in [("router-a", &first, vec![]), ("router-b", &second, vec![first.as_str()])] {
             let mut config = config(&guarded("router.json5", own, &[listen]));
-            // As `zenohd -e` does.
+            // Like `zenohd -e`.
             config.insert_json5("connect/endpoints", &list(&others)).unwrap();
             routers.push(zenoh::open(config).await.unwrap());
         }
@@ -178,7 +179,7 @@ impl Site {
     pub async fn session(&self, file: &str, own: &str) -> Session {
         let dir = tempfile::tempdir().unwrap();
         let file = in_file(dir.path(), "session", &shipped(file, own, &[], &[&self.endpoint]));
-        fht_link::open(&LinkConfig::from_options(Vec::new(), Some(file))).await.unwrap()
+        fht_session::open(&SessionConfig::from_options(Vec::new(), Some(file))).await.unwrap()
     }
 
     pub async fn end(self) {
@@ -193,7 +194,7 @@ impl Site {
 
 /// A map-server in this process.
 pub fn serve(data: &Path, file: PathBuf) -> (oneshot::Sender<()>, JoinHandle<Result<(), ServerError>>) {
-    let link = ServerLink { zenoh_config: Some(file), ..ServerLink::default() };
+    let link = ServerEndpoints { zenoh_config: Some(file), ..ServerEndpoints::default() };
     let (stop, stopped) = oneshot::channel::<()>();
     let config = ServerConfig::new(data.to_owned(), link);
     (stop, tokio::spawn(map_server::run(config, async { _ = stopped.await })))
@@ -221,7 +222,7 @@ pub async fn put(session: &Session, robot: &str, under: &str, number: u64) {
     session.put(key, encode(&increment(robot, number)).unwrap()).await.unwrap();
 }
 
-/// What came back: payloads, or the reason.
+/// The replies: payloads, or the reason.
 pub async fn ask(session: &Session, selector: &str) -> Vec<Result<Vec<u8>, String>> {
     answers(session.get(selector)).await
 }

@@ -2,19 +2,24 @@
 //!
 //! A node stays where its maker has it; if the maker moves it, the keyframes anchored to it follow.
 
-use super::{Candidate, LoopCloser};
+use super::LoopCloser;
+use super::matching::Candidate;
+use crate::slam::foreign_nodes::ToldNode;
 use crate::slam::graph::{Anchor, KeyframeGraph};
 use crate::slam::submap::{Submap, SubmapConfig};
-use crate::slam::told::ToldNode;
+use fht_perception::pose::Pose2;
 use fht_proto::NodeId;
-use fht_robot::pose::Pose2;
-
-/// Half widths of the search after everything was optimised: metres, radians.
-pub(super) const SETTLED: (f64, f64) = (0.2, 0.05);
 
 impl LoopCloser {
-    /// Takes in where a node is that may be anchored to, or that it is no more. Keyframes near a new one are matched to it.
-    pub fn tell(&mut self, id: NodeId, node: Option<&ToldNode>, config: &SubmapConfig, graph: &mut KeyframeGraph) {
+    /// Takes in where a node is that may be anchored to, or that it is no more. Keyframes near a
+    /// new one are matched to it.
+    pub fn take_anchor(
+        &mut self,
+        id: NodeId,
+        node: Option<&ToldNode>,
+        config: &SubmapConfig,
+        graph: &mut KeyframeGraph,
+    ) {
         let scan = node.and_then(|node| node.scan.as_ref());
         let (Some(node), Some(scan)) = (node, scan) else {
             self.anchorages.remove(&id);

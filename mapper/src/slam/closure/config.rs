@@ -1,22 +1,28 @@
 //! Parameters of loop closure.
 
-use fht_robot::matching::MatchConfig;
-use fht_robot::pose_graph::GraphConfig;
+use fht_perception::matching::MatchConfig;
+use fht_perception::pose_graph::GraphConfig;
+use serde::{Deserialize, Serialize};
 
 /// Parameters of loop closure.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
 pub struct ClosureConfig {
     /// The optimisation.
     pub graph: GraphConfig,
     /// Scan matching.
     pub matching: MatchConfig,
-    /// A submap is tried when one of its keyframes is nearer than this plus the uncertainty, metres. Default 4.
+    /// A submap is tried when one of its keyframes is nearer than this plus the uncertainty,
+    /// metres. Default 4.
     pub reach_m: f64,
     /// Half width of the search after no way at all, metres. Default 0.15.
     pub window_m: f64,
-    /// Nodes of the map, made by other robots, that a keyframe is matched to: the nearest. Default 2.
+    /// Nodes of the map, made by other robots, that a keyframe is matched to: the nearest. Default
+    /// 2.
     pub anchors: usize,
-    /// Growth of the half width with the length of the way since both places were joined, metres per metre. Default 0.03.
+    /// Growth of the half width with the length of the way since both places were joined, metres
+    /// per metre. Default 0.03.
     pub window_per_m: f64,
     /// Greatest half width, metres. Default 10.
     pub max_window_m: f64,
@@ -36,20 +42,24 @@ pub struct ClosureConfig {
     pub min_overlap: f64,
     /// Closures after a long way that must agree. Default 3.
     pub agreeing: usize,
-    /// They agree when the corrections that they imply differ by less than this, metres. Default 0.3.
+    /// They agree when the corrections that they imply differ by less than this, metres. Default
+    /// 0.3.
     pub agreement_m: f64,
     /// And by less than this, radians. Default 0.05.
     pub agreement_rad: f64,
-    /// Standard deviation of a match beyond what its geometry says, metres: neighbouring matches err alike. Default 0.01.
+    /// Standard deviation of a match beyond what its geometry says, metres: neighbouring matches
+    /// err alike. Default 0.01.
     pub floor_m: f64,
     /// The same for the heading, radians. Default 0.002.
     pub floor_rad: f64,
-    /// The graph is optimised when new closures disagree with it by this much in sum (squared Mahalanobis distance).
-    /// Default 5: waiting for more, what the robot knows of itself wanders by twice as much (office).
+    /// The graph is optimised when new closures disagree with it by this much in sum (squared
+    /// Mahalanobis distance). Default 5: waiting for more, what the robot knows of itself wanders
+    /// by twice as much (office).
     pub optimise_tension: f64,
     /// What one closure adds to that sum at most. Default 50.
     pub most_tension: f64,
-    /// Least cosine of the descriptors of two panoramas that may be of one place; `None`: what the model says. Default `None`.
+    /// Least cosine of the descriptors of two panoramas that may be of one place; `None`: what the
+    /// model says. Default `None`.
     pub min_similarity: Option<f32>,
     /// A look-alike is tried when the way to it is longer than this, metres. Default 15.
     pub look_alike_way_m: f64,
@@ -61,7 +71,8 @@ pub struct ClosureConfig {
     pub lost_agreement: f64,
     /// See `lost_agreement`.
     pub lost_overlap: f64,
-    /// A lost robot believes no place when another one has more than this share of its balance. Default 0.8.
+    /// A lost robot believes no place when another one has more than this share of its balance.
+    /// Default 0.8.
     pub lost_ambiguity: f64,
 }
 

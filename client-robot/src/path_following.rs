@@ -1,0 +1,199 @@
+//! Following a path of the map: which of its points to head for next (paper, section III-C-2).
+
+use fht_client::PlannedPath;
+use fht_perception::grid::OccupancyGrid;
+use fht_perception::pose::{Point2, Pose2, wrap_angle};
+use fht_proto::Footprint;
+use serde::{Deserialize, Serialize};
+
+/// How a path is followed.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
+pub struct PathFollowingConfig {
+    /// A node counts as passed at this distance, metres. Default 0.5 (paper).
+    pub node_reach_m: f64,
+    /// The goal counts as reached at this distance, metres. Default 0.1 (the paper's).
+    pub goal_reach_m: f64,
+    /// Points farther than this are not looked for, metres. Default 6.5, within the LiDAR's 7.
+    pub see_m: f64,
+    /// Half the width that must be free on the way to a point for it to count as seen, metres.
+    /// Default 0.16.
+    pub half_width_m: f64,
+    /// The path is planned anew when the robot's estimate of its own place has moved this far
+    /// since, metres. Default 0.3.
+    pub replan_m: f64,
+    /// Or turned this far, radians. Default 4°.
+    pub replan_rad: f64,
+}
+
+impl Default for PathFollowingConfig {
+    fn default() -> Self {
+        Self::of(&Footprint::default())
+    }
+}
+
+impl PathFollowingConfig {
+    /// For a robot of a footprint.
+    #[must_use]
+    pub fn of(footprint: &Footprint) -> Self {
+        Self {
+            node_reach_m: 0.5,
+            goal_reach_m: 0.1,
+            see_m: 6.5,
+            half_width_m: footprint.mesh_clearance_m(),
+            replan_m: 0.3,
+            replan_rad: 4.0_f64.to_radians(),
+        }
+    }
+}
+
+/// The point to head for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Target {
+    /// Where, odometry frame.
+    pub in_odom: Point2,
+    /// Distance from the robot, metres.
+    pub distance_m: f64,
+    /// Whether it is the path's end.
+    pub is_goal: bool,
+}
+
+/// A path being followed.
+#[derive(Clone, Debug)]
+pub struct FollowedPath {
+    config: PathFollowingConfig,
+    path: PlannedPath,
+    next: usize,
+    planned_with: Pose2,
+}
+
+impl FollowedPath {
+    /// Starts along `path`, planned while the robot took `map_from_odom` for true.
+    #[must_use]
+    pub fn new(config: PathFollowingConfig, path: PlannedPath, map_from_odom: Pose2) -> Self {
+        // The first point is where the robot stands.
+        let next = usize::from(path.points.len() > 1);
+        Self { config, path, next, planned_with: map_from_odom }
+    }
+
+    /// The path.
+    #[must_use]
+    pub fn path(&self) -> &PlannedPath {
+        &self.path
+    }
+
+    /// Whether the robot's idea of where it is has changed so much that the path should be planned
+    /// anew. `here` is the robot in the odometry frame: what matters is how far the robot itself
+    /// was displaced.
+    #[must_use]
+    pub fn is_outdated(&self, map_from_odom: &Pose2, here: Point2) -> bool {
+        let shift = (map_from_odom * here - self.planned_with * here).norm();
+        let turn = wrap_angle(map_from_odom.rotation.angle() - self.planned_with.rotation.angle()).abs();
+        shift > self.config.replan_m || turn > self.config.replan_rad
+    }
+
+    /// The point to head for: the farthest on the path that the robot can really see (the way there
+    /// is known to be free, for the robot's width), otherwise the next one. `None` once the goal is
+    /// reached or if the path is empty.
+    pub fn target(&mut self, map_from_odom: &Pose2, odom_from_base: &Pose2, grid: &OccupancyGrid) -> Option<Target> {
+        let here = Point2::from(odom_from_base.translation.vector);
+        let last = self.path.points.len().checked_sub(1)?;
+        let odom_from_map = map_from_odom.inverse();
+        let at = |index: usize| odom_from_map * self.path.points[index].position;
+        let distance = |index: usize| (at(index) - here).norm();
+
+        let is_seen = |&index: &usize| {
+            distance(index) <= self.config.see_m && grid.is_corridor_free(here, at(index), self.config.half_width_m)
+        };
+        if let Some(farthest) = (self.next..=last).rev().find(is_seen) {
+            self.next = farthest;
+        }
+        while self.next < last && (at(self.next) - here).norm() <= self.config.node_reach_m {
+            self.next += 1;
+        }
+        let at = odom_from_map * self.path.points[self.next].position;
+        let distance_m = (at - here).norm();
+        let is_goal = self.next == last;
+        if is_goal && distance_m <= self.config.goal_reach_m {
+            return None;
+        }
+        Some(Target { in_odom: at, distance_m, is_goal })
+    }
+
+    /// Heads for the point after the next one, as when the next one itself cannot be reached. False
+    /// at the path's end.
+    pub fn skip(&mut self) -> bool {
+        let can = self.next + 1 < self.path.points.len();
+        self.next += usize::from(can);
+        can
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fht_client::{PathPoint, Planner};
+    use fht_perception::frame::LaserScan;
+    use fht_perception::grid::GridConfig;
+    use fht_perception::pose::pose;
+    use fht_proto::{AuthorId, NodeId};
+
+    fn path(points: &[(f64, f64)]) -> PlannedPath {
+        let points = points.iter().enumerate().map(|(number, &(x, y))| PathPoint {
+            position: Point2::new(x, y),
+            node: Some(NodeId { author: AuthorId(1), number: number as u32 }),
+        });
+        PlannedPath { points: points.collect(), length_m: 0.0, planner: Planner::Replica }
+    }
+
+    /// A room of 4 m, seen from its middle.
+    fn room() -> OccupancyGrid {
+        let ranges_m = (0..720)
+            .map(|beam| {
+                let (sin, cos) = (f64::from(beam) / 2.0).to_radians().sin_cos();
+                (2.0 / cos.abs().max(sin.abs())) as f32
+            })
+            .collect();
+        let scan = LaserScan {
+            base_from_sensor: pose(0.0, 0.0, 0.0),
+            angle_min: 0.0,
+            angle_increment: 0.5_f64.to_radians(),
+            range_min_m: 0.1,
+            range_max_m: 7.0,
+            ranges_m,
+        };
+        let mut grid = OccupancyGrid::new(GridConfig::default());
+        grid.integrate(&Pose2::identity(), &scan);
+        grid.integrate(&Pose2::identity(), &scan);
+        grid
+    }
+
+    #[test]
+    fn it_skips_to_the_farthest_point_in_sight_and_not_through_a_wall() {
+        let map_from_odom = pose(10.0, 5.0, 0.0);
+        let route = path(&[(10.0, 5.0), (10.5, 6.0), (11.0, 6.4), (14.0, 5.0)]);
+        let mut route = FollowedPath::new(PathFollowingConfig::default(), route, map_from_odom);
+        let target = route.target(&map_from_odom, &Pose2::identity(), &room()).expect("not there yet");
+        assert!((target.in_odom - Point2::new(1.0, 1.4)).norm() < 1e-9);
+        assert!(!target.is_goal);
+    }
+
+    #[test]
+    fn it_ends_at_the_goal() {
+        let mut route =
+            FollowedPath::new(PathFollowingConfig::default(), path(&[(0.0, 0.0), (1.0, 0.0)]), Pose2::identity());
+        assert!(route.target(&Pose2::identity(), &pose(0.5, 0.0, 0.0), &room()).is_some_and(|t| t.is_goal));
+        assert!(route.target(&Pose2::identity(), &pose(0.95, 0.0, 0.0), &room()).is_none());
+    }
+
+    #[test]
+    fn a_better_estimate_outdates_the_path() {
+        let route =
+            FollowedPath::new(PathFollowingConfig::default(), path(&[(0.0, 0.0), (1.0, 0.0)]), Pose2::identity());
+        let here = Point2::new(10.0, 0.0);
+        assert!(!route.is_outdated(&pose(0.1, 0.0, 0.01), here));
+        assert!(route.is_outdated(&pose(0.0, 0.0, 0.05), here), "0.5 m where the robot is");
+        assert!(!route.is_outdated(&pose(0.0, 0.0, 0.05), Point2::new(1.0, 0.0)));
+    }
+}

@@ -1,0 +1,65 @@
+//! What the robot is to do, and what comes of it.
+
+use fht_localization::localizer::Localization;
+use fht_perception::frame::Twist;
+use fht_perception::pose::{Point2, Pose2};
+use fht_proto::api::reply::ErrorReply;
+
+/// What the robot is to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Task {
+    /// Find out where it is.
+    Relocalize,
+    /// Then drive to a point of the map frame, metres.
+    GoTo(Point2),
+}
+
+/// Why a task failed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Failure {
+    /// The place was not found on the way allowed.
+    #[error("not localized after {driven_m:.0} m")]
+    NotLocalized {
+        /// Distance driven while searching, metres.
+        driven_m: f64,
+    },
+    /// The planner refused.
+    #[error("no path: {0}")]
+    NoPath(ErrorReply),
+    /// Something stands on the goal.
+    #[error("the goal is blocked; {left_m:.2} m are left")]
+    GoalBlocked {
+        /// Distance to the goal, metres.
+        left_m: f64,
+    },
+    /// The time is up.
+    #[error("out of time after {seconds:.0} s")]
+    Timeout {
+        /// Time since the start, seconds.
+        seconds: f64,
+    },
+}
+
+/// How a task ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TaskOutcome {
+    /// The place is known (the end of [`Task::Relocalize`]).
+    Localized,
+    /// The goal is reached.
+    Arrived,
+    /// It failed.
+    Failed(Failure),
+}
+
+/// What one frame led to.
+#[derive(Clone, Debug)]
+pub struct PilotStep {
+    /// The command until the next frame.
+    pub command: Twist,
+    /// Where the robot is, as far as it knows.
+    pub localization: Localization,
+    /// Where it may be while it does not know, map frame, likeliest first.
+    pub candidates: Vec<Pose2>,
+    /// Set once the task has ended.
+    pub outcome: Option<TaskOutcome>,
+}

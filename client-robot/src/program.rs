@@ -1,0 +1,68 @@
+//! The program: a robot in a simulated world that uses a map over Zenoh.
+
+mod arguments;
+mod connection;
+mod display;
+mod error;
+mod mission;
+mod path;
+mod pose_publisher;
+mod recording;
+mod report;
+mod scoring;
+mod settings;
+
+pub use report::MissionReport;
+pub use scoring::MissionScore;
+
+use self::arguments::{Cli, Command};
+use self::mission::mission;
+use self::path::path;
+use self::settings::ClientFile;
+use crate::mission::MissionGoal;
+use fht_perception::pose::Point2;
+use fht_program::flags::{missing_command, parse_args};
+use fht_program::logging;
+use fht_proto::api::reply::PlaceRef;
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+/// Runs the program. Exit code 0: the task is done; 1: it failed, and the robot said why; 2: it
+/// could not be tried.
+pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let cli: Cli = match parse_args(args) {
+        Ok(cli) => cli,
+        Err(code) => return code,
+    };
+    logging::init(logging::ROBOT);
+    let file = match cli.config.settle("client-robot", ClientFile::read(&cli.config, cli.footprint.as_ref())) {
+        Ok(file) => file,
+        Err(code) => return code,
+    };
+    let outcome = match cli.command {
+        Some(Command::Path { link, from, to, json }) => path(&file.with_link(&link), &from, &to, json),
+        Some(Command::Relocalize { link, robot }) => {
+            mission(file.with_link(&link).with_robot(&robot), &robot, &MissionGoal::None)
+        }
+        Some(Command::Go { link, robot, to }) => match parse_goal(&to, robot.setup.seed) {
+            Ok(goal) => mission(file.with_link(&link).with_robot(&robot), &robot, &goal),
+            Err(refusal) => Err(refusal.into()),
+        },
+        None => return missing_command::<Cli>(),
+    };
+    outcome.unwrap_or_else(|error| {
+        eprintln!("client-robot: {error}");
+        ExitCode::from(2)
+    })
+}
+
+fn parse_goal(text: &str, seed: u64) -> Result<MissionGoal, fht_proto::api::reply::ErrorReply> {
+    if text == "random" {
+        return Ok(MissionGoal::FarNode(seed));
+    }
+    Ok(match text.parse::<PlaceRef>()? {
+        PlaceRef::Point(point) => MissionGoal::Point(Point2::new(point.x(), point.y())),
+        PlaceRef::Node(id) => MissionGoal::Node(id),
+        PlaceRef::Named(name) => MissionGoal::Named(name),
+    })
+}

@@ -1,0 +1,43 @@
+//! Why the program ends early.
+
+use fht_client::{AskError, InvalidRobotName, ReplicaError, UnusablePath};
+use fht_proto::MapName;
+use fht_session::SessionError;
+use fht_sim::WorldError;
+
+/// Why a command could not be carried out.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum CliError {
+    #[error(transparent)]
+    Link(#[from] SessionError),
+    #[error(transparent)]
+    Replica(#[from] ReplicaError),
+    #[error("{0}")]
+    Ask(#[from] AskError),
+    #[error("{0}")]
+    Refused(#[from] fht_proto::api::reply::ErrorReply),
+    #[error(transparent)]
+    World(#[from] WorldError),
+    #[error("the descriptor network cannot be loaded: {0}")]
+    Descriptor(#[from] fht_descriptor::DescriptorError),
+    #[error("the server's answer cannot be used: {0}")]
+    Path(#[from] UnusablePath),
+    #[error(transparent)]
+    RobotName(#[from] InvalidRobotName),
+    #[error("the map '{0}' has no main nodes yet; nothing to relocalize at")]
+    EmptyMap(MapName),
+    #[error("{0}")]
+    Report(String),
+    #[error("a thread cannot be started: {0}")]
+    Thread(#[source] std::io::Error),
+    #[error("no runtime: {0}")]
+    Runtime(#[source] std::io::Error),
+    #[error("zenoh: {0}")]
+    Zenoh(#[from] zenoh::Error),
+    #[error("the recording failed: {0}")]
+    Record(#[from] fht_bag::WriteError),
+    #[error(transparent)]
+    Mission(#[from] crate::mission::MissionError),
+    #[error("the report cannot be written as JSON: {0}")]
+    Json(#[from] serde_json::Error),
+}

@@ -1,0 +1,112 @@
+//! `client-robot relocalize` and `client-robot go`: a robot in a simulated world, with a task on a
+//! map of a real server.
+
+use super::arguments::RobotArgs;
+use super::connection::{TIMEOUT, connect, runtime, wait_for_server};
+use super::display::Display;
+use super::error::CliError;
+use super::pose_publisher::PosePublisher;
+use super::recording::Recording;
+use super::report::{MissionReport, print_report};
+use super::scoring::MissionScore;
+use super::settings::{ClientFile, ClientSection};
+use crate::mission::{MissionConfig, MissionError, MissionGoal, Services, run};
+use fht_client::{LiveReplica, Presence, ServerPaths, check_robot_name};
+use fht_descriptor::DescriptorNet;
+use fht_localization::landmarks::check_usable;
+use fht_perception::frame::Panorama;
+use fht_perception::pose::Pose2;
+use fht_proto::Descriptor;
+use fht_proto::api::fleet::RobotRole;
+use fht_sim::{SimConfig, SimSetup, Simulator};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Instant;
+use zenoh::Session;
+
+/// Room that a random start has around it, metres.
+const START_CLEARANCE_M: f64 = 0.4;
+/// What a program ends with that was interrupted by Ctrl-C.
+const INTERRUPTED: u8 = 130;
+
+/// Carries out the mission, and writes its figures.
+pub(super) fn mission(file: ClientFile, args: &RobotArgs, goal: &MissionGoal) -> Result<ExitCode, CliError> {
+    let began = Instant::now();
+    let (map, name) = (file.map(), file.name().to_owned());
+    check_robot_name(&map, &name)?;
+    let mut net = DescriptorNet::load(file.robot.model.as_deref())?;
+    let (simulator, world_from_map) = robot(&args.setup, &file.sim)?;
+
+    let session = connect(&file.connect)?;
+    let presence = Presence::new(&session, &map, &name, RobotRole::Client)?;
+    let _alive = presence.declare()?;
+    let replica = copy_of_map(&session, &file, &net)?;
+    let mut paths =
+        ServerPaths::new(&session, map.clone(), &name, &replica, &file.client.paths).map_err(CliError::Thread)?;
+    let model = net.model().id;
+    let mut describe = |panorama: &Panorama| match net.describe(panorama) {
+        Ok(components) => Some(Descriptor::quantise(model, &components)),
+        Err(error) => {
+            tracing::warn!(%error, "no descriptor of this panorama");
+            None
+        }
+    };
+    let display = Display::new(args, &name);
+    let publisher = PosePublisher::new(presence, &replica);
+    let recording = Recording::start(args.record.as_deref())?;
+    let score = MissionScore::new(&simulator, &world_from_map);
+    let mut observer = (recording, ((publisher, display), score));
+    let ClientSection { pilot, silence, walls, .. } = file.client;
+    let config = MissionConfig { pilot, silence, walls };
+    let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe };
+    let outcome = runtime()?.block_on(run(simulator, config, goal, &mut services, &mut observer));
+    let (recording, ((_, display), score)) = observer;
+    display.finish();
+    recording.finish()?;
+    let outcome = match outcome {
+        Err(MissionError::Interrupted) => return Ok(ExitCode::from(INTERRUPTED)),
+        outcome => outcome?,
+    };
+    let report = MissionReport {
+        fallbacks: paths.fallbacks(),
+        robot: name,
+        map: map.to_string(),
+        wall_s: began.elapsed().as_secs_f64(),
+        ..score.finish(&outcome)
+    };
+    let in_words = |report: &MissionReport| {
+        if !args.quiet {
+            print_report(report);
+        }
+    };
+    args.report.give(&report, in_words).map_err(CliError::Report)?;
+    let is_done = if *goal == MissionGoal::None { report.localized_at_end } else { report.arrived };
+    Ok(if is_done { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// The simulated robot at its start, and where the map's frame truly lies.
+fn robot(setup: &SimSetup, sim: &SimConfig) -> Result<(Simulator, Pose2), CliError> {
+    let world = Arc::new(setup.load()?);
+    let start = setup.start.unwrap_or_else(|| world.random_free_pose(setup.seed, START_CLEARANCE_M));
+    let world_from_map = setup.map_origin.unwrap_or_else(|| world.start());
+    Ok((Simulator::new(world, sim.clone(), start, setup.seed), world_from_map))
+}
+
+/// A copy of the map that is complete and of use.
+fn copy_of_map(session: &Session, file: &ClientFile, net: &DescriptorNet) -> Result<LiveReplica, CliError> {
+    let map = file.map();
+    let replica = LiveReplica::start(session, &map, file.name(), file.client.replica.clone())?;
+    let head = wait_for_server(session, &map)?;
+    if !replica.wait_for(&head.vector, TIMEOUT) {
+        tracing::warn!("the copy of the map is not complete yet");
+    }
+    if replica.running().counts().main_nodes == 0 {
+        return Err(CliError::EmptyMap(map));
+    }
+    if !file.robot.cameras {
+        tracing::info!("without cameras: the place is found by the scanner alone");
+    } else if let Err(reason) = check_usable(&replica.running(), net.model()) {
+        tracing::warn!(%reason, "pictures are of no use on this map: the place is found by the scanner alone");
+    }
+    Ok(replica)
+}

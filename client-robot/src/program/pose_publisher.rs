@@ -1,0 +1,45 @@
+//! What the robot says of itself over Zenoh while it is at work: its pose and its status.
+
+use crate::mission::MissionObserver;
+use crate::pilot::{Pilot, PilotStep};
+use fht_client::{LiveReplica, PoseReport, Presence};
+use fht_perception::frame::SensorFrame;
+use std::ops::ControlFlow;
+
+/// Frames between published poses: 1 s.
+const POSE_EVERY: u64 = 5;
+
+/// Publishes the robot's pose and status once a second.
+pub(super) struct PosePublisher<'a> {
+    presence: Presence,
+    replica: &'a LiveReplica,
+    frames: u64,
+}
+
+impl<'a> PosePublisher<'a> {
+    /// Publishes through `presence`, with the version of `replica`.
+    pub(super) fn new(presence: Presence, replica: &'a LiveReplica) -> Self {
+        Self { presence, replica, frames: 0 }
+    }
+}
+
+impl MissionObserver for PosePublisher<'_> {
+    fn on_frame(&mut self, _: &SensorFrame, step: &PilotStep, _: &Pilot) -> ControlFlow<()> {
+        if self.frames.is_multiple_of(POSE_EVERY) {
+            let release = self.replica.release().map(|release| release.to_string());
+            let vector = self.replica.read().vector().clone();
+            self.presence.publish(&report_of(step), vector, release);
+        }
+        self.frames += 1;
+        ControlFlow::Continue(())
+    }
+}
+
+fn report_of(step: &PilotStep) -> PoseReport {
+    PoseReport {
+        state: step.localization.state,
+        confidence: step.localization.confidence,
+        candidates: step.candidates.clone(),
+        map_from_base: step.localization.map_from_base(),
+    }
+}

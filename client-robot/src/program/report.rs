@@ -1,0 +1,92 @@
+//! What happened in a mission, as figures. The truth comes from the simulator and is used for
+//! nothing else.
+
+use fht_client::Planner;
+use serde::Serialize;
+
+/// The outcome of a mission in a simulated world.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct MissionReport {
+    /// The robot's name.
+    pub robot: String,
+    /// The map used.
+    pub map: String,
+    /// Where it truly started, map frame: `[x, y, yaw]`, metres and radians.
+    pub start: [f64; 3],
+    /// Where it was to go, map frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub goal: Option<[f64; 2]>,
+    /// Whether it declared to know where it is at all.
+    pub localized: bool,
+    /// Whether it knew at the end.
+    pub localized_at_end: bool,
+    /// Distance driven until the first fix, metres.
+    pub relocalization_distance_m: Option<f64>,
+    /// Error of the first fix when it was declared, metres.
+    pub relocalization_error_m: Option<f64>,
+    /// Error of its heading, degrees.
+    pub relocalization_error_deg: Option<f64>,
+    /// Estimations that the first fix rested on, and how many were made.
+    pub relocalization_evidence: Option<[usize; 2]>,
+    /// Greatest error while it claimed to know, metres.
+    pub worst_error_m: Option<f64>,
+    /// Error at the end, metres.
+    pub final_error_m: Option<f64>,
+    /// Error of the heading at the end, degrees.
+    pub final_error_deg: Option<f64>,
+    /// Whether it says that it arrived.
+    pub arrived: bool,
+    /// True distance to the goal at the end, metres.
+    pub goal_distance_m: Option<f64>,
+    /// Why it failed, if it did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub failure: Option<String>,
+    /// Truly driven from the fix to the end, metres.
+    pub path_length_m: Option<f64>,
+    /// Shortest possible for the robot from where it truly was at the fix to the goal, metres.
+    pub shortest_length_m: Option<f64>,
+    /// Length of the first path planned, metres.
+    pub planned_length_m: Option<f64>,
+    /// Who planned: the server, if it ever gave a path.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub planner: Option<Planner>,
+    /// How often a path was asked for.
+    pub plans: usize,
+    /// How often the server was silent, or answered with what is no path, and the robot kept to its
+    /// own.
+    pub fallbacks: usize,
+    /// How often a fix was replaced by another place.
+    pub refixes: usize,
+    /// Simulated time, seconds.
+    pub sim_s: f64,
+    /// Time on the clock, seconds.
+    pub wall_s: f64,
+    /// How often the robot's body touched something.
+    pub collisions: u64,
+    /// Where the robot thought it was after the fix, map frame, twice a second: `[x, y]`.
+    pub trajectory: Vec<[f64; 2]>,
+    /// Where it truly was all along, map frame, twice a second: `[x, y]`.
+    pub true_trajectory: Vec<[f64; 2]>,
+}
+
+/// Prints the figures in words.
+pub(super) fn print_report(report: &MissionReport) {
+    match (report.relocalization_distance_m, report.relocalization_error_m, report.relocalization_error_deg) {
+        (Some(driven), Some(metres), Some(degrees)) => {
+            println!("localized after {driven:.1} m, error {metres:.3} m and {degrees:.2} degrees");
+        }
+        _ => println!("not localized"),
+    }
+    if report.arrived
+        && let (Some(driven), Some(left)) = (report.path_length_m, report.goal_distance_m)
+    {
+        let shortest = report.shortest_length_m.map(|m| format!(" (shortest {m:.1} m)")).unwrap_or_default();
+        println!("arrived after {driven:.1} m{shortest}, {left:.2} m from the goal");
+    }
+    if let Some(failure) = &report.failure {
+        println!("failed: {failure}");
+    }
+    if report.planner == Some(Planner::Replica) {
+        println!("the server was silent: the path was planned on the robot's own copy of the map");
+    }
+}

@@ -1,0 +1,130 @@
+//! A mission in a simulated world, scored against the truth.
+
+use super::report::MissionReport;
+use crate::mission::{MissionObserver, MissionOutcome};
+use crate::pilot::{Pilot, PilotStep, TaskOutcome};
+use fht_client::Planner;
+use fht_perception::frame::SensorFrame;
+use fht_perception::pose::{Point2, Pose2};
+use fht_sim::Simulator;
+use fht_sim::scoring::pose_error;
+use fht_sim::{Truth, World};
+use nalgebra::Vector2;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+/// Frames between points of the trajectories: 0.6 s.
+const TRAJECTORY_EVERY: usize = 3;
+
+/// Collects the figures of a mission: give it to [`run`](crate::mission::run) as the observer.
+pub struct MissionScore {
+    truth: Truth,
+    world: Arc<World>,
+    radius_m: f64,
+    map_from_world: Pose2,
+    report: MissionReport,
+    frames: usize,
+    driven_at_fix_m: Option<f64>,
+    first_us: Option<u64>,
+    /// The estimate and the truth at the newest frame, while the robot knows its place.
+    last: Option<(Pose2, Pose2)>,
+}
+
+impl MissionScore {
+    /// The score of `simulator`'s robot, which stands at its start. `world_from_map` is where the
+    /// map's frame truly lies.
+    #[must_use]
+    pub fn new(simulator: &Simulator, world_from_map: &Pose2) -> Self {
+        let (truth, map_from_world) = (simulator.watch_truth(), world_from_map.inverse());
+        let start = map_from_world * truth.world_from_base();
+        let start = [start.translation.x, start.translation.y, start.rotation.angle()];
+        Self {
+            truth,
+            world: Arc::clone(simulator.world()),
+            radius_m: simulator.config().radius_m,
+            map_from_world,
+            report: MissionReport { start, ..MissionReport::default() },
+            frames: 0,
+            driven_at_fix_m: None,
+            first_us: None,
+            last: None,
+        }
+    }
+
+    /// The figures of a mission that has ended.
+    #[must_use]
+    pub fn finish(mut self, outcome: &MissionOutcome) -> MissionReport {
+        let report = &mut self.report;
+        report.arrived = outcome.task == TaskOutcome::Arrived;
+        if let TaskOutcome::Failed(failure) = &outcome.task {
+            report.failure = Some(failure.to_string());
+        }
+        if let Some((metres, degrees)) = self.last.map(|(estimate, truth)| pose_error(&estimate, &truth)) {
+            report.final_error_m = Some(metres);
+            report.final_error_deg = Some(degrees);
+        }
+        let truth = self.map_from_world * self.truth.world_from_base();
+        report.goal_distance_m = report.goal.map(|goal| (truth.translation.vector - Vector2::from(goal)).norm());
+        if report.goal.is_some() {
+            report.path_length_m = self.driven_at_fix_m.map(|at| self.truth.driven_m() - at);
+        }
+        report.plans = outcome.plans;
+        report.refixes = outcome.refixes;
+        report.collisions = self.truth.collisions();
+        self.report
+    }
+
+    fn score_estimate(&mut self, step: &PilotStep, truth: &Pose2, is_drawn: bool) {
+        let report = &mut self.report;
+        let estimate = step.localization.map_from_base();
+        report.localized_at_end = estimate.is_some();
+        self.last = estimate.map(|estimate| (estimate, *truth));
+        let Some(estimate) = estimate else { return };
+        let (metres, degrees) = pose_error(&estimate, truth);
+        report.worst_error_m = Some(report.worst_error_m.map_or(metres, |worst| worst.max(metres)));
+        if !report.localized {
+            let driven_m = self.truth.driven_m();
+            report.localized = true;
+            report.relocalization_distance_m = Some(driven_m);
+            report.relocalization_error_m = Some(metres);
+            report.relocalization_error_deg = Some(degrees);
+            report.relocalization_evidence = step.localization.evidence;
+            self.driven_at_fix_m = Some(driven_m);
+        }
+        if is_drawn {
+            report.trajectory.push([estimate.translation.x, estimate.translation.y]);
+        }
+    }
+}
+
+impl MissionObserver for MissionScore {
+    fn on_frame(&mut self, frame: &SensorFrame, step: &PilotStep, pilot: &Pilot) -> ControlFlow<()> {
+        let truth = self.map_from_world * self.truth.world_from_base();
+        let is_drawn = self.frames.is_multiple_of(TRAJECTORY_EVERY);
+        self.frames += 1;
+        let report = &mut self.report;
+        let first = *self.first_us.get_or_insert(frame.time_us);
+        report.sim_s = frame.time_us.saturating_sub(first) as f64 / 1e6;
+        if is_drawn {
+            report.true_trajectory.push([truth.translation.x, truth.translation.y]);
+        }
+        if let Some(path) = pilot.path() {
+            report.planned_length_m.get_or_insert(path.length_m);
+            // The robot plans first and the server answers after: its word is the better.
+            if report.planner != Some(Planner::Server) {
+                report.planner = Some(path.planner);
+            }
+        }
+        self.score_estimate(step, &truth, is_drawn);
+        ControlFlow::Continue(())
+    }
+
+    fn on_goal(&mut self, goal: Point2) {
+        self.report.goal = Some([goal.x, goal.y]);
+        let from = Point2::from(self.truth.world_from_base().translation.vector);
+        let to = self.map_from_world.inverse() * goal;
+        let shortest = self.world.plan().shortest_path(from, to, self.radius_m);
+        self.report.shortest_length_m =
+            shortest.map(|points| points.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum());
+    }
+}

@@ -1,0 +1,209 @@
+//! A robot of one's own behind the port, without the simulator: it finds its place in a small map
+//! and drives where it is told; when its sensors fall silent it stands, and goes on when they are
+//! back.
+
+#![allow(clippy::unwrap_used)] // tests may panic
+
+use client_robot::mission::{MissionConfig, MissionError, MissionGoal, MissionObserver, MissionOutcome, Services, run};
+use client_robot::pilot::{Pilot, PilotStep, TaskOutcome};
+use fht_client::{FreeSpaceCache, PathSource, PlannedPath, rules_of_own};
+use fht_map::MapState;
+use fht_perception::frame::{LaserScan, SensorFrame, Twist};
+use fht_perception::pose::{Point2, Pose2, pose, to_fixed};
+use fht_perception::robot::{Robot, RobotError, Sensors, SilenceConfig};
+use fht_proto::api::reply::ErrorReply;
+use fht_proto::{AuthorId, EdgeKey, FixedPoint, Increment, NodeId, NodeKind, Op, Rect, Signature};
+use std::collections::BTreeSet;
+use std::ops::ControlFlow;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+use tokio::time::Instant;
+
+type Wall = [(f64, f64); 2];
+
+/// An L-shaped room of 7 m × 6 m with a cupboard: nothing in it looks like anything else.
+fn room() -> Vec<Wall> {
+    let outline = [(-3.0, -2.0), (4.0, -2.0), (4.0, 1.0), (1.0, 1.0), (1.0, 4.0), (-3.0, 4.0), (-3.0, -2.0)];
+    let cupboard = [(0.8, -2.0), (0.8, -1.4), (2.0, -1.4), (2.0, -2.0)];
+    outline.windows(2).chain(cupboard.windows(2)).map(|pair| [pair[0], pair[1]]).collect()
+}
+
+/// How far a beam from `at` goes, metres.
+fn range_m(walls: &[Wall], at: &Pose2, (cos, sin): (f64, f64)) -> f64 {
+    let ahead = at.rotation * nalgebra::Vector2::new(cos, sin);
+    let hits = walls.iter().filter_map(|&[(x1, y1), (x2, y2)]| {
+        let (ex, ey, ox, oy) = (x2 - x1, y2 - y1, x1 - at.translation.x, y1 - at.translation.y);
+        let cross = ahead.x * ey - ahead.y * ex;
+        let (along, on_wall) = ((ox * ey - oy * ex) / cross, (ox * ahead.y - oy * ahead.x) / cross);
+        (along > 0.0 && (0.0..=1.0).contains(&on_wall)).then_some(along)
+    });
+    hits.fold(f64::INFINITY, f64::min)
+}
+
+fn scan(walls: &[Wall], at: &Pose2) -> LaserScan {
+    LaserScan::all_round(360, |cos, sin| range_m(walls, at, (cos, sin)))
+}
+
+/// Main nodes in the room, each with the scan that was taken there.
+fn map(walls: &[Wall]) -> MapState {
+    let author = AuthorId(1);
+    let id = |number: usize| NodeId { author, number: number as u32 };
+    let places = [(0.0, 0.0), (2.8, -0.3), (-1.5, 2.5), (-1.8, -0.8)];
+    let mut ops = Vec::new();
+    for (number, (x, y)) in places.into_iter().enumerate() {
+        let at = pose(x, y, 0.7 * number as f64);
+        let fixed = to_fixed(&at);
+        let rect = Rect::around(fixed.position, (x - 0.8, y - 0.8), (x + 0.8, y + 0.8));
+        ops.push(Op::PutNode { id: id(number), kind: NodeKind::Main, pose: fixed });
+        ops.push(Op::SetFreeSpace { id: id(number), rect: Some(rect) });
+        let signature = Signature { descriptor: None, scan: scan(walls, &at).to_record() };
+        ops.push(Op::SetSignature { id: id(number), signature });
+        ops.extend((number > 0).then(|| Op::PutEdge { edge: EdgeKey::new(id(0), id(number)) }));
+    }
+    let mut map = MapState::new();
+    map.apply(&Increment { author, number: 1, hlc_us: 1, ops });
+    map
+}
+
+/// Time between two scans: 10 Hz.
+const PERIOD_S: f64 = 0.1;
+
+/// What the robot was told and where it is, for the test to look at.
+#[derive(Clone, Default)]
+struct Log(Arc<Mutex<(Vec<Twist>, Option<Pose2>)>>);
+
+/// The whole of a robot of one's own.
+struct Toy {
+    walls: Vec<Wall>,
+    at: Pose2,
+    odom_from_base: Pose2,
+    command: Twist,
+    frames: u64,
+    /// The sensors fall silent at this frame, for so long.
+    silence: Option<(u64, Duration)>,
+    silent_until: Option<Instant>,
+    log: Log,
+}
+
+impl Toy {
+    fn new(silence: Option<(u64, Duration)>) -> Self {
+        Self {
+            walls: room(),
+            at: pose(-1.2, 1.5, 2.0),
+            odom_from_base: Pose2::identity(),
+            command: Twist::default(),
+            frames: 0,
+            silence,
+            silent_until: None,
+            log: Log::default(),
+        }
+    }
+}
+
+impl Sensors for Toy {
+    async fn sense(&mut self) -> Result<SensorFrame, RobotError> {
+        if let Some((_, time)) = self.silence.filter(|(frame, _)| *frame == self.frames) {
+            let until = *self.silent_until.get_or_insert_with(|| Instant::now() + time);
+            tokio::time::sleep_until(until).await;
+            self.silence = None;
+        }
+        let moved = pose(self.command.linear_mps * PERIOD_S, 0.0, self.command.angular_radps * PERIOD_S);
+        self.at *= moved;
+        self.odom_from_base *= moved;
+        self.frames += 1;
+        self.log.0.lock().unwrap().1 = Some(self.at);
+        Ok(SensorFrame {
+            time_us: self.frames * 100_000,
+            odom_from_base: self.odom_from_base,
+            scan: scan(&self.walls, &self.at),
+            panorama: None,
+        })
+    }
+}
+
+impl Robot for Toy {
+    async fn drive(&mut self, command: Twist) -> Result<(), RobotError> {
+        self.command = command;
+        self.log.0.lock().unwrap().0.push(command);
+        Ok(())
+    }
+}
+
+/// Paths on the map at hand.
+struct OwnPaths<'a>(&'a MapState);
+
+impl PathSource for OwnPaths<'_> {
+    fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<FixedPoint>) -> Result<PlannedPath, ErrorReply> {
+        FreeSpaceCache::default().plan(self.0, 0, from, to, &rules_of_own(blocked))
+    }
+}
+
+/// Ends a mission at a frame.
+struct EndsAt(u64);
+
+impl MissionObserver for EndsAt {
+    fn on_frame(&mut self, frame: &SensorFrame, _: &PilotStep, _: &Pilot) -> ControlFlow<()> {
+        if frame.time_us >= self.0 * 100_000 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+const GOAL: (f64, f64) = (2.8, -0.3);
+
+fn mission(
+    toy: Toy,
+    silence: SilenceConfig,
+    observer: &mut impl MissionObserver,
+) -> (Result<MissionOutcome, MissionError>, Vec<Twist>, Pose2) {
+    let (map, log) = (map(&toy.walls), toy.log.clone());
+    let mut services = Services { map: &map, paths: &mut OwnPaths(&map), describe: &mut |_| None };
+    let config = MissionConfig { silence, ..MissionConfig::default() };
+    let goal = MissionGoal::Point(Point2::new(GOAL.0, GOAL.1));
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let outcome = runtime.block_on(run(toy, config, &goal, &mut services, observer));
+    let (commands, at) = std::mem::take(&mut *log.0.lock().unwrap());
+    (outcome, commands, at.unwrap())
+}
+
+fn is_stop(command: &Twist) -> bool {
+    *command == Twist::default()
+}
+
+fn assert_arrived(outcome: Result<MissionOutcome, MissionError>, commands: &[Twist], at: &Pose2) {
+    assert_eq!(outcome.unwrap().task, TaskOutcome::Arrived);
+    let left_m = (at.translation.x - GOAL.0).hypot(at.translation.y - GOAL.1);
+    assert!(left_m < 0.3, "{left_m} m from the goal");
+    assert!(commands.last().is_some_and(is_stop) && !commands.iter().all(is_stop));
+}
+
+#[test]
+fn it_finds_its_place_and_drives_to_the_goal() {
+    let (outcome, commands, at) = mission(Toy::new(None), SilenceConfig::default(), &mut ());
+    assert_arrived(outcome, &commands, &at);
+}
+
+#[test]
+fn silent_sensors_stop_it_and_it_goes_on_when_they_are_back() {
+    let silence = SilenceConfig { stop_after_s: 0.05, end_after_s: 30.0 };
+    let (outcome, commands, at) = mission(Toy::new(Some((15, Duration::from_millis(300)))), silence, &mut ());
+    // Fifteen frames have led to fifteen commands; then it was told to stop, again and again.
+    assert!(commands[15..18].iter().all(is_stop), "{:?}", &commands[10..20]);
+    assert_arrived(outcome, &commands, &at);
+}
+
+#[test]
+fn sensors_that_stay_silent_end_the_mission() {
+    let silence = SilenceConfig { stop_after_s: 0.05, end_after_s: 0.3 };
+    let (outcome, commands, _) = mission(Toy::new(Some((15, Duration::from_secs(3600)))), silence, &mut ());
+    let error = outcome.unwrap_err();
+    assert!(matches!(error, MissionError::Robot(RobotError::Silent { .. })), "{error}");
+    assert!(error.to_string().contains("silent for 0.3"), "{error}");
+    assert!(commands.last().is_some_and(is_stop));
+}
+
+#[test]
+fn who_watches_may_end_it_and_the_robot_stops() {
+    let (outcome, commands, _) = mission(Toy::new(None), SilenceConfig::default(), &mut EndsAt(12));
+    assert!(matches!(outcome, Err(MissionError::Interrupted)));
+    assert_eq!(commands.len(), 12, "eleven commands, and the stop");
+    assert!(commands.last().is_some_and(is_stop));
+}

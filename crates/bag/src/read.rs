@@ -1,0 +1,21 @@
+//! Reading: from the files of a bag to sensor frames.
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | `files` | which files make up a bag |
+//! | `stream` | their messages, as far as they can be read |
+//! | `survey` | what is in a bag |
+//! | `topics` | which topics hold what |
+//! | `odometry` | poses by time, interpolated |
+//! | `picture` | four cameras make a panorama |
+//! | `frames` | all of it: [`SensorFrame`](fht_perception::frame::SensorFrame)s |
+//! | `report` | what became of the messages |
+
+pub(crate) mod files;
+pub(crate) mod frames;
+pub(crate) mod odometry;
+mod picture;
+pub(crate) mod report;
+pub(crate) mod stream;
+pub(crate) mod survey;
+pub(crate) mod topics;

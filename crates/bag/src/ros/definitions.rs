@@ -1,0 +1,117 @@
+//! The definitions of the ROS 2 messages in the form of MCAP schemas (`ros2msg`).
+
+/// Field lists by type, without `msg/`.
+const DEFINITIONS: &[(&str, &str)] = &[
+    ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n"),
+    ("builtin_interfaces/Duration", "int32 sec\nuint32 nanosec\n"),
+    ("std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id\n"),
+    ("std_msgs/ColorRGBA", "float32 r\nfloat32 g\nfloat32 b\nfloat32 a\n"),
+    ("geometry_msgs/Point", "float64 x\nfloat64 y\nfloat64 z\n"),
+    ("geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n"),
+    ("geometry_msgs/Quaternion", "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"),
+    ("geometry_msgs/Pose", "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n"),
+    ("geometry_msgs/PoseStamped", "std_msgs/Header header\ngeometry_msgs/Pose pose\n"),
+    ("geometry_msgs/PoseWithCovariance", "geometry_msgs/Pose pose\nfloat64[36] covariance\n"),
+    ("geometry_msgs/Twist", "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n"),
+    ("geometry_msgs/TwistWithCovariance", "geometry_msgs/Twist twist\nfloat64[36] covariance\n"),
+    ("geometry_msgs/Transform", "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n"),
+    (
+        "geometry_msgs/TransformStamped",
+        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n",
+    ),
+    (
+        "sensor_msgs/LaserScan",
+        "std_msgs/Header header\nfloat32 angle_min\nfloat32 angle_max\nfloat32 angle_increment\nfloat32 time_increment\n\
+         float32 scan_time\nfloat32 range_min\nfloat32 range_max\nfloat32[] ranges\nfloat32[] intensities\n",
+    ),
+    (
+        "sensor_msgs/Image",
+        "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\n\
+         uint8[] data\n",
+    ),
+    ("sensor_msgs/CompressedImage", "std_msgs/Header header\nstring format\nuint8[] data\n"),
+    (
+        "nav_msgs/Odometry",
+        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n\
+         geometry_msgs/TwistWithCovariance twist\n",
+    ),
+    (
+        "nav_msgs/MapMetaData",
+        "builtin_interfaces/Time map_load_time\nfloat32 resolution\nuint32 width\nuint32 height\n\
+         geometry_msgs/Pose origin\n",
+    ),
+    ("nav_msgs/OccupancyGrid", "std_msgs/Header header\nnav_msgs/MapMetaData info\nint8[] data\n"),
+    ("nav_msgs/Path", "std_msgs/Header header\ngeometry_msgs/PoseStamped[] poses\n"),
+    ("tf2_msgs/TFMessage", "geometry_msgs/TransformStamped[] transforms\n"),
+    ("visualization_msgs/UVCoordinate", "float32 u\nfloat32 v\n"),
+    ("visualization_msgs/MeshFile", "string filename\nuint8[] data\n"),
+    (
+        "visualization_msgs/Marker",
+        "int32 ARROW=0\nint32 CUBE=1\nint32 SPHERE=2\nint32 CYLINDER=3\nint32 LINE_STRIP=4\nint32 LINE_LIST=5\n\
+         int32 CUBE_LIST=6\nint32 SPHERE_LIST=7\nint32 POINTS=8\nint32 TEXT_VIEW_FACING=9\nint32 MESH_RESOURCE=10\n\
+         int32 TRIANGLE_LIST=11\nint32 ADD=0\nint32 MODIFY=0\nint32 DELETE=2\nint32 DELETEALL=3\n\
+         std_msgs/Header header\nstring ns\nint32 id\nint32 type\nint32 action\ngeometry_msgs/Pose pose\n\
+         geometry_msgs/Vector3 scale\nstd_msgs/ColorRGBA color\nbuiltin_interfaces/Duration lifetime\n\
+         bool frame_locked\ngeometry_msgs/Point[] points\nstd_msgs/ColorRGBA[] colors\nstring texture_resource\n\
+         sensor_msgs/CompressedImage texture\nvisualization_msgs/UVCoordinate[] uv_coordinates\nstring text\n\
+         string mesh_resource\nvisualization_msgs/MeshFile mesh_file\nbool mesh_use_embedded_materials\n",
+    ),
+    ("visualization_msgs/MarkerArray", "visualization_msgs/Marker[] markers\n"),
+];
+
+fn fields(name: &str) -> Option<&'static str> {
+    DEFINITIONS.iter().find(|(known, _)| *known == name).map(|(_, fields)| *fields)
+}
+
+/// The definition of `type_name` (such as `nav_msgs/msg/Odometry`), followed by those of all types
+/// that it contains, each after a line of 80 `=`. `None` for a type that is not defined here.
+pub(crate) fn definition(type_name: &str) -> Option<String> {
+    let root = type_name.replacen("/msg/", "/", 1);
+    let mut text = fields(&root)?.to_owned();
+    let mut types: Vec<&str> = Vec::new();
+    collect(fields(&root)?, &mut types);
+    for name in types {
+        let separator = "=".repeat(80);
+        text.push_str(&format!("{separator}\nMSG: {name}\n{}", fields(name)?));
+    }
+    Some(text)
+}
+
+/// Collects the types of `fields`, each once.
+fn collect(fields_text: &'static str, types: &mut Vec<&'static str>) {
+    for line in fields_text.lines() {
+        let name = line.split([' ', '[']).next().unwrap_or_default();
+        if let Some(fields) = fields(name)
+            && !types.contains(&name)
+        {
+            types.push(name);
+            collect(fields, types);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_definition_holds_all_that_it_needs_once() {
+        let text = definition("nav_msgs/msg/Odometry").unwrap();
+        for name in ["std_msgs/Header", "builtin_interfaces/Time", "geometry_msgs/Point", "geometry_msgs/Vector3"] {
+            assert_eq!(text.matches(&format!("\nMSG: {name}\n")).count(), 1, "{name}");
+        }
+        assert!(text.starts_with("std_msgs/Header header\n"));
+        assert!(definition("nav_msgs/msg/Goals").is_none());
+    }
+
+    #[test]
+    fn every_type_is_known() {
+        const PLAIN: [&str; 9] = ["int8", "uint8", "int32", "uint32", "float32", "float64", "string", "bool", ""];
+        for (_, text) in DEFINITIONS {
+            for line in text.lines() {
+                let name = line.split([' ', '[']).next().unwrap();
+                assert!(PLAIN.contains(&name) || fields(name).is_some(), "{line}");
+            }
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! Writing to a map: numbered, stamped increments, acknowledged by the server's head.
+
+use crate::queries::{AskError, ask_async, ask_head_async};
+use fht_proto::api::keys::{Key, Topic};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, Head, Series};
+use fht_proto::{AuthorId, CodecError, Digest, Increment, MapName, Op, VersionVector, decode, encode};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use zenoh::Session;
+use zenoh::bytes::Encoding;
+use zenoh::handlers::RingChannel;
+use zenoh::qos::CongestionControl;
+
+/// How long the server has to store an increment.
+const STORE_TIMEOUT: Duration = Duration::from_secs(10);
+/// The server is asked what it has this often.
+const ASK_EVERY: Duration = Duration::from_millis(250);
+/// Two programs of one author may take the same number: so often another one is tried.
+const TRIES: usize = 5;
+
+/// Why an increment was not written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum NotWritten {
+    /// Zenoh refused.
+    #[error("Zenoh refuses: {0}")]
+    Zenoh(#[from] zenoh::Error),
+    /// The server did not say what it has.
+    #[error(transparent)]
+    Ask(#[from] AskError),
+    /// The server refused the increment, with its reason.
+    #[error("{0}")]
+    Refused(ErrorReply),
+    /// The operations are no increment that anybody would take.
+    #[error("it cannot be written: {0}")]
+    Invalid(#[from] CodecError),
+    /// The server has not stored it.
+    #[error("the server has not stored it within {seconds} s; may this author write? (access control drops silently)")]
+    NotStored {
+        /// How long was waited.
+        seconds: u64,
+    },
+    /// Another program took every number that was tried.
+    #[error("somebody else writes as {author} all the time: choose another name")]
+    Contended {
+        /// The author's name.
+        author: String,
+    },
+}
+
+/// Now, microseconds since 1970.
+fn now_us() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_micros()).unwrap_or(u64::MAX)
+}
+
+/// Who writes, and how.
+#[derive(Clone, Copy, Debug)]
+pub struct Authorship<'a> {
+    /// The author's name.
+    pub name: &'a str,
+    /// Whether a map that does not exist yet is begun.
+    pub may_begin: bool,
+    /// How long the server may take for an answer.
+    pub timeout: Duration,
+}
+
+/// What the map has before the first increment of all.
+fn nothing_yet(map: &MapName) -> Head {
+    Head {
+        map: map.clone(),
+        version: 0,
+        vector: VersionVector::default(),
+        clock_us: 0,
+        enabled: None,
+        digest: Digest([0; 32]),
+        main_nodes: 0,
+        support_nodes: 0,
+        edges: 0,
+        bytes: 0,
+        refused: 0,
+    }
+}
+
+async fn head_of(session: &Session, map: &MapName, author: &Authorship<'_>) -> Result<Head, AskError> {
+    match ask_head_async(session, map, author.timeout).await {
+        Err(AskError::Refused(reply)) if author.may_begin && reply.code == ErrorCode::UnknownMap => {
+            Ok(nothing_yet(map))
+        }
+        outcome => outcome,
+    }
+}
+
+/// Writes `ops` as one increment, and returns the head that contains it.
+///
+/// # Errors
+/// [`NotWritten`].
+pub async fn write(session: &Session, map: &MapName, by: Authorship<'_>, ops: Vec<Op>) -> Result<Head, NotWritten> {
+    let author = AuthorId::of_robot(by.name);
+    let refused = Key::refused(map, author).to_string();
+    let refusals = session.declare_subscriber(refused).with(RingChannel::new(4)).await?;
+    for _ in 0..TRIES {
+        let before = head_of(session, map, &by).await?;
+        let number = before.vector.get(author) + 1;
+        // Newer than everything that the map has seen.
+        let hlc_us = now_us().max(before.clock_us + 1);
+        let increment = Increment { author, number, hlc_us, ops: ops.clone() };
+        session
+            .put(Key::increment(map, author, number).to_string(), encode(&increment)?)
+            .encoding(Encoding::APPLICATION_OCTET_STREAM)
+            .congestion_control(CongestionControl::Block)
+            .await?;
+        let begin = Instant::now();
+        loop {
+            if let Ok(Some(sample)) = refusals.try_recv()
+                && let Ok(reply) = serde_json::from_slice::<ErrorReply>(&sample.payload().to_bytes())
+                && reply.code != ErrorCode::Conflict
+            {
+                return Err(NotWritten::Refused(reply));
+            }
+            let now = head_of(session, map, &by).await?;
+            if now.vector.get(author) >= number {
+                if is_stored(session, map, &before, &increment, by.timeout).await? {
+                    return Ok(now);
+                }
+                break; // another program of this author was faster
+            }
+            if begin.elapsed() >= STORE_TIMEOUT {
+                return Err(NotWritten::NotStored { seconds: STORE_TIMEOUT.as_secs() });
+            }
+            tokio::time::sleep(ASK_EVERY.min(Duration::from_millis(20) + begin.elapsed())).await;
+        }
+    }
+    Err(NotWritten::Contended { author: by.name.to_owned() })
+}
+
+/// Whether the server stored this increment under its number, and not somebody else's.
+async fn is_stored(
+    session: &Session,
+    map: &MapName,
+    before: &Head,
+    increment: &Increment,
+    timeout: Duration,
+) -> Result<bool, AskError> {
+    let selector = format!("{}?vector={}", Key::topic(map, Topic::Since), before.vector);
+    let bytes = ask_async(session, &selector, None, timeout).await?;
+    let series: Series = decode(&bytes).map_err(|error| AskError::Unreadable(error.to_string()))?;
+    let place = |stored: &&Increment| (stored.author, stored.number) == (increment.author, increment.number);
+    Ok(series.increments.iter().find(place).is_none_or(|stored| stored == increment))
+}

@@ -1,0 +1,138 @@
+//! What a robot tells the others: that it is here, where it is, what it runs, what it could not
+//! pass.
+
+use fht_perception::pose::Pose2;
+use fht_proto::MapName;
+use fht_proto::api::fleet::{BlockedReport, LocalizationState, RobotPose, RobotRole, RobotStatus};
+use fht_proto::api::keys::{Key, RobotTopic};
+use fht_proto::model::version::VersionVector;
+use zenoh::bytes::Encoding;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::{Session, Wait};
+
+/// The text is not the name of a robot.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("robot name '{0}' is not 1 to 64 letters, digits, '_' or '-'")]
+pub struct InvalidRobotName(pub String);
+
+fn token_key(map: &MapName, robot: &str) -> String {
+    Key::Robot { map: map.clone(), robot: robot.to_owned() }.to_string()
+}
+
+/// Checks that a robot of this name can say something on `map`.
+///
+/// # Errors
+/// [`InvalidRobotName`].
+pub fn check_robot_name(map: &MapName, robot: &str) -> Result<(), InvalidRobotName> {
+    let is_name = token_key(map, robot).parse::<Key>().is_ok();
+    if is_name { Ok(()) } else { Err(InvalidRobotName(robot.to_owned())) }
+}
+
+/// Where a robot is, as far as it knows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PoseReport {
+    /// Whether it knows.
+    pub state: LocalizationState,
+    /// Probability that the pose, or the likeliest candidate, is right: 0 to 1.
+    pub confidence: f64,
+    /// Where it may be while it does not know, map frame, likeliest first.
+    pub candidates: Vec<Pose2>,
+    /// Its pose in the map frame, if it knows.
+    pub map_from_base: Option<Pose2>,
+}
+
+impl Default for PoseReport {
+    /// A robot that knows nothing yet.
+    fn default() -> Self {
+        Self { state: LocalizationState::NotLocalized, confidence: 0.0, candidates: Vec::new(), map_from_base: None }
+    }
+}
+
+fn x_y_yaw(at: &Pose2) -> [f64; 3] {
+    [at.translation.x, at.translation.y, at.rotation.angle()]
+}
+
+/// The voice of one robot on one map. Lost messages do no harm: the next one comes soon.
+#[derive(Clone, Debug)]
+pub struct Presence {
+    session: Session,
+    map: MapName,
+    robot: String,
+    role: RobotRole,
+}
+
+impl Presence {
+    /// Checks the name; says nothing yet.
+    ///
+    /// # Errors
+    /// [`InvalidRobotName`].
+    pub fn new(session: &Session, map: &MapName, robot: &str, role: RobotRole) -> Result<Self, InvalidRobotName> {
+        check_robot_name(map, robot)?;
+        Ok(Self { session: session.clone(), map: map.clone(), robot: robot.to_owned(), role })
+    }
+
+    /// The robot's name.
+    #[must_use]
+    pub fn robot(&self) -> &str {
+        &self.robot
+    }
+
+    /// Declares that the robot is here, for as long as the token lives.
+    ///
+    /// # Errors
+    /// When Zenoh refuses.
+    pub fn declare(&self) -> Result<LivelinessToken, zenoh::Error> {
+        self.session.liveliness().declare_token(token_key(&self.map, &self.robot)).wait()
+    }
+
+    /// Publishes where the robot is, and what it runs: the increments in `vector`, and the release
+    /// if it runs one.
+    pub fn publish(&self, pose: &PoseReport, vector: VersionVector, release: Option<String>) {
+        let map_from_base = pose.map_from_base.as_ref().map(x_y_yaw);
+        self.put_json(
+            RobotTopic::Pose,
+            &RobotPose {
+                robot: self.robot.clone(),
+                localized: map_from_base.is_some(),
+                state: pose.state,
+                confidence: pose.confidence,
+                candidates: pose.candidates.iter().map(x_y_yaw).collect(),
+                map_from_base,
+            },
+        );
+        self.put_json(
+            RobotTopic::Status,
+            &RobotStatus {
+                robot: self.robot.clone(),
+                role: self.role,
+                map: self.map.clone(),
+                version: vector.version(),
+                vector,
+                release,
+                state: pose.state,
+                map_from_base,
+            },
+        );
+    }
+
+    /// Reports what the robot could not pass. A report without edges and places takes the earlier
+    /// ones back.
+    pub fn report_blocked(&self, report: &BlockedReport) {
+        self.put_json(RobotTopic::Blocked, report);
+    }
+
+    /// Publishes a message of one topic as JSON.
+    pub fn put_json<T: serde::Serialize>(&self, topic: RobotTopic, message: &T) {
+        if let Ok(json) = serde_json::to_vec(message) {
+            self.put(topic, json, Encoding::APPLICATION_JSON);
+        }
+    }
+
+    /// Publishes a message of one topic.
+    pub fn put(&self, topic: RobotTopic, bytes: Vec<u8>, encoding: Encoding) {
+        let key = Key::robot(&self.map, &self.robot, topic).to_string();
+        if let Err(error) = self.session.put(&key, bytes).encoding(encoding).wait() {
+            tracing::debug!(%error, key, "not published");
+        }
+    }
+}

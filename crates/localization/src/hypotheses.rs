@@ -1,0 +1,206 @@
+//! Where the robot may be: a handful of places, carried along the odometry and weighed by all that
+//! was seen on the way.
+//!
+//! Each hypothesis is one place of the odometry frame on the map. Every view counts for or against
+//! it: beams that the map explains or contradicts, and pictures that look like those of the nodes
+//! there or do not. A corridor that looks like another is two hypotheses of nearly the same weight,
+//! until something tells them apart.
+
+use crate::landmarks::Landmarks;
+use fht_perception::evidence_grid::{Beams, Evidence, EvidenceConfig};
+use fht_perception::matching::{MatchConfig, refine};
+use fht_perception::pose::{Point2, Pose2, wrap_angle};
+use fht_perception::scan_odometry::Odometry;
+use fht_proto::NodeId;
+use serde::{Deserialize, Serialize};
+
+/// How hypotheses are weighed.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
+pub struct WeighConfig {
+    /// Independent beams that one view counts as: neighbouring beams see the same wall. Default 12.
+    pub beams_per_view: f64,
+    /// Cost of a beam that cannot be, natural logarithm of a likelihood ratio. Default 4.
+    pub contradiction_cost: f64,
+    /// Cost of a beam that ends where nobody looked. Default 0.2: there may be anything.
+    pub silence_cost: f64,
+    /// Cost of a beam if the robot is nowhere on the map. Default 0.7: as much as one in seven that
+    /// cannot be.
+    pub nowhere_cost: f64,
+    /// A view that looks like a node near, or like none, counts this much at most, natural
+    /// logarithm. Default 1.5.
+    pub look_weight: f64,
+    /// All views together count this much at most: what they see is much the same. Default 3.
+    pub looks_weight: f64,
+    /// It counts that much when the cosine is this far above the model's threshold, or below.
+    /// Default 0.1.
+    pub look_span: f64,
+    /// Nodes within this distance should look like what the robot sees, metres. Default 3.5.
+    pub look_radius_m: f64,
+    /// How beams are counted.
+    pub evidence: EvidenceConfig,
+}
+
+impl Default for WeighConfig {
+    fn default() -> Self {
+        Self {
+            beams_per_view: 12.0,
+            contradiction_cost: 4.0,
+            silence_cost: 0.2,
+            nowhere_cost: 0.7,
+            look_weight: 1.5,
+            looks_weight: 3.0,
+            look_span: 0.1,
+            look_radius_m: 3.5,
+            evidence: EvidenceConfig::default(),
+        }
+    }
+}
+
+/// What the robot saw at one place.
+pub struct SensedView {
+    /// Where odometry said it was.
+    pub odometry: Odometry,
+    /// End points of its scan, base frame.
+    pub points: Vec<Point2>,
+    /// The same scan by direction.
+    pub beams: Beams,
+    /// How much the nodes look like what it saw, above the model's threshold (below: negative);
+    /// none without a picture.
+    pub alike: Vec<(NodeId, f32)>,
+}
+
+/// A place where the robot may be.
+#[derive(Clone, Debug)]
+pub struct Hypothesis {
+    /// Where each of the views was taken, map frame, oldest first.
+    pub at: Vec<Pose2>,
+    /// What the beams of each view say.
+    evidence: Vec<Evidence>,
+    /// What each view looks like: for it or against it.
+    looks: Vec<f64>,
+}
+
+impl Hypothesis {
+    /// The robot at `map_from_base` when the last of `views` was taken; before, where the odometry
+    /// says.
+    #[must_use]
+    pub fn new(map_from_base: &Pose2, views: &[SensedView], landmarks: &Landmarks, config: &WeighConfig) -> Self {
+        let mut hypothesis = Self { at: Vec::new(), evidence: Vec::new(), looks: Vec::new() };
+        let Some(last) = views.last() else { return hypothesis };
+        let map_from_odom = map_from_base * last.odometry.odom_from_base.inverse();
+        for view in views {
+            hypothesis.add(map_from_odom * view.odometry.odom_from_base, view, landmarks, config);
+        }
+        hypothesis
+    }
+
+    fn add(&mut self, at: Pose2, view: &SensedView, landmarks: &Landmarks, config: &WeighConfig) {
+        let evidence = landmarks.walls().known.weigh(&view.beams, &at, &config.evidence);
+        self.at.push(at);
+        self.evidence.push(evidence);
+        self.looks.push(look_weight(&at, view, landmarks, config));
+    }
+
+    /// Carries it to a further view, where it is held to the walls again.
+    pub fn carry(
+        &mut self,
+        from: &Odometry,
+        view: &SensedView,
+        landmarks: &Landmarks,
+        matching: &MatchConfig,
+        config: &WeighConfig,
+    ) {
+        let Some(before) = self.at.last() else { return };
+        let predicted = before * (from.odom_from_base.inverse() * view.odometry.odom_from_base);
+        let at = held(&predicted, view, landmarks, matching).unwrap_or(predicted);
+        self.add(at, view, landmarks, config);
+    }
+
+    /// Forgets the view of this index.
+    pub fn forget(&mut self, index: usize) {
+        self.at.remove(index);
+        self.evidence.remove(index);
+        self.looks.remove(index);
+    }
+
+    /// Whether the last view alone makes it less than `most` (natural logarithm) likely.
+    #[must_use]
+    pub fn is_worth_a_look(
+        at: &Pose2,
+        view: &SensedView,
+        landmarks: &Landmarks,
+        most: f64,
+        config: &WeighConfig,
+    ) -> bool {
+        let evidence = landmarks.walls().known.weigh(&view.beams, at, &config.evidence);
+        beam_weight(&evidence, config) > -most
+    }
+
+    /// What all views say: natural logarithm of a likelihood, up to a constant.
+    #[must_use]
+    pub fn weight(&self, config: &WeighConfig) -> f64 {
+        let beams: f64 = self.evidence.iter().map(|evidence| beam_weight(evidence, config)).sum();
+        let looks: f64 = self.looks.iter().sum();
+        beams + looks.clamp(-config.looks_weight, config.looks_weight)
+    }
+
+    /// What the beams of all views say.
+    #[must_use]
+    pub fn evidence(&self) -> Evidence {
+        let mut sum = Evidence::default();
+        self.evidence.iter().for_each(|evidence| sum.add(*evidence));
+        sum
+    }
+
+    /// The robot in the map frame when the last view was taken.
+    #[must_use]
+    pub fn map_from_base(&self) -> Pose2 {
+        self.at.last().copied().unwrap_or_else(Pose2::identity)
+    }
+
+    /// Whether both say nearly the same place.
+    #[must_use]
+    pub fn is_near(&self, map_from_base: &Pose2, metres: f64, radians: f64) -> bool {
+        let here = self.map_from_base();
+        let apart = here.translation.vector - map_from_base.translation.vector;
+        let turn = wrap_angle(here.rotation.angle() - map_from_base.rotation.angle());
+        apart.norm() < metres && turn.abs() < radians
+    }
+}
+
+/// A correction of more than this is another place, metres.
+const MOST_CORRECTION_M: f64 = 0.5;
+/// The same for headings, radians.
+const MOST_CORRECTION_RAD: f64 = 0.2;
+
+/// `guess`, held to the walls by what the view sees; `None` where too little fits.
+#[must_use]
+pub fn held(guess: &Pose2, view: &SensedView, landmarks: &Landmarks, matching: &MatchConfig) -> Option<Pose2> {
+    // Half of the points say nearly as much as all of them.
+    let points: Vec<Point2> = view.points.iter().step_by(2).copied().collect();
+    let found = refine(&landmarks.walls().cloud, &points, guess, matching)?;
+    let apart = found.reference_from_moving.translation.vector - guess.translation.vector;
+    let turn = wrap_angle(found.reference_from_moving.rotation.angle() - guess.rotation.angle());
+    let is_same_place = apart.norm() < MOST_CORRECTION_M && turn.abs() < MOST_CORRECTION_RAD;
+    (is_same_place && found.score >= matching.min_score).then_some(found.reference_from_moving)
+}
+
+fn beam_weight(evidence: &Evidence, config: &WeighConfig) -> f64 {
+    let cost =
+        config.contradiction_cost * evidence.contradicted_share() + config.silence_cost * evidence.silent_share();
+    -config.beams_per_view * cost
+}
+
+/// How much a view looks like the nodes around `at`: for it or against it; nothing where there is
+/// none.
+fn look_weight(at: &Pose2, view: &SensedView, landmarks: &Landmarks, config: &WeighConfig) -> f64 {
+    let near = view.alike.iter().filter(|(id, _)| {
+        landmarks.get(*id).is_some_and(|node| {
+            (node.map_from_node.translation.vector - at.translation.vector).norm() <= config.look_radius_m
+        })
+    });
+    let best = near.map(|(_, above)| f64::from(*above)).max_by(f64::total_cmp);
+    best.map_or(0.0, |best| config.look_weight * (best / config.look_span).clamp(-1.0, 1.0))
+}

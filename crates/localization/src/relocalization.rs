@@ -1,0 +1,382 @@
+//! Finding out where the robot is without a guess (paper, section III-C-1).
+//!
+//! What the robot sees is looked for in the whole map at once, where the scans of all main nodes
+//! are one; nodes that look alike favour the places around them. What is found becomes hypotheses,
+//! which are carried along the odometry and weighed by everything seen on the way. One is declared
+//! when it is nearly certain, rests on more than one place, and the single estimations from these
+//! places agree. Otherwise the robot says that it does not know.
+
+use crate::hypotheses::{Hypothesis, SensedView, WeighConfig, held};
+use crate::landmarks::Landmarks;
+use crate::pose_fix::{Fix, PoseFixConfig, fix_pose};
+use fht_perception::evidence_grid::Beams;
+use fht_perception::frame::LaserScan;
+use fht_perception::matching::{Favour, MatchConfig};
+use fht_perception::pose::{Point2, Pose2};
+use fht_perception::scan_odometry::Odometry;
+use fht_proto::Descriptor;
+use serde::{Deserialize, Serialize};
+
+/// How the robot finds out where it is.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
+pub struct RelocalizationConfig {
+    /// Least cosine between descriptors of one place (the paper's th_match); `None`: what the map
+    /// says of its model. Default `None`.
+    pub min_similarity: Option<f32>,
+    /// Nodes that look most alike favour the places around them. Default 6.
+    pub favoured: usize,
+    /// As far as this, metres. Default 4.
+    pub favour_radius_m: f64,
+    /// They are worth this share of a scan's points at most. Default 0.15.
+    pub favour: f64,
+    /// Views are this far apart, metres. Default 0.8.
+    pub view_spacing_m: f64,
+    /// Views kept. Default 12.
+    pub views: usize,
+    /// Views taken on this much of the way are looked for together, metres. Default 4.
+    pub search_memory_m: f64,
+    /// Hypotheses kept. Default 16.
+    pub hypotheses: usize,
+    /// Hypotheses held to the walls at each view, heaviest first; the others follow the odometry.
+    /// Default 6.
+    pub held: usize,
+    /// A hypothesis that weighs less than the heaviest by this much is dropped, natural logarithm.
+    /// Default 15.
+    pub drop_below: f64,
+    /// Nearer than this is the same place, metres. Default 0.5.
+    pub same_m: f64,
+    /// The same for headings, radians. Default 0.25.
+    pub same_rad: f64,
+    /// A fix is at least this probable. Default 0.995.
+    pub min_confidence: f64,
+    /// Its views are at least this far apart, metres. Default 0.7.
+    pub min_spread_m: f64,
+    /// Least share of the beams that the map explains. Default 0.6.
+    pub min_explained: f64,
+    /// Greatest share of beams that cannot be, before any view. Default 0.015: where nothing was
+    /// moved it is below 0.01, and in rooms that no main node looked into the best that is found
+    /// elsewhere has 0.05 and more.
+    pub max_contradicted: f64,
+    /// So much more for each view: furniture may have been moved, if all the rest fits for long.
+    /// Default 0.004.
+    pub max_contradicted_per_view: f64,
+    /// Greatest standard deviation of the declared position along any direction, metres. Default
+    /// 0.15.
+    pub max_sigma_m: f64,
+    /// Weights of hypotheses.
+    pub weigh: WeighConfig,
+    /// The pose of a fix.
+    pub pose_fix: PoseFixConfig,
+    /// The scan matching; its least score is that of an estimation.
+    pub matching: MatchConfig,
+}
+
+impl Default for RelocalizationConfig {
+    fn default() -> Self {
+        Self {
+            min_similarity: None,
+            favoured: 6,
+            favour_radius_m: 4.0,
+            favour: 0.15,
+            view_spacing_m: 0.8,
+            views: 12,
+            search_memory_m: 4.0,
+            hypotheses: 16,
+            held: 6,
+            drop_below: 15.0,
+            same_m: 0.5,
+            same_rad: 0.25,
+            min_confidence: 0.995,
+            min_spread_m: 0.7,
+            min_explained: 0.6,
+            max_contradicted: 0.015,
+            max_contradicted_per_view: 0.004,
+            max_sigma_m: 0.15,
+            weigh: WeighConfig::default(),
+            pose_fix: PoseFixConfig::default(),
+            matching: MatchConfig { min_score: 0.45, ..MatchConfig::default() },
+        }
+    }
+}
+
+/// What the robot senses at one place.
+#[derive(Clone, Copy, Debug)]
+pub struct Sensed<'a> {
+    /// Where odometry says it is.
+    pub odometry: Odometry,
+    /// Its scan.
+    pub scan: &'a LaserScan,
+    /// End points of the scan, base frame.
+    pub points: &'a [Point2],
+    /// The descriptor of what it sees, if there are cameras and light.
+    pub descriptor: Option<&'a Descriptor>,
+}
+
+/// What the robot knows of where it is.
+#[derive(Clone, Debug)]
+pub enum Belief {
+    /// Nothing fits.
+    NotLocalized,
+    /// Something fits, but too little or too ambiguously.
+    Candidates {
+        /// Places where the robot may be.
+        hypotheses: usize,
+        /// Probability of the likeliest.
+        confidence: f64,
+    },
+    /// It knows.
+    Localized(Fix),
+}
+
+/// Keeps hypotheses, and weighs them by views.
+pub struct Relocalizer {
+    config: RelocalizationConfig,
+    views: Vec<SensedView>,
+    /// Heaviest first.
+    hypotheses: Vec<Hypothesis>,
+}
+
+impl Relocalizer {
+    /// Knows nothing.
+    #[must_use]
+    pub fn new(config: RelocalizationConfig) -> Self {
+        Self { config, views: Vec::new(), hypotheses: Vec::new() }
+    }
+
+    /// The configuration.
+    #[must_use]
+    pub fn config(&self) -> &RelocalizationConfig {
+        &self.config
+    }
+
+    /// Where the robot may be, likeliest first.
+    #[must_use]
+    pub fn hypotheses(&self) -> &[Hypothesis] {
+        &self.hypotheses
+    }
+
+    /// The likeliest places of the robot now that odometry says `odom_from_base`, map frame.
+    #[must_use]
+    pub fn candidates(&self, odom_from_base: &Pose2) -> Vec<Pose2> {
+        /// More would tell nobody anything.
+        const MOST: usize = 5;
+        let Some(last) = self.views.last() else { return Vec::new() };
+        let since = last.odometry.odom_from_base.inverse() * odom_from_base;
+        self.hypotheses.iter().take(MOST).map(|hypothesis| hypothesis.map_from_base() * since).collect()
+    }
+
+    /// Forgets everything, as after being carried off.
+    pub fn clear(&mut self) {
+        self.views.clear();
+        self.hypotheses.clear();
+    }
+
+    /// Takes in what the robot senses now and says what it knows then.
+    pub fn observe(&mut self, landmarks: &Landmarks, observation: &Sensed<'_>) -> Belief {
+        if landmarks.is_empty() {
+            self.clear();
+            return Belief::NotLocalized;
+        }
+        let view = self.view(landmarks, observation);
+        self.carry(landmarks, view);
+        self.find_more(landmarks);
+        self.sort();
+        self.judge(landmarks)
+    }
+
+    fn view(&self, landmarks: &Landmarks, observation: &Sensed<'_>) -> SensedView {
+        let alike = observation.descriptor.map_or_else(Vec::new, |descriptor| {
+            let least =
+                self.config.min_similarity.or_else(|| landmarks.match_threshold(descriptor.model)).unwrap_or(0.0);
+            let similarities = landmarks.similarities(descriptor);
+            similarities.into_iter().map(|(id, similarity)| (id, similarity - least)).collect()
+        });
+        SensedView {
+            odometry: observation.odometry,
+            points: observation.points.to_vec(),
+            beams: Beams::of(observation.scan, &self.config.weigh.evidence),
+            alike,
+        }
+    }
+
+    /// Takes the hypotheses to a new view, and makes room for it: views are apart, but for the
+    /// newest.
+    fn carry(&mut self, landmarks: &Landmarks, view: SensedView) {
+        let config = &self.config;
+        let (spacing_m, most) = (config.view_spacing_m, config.views.max(2));
+        if let Some(before) = self.views.last().map(|last| last.odometry) {
+            for (rank, hypothesis) in self.hypotheses.iter_mut().enumerate() {
+                let matching = MatchConfig {
+                    // No fit is good enough for those that only follow the odometry.
+                    min_score: if rank < config.held { config.matching.min_score } else { f64::INFINITY },
+                    ..config.matching.clone()
+                };
+                hypothesis.carry(&before, &view, landmarks, &matching, &config.weigh);
+            }
+        }
+        self.views.push(view);
+        let place = |view: &SensedView| view.odometry.odom_from_base.translation.vector;
+        let crowded = match self.views.as_slice() {
+            [.., before, middle, _] => (place(before) - place(middle)).norm() < spacing_m,
+            _ => false,
+        };
+        if crowded {
+            self.forget(self.views.len() - 2);
+        }
+        while self.views.len() > most {
+            self.forget(0);
+        }
+    }
+
+    fn forget(&mut self, index: usize) {
+        self.views.remove(index);
+        self.hypotheses.iter_mut().for_each(|hypothesis| hypothesis.forget(index));
+    }
+
+    /// Looks for what was seen lately in the whole map.
+    fn find_more(&mut self, landmarks: &Landmarks) {
+        let config = &self.config;
+        let Some((last, Some(pyramid))) = self.views.last().map(|last| (last, &landmarks.walls().pyramid)) else {
+            return;
+        };
+        // A cell or half a step off, the true place looks worse than it is, but not as bad as this.
+        let hopeless = 2.0 * config.weigh.beams_per_view * config.weigh.nowhere_cost;
+        let alignments = pyramid.find(&self.recent_points(), &self.favours(landmarks, last));
+        for alignment in alignments {
+            let known = |at: &Pose2| {
+                self.hypotheses.iter().any(|hypothesis| hypothesis.is_near(at, config.same_m, config.same_rad))
+            };
+            let rough = &alignment.map_from_scan;
+            if known(rough) || !Hypothesis::is_worth_a_look(rough, last, landmarks, hopeless, &config.weigh) {
+                continue;
+            }
+            let Some(at) = held(&alignment.map_from_scan, last, landmarks, &config.matching) else { continue };
+            if known(&at) {
+                continue;
+            }
+            self.hypotheses.push(Hypothesis::new(&at, &self.views, landmarks, &config.weigh));
+        }
+    }
+
+    /// End points of the scans of the last few metres, evenly spread, in the frame of the last
+    /// view.
+    fn recent_points(&self) -> Vec<Point2> {
+        /// Side of the squares of which one point each is kept, metres.
+        const SQUARE_M: f64 = 0.25;
+        let Some(last) = self.views.last() else { return Vec::new() };
+        let now_from_odom = last.odometry.odom_from_base.inverse();
+        let mut squares = std::collections::BTreeSet::new();
+        let mut points = Vec::new();
+        for view in self.views.iter().rev() {
+            if last.odometry.odometer_m - view.odometry.odometer_m > self.config.search_memory_m {
+                break;
+            }
+            let now_from_view = now_from_odom * view.odometry.odom_from_base;
+            for point in view.points.iter().map(|point| now_from_view * point) {
+                let square = ((point.x / SQUARE_M).floor() as i64, (point.y / SQUARE_M).floor() as i64);
+                if squares.insert(square) {
+                    points.push(point);
+                }
+            }
+        }
+        points
+    }
+
+    /// The places around nodes that look like what the robot sees.
+    fn favours(&self, landmarks: &Landmarks, view: &SensedView) -> Vec<Favour> {
+        let config = &self.config;
+        let span = config.weigh.look_span as f32;
+        let mut alike: Vec<(Point2, f64)> = view
+            .alike
+            .iter()
+            .filter(|(_, above)| *above > -span)
+            .filter_map(|(id, above)| {
+                let node = landmarks.get(*id)?;
+                let share = f64::from((above + span) / (2.0 * span)).min(1.0);
+                Some((Point2::from(node.map_from_node.translation.vector), share))
+            })
+            .collect();
+        alike.sort_by(|a, b| b.1.total_cmp(&a.1));
+        alike.truncate(config.favoured);
+        let favour =
+            |(centre, share)| Favour { centre, radius_m: config.favour_radius_m, bonus: config.favour * share };
+        alike.into_iter().map(favour).collect()
+    }
+
+    fn sort(&mut self) {
+        let config = &self.config;
+        let weight = |hypothesis: &Hypothesis| hypothesis.weight(&config.weigh);
+        self.hypotheses.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
+        let mut kept: Vec<Hypothesis> = Vec::new();
+        for hypothesis in self.hypotheses.drain(..) {
+            let at = hypothesis.map_from_base();
+            let is_light = kept.first().is_some_and(|best| weight(&hypothesis) < weight(best) - config.drop_below);
+            let is_double = kept.iter().any(|other| other.is_near(&at, 0.5 * config.same_m, 0.5 * config.same_rad));
+            if !is_light && !is_double && kept.len() < config.hypotheses {
+                kept.push(hypothesis);
+            }
+        }
+        self.hypotheses = kept;
+    }
+
+    /// Probability of the heaviest hypothesis: against the others, and against being nowhere on the
+    /// map.
+    fn confidence(&self) -> f64 {
+        let config = &self.config;
+        let Some(best) = self.hypotheses.first() else { return 0.0 };
+        let weight = |hypothesis: &Hypothesis| hypothesis.weight(&config.weigh);
+        let at = best.map_from_base();
+        let nowhere = -config.weigh.beams_per_view * config.weigh.nowhere_cost * self.views.len() as f64;
+        let rivals = self.hypotheses.iter().filter(|other| !other.is_near(&at, config.same_m, config.same_rad));
+        let others: f64 = rivals.map(weight).chain([nowhere]).map(|other| (other - weight(best)).exp()).sum();
+        1.0 / (1.0 + others)
+    }
+
+    fn judge(&self, landmarks: &Landmarks) -> Belief {
+        let config = &self.config;
+        let Some(best) = self.hypotheses.first() else { return Belief::NotLocalized };
+        let confidence = self.confidence();
+        let candidates = Belief::Candidates { hypotheses: self.hypotheses.len(), confidence };
+        let evidence = best.evidence();
+        tracing::debug!(
+            hypotheses = self.hypotheses.len(),
+            views = self.views.len(),
+            weight = best.weight(&config.weigh),
+            confidence,
+            explained = evidence.explained_share(),
+            contradicted = evidence.contradicted_share(),
+            "likeliest place"
+        );
+        for other in self.hypotheses.iter().take(4) {
+            let (at, evidence) = (other.map_from_base(), other.evidence());
+            tracing::trace!(
+                x = at.translation.x,
+                y = at.translation.y,
+                yaw = at.rotation.angle(),
+                weight = other.weight(&config.weigh),
+                ?evidence,
+                "place"
+            );
+        }
+        let is_good = confidence >= config.min_confidence
+            && self.spread_m() >= config.min_spread_m
+            && evidence.explained_share() >= config.min_explained
+            && evidence.contradicted_share()
+                <= config.max_contradicted + config.max_contradicted_per_view * self.views.len() as f64;
+        if !is_good {
+            return candidates;
+        }
+        match fix_pose(best, &self.views, landmarks, confidence, &config.matching, &config.pose_fix) {
+            Some(fix) if fix.sigma_m() <= config.max_sigma_m => Belief::Localized(fix),
+            _ => candidates,
+        }
+    }
+
+    /// How far apart the views are.
+    fn spread_m(&self) -> f64 {
+        let places = || self.views.iter().map(|view| view.odometry.odom_from_base.translation.vector);
+        places().flat_map(|a| places().map(move |b| (a - b).norm())).fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,13 @@
+//! Paths between two places, and what they obey.
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | [`node_route`] | over nodes and edges (the paper's equation 11) |
+//! | [`shortest_path`] | through all free space that the map knows |
+//! | [`rules`] | what operators and robots have closed, and paths that keep out of it |
+//! | [`blocked`] | what robots found blocked, while it lasts |
+
+pub mod blocked;
+pub mod node_route;
+pub mod rules;
+pub mod shortest_path;

@@ -1,0 +1,79 @@
+//! What operators of the second map wrote: places and zones move with it; names that the first map
+//! has get another one.
+
+use fht_map::MapState;
+use fht_perception::pose::{Point2, Pose2, from_fixed, to_fixed};
+use fht_proto::{FixedPose, Label, Op, Zone};
+use std::collections::BTreeSet;
+
+/// A place is the same as another of its name within this, metres.
+const SAME_M: f64 = 0.3;
+
+/// What is taken over of annotations.
+#[derive(Debug, Default)]
+pub(crate) struct Carried {
+    pub(crate) ops: Vec<Op>,
+    /// Places and zones.
+    pub(crate) count: usize,
+    /// Old and new names of those whose name the first map had.
+    pub(crate) renamed: Vec<[String; 2]>,
+}
+
+/// The places and zones of `b` as `a` lacks them; `suffix` is added to names that are taken.
+pub(crate) fn carry(a: &MapState, b: &MapState, a_from_b: &Pose2, suffix: &str) -> Carried {
+    let mut carried = Carried::default();
+    let mut taken: BTreeSet<Label> = a.annotations().places().map(|(name, _)| name.clone()).collect();
+    for (name, pose) in b.annotations().places() {
+        let moved = to_fixed(&(a_from_b * from_fixed(pose)));
+        let is_same = |known: FixedPose| known.position.distance(moved.position) <= SAME_M;
+        if a.annotations().place(name).is_some_and(is_same) {
+            continue;
+        }
+        if let Some(name) = carried.name(name, &mut taken, suffix) {
+            carried.ops.push(Op::SetPlace { name, pose: Some(moved) });
+        }
+    }
+    let mut taken: BTreeSet<Label> = a.annotations().zones().map(|(name, _)| name.clone()).collect();
+    for (name, zone) in b.annotations().zones() {
+        let corners = zone.corners.iter().map(|corner| {
+            let at = a_from_b * Point2::new(corner.x(), corner.y());
+            to_fixed(&Pose2::translation(at.x, at.y)).position
+        });
+        let moved = Zone { rule: zone.rule, corners: corners.collect() };
+        if a.annotations().zones().any(|(other, known)| other == name && is_same_zone(known, &moved)) {
+            continue;
+        }
+        if let Some(name) = carried.name(name, &mut taken, suffix) {
+            carried.ops.push(Op::SetZone { name, zone: Some(moved) });
+        }
+    }
+    carried
+}
+
+fn is_same_zone(one: &Zone, other: &Zone) -> bool {
+    let near = || one.corners.iter().zip(&other.corners).all(|(a, b)| a.distance(*b) <= SAME_M);
+    one.rule == other.rule && one.corners.len() == other.corners.len() && near()
+}
+
+impl Carried {
+    /// A name that is not taken.
+    fn name(&mut self, wanted: &Label, taken: &mut BTreeSet<Label>, suffix: &str) -> Option<Label> {
+        /// Longest name.
+        const MOST: usize = 64;
+        let tried = (1..1000).map(|number| {
+            let end = match number {
+                1 => format!("-{suffix}"),
+                _ => format!("-{suffix}-{number}"),
+            };
+            let stem: String = wanted.as_str().chars().take(MOST.saturating_sub(end.len())).collect();
+            format!("{stem}{end}").parse::<Label>().ok()
+        });
+        let free = std::iter::once(Some(wanted.clone())).chain(tried).flatten().find(|name| !taken.contains(name))?;
+        if free != *wanted {
+            self.renamed.push([wanted.to_string(), free.to_string()]);
+        }
+        self.count += 1;
+        taken.insert(free.clone());
+        Some(free)
+    }
+}

@@ -1,0 +1,288 @@
+//! A set of reference points with normals and a hash grid for nearest neighbours.
+//!
+//! Each point remembers from which side it was seen. A wall is two surfaces: what was seen from one
+//! room says nothing of a point that is seen from the next, and a match that mixed them would be
+//! off by the wall's thickness.
+
+use crate::pose::{Point2, Pose2};
+use nalgebra::{Matrix2, Vector2};
+use rustc_hash::FxHashMap;
+
+/// Side of a hash bucket, metres; also the farthest that a nearest neighbour is looked for.
+const BUCKET_M: f64 = 0.4;
+/// Neighbours within this make a point's normal, metres; wider rings are tried when there are too
+/// few.
+const NORMAL_RADII_M: [f64; 3] = [0.12, 0.25, 0.4];
+/// A neighbourhood whose lesser spread is above this share of the greater is no line.
+const MAX_FLATNESS: f64 = 0.15;
+
+/// Surfaces face a viewer when the cosine between the normal and the direction to the viewer is
+/// above this: a little below 0, for walls seen at grazing angles and for the normals' noise.
+const MIN_FACING: f64 = -0.1;
+
+/// Measurements that a point's mean remembers at most, so that it follows what changes.
+const MAX_WEIGHT: f64 = 30.0;
+
+/// A point and the direction (of length 1) to where it was seen from.
+#[derive(Clone, Copy, Debug)]
+pub struct SeenPoint {
+    /// Where it is.
+    pub position: Point2,
+    /// Towards the viewer.
+    pub to_viewer: Vector2<f64>,
+}
+
+impl SeenPoint {
+    /// A point seen from `viewer`.
+    #[must_use]
+    pub fn new(position: Point2, viewer: Point2) -> Self {
+        let apart = viewer - position;
+        let distance = apart.norm();
+        Self { position, to_viewer: if distance > 0.0 { apart / distance } else { Vector2::x() } }
+    }
+
+    /// A point of a scan, seen from the frame's origin.
+    #[must_use]
+    pub fn of_scan(position: Point2) -> Self {
+        Self::new(position, Point2::origin())
+    }
+
+    /// The same in another frame.
+    #[must_use]
+    pub fn transformed(&self, transform: &Pose2) -> Self {
+        Self { position: transform * self.position, to_viewer: transform.rotation * self.to_viewer }
+    }
+}
+
+/// A reference point; `normal` points to the viewer's side and is absent where the neighbourhood is
+/// no line.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ReferencePoint {
+    pub position: Point2,
+    pub to_viewer: Vector2<f64>,
+    pub normal: Option<Vector2<f64>>,
+    /// How many measurements it is the mean of.
+    weight: f64,
+}
+
+impl ReferencePoint {
+    /// Whether the surface here is the one that `point` was seen on.
+    fn faces(&self, point: &SeenPoint) -> bool {
+        self.normal.unwrap_or(self.to_viewer).dot(&point.to_viewer) > MIN_FACING
+    }
+}
+
+/// Points to match against, in any frame.
+#[derive(Clone, Debug, Default)]
+pub struct ReferenceCloud {
+    points: Vec<ReferencePoint>,
+    buckets: FxHashMap<(i32, i32), Vec<u32>>,
+}
+
+fn bucket_of(point: Point2) -> (i32, i32) {
+    ((point.x / BUCKET_M).floor() as i32, (point.y / BUCKET_M).floor() as i32)
+}
+
+impl ReferenceCloud {
+    /// A cloud of the points of one scan, seen from the frame's origin; normals come from their
+    /// neighbours. Non-finite points are left out.
+    #[must_use]
+    pub fn from_scan(points: &[Point2]) -> Self {
+        let mut cloud = Self::default();
+        cloud.extend(points.iter().copied().map(SeenPoint::of_scan));
+        cloud
+    }
+
+    /// Adds points; normals near them are estimated anew.
+    pub fn extend(&mut self, points: impl IntoIterator<Item = SeenPoint>) {
+        let first = self.points.len();
+        for SeenPoint { position, to_viewer } in points {
+            if !position.x.is_finite() || !position.y.is_finite() {
+                continue;
+            }
+            let index = self.points.len() as u32;
+            self.points.push(ReferencePoint { position, to_viewer, normal: None, weight: 1.0 });
+            self.buckets.entry(bucket_of(position)).or_default().push(index);
+        }
+        self.estimate_normals((first as u32..self.points.len() as u32).collect(), first > 0);
+    }
+
+    /// Adds the points of a scan; those within `spacing_m` of a point that is there are averaged
+    /// into it, across the wall. The mean of many measurements is truer than any of them.
+    pub fn absorb(&mut self, points: impl IntoIterator<Item = SeenPoint>, spacing_m: f64) {
+        let first = self.points.len();
+        let mut moved: Vec<u32> = Vec::new();
+        for point in points {
+            if let Some(index) = self.nearest_index(&point, spacing_m) {
+                self.average(index, &point);
+                moved.push(index);
+            } else if point.position.x.is_finite() && point.position.y.is_finite() {
+                let index = self.points.len() as u32;
+                let SeenPoint { position, to_viewer } = point;
+                self.points.push(ReferencePoint { position, to_viewer, normal: None, weight: 1.0 });
+                self.buckets.entry(bucket_of(position)).or_default().push(index);
+            }
+        }
+        self.estimate_normals((first as u32..self.points.len() as u32).collect(), first > 0);
+        moved.sort_unstable();
+        moved.dedup();
+        moved.retain(|index| (*index as usize) < first);
+        self.estimate_normals(moved, false);
+    }
+
+    fn average(&mut self, index: u32, point: &SeenPoint) {
+        let reference = &mut self.points[index as usize];
+        let before = bucket_of(reference.position);
+        let off = point.position - reference.position;
+        // Along the wall points stay where they are: evenly spaced.
+        let across = reference.normal.map_or(off, |normal| normal * off.dot(&normal));
+        reference.position += across / (reference.weight + 1.0);
+        reference.weight = (reference.weight + 1.0).min(MAX_WEIGHT);
+        let after = bucket_of(reference.position);
+        if after != before {
+            if let Some(bucket) = self.buckets.get_mut(&before) {
+                bucket.retain(|&other| other != index);
+            }
+            self.buckets.entry(after).or_default().push(index);
+        }
+    }
+
+    /// Estimates the normals of points, and of those around them if `with_neighbours`.
+    fn estimate_normals(&mut self, mut touched: Vec<u32>, with_neighbours: bool) {
+        if with_neighbours {
+            let near = |index: &u32, cloud: &Self| cloud.neighbours(&cloud.points[*index as usize], 0.25);
+            touched = touched.iter().flat_map(|index| near(index, self)).collect();
+            touched.sort_unstable();
+            touched.dedup();
+        }
+        let normals: Vec<_> = touched.iter().map(|&index| self.normal_at(index)).collect();
+        for (index, normal) in touched.into_iter().zip(normals) {
+            self.points[index as usize].normal = normal;
+        }
+    }
+
+    /// How many points.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// The points, in the order in which they were added.
+    pub fn points(&self) -> impl Iterator<Item = SeenPoint> + '_ {
+        self.points.iter().map(|point| SeenPoint { position: point.position, to_viewer: point.to_viewer })
+    }
+
+    /// Where they are.
+    pub fn positions(&self) -> impl Iterator<Item = Point2> + '_ {
+        self.points.iter().map(|point| point.position)
+    }
+
+    /// Whether some point seen from the same side lies within `radius_m` (at most 0.4) of `point`.
+    #[must_use]
+    pub fn has_point_within(&self, point: &SeenPoint, radius_m: f64) -> bool {
+        self.nearest(point, radius_m).is_some()
+    }
+
+    /// The nearest point that was seen from the same side.
+    pub(super) fn nearest(&self, point: &SeenPoint, radius_m: f64) -> Option<&ReferencePoint> {
+        self.nearest_index(point, radius_m).map(|index| &self.points[index as usize])
+    }
+
+    fn nearest_index(&self, point: &SeenPoint, radius_m: f64) -> Option<u32> {
+        let mut best: Option<(f64, u32)> = None;
+        self.for_each_near(point.position, radius_m, |index, distance_squared| {
+            if best.is_none_or(|(least, _)| distance_squared < least) && self.points[index as usize].faces(point) {
+                best = Some((distance_squared, index));
+            }
+        });
+        best.map(|(_, index)| index)
+    }
+
+    /// The points around one that were seen from the same side.
+    fn neighbours(&self, point: &ReferencePoint, radius_m: f64) -> Vec<u32> {
+        let mut found = Vec::new();
+        self.for_each_near(point.position, radius_m, |index, _| {
+            if self.points[index as usize].to_viewer.dot(&point.to_viewer) > 0.0 {
+                found.push(index);
+            }
+        });
+        found
+    }
+
+    fn for_each_near(&self, point: Point2, radius_m: f64, mut visit: impl FnMut(u32, f64)) {
+        let radius_m = radius_m.min(BUCKET_M);
+        let low = bucket_of(point - Vector2::repeat(radius_m));
+        let high = bucket_of(point + Vector2::repeat(radius_m));
+        for j in low.1..=high.1 {
+            for i in low.0..=high.0 {
+                for &index in self.buckets.get(&(i, j)).into_iter().flatten() {
+                    let distance_squared = (self.points[index as usize].position - point).norm_squared();
+                    if distance_squared <= radius_m * radius_m {
+                        visit(index, distance_squared);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The direction of least spread of the neighbourhood, if the neighbourhood is a line.
+    fn normal_at(&self, index: u32) -> Option<Vector2<f64>> {
+        let point = &self.points[index as usize];
+        let centre = point.position;
+        for radius in NORMAL_RADII_M {
+            let neighbours = self.neighbours(point, radius);
+            if neighbours.len() < 3 {
+                continue;
+            }
+            let count = neighbours.len() as f64;
+            let offset = |&index: &u32| self.points[index as usize].position - centre;
+            let mean = neighbours.iter().map(offset).sum::<Vector2<f64>>() / count;
+            let spread = neighbours.iter().map(offset).map(|d| (d - mean) * (d - mean).transpose());
+            let covariance: Matrix2<f64> = spread.sum::<Matrix2<f64>>() / count;
+            // Closed form of the 2 × 2 symmetric eigenproblem.
+            let (a, b, c) = (covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]);
+            let root = (0.25 * (a - c) * (a - c) + b * b).sqrt();
+            let (greater, lesser) = (0.5 * (a + c) + root, 0.5 * (a + c) - root);
+            if greater <= 0.0 || lesser / greater > MAX_FLATNESS {
+                return None;
+            }
+            let line_angle = 0.5 * (2.0 * b).atan2(a - c);
+            let normal = Vector2::new(-line_angle.sin(), line_angle.cos());
+            return Some(if normal.dot(&point.to_viewer) < 0.0 { -normal } else { normal });
+        }
+        None
+    }
+
+    /// Whether `point` lies within `explained_m` of the line of its nearest point, or of the point
+    /// itself where it has no line.
+    #[must_use]
+    pub fn explains(&self, point: &SeenPoint, explained_m: f64) -> bool {
+        self.nearest(point, 2.5 * explained_m).is_some_and(|reference| match reference.normal {
+            Some(normal) => (point.position - reference.position).dot(&normal).abs() <= explained_m,
+            None => (point.position - reference.position).norm() <= explained_m,
+        })
+    }
+
+    /// Share of all `points` (after `transform`) that [`Self::explains`]. Points without a
+    /// reference point near count as not explained, also where the reference never looked. `None`
+    /// without points.
+    pub(super) fn explained_share(
+        &self,
+        points: impl Iterator<Item = SeenPoint>,
+        transform: &Pose2,
+        explained_m: f64,
+    ) -> Option<f64> {
+        let (mut count, mut explained) = (0, 0);
+        for point in points {
+            count += 1;
+            explained += usize::from(self.explains(&point.transformed(transform), explained_m));
+        }
+        (count > 0).then(|| explained as f64 / count as f64)
+    }
+}

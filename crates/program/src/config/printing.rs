@@ -1,0 +1,126 @@
+//! From a configuration to text that says what every key means.
+
+use super::contract::{Configuration, PrintError};
+use super::schema::{KeySchema, schema_of};
+use super::tree::Tree;
+use serde_json::Value;
+use std::fmt::Write as _;
+
+/// Longest line of a comment.
+const COLUMNS: usize = 100;
+
+pub(super) fn print<T: Configuration>(config: &T) -> Result<String, PrintError> {
+    let tree = Tree::of(config).map_err(|error| PrintError(error.to_string()))?;
+    let schema = schema_of::<T>();
+    let mut text = String::new();
+    print_comment(&mut text, KeySchema(&schema).description());
+    match &tree {
+        Tree::Table(keys) => print_table(&mut text, keys, KeySchema(&schema), "")?,
+        Tree::Leaf(_) => return Err(PrintError("it has no keys".to_owned())),
+    }
+    Ok(text)
+}
+
+/// Values go first: what follows a section's heading belongs to that section.
+fn print_table(
+    text: &mut String,
+    keys: &[(String, Tree)],
+    schema: KeySchema<'_>,
+    above: &str,
+) -> Result<(), PrintError> {
+    let is_section = |name: &str, tree: &Tree| {
+        matches!(tree, Tree::Table(_)) && schema.key(name).is_some_and(|schema| schema.keys().is_some())
+    };
+    for (name, tree) in keys.iter().filter(|(name, tree)| !is_section(name, tree)) {
+        let schema = schema.key(name).unwrap_or(KeySchema(&Value::Null));
+        print_comment(text, schema.description());
+        print_range(text, schema);
+        match tree.clone().into_value() {
+            Value::Null => {
+                let _ = writeln!(text, "# {name} = {}", example(schema));
+            }
+            value => {
+                let _ = writeln!(text, "{name} = {}", toml_of(name, &value, schema)?);
+            }
+        }
+    }
+    for (name, tree) in keys.iter().filter(|(name, tree)| is_section(name, tree)) {
+        let (Tree::Table(keys), Some(schema)) = (tree, schema.key(name)) else { continue };
+        let path = if above.is_empty() { name.clone() } else { format!("{above}.{name}") };
+        text.push('\n');
+        print_comment(text, schema.description());
+        let _ = writeln!(text, "[{path}]");
+        print_table(text, keys, schema, &path)?;
+    }
+    Ok(())
+}
+
+/// Ranges that the schema states; those of an integer's type are no news.
+fn print_range(text: &mut String, schema: KeySchema<'_>) {
+    if schema.0.get("format").is_some_and(|format| format.as_str().is_some_and(|name| name.starts_with("uint")))
+        && schema.number("minimum") == Some(0.0)
+    {
+        return;
+    }
+    if let (Some(least), Some(most)) = (schema.number("minimum"), schema.number("maximum")) {
+        let _ = writeln!(text, "# From {least} to {most}.");
+    }
+}
+
+fn print_comment(text: &mut String, description: &str) {
+    for paragraph in description.split("\n\n") {
+        let mut line = String::from("#");
+        for word in paragraph.split_whitespace() {
+            if line.chars().count() + 1 + word.chars().count() > COLUMNS {
+                let _ = writeln!(text, "{line}");
+                line = String::from("#");
+            }
+            line.push(' ');
+            line.push_str(word);
+        }
+        if line.len() > 1 {
+            let _ = writeln!(text, "{line}");
+        }
+    }
+}
+
+/// What a key that is not set could look like.
+fn example(schema: KeySchema<'_>) -> String {
+    if schema.allows("string") {
+        "\"\"".to_owned()
+    } else if schema.allows("array") {
+        "[]".to_owned()
+    } else if schema.allows("boolean") {
+        "false".to_owned()
+    } else if schema.allows("number") {
+        format!("{:?}", schema.number("minimum").unwrap_or_default())
+    } else {
+        schema.number("minimum").unwrap_or_default().to_string()
+    }
+}
+
+fn toml_of(name: &str, value: &Value, schema: KeySchema<'_>) -> Result<String, PrintError> {
+    Ok(match value {
+        Value::Null => return Err(PrintError(format!("{name} has a part without a value"))),
+        Value::Bool(flag) => flag.to_string(),
+        Value::Number(number) => match number.as_f64() {
+            // The shortest decimals that are this number.
+            Some(float) if number.is_f64() && schema.is_short() => format!("{:?}", float as f32),
+            Some(float) if number.is_f64() => format!("{float:?}"),
+            _ => number.to_string(),
+        },
+        Value::String(text) => toml::Value::from(text.as_str()).to_string(),
+        Value::Array(items) => {
+            let one = |(index, item)| toml_of(name, item, schema.item(index).unwrap_or(KeySchema(&Value::Null)));
+            let items = items.iter().enumerate().map(one).collect::<Result<Vec<_>, _>>()?;
+            format!("[{}]", items.join(", "))
+        }
+        Value::Object(keys) => {
+            let one = |(key, value): (&String, &Value)| {
+                Ok(format!("{key} = {}", toml_of(name, value, KeySchema(&Value::Null))?))
+            };
+            let keys = keys.iter().map(one).collect::<Result<Vec<_>, PrintError>>()?;
+            format!("{{ {} }}", keys.join(", "))
+        }
+    })
+}

@@ -1,0 +1,185 @@
+//! Flags that several programs have. All of them go before what the configuration file says.
+
+use crate::config::{ConfigError, Configuration, load_over, print};
+use clap::error::ErrorKind;
+use clap::{Args, CommandFactory, Parser};
+use fht_session::SessionConfig;
+use serde::Serialize;
+use std::ffi::OsString;
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Parses the arguments, the program's name first. Help and version go to standard output with exit
+/// code 0, a wrong argument to standard error with 2.
+///
+/// # Errors
+/// The code to exit with.
+pub fn parse_args<C: Parser>(args: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<C, ExitCode> {
+    C::try_parse_from(args).map_err(|error| refuse(&error))
+}
+
+/// Prints what clap says, and returns the code to exit with.
+#[must_use]
+pub fn refuse(error: &clap::Error) -> ExitCode {
+    // Printing fails only when nobody reads.
+    let _ = error.print();
+    if error.use_stderr() { ExitCode::from(2) } else { ExitCode::SUCCESS }
+}
+
+/// Says that a command is needed, and which there are; returns the code to exit with.
+#[must_use]
+pub fn missing_command<C: CommandFactory>() -> ExitCode {
+    let mut command = C::command();
+    let names: Vec<_> = command.get_subcommands().map(|command| command.get_name().to_owned()).collect();
+    refuse(&command.error(ErrorKind::MissingSubcommand, format!("a command is needed: {}", names.join(", "))))
+}
+
+/// The configuration file.
+#[derive(Clone, Debug, Default, Args)]
+pub struct ConfigArgs {
+    /// Read this configuration file (TOML). Flags go before it; --print-config shows all of its
+    /// keys.
+    #[arg(long, global = true, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Print the configuration with the documentation of every key, and end. With --config: as that
+    /// file has it.
+    #[arg(long, global = true)]
+    pub print_config: bool,
+}
+
+impl ConfigArgs {
+    /// The file over `defaults`, if there is one.
+    ///
+    /// # Errors
+    /// [`ConfigError`].
+    pub fn over<T: Configuration>(&self, defaults: T) -> Result<T, ConfigError> {
+        match &self.config {
+            Some(file) => load_over(&defaults, file),
+            None => Ok(defaults),
+        }
+    }
+
+    /// What `program` is to run with: `read`. With `--print-config` that is printed, and the
+    /// program has nothing else to do.
+    ///
+    /// # Errors
+    /// The code to exit with: 0 when it was printed; 2 when it is wrong, which was said.
+    pub fn settle<T: Configuration>(&self, program: &str, read: Result<T, ConfigError>) -> Result<T, ExitCode> {
+        let wrong = |error: &dyn std::fmt::Display| {
+            eprintln!("{program}: {error}");
+            ExitCode::from(2)
+        };
+        let config = read.map_err(|error| wrong(&error))?;
+        if self.print_config {
+            print!("{}", print(&config).map_err(|error| wrong(&error))?);
+            return Err(ExitCode::SUCCESS);
+        }
+        Ok(config)
+    }
+}
+
+/// How a server is reached.
+#[derive(Clone, Debug, Default, Args)]
+pub struct ConnectArgs {
+    /// Where the map server (or a Zenoh router) listens (repeatable) [default: tcp/127.0.0.1:7447,
+    /// unless --zenoh-config is given].
+    #[arg(long, value_name = "ENDPOINT")]
+    pub connect: Vec<String>,
+    /// A Zenoh configuration file (JSON5): endpoints, TLS, credentials. --connect goes before what
+    /// it says.
+    #[arg(long, value_name = "FILE")]
+    pub zenoh_config: Option<PathBuf>,
+}
+
+impl ConnectArgs {
+    /// These flags over what the configuration file says. `--connect` keeps the file's
+    /// `zenoh_config`, which may hold credentials; `--zenoh-config` alone brings endpoints of its
+    /// own.
+    #[must_use]
+    pub fn over(&self, file: &SessionConfig) -> SessionConfig {
+        let Self { connect, zenoh_config } = self.clone();
+        match (connect.is_empty(), zenoh_config) {
+            (true, None) => file.clone(),
+            (true, given) => SessionConfig { connect, zenoh_config: given },
+            (false, given) => SessionConfig { connect, zenoh_config: given.or_else(|| file.zenoh_config.clone()) },
+        }
+    }
+}
+
+/// Where the figures of a run go.
+#[derive(Clone, Debug, Default, Args)]
+pub struct ReportArgs {
+    /// Write the figures to this file as JSON.
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Print the figures as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl ReportArgs {
+    /// Writes `report` to the file that was asked for, and prints it: as JSON, or as `in_words`
+    /// does.
+    ///
+    /// # Errors
+    /// What to tell the user.
+    pub fn give<T: Serialize>(&self, report: &T, in_words: impl FnOnce(&T)) -> Result<(), String> {
+        let json = serde_json::to_string_pretty(report).map_err(|error| error.to_string())?;
+        if let Some(file) = &self.report {
+            std::fs::write(file, &json).map_err(|error| format!("{} cannot be written: {error}", file.display()))?;
+        }
+        if self.json {
+            println!("{json}");
+        } else {
+            in_words(report);
+        }
+        Ok(())
+    }
+}
+
+/// `text` as a number within `range`.
+///
+/// # Errors
+/// A sentence that names the range.
+pub fn number(text: &str, range: RangeInclusive<f64>) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| range.contains(value));
+    value.ok_or_else(|| format!("'{text}' is not a number from {} to {}", range.start(), range.end()))
+}
+
+/// `text` as seconds, from 0 to 10⁷.
+///
+/// # Errors
+/// As [`number`].
+pub fn seconds(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=1e7)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn over(connect: &[&str], zenoh_config: Option<&str>) -> (Vec<String>, Option<PathBuf>) {
+        let file = SessionConfig { connect: vec!["tcp/file:1".to_owned()], zenoh_config: Some("file.json5".into()) };
+        let connect = connect.iter().map(ToString::to_string).collect();
+        let SessionConfig { connect, zenoh_config } =
+            ConnectArgs { connect, zenoh_config: zenoh_config.map(Into::into) }.over(&file);
+        (connect, zenoh_config)
+    }
+
+    #[test]
+    fn flags_go_before_the_file() {
+        let (endpoint, credentials) = (vec!["tcp/file:1".to_owned()], Some(PathBuf::from("file.json5")));
+        assert_eq!(over(&[], None), (endpoint, credentials.clone()));
+        assert_eq!(over(&["tcp/flag:1"], None), (vec!["tcp/flag:1".to_owned()], credentials));
+        assert_eq!(over(&[], Some("flag.json5")), (Vec::new(), Some("flag.json5".into())));
+    }
+
+    #[test]
+    fn numbers_that_make_no_sense_are_refused() {
+        assert_eq!(seconds("1.5"), Ok(1.5));
+        for text in ["nan", "inf", "-1", "1e300", "soon"] {
+            assert_eq!(seconds(text), Err(format!("'{text}' is not a number from 0 to 10000000")));
+        }
+    }
+}

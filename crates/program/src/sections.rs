@@ -1,0 +1,33 @@
+//! Sections of the configuration file that several programs read.
+
+use fht_proto::{Footprint, MapName};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// Which robot this is, and which map it uses.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RobotConfig {
+    /// The robot's name (`--robot`): 1 to 64 letters, digits, `_` or `-`, for each robot another
+    /// one. Default `explorer` for `mapper`, `client` for `client-robot`.
+    pub name: Option<String>,
+    /// The map's name (`--map`). Default: that of the world or bag for `mapper`, `museum` for
+    /// `client-robot`.
+    #[schemars(with = "Option<String>")]
+    pub map: Option<MapName>,
+    /// A descriptor model in place of the built-in one (`--model`): an ONNX file with its
+    /// description beside it. A map is used with the model that it was made with. Default none.
+    pub model: Option<PathBuf>,
+    /// The ground that the robot covers. The clearances of `client-robot` follow from it, unless
+    /// the file states them. Default: the paper's robot, of 0.105 m radius.
+    pub footprint: Footprint,
+    /// Whether the robot uses its cameras (`--no-cameras`, `--no-camera`). Default true.
+    pub cameras: bool,
+}
+
+impl Default for RobotConfig {
+    fn default() -> Self {
+        Self { name: None, map: None, model: None, footprint: Footprint::default(), cameras: true }
+    }
+}

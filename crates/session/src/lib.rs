@@ -1,0 +1,39 @@
+//! Zenoh sessions that wait for their routers and say what keeps them.
+//!
+//! A robot is a client of the map server or of any router, and keeps trying to connect. The map
+//! server opens its own session in the same way, from a configuration of its own.
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | `robot_session` | the session of a robot or tool: options, defaults ([`SessionConfig`], [`open`]) |
+//! | `configuration` | a file and endpoints as a configuration of Zenoh ([`read_config`], [`set_endpoints`]) |
+//! | `waiting` | any configuration as a session, waited for ([`open_configured`]) |
+//! | `credentials` | whether certificates and keys can be read, checked before connecting |
+//! | `trouble` | why nobody answers, in words that name the remedy |
+//! | `attempt` | one attempt to open a session, off the async threads |
+//!
+//! Without options the server is looked for on this machine, at `tcp/127.0.0.1:7447`. What cannot
+//! be used is an error at once; what may still come is waited for:
+//!
+//! ```
+//! use fht_session::{SessionConfig, open};
+//!
+//! # let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+//! let link = SessionConfig { zenoh_config: Some("nowhere/zenoh.json5".into()), ..SessionConfig::default() };
+//! let error = runtime.block_on(open(&link)).err().map(|error| error.to_string());
+//! assert!(error.is_some_and(|text| text.starts_with("the Zenoh configuration nowhere/zenoh.json5 is not accepted")));
+//! # Ok::<(), std::io::Error>(())
+//! ```
+
+mod attempt;
+mod configuration;
+mod credentials;
+mod robot_session;
+mod trouble;
+mod waiting;
+
+pub use configuration::{ConfigurationError, read_config, set, set_default, set_endpoints};
+pub use credentials::CredentialError;
+pub use robot_session::{SessionConfig, SessionError, open, open_within};
+pub use trouble::without_source_paths;
+pub use waiting::{ConnectError, open_configured};

@@ -1,0 +1,103 @@
+//! A session as a configuration says. A client tries all of its endpoints until one answers.
+
+use crate::attempt::attempt;
+use crate::credentials::{self, CredentialError};
+use crate::trouble;
+use std::time::{Duration, Instant};
+use zenoh::{Config, Session};
+
+/// If opening takes longer than this, the reason is logged.
+const REMARK_AFTER: Duration = Duration::from_secs(3);
+/// … and again after each such time, until the session is open.
+const REMARK_EVERY: Duration = Duration::from_secs(30);
+
+/// Between two attempts to open a session, at first and at most.
+const FIRST_DELAY: Duration = Duration::from_millis(100);
+const LONGEST_DELAY: Duration = Duration::from_secs(2);
+/// `connect.timeout_ms` of a session that waits for its router.
+pub(crate) const FOREVER: &str = "-1";
+
+/// Why there is no session.
+#[derive(Debug, thiserror::Error)]
+pub enum ConnectError {
+    /// A certificate or key that the configuration names is of no use.
+    #[error(transparent)]
+    Credentials(#[from] CredentialError),
+    /// Zenoh opens no session.
+    #[error("no session with {endpoints:?}: {reason}")]
+    Refused {
+        /// Where to.
+        endpoints: Vec<String>,
+        /// What Zenoh says.
+        reason: String,
+    },
+}
+
+/// Opens a session.
+///
+/// A client that `config` lets wait (`connect.timeout_ms` of −1) tries all endpoints again and
+/// again, and logs every half minute why it still waits (`WARN`). With `patience`, any client does
+/// so, and gives up after that time. A certificate that is refused is waited out as well, since the
+/// router may be given another authority; one that cannot be read is an error.
+///
+/// # Errors
+/// [`ConnectError`]. An attempt that hangs when the patience ends goes on in a thread of the
+/// runtime.
+pub async fn open_configured(mut config: Config, patience: Option<Duration>) -> Result<Session, ConnectError> {
+    let endpoints = endpoints(&config);
+    credentials::check(&config, &endpoints)?;
+    let is = |key: &str, value: &str| config.get_json(key).is_ok_and(|set| set == value);
+    let waits = is("mode", "\"client\"") && (patience.is_some() || is("connect/timeout_ms", FOREVER));
+    let refused = |reason: String| ConnectError::Refused { endpoints: endpoints.clone(), reason };
+    let in_words = |error: zenoh::Error| trouble::without_source_paths(&error.to_string());
+    if !waits || endpoints.is_empty() {
+        return attempt(config).await.map_err(|error| refused(in_words(error)));
+    }
+    // A client that Zenoh lets wait asks the first endpoint for ever and no other; one that does
+    // not wait asks each once.
+    config.insert_json5("connect/timeout_ms", "0").map_err(|error| refused(in_words(error)))?;
+    let begin = Instant::now();
+    let trying = try_until_open(&config, &endpoints, begin + REMARK_AFTER);
+    let Some(patience) = patience else { return Ok(trying.await) };
+    if let Ok(session) = tokio::time::timeout(patience, trying).await {
+        return Ok(session);
+    }
+    // Long enough to be refused, but a silent endpoint is not waited for.
+    let reasons = tokio::time::timeout(REMARK_AFTER, trouble::reasons(&config, &endpoints)).await;
+    Err(refused(reasons.unwrap_or_else(|_| "no answer".to_owned())))
+}
+
+async fn try_until_open(config: &Config, endpoints: &[String], mut remark_at: Instant) -> Session {
+    let mut delay = FIRST_DELAY;
+    loop {
+        let error = match attempt(config.clone()).await {
+            Ok(session) => return session,
+            Err(error) => error,
+        };
+        tracing::debug!("no session yet: {error}");
+        if Instant::now() >= remark_at {
+            tracing::warn!("waiting for a server: {}", trouble::reasons(config, endpoints).await);
+            remark_at = Instant::now() + REMARK_EVERY;
+        }
+        tokio::time::sleep(delay).await;
+        delay = (2 * delay).min(LONGEST_DELAY);
+    }
+}
+
+/// The endpoints that a configuration connects to, as texts.
+#[must_use]
+pub fn endpoints(config: &Config) -> Vec<String> {
+    let json = config.get_json("connect/endpoints").unwrap_or_default();
+    let mut found = Vec::new();
+    // A list, a list for each mode, or groups of links: whatever is a text with a slash is one.
+    let mut waiting: Vec<serde_json::Value> = serde_json::from_str(&json).into_iter().collect();
+    while let Some(value) = waiting.pop() {
+        match value {
+            serde_json::Value::String(text) if text.contains('/') => found.push(text),
+            serde_json::Value::Array(values) => waiting.extend(values.into_iter().rev()),
+            serde_json::Value::Object(fields) => waiting.extend(fields.into_iter().map(|(_, value)| value).rev()),
+            _ => {}
+        }
+    }
+    found
+}

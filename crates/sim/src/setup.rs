@@ -1,0 +1,48 @@
+//! Where a simulated robot is, and by which seeds.
+
+use crate::world::{World, WorldError, load};
+use fht_perception::pose::Pose2;
+use std::path::PathBuf;
+
+/// The building that a simulated robot is in, its place there, and the seeds that it runs by. With
+/// the feature `cli` these are flags.
+#[derive(Clone, Debug)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct SimSetup {
+    /// The building: museum, office, or the path of a Nav2 map.yaml or a Gazebo .world.
+    #[cfg_attr(feature = "cli", arg(long, default_value = "museum"))]
+    pub world: String,
+    /// Folder of pictures to paint the walls of a Nav2 map with.
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub textures: Option<PathBuf>,
+    /// Seed of the building's drawing.
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = 1))]
+    pub world_seed: u64,
+    /// Where the robot begins: x,y,yaw in the world frame, metres and radians. Default: the world's
+    /// own start for an explorer; anywhere free, by the seed, for a robot that uses a map.
+    #[cfg_attr(feature = "cli", arg(long, value_parser = fht_perception::pose::parse, allow_hyphen_values = true))]
+    pub start: Option<Pose2>,
+    /// Where the frame of a map that is joined or used truly lies: x,y,yaw in the world frame. For
+    /// scoring only. Default: the world's own start, where explorers begin.
+    #[cfg_attr(feature = "cli", arg(long, value_parser = fht_perception::pose::parse, allow_hyphen_values = true))]
+    pub map_origin: Option<Pose2>,
+    /// Seed of the sensors' noise, of the wheels' errors, and of what the robot draws by lot.
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = 1))]
+    pub seed: u64,
+}
+
+impl SimSetup {
+    /// A robot in `world`, with the defaults of the flags for everything else.
+    #[must_use]
+    pub fn of(world: &str) -> Self {
+        Self { world: world.to_owned(), textures: None, world_seed: 1, start: None, map_origin: None, seed: 1 }
+    }
+
+    /// Loads the building.
+    ///
+    /// # Errors
+    /// [`WorldError`].
+    pub fn load(&self) -> Result<World, WorldError> {
+        load(&self.world, self.textures.as_deref(), self.world_seed)
+    }
+}

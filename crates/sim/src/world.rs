@@ -1,0 +1,296 @@
+//! A world: what rays meet, and the true plan.
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | `building`, `draw` | the built-in buildings, and the drawings on their walls |
+//! | `nav2`, `gazebo` | worlds from files: maps of the ROS 2 map server, Gazebo worlds |
+//! | `changes` | a world some time later: some of its movable things gone, shifted or added |
+
+mod building;
+mod changes;
+mod draw;
+mod gazebo;
+mod nav2;
+
+pub use changes::Changes;
+pub use draw::photographs::PhotographError;
+pub use gazebo::SdfError;
+pub use nav2::MapError;
+
+use crate::plan::FloorPlan;
+use crate::scene::Scene;
+use building::layout::Layout;
+use building::style::Style;
+use building::{dress, extrude, museum, office, rearrange};
+use draw::photographs;
+use fht_perception::pose::{Point2, Pose2, pose};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::path::{Path, PathBuf};
+
+/// Preferred clearance at the start in a map, metres.
+const START_CLEARANCE_M: f64 = 0.35;
+/// How many separate parts of a map are tried for a start.
+const START_TRIES: usize = 8;
+
+/// Why a world cannot be loaded.
+#[derive(Debug, thiserror::Error)]
+pub enum WorldError {
+    /// No built-in world has this name, and it is not the path of a map or a Gazebo world.
+    #[error("unknown world '{0}': expected museum, office, or the path of a Nav2 map.yaml or a Gazebo .world")]
+    Unknown(String),
+    /// The world has no wall or no place to stand.
+    #[error("world '{0}' has no {1}")]
+    Empty(String, &'static str),
+    /// A map cannot be loaded.
+    #[error(transparent)]
+    Map(#[from] MapError),
+    /// A Gazebo world cannot be loaded.
+    #[error("cannot load {path}: {source}")]
+    Gazebo {
+        /// The world's file.
+        path: PathBuf,
+        /// Why.
+        source: SdfError,
+    },
+    /// The pictures cannot be loaded.
+    #[error(transparent)]
+    Photographs(#[from] PhotographError),
+}
+
+/// Triangles with textures, and the true floor plan. Shared, read-only, by any number of
+/// simulators.
+pub struct World {
+    name: String,
+    scene: Scene,
+    plan: FloorPlan,
+    start: Pose2,
+    warnings: Vec<String>,
+    changes: usize,
+}
+
+impl std::fmt::Debug for World {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter
+            .debug_struct("World")
+            .field("name", &self.name)
+            .field("triangles", &self.triangle_count())
+            .field("start", &self.start)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Height at which a robot's body touches things, metres.
+pub(crate) const BODY_HEIGHT_M: f64 = 0.1;
+/// Radius of the disc that must be able to travel from the start to a random pose, metres.
+const REACH_RADIUS_M: f64 = 0.2;
+
+impl World {
+    /// Name: `museum`, `office`, or the file stem of a map or a Gazebo world.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The true floor plan, for scoring only.
+    #[must_use]
+    pub fn plan(&self) -> &FloorPlan {
+        &self.plan
+    }
+
+    /// Default start of an explorer, world frame, well clear of walls.
+    #[must_use]
+    pub fn start(&self) -> Pose2 {
+        self.start
+    }
+
+    /// A pose drawn uniformly from the free places that have at least `clearance_m` (metres) of
+    /// clearance and can be reached from [`start`](Self::start), with a random heading. Returns the
+    /// start itself if there is no such place.
+    #[must_use]
+    pub fn random_free_pose(&self, seed: u64, clearance_m: f64) -> Pose2 {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let from = Point2::from(self.start.translation.vector);
+        let reachable = self.plan.reachable(from, REACH_RADIUS_M.min(clearance_m));
+        let width = self.plan.width();
+        let roomy = |index: &usize| {
+            reachable.cells()[*index]
+                && self.plan.clearance_m(self.plan.centre_of(index % width, index / width)) >= clearance_m
+        };
+        let places: Vec<usize> = (0..reachable.cells().len()).filter(roomy).collect();
+        let yaw = rng.random_range(-std::f64::consts::PI..std::f64::consts::PI);
+        if places.is_empty() {
+            return self.start;
+        }
+        let index = places[rng.random_range(0..places.len())];
+        let centre = self.plan.centre_of(index % width, index / width);
+        pose(centre.x, centre.y, yaw)
+    }
+
+    /// Whether a disc of `radius_m` (metres) can go straight from one place to another without
+    /// touching anything that the simulator's bumper would hit. World frame. For scoring only.
+    #[must_use]
+    pub fn is_clear(&self, from: Point2, to: Point2, radius_m: f64) -> bool {
+        /// Shortest step along the way, metres: nothing thicker than a chord of this length is
+        /// missed.
+        const LEAST_STEP_M: f64 = 0.005;
+        let length = (to - from).norm();
+        let mut at = 0.0;
+        loop {
+            let point = if length > 0.0 { from + (to - from) * (at / length) } else { from };
+            let (_, distance) = self.scene.nearest(point, BODY_HEIGHT_M);
+            if distance < radius_m {
+                return false;
+            }
+            if at >= length {
+                return true;
+            }
+            at = (at + (distance - radius_m).max(LEAST_STEP_M)).min(length);
+        }
+    }
+
+    /// Number of triangles.
+    #[must_use]
+    pub fn triangle_count(&self) -> usize {
+        self.scene.triangle_count()
+    }
+
+    /// What a Gazebo world's files lack or get wrong, one sentence for each kind of flaw.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// How many things were removed, shifted or added ([`load_with`]).
+    #[must_use]
+    pub fn changes(&self) -> usize {
+        self.changes
+    }
+
+    pub(crate) fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    fn from_layout(
+        name: &str,
+        mut layout: Layout<Style>,
+        seed: u64,
+        changes: Option<&Changes>,
+    ) -> Result<Self, WorldError> {
+        let mut plan = layout.plan();
+        let count = changes.map_or(0, |changes| rearrange::furniture(&mut layout, &plan, changes));
+        if count > 0 {
+            plan = layout.plan();
+        }
+        let scene =
+            dress::dress(&layout, &plan, &[], seed).ok_or_else(|| WorldError::Empty(name.to_owned(), "walls"))?;
+        let start = Pose2::identity();
+        Ok(Self { name: name.to_owned(), scene, plan, start, warnings: Vec::new(), changes: count })
+    }
+
+    fn from_nav2(
+        path: &Path,
+        textures: Option<&Path>,
+        seed: u64,
+        changes: Option<&Changes>,
+    ) -> Result<Self, WorldError> {
+        let name = stem(path);
+        let photographs = textures.map_or_else(|| Ok(Vec::new()), photographs::load)?;
+        let mut plan = nav2::load(path)?;
+        let mut layout = extrude::layout(&plan, seed);
+        let mut count = 0;
+        if let Some(changes) = changes {
+            (plan, count) = rearrange::pieces(&mut layout, &plan, changes);
+        }
+        let scene =
+            dress::dress(&layout, &plan, &photographs, seed).ok_or_else(|| WorldError::Empty(name.clone(), "walls"))?;
+        let start = start_near_origin(&plan).ok_or_else(|| WorldError::Empty(name.clone(), "place to stand"))?;
+        Ok(Self { name, scene, plan, start, warnings: Vec::new(), changes: count })
+    }
+
+    fn from_gazebo(path: &Path, changes: Option<&Changes>) -> Result<Self, WorldError> {
+        let name = stem(path);
+        let gazebo =
+            gazebo::load(path, changes).map_err(|source| WorldError::Gazebo { path: path.to_owned(), source })?;
+        let scene = gazebo.scene.ok_or_else(|| WorldError::Empty(name.clone(), "surfaces"))?;
+        let empty = || WorldError::Empty(name.clone(), "place to stand");
+        let plan = gazebo.plan.ok_or_else(empty)?;
+        let start = start_near_origin(&plan).ok_or_else(empty)?;
+        Ok(Self { name, scene, plan, start, warnings: gazebo.warnings, changes: gazebo.changes })
+    }
+}
+
+/// The name of a world that comes from a file.
+fn stem(path: &Path) -> String {
+    path.file_stem().map_or_else(|| "map".to_owned(), |stem| stem.to_string_lossy().into_owned())
+}
+
+/// Loads a world. `spec` is `museum` or `office`, which are built in and drawn from `seed`; or the
+/// path of a Nav2 `map.yaml`, whose walls are decorated by `seed` with pictures from the folder
+/// `textures`, or with the crate's own drawings if there is none; or the path of a Gazebo `.world`
+/// or `.sdf` file, which brings its own looks.
+///
+/// # Errors
+/// [`WorldError`] when the name is unknown, or a file is missing, malformed or shows no free place.
+pub fn load(spec: &str, textures: Option<&Path>, seed: u64) -> Result<World, WorldError> {
+    load_with(spec, textures, seed, None)
+}
+
+/// Loads a world as [`load`] does, but some time later: with `changes` to its movable things. These
+/// are drawn furniture, small pieces of a map that stand clear of its walls, and small models of a
+/// Gazebo world. The true plan is that of the changed world; everything else looks as before.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with(
+    spec: &str,
+    textures: Option<&Path>,
+    seed: u64,
+    changes: Option<&Changes>,
+) -> Result<World, WorldError> {
+    match spec {
+        "museum" => World::from_layout(spec, museum::layout(seed), seed, changes),
+        "office" => World::from_layout(spec, office::layout(seed), seed, changes),
+        other => {
+            let path = Path::new(other);
+            match path.extension().and_then(std::ffi::OsStr::to_str) {
+                Some("yaml" | "yml") => World::from_nav2(path, textures, seed, changes),
+                Some("world" | "sdf") => World::from_gazebo(path, changes),
+                _ => Err(WorldError::Unknown(other.to_owned())),
+            }
+        }
+    }
+}
+
+/// The origin if there is room, else the nearest roomy place from which at least half of the floor
+/// can be reached, else the place among the few tried from which most of the floor can be reached.
+fn start_near_origin(plan: &FloorPlan) -> Option<Pose2> {
+    let wanted = START_CLEARANCE_M.min(0.9 * plan.max_clearance_m());
+    let mut places: Vec<(f64, Point2)> = Vec::new();
+    for row in 0..plan.height() {
+        for column in 0..plan.width() {
+            let centre = plan.centre_of(column, row);
+            if plan.clearance_m(centre) >= wanted && !plan.is_occupied(centre.x, centre.y) {
+                places.push((centre.coords.norm_squared(), centre));
+            }
+        }
+    }
+    if plan.clearance_m(Point2::origin()) >= wanted {
+        places.push((0.0, Point2::origin()));
+    }
+    places.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut best: Option<(f64, Point2)> = None;
+    for _ in 0..START_TRIES {
+        let Some(&(_, place)) = places.first() else { break };
+        let reachable = plan.reachable(place, wanted.min(REACH_RADIUS_M));
+        let area = plan.area_m2(&reachable);
+        if best.is_none_or(|(most, _)| area > most) {
+            best = Some((area, place));
+        }
+        if area > 0.5 * plan.free_area_m2() {
+            break;
+        }
+        places.retain(|&(_, place)| plan.cell_of(place).is_none_or(|(column, row)| !reachable.contains(column, row)));
+    }
+    best.map(|(_, place)| pose(place.x, place.y, 0.0))
+}

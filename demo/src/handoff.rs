@@ -1,0 +1,166 @@
+//! The demo: a server, explorers and a client as processes of their own that talk over Zenoh on
+//! loopback.
+
+mod config;
+mod explorers;
+mod programs;
+mod report;
+
+pub use config::{Crew, HandoffConfig, HandoffError};
+pub use report::{ExplorerFigures, HandoffReport};
+
+use crate::picture::{MapPicture, PictureConfig, save_picture};
+use crate::process::{Process, ProcessError, Role};
+use explorers::Explored;
+use fht_client::{LiveReplica, ReplicaConfig};
+use fht_perception::pose::{Point2, pose};
+use fht_proto::MapName;
+use programs::{bar, read_report, session, world_args};
+use serde::Deserialize;
+use std::path::Path;
+use std::time::{Duration, Instant};
+use zenoh::Wait;
+
+/// The part of the client's report that the demo shows.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct ClientReport {
+    start: [f64; 3],
+    goal: Option<[f64; 2]>,
+    localized: bool,
+    relocalization_distance_m: Option<f64>,
+    relocalization_error_m: Option<f64>,
+    relocalization_error_deg: Option<f64>,
+    final_error_m: Option<f64>,
+    arrived: bool,
+    goal_distance_m: Option<f64>,
+    failure: Option<String>,
+    path_length_m: Option<f64>,
+    shortest_length_m: Option<f64>,
+    collisions: u64,
+    trajectory: Vec<[f64; 2]>,
+    true_trajectory: Vec<[f64; 2]>,
+}
+
+/// The map's name for a world: the file's name without its ending.
+///
+/// # Errors
+/// When that is no map name.
+pub fn map_name(world: &str) -> Result<MapName, HandoffError> {
+    let stem = Path::new(world).file_stem().map_or_else(|| world.into(), |stem| stem.to_string_lossy());
+    Ok(stem.parse()?)
+}
+
+/// How long the server may take to answer, and to hand over a finished map.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// Runs the demo. The returned process is the server, which is still running.
+///
+/// # Errors
+/// [`HandoffError`]; a client that does not arrive is a result, not an error.
+pub fn hand_off(config: &HandoffConfig) -> Result<(HandoffReport, Process), HandoffError> {
+    let begin = Instant::now();
+    let map = map_name(&config.world)?;
+    let data = config.folder.join("data");
+    let server = Process::map_server(&config.executable, &data, &config.endpoint, PATIENCE)?;
+
+    let explored = explorers::explore(config, &map)?;
+    let explore_wall_s = begin.elapsed().as_secs_f64();
+    let client = client(config, &map, &explored)?;
+    let digests_agree = draw(config, &map, &explored, &client)?;
+
+    let end = |trajectory: &[[f64; 2]]| trajectory.last().copied();
+    let report = HandoffReport {
+        world: config.world.clone(),
+        seed: config.seed,
+        free_area_m2: explored.free_area_m2,
+        explored_fraction: explored.explored_fraction,
+        main_nodes: explored.main_nodes,
+        support_nodes: explored.support_nodes,
+        edges: explored.edges,
+        map_bytes: explored.map_bytes,
+        wire_bytes: explored.wire_bytes,
+        mapping_error_m: explored.error_mean_m,
+        explorer_driven_m: explored.driven_m,
+        explore_sim_s: explored.sim_s,
+        explorers: explored.explorers,
+        digests_agree,
+        localized: client.localized,
+        relocalization_error_m: client.relocalization_error_m,
+        relocalization_error_deg: client.relocalization_error_deg,
+        relocalization_distance_m: client.relocalization_distance_m,
+        end_true: end(&client.true_trajectory),
+        end_estimated: end(&client.trajectory),
+        final_error_m: client.final_error_m,
+        path_length_m: client.path_length_m,
+        shortest_length_m: client.shortest_length_m,
+        arrived: client.arrived && client.goal_distance_m.is_some_and(|metres| metres < 0.5),
+        goal_distance_m: client.goal_distance_m,
+        collisions: explored.collisions + client.collisions,
+        failure: client.failure,
+        explore_wall_s,
+        wall_s: begin.elapsed().as_secs_f64(),
+    };
+    Ok((report, server))
+}
+
+fn client(config: &HandoffConfig, map: &MapName, explored: &Explored) -> Result<ClientReport, HandoffError> {
+    let report = config.folder.join("client.json");
+    let mut args = vec!["go".into()];
+    args.extend(world_args(config, map, &report));
+    let [x, y, yaw] = explored.world_from_map;
+    // Another day: other noise, other wheels, other light.
+    let (seed, light) = ((1000 + config.seed).to_string(), (1 + config.seed).to_string());
+    let origin = format!("{x},{y},{yaw}");
+    args.extend(["--seed", &seed, "--light-seed", &light, "--map-origin", &origin].map(Into::into));
+    args.extend(["--to", "random", "--quiet"].map(Into::into));
+    let bar = bar(config, "client");
+    bar.set_message("dropped somewhere; finding out where, then driving to its goal");
+    let ended = Process::start(&config.executable, Role::ClientRobot, args)?.follow(|_| ());
+    // A client that did not arrive says so in its report and by its exit code.
+    match ended {
+        Err(ProcessError::Failed { .. }) if report.exists() => bar.finish_with_message("failed"),
+        other => {
+            other?;
+            bar.finish_with_message("done");
+        }
+    }
+    read_report(&report)
+}
+
+/// Fetches the map from the server as any robot would, and draws it. Returns whether its digest is
+/// the explorer's.
+fn draw(
+    config: &HandoffConfig,
+    map: &MapName,
+    explored: &Explored,
+    client: &ClientReport,
+) -> Result<bool, HandoffError> {
+    let (_runtime, session) = session(config)?;
+    let replica = LiveReplica::start(&session, map, "witness", ReplicaConfig::default())?;
+    let head = fht_client::ask_head(&session, map, PATIENCE)?;
+    if !replica.wait_for(&head.vector, PATIENCE) {
+        return Err(HandoffError::Incomplete(PATIENCE.as_secs()));
+    }
+    let world = fht_sim::load(&config.world, config.textures.as_deref(), config.seed)?;
+    let [x, y, yaw] = explored.world_from_map;
+    let point = |[x, y]: [f64; 2]| Point2::new(x, y);
+    let driven: Vec<Point2> = client.true_trajectory.iter().copied().map(point).collect();
+    let agree = {
+        let replica = replica.read();
+        let scene = MapPicture {
+            plan: world.plan(),
+            world_from_map: pose(x, y, yaw),
+            map: replica.state(),
+            driven: &driven,
+            ends: client.goal.map(|goal| (Point2::new(client.start[0], client.start[1]), point(goal))),
+        };
+        save_picture(&scene, &PictureConfig::default(), &config.picture)?;
+        // Of several explorers, the last may have ended before the last increment of another
+        // arrived.
+        replica.state().digest() == explored.digest.unwrap_or(head.digest)
+    };
+    drop(replica);
+    session.close().wait()?;
+    Ok(agree)
+}

@@ -1,0 +1,88 @@
+//! What the demo shows, and why it may end early.
+
+use crate::picture::PictureError;
+use crate::process::ProcessError;
+use fht_client::ReplicaError;
+use fht_session::SessionError;
+use fht_sim::WorldError;
+use std::path::PathBuf;
+
+/// Who explores.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Crew {
+    /// One robot.
+    One,
+    /// This many at once, all starting in one room.
+    Team(usize),
+    /// One that dies after it has seen half of the building, and another that finishes the job.
+    Succession,
+}
+
+/// What to show.
+#[derive(Clone, Debug)]
+pub struct HandoffConfig {
+    /// The executable with the roles.
+    pub executable: PathBuf,
+    /// `museum`, `office` or the path of a Nav2 `map.yaml` or a Gazebo `.world`.
+    pub world: String,
+    /// Pictures for the walls of a Nav2 map.
+    pub textures: Option<PathBuf>,
+    /// Seed of everything: drawing, noise, light, start and goal.
+    pub seed: u64,
+    /// Who explores.
+    pub crew: Crew,
+    /// Where the server listens.
+    pub endpoint: String,
+    /// Folder for the server's data and the reports of the programs.
+    pub folder: PathBuf,
+    /// Where the picture goes.
+    pub picture: PathBuf,
+    /// Whether progress is shown.
+    pub progress: bool,
+}
+
+/// Why the demo ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum HandoffError {
+    /// A program failed.
+    #[error(transparent)]
+    Process(#[from] ProcessError),
+    /// A file of a program cannot be read.
+    #[error("{path}: {reason}", path = path.display())]
+    Report {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// The session cannot be opened.
+    #[error(transparent)]
+    Link(#[from] SessionError),
+    /// The map cannot be fetched.
+    #[error(transparent)]
+    Replica(#[from] ReplicaError),
+    /// The server does not answer.
+    #[error("the server does not tell its head: {0}")]
+    Head(#[from] fht_client::AskError),
+    /// The server's map did not arrive.
+    #[error("the map did not arrive within {0} s")]
+    Incomplete(u64),
+    /// The world cannot be loaded.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// The picture cannot be made.
+    #[error(transparent)]
+    Picture(#[from] PictureError),
+    /// Zenoh failed.
+    #[error("zenoh: {0}")]
+    Zenoh(#[from] zenoh::Error),
+    /// A thread that followed an explorer failed: a defect.
+    #[error("an explorer was not followed to its end")]
+    Thread,
+    /// No runtime.
+    #[error("no runtime: {0}")]
+    Runtime(#[from] std::io::Error),
+    /// The world's name is not a valid map name.
+    #[error(transparent)]
+    MapName(#[from] fht_proto::model::ids::ParseIdError),
+}

@@ -1,0 +1,254 @@
+//! The explorers of the demo: one, several at once, or one that dies half-way and another that
+//! finishes the job.
+
+use super::config::{Crew, HandoffConfig, HandoffError};
+use super::programs::{bar, read_report, session, world_args};
+use super::report::ExplorerFigures;
+use crate::process::{Process, Role};
+use fht_perception::pose::Point2;
+use fht_proto::api::keys::{RobotTopic, robots_of};
+use fht_proto::{Digest, MapName, SeenArea, Square, decode};
+use fht_sim::scoring::explored_by;
+use fht_sim::{SimConfig, World, start_near};
+use indicatif::ProgressBar;
+use mapper::explore::SeenSquares;
+use mapper::program::ExploreReport;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex, PoisonError};
+use zenoh::Wait;
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::Sample;
+
+/// The result of the exploration.
+pub(super) struct Explored {
+    pub(super) world_from_map: [f64; 3],
+    pub(super) free_area_m2: f64,
+    pub(super) explored_fraction: f64,
+    pub(super) main_nodes: usize,
+    pub(super) support_nodes: usize,
+    pub(super) edges: usize,
+    pub(super) map_bytes: u64,
+    pub(super) wire_bytes: u64,
+    pub(super) error_mean_m: f64,
+    pub(super) driven_m: f64,
+    pub(super) collisions: u64,
+    pub(super) sim_s: f64,
+    /// The explorer's own digest, if it was alone.
+    pub(super) digest: Option<Digest>,
+    pub(super) explorers: Vec<ExplorerFigures>,
+}
+
+/// Robot seconds per second of explorers that work at once. Unpaced, they would not be equally
+/// fast.
+const TEAM_RATE: &str = "8";
+/// The others start within this distance of the first, in its sight, metres.
+const APART_M: f64 = 3.0;
+/// Share of the building after which the explorer of a succession dies.
+const DIES_AT: f64 = 0.5;
+
+/// A line of an explorer's progress.
+#[derive(Deserialize)]
+struct Line {
+    sim_s: f64,
+    free_area_m2: f64,
+    nodes: usize,
+    written: u64,
+    acknowledged: u64,
+    placed: bool,
+}
+
+impl Line {
+    fn show(&self, bar: &ProgressBar) {
+        let Self { free_area_m2, nodes, acknowledged, written, sim_s, placed } = self;
+        let place = if *placed { "" } else { "looking for its place, " };
+        bar.set_message(format!(
+            "{place}{free_area_m2:.0} m² seen, {nodes} nodes, {acknowledged} of {written} increments stored, {sim_s:.0} s of \
+             robot time"
+        ));
+    }
+}
+
+pub(super) fn explore(config: &HandoffConfig, map: &MapName) -> Result<Explored, HandoffError> {
+    let world = fht_sim::load(&config.world, config.textures.as_deref(), config.seed)?;
+    match config.crew {
+        Crew::One => {
+            let report = run(config, map, 0, &world, false, None)?;
+            Ok(Explored { digest: Some(report.digest), ..sum(vec![(name(0), report)], None) })
+        }
+        Crew::Team(count) => {
+            let witness = Witness::start(config, map)?;
+            let world = &world;
+            let reports = std::thread::scope(|scope| {
+                // The first explorer sets the map's frame, so the others start after it has begun
+                // the map.
+                let (begun, is_begun) = std::sync::mpsc::channel();
+                let first = scope.spawn(move || Ok((name(0), run(config, map, 0, world, true, Some(begun))?)));
+                // If the first one fails, its own result says so.
+                let _ = is_begun.recv();
+                let other = |number: usize| move || Ok((name(number), run(config, map, number, world, true, None)?));
+                let others = (1..count).map(|number| scope.spawn(other(number)));
+                let threads: Vec<_> = std::iter::once(first).chain(others).collect();
+                let joined = threads.into_iter().map(|thread| thread.join().map_err(|_| HandoffError::Thread)?);
+                joined.collect::<Result<Vec<_>, HandoffError>>()
+            })?;
+            let seen = witness.explored(world);
+            Ok(sum(reports, Some(seen)))
+        }
+        Crew::Succession => {
+            let witness = Witness::start(config, map)?;
+            let died_s = run_until_half(config, map, &world)?;
+            let report = run(config, map, 1, &world, false, None)?;
+            let mut explored = sum(vec![(name(1), report)], Some(witness.explored(&world)));
+            let ending = "killed".to_owned();
+            let dead = ExplorerFigures { robot: name(0), ending, joined: None, driven_m: None, sim_s: died_s };
+            explored.explorers.insert(0, dead);
+            explored.sim_s += died_s;
+            Ok(explored)
+        }
+    }
+}
+
+fn name(number: usize) -> String {
+    if number == 0 { "explorer".to_owned() } else { format!("explorer{}", number + 1) }
+}
+
+/// The arguments of one explorer: the first starts at the world's start, the others near it.
+fn args(
+    config: &HandoffConfig,
+    map: &MapName,
+    number: usize,
+    world: &World,
+    is_paced: bool,
+) -> Vec<std::ffi::OsString> {
+    let report = config.folder.join(format!("{}.json", name(number)));
+    let mut args = vec!["explore".into()];
+    args.extend(world_args(config, map, &report));
+    let seed = (config.seed + 1000 * number as u64).to_string();
+    args.extend(["--seed", &seed, "--light-seed", "0", "--progress-json", "--robot", &name(number)].map(Into::into));
+    if number > 0 {
+        let start = start_near(world, &world.start(), APART_M, config.seed + number as u64);
+        let start = format!("{},{},{}", start.translation.x, start.translation.y, start.rotation.angle());
+        args.extend(["--start", &start].map(Into::into));
+    }
+    if is_paced {
+        args.extend(["--rate", TEAM_RATE].map(Into::into));
+    }
+    args
+}
+
+/// Runs one explorer to its end. `begun` gets a message once the server has stored something of
+/// it.
+fn run(
+    config: &HandoffConfig,
+    map: &MapName,
+    number: usize,
+    world: &World,
+    is_paced: bool,
+    mut begun: Option<Sender<()>>,
+) -> Result<ExploreReport, HandoffError> {
+    let bar = bar(config, ["exploring", "second", "another"][number.min(2)]);
+    let args = args(config, map, number, world, is_paced);
+    Process::start(&config.executable, Role::Mapper, args)?.follow(|line| {
+        if let Ok(line) = serde_json::from_str::<Line>(line) {
+            line.show(&bar);
+            if line.acknowledged > 0
+                && let Some(begun) = begun.take()
+            {
+                let _ = begun.send(()); // nobody waits for it twice
+            }
+        }
+    })?;
+    bar.finish_with_message("done");
+    read_report(&config.folder.join(format!("{}.json", name(number))))
+}
+
+/// Runs the first explorer until it has seen half of the building, and kills it. Returns how long
+/// it worked, robot seconds.
+fn run_until_half(config: &HandoffConfig, map: &MapName, world: &World) -> Result<f64, HandoffError> {
+    let plan = world.plan();
+    let free = plan.reachable_free(Point2::from(world.start().translation.vector), SimConfig::default().radius_m);
+    let enough_m2 = DIES_AT * plan.area_m2(&free);
+    let bar = bar(config, "exploring");
+    let mut process = Process::start(&config.executable, Role::Mapper, args(config, map, 0, world, false))?;
+    let mut died_s = 0.0;
+    process.listen(|line| {
+        let Ok(line) = serde_json::from_str::<Line>(line) else { return true };
+        line.show(&bar);
+        died_s = line.sim_s;
+        line.free_area_m2 < enough_m2
+    });
+    process.kill()?;
+    bar.finish_with_message(format!("killed half-way, after {died_s:.0} s of robot time"));
+    Ok(died_s)
+}
+
+/// Sums up several reports. The map is the last one's, the frame the first one's.
+fn sum(reports: Vec<(String, ExploreReport)>, explored_fraction: Option<f64>) -> Explored {
+    let all = || reports.iter().map(|(_, report)| report);
+    let most = |of: fn(&ExploreReport) -> usize| all().map(of).max().unwrap_or(0);
+    let figures = |(robot, report): &(String, ExploreReport)| ExplorerFigures {
+        robot: robot.clone(),
+        ending: report.ending.to_string(),
+        joined: report.joined,
+        driven_m: Some(report.driven_m),
+        sim_s: report.sim_s,
+    };
+    Explored {
+        world_from_map: all().map(|report| report.world_from_map).next().unwrap_or_default(),
+        free_area_m2: all().map(|report| report.free_area_m2).fold(0.0, f64::max),
+        explored_fraction: explored_fraction
+            .unwrap_or_else(|| all().map(|report| report.explored_fraction).fold(0.0, f64::max)),
+        main_nodes: most(|report| report.main_nodes),
+        support_nodes: most(|report| report.support_nodes),
+        edges: most(|report| report.edges),
+        map_bytes: all().map(|report| report.map_bytes).sum(),
+        wire_bytes: all().map(|report| report.wire_bytes).sum(),
+        error_mean_m: all().map(|report| report.trajectory_error.mean_m).fold(0.0, f64::max),
+        driven_m: all().map(|report| report.driven_m).sum(),
+        collisions: all().map(|report| report.collisions).sum(),
+        sim_s: all().map(|report| report.sim_s).fold(0.0, f64::max),
+        digest: None,
+        explorers: reports.iter().map(figures).collect(),
+    }
+}
+
+/// What the explorers report to have seen.
+struct Witness {
+    seen: Arc<Mutex<BTreeMap<String, SeenArea>>>,
+    session: zenoh::Session,
+    subscriber: Subscriber<()>,
+    _runtime: tokio::runtime::Runtime,
+}
+
+impl Witness {
+    fn start(config: &HandoffConfig, map: &MapName) -> Result<Self, HandoffError> {
+        let (runtime, session) = session(config)?;
+        let seen: Arc<Mutex<BTreeMap<String, SeenArea>>> = Arc::default();
+        let hearing = Arc::clone(&seen);
+        let hear = move |sample: Sample| {
+            if let Ok(area) = decode::<SeenArea>(&sample.payload().to_bytes()) {
+                let mut seen = hearing.lock().unwrap_or_else(PoisonError::into_inner);
+                seen.insert(sample.key_expr().to_string(), area);
+            }
+        };
+        let subscriber = session.declare_subscriber(robots_of(map, RobotTopic::Seen)).callback(hear).wait()?;
+        Ok(Self { seen, session, subscriber, _runtime: runtime })
+    }
+
+    /// Share of the visible free area that some explorer has seen.
+    fn explored(self, world: &World) -> f64 {
+        /// Cell size in which squares are looked up, metres.
+        const CELL_M: f64 = 0.05;
+        let seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        let squares: Vec<SeenSquares> = seen.values().filter_map(|area| SeenSquares::new(area, CELL_M)).collect();
+        let is_known = |place: Point2| squares.iter().any(|squares| squares.square_at(place) != Square::Unseen);
+        let (_, share) = explored_by(world.plan(), &world.start(), SimConfig::default().radius_m, is_known);
+        drop(seen);
+        // A dropped session closes anyway, so errors do no harm.
+        let _ = self.subscriber.undeclare().wait();
+        let _ = self.session.close().wait();
+        share
+    }
+}

@@ -1,0 +1,37 @@
+//! The demo: a robot maps a building, a server keeps the map, and a second robot finds out where it
+//! is and drives to a goal.
+//!
+//! All programs are in one executable, `handoff`, and run as processes of their own
+//! (`handoff role NAME -- ARGS`). So one build makes everything that the demo and the tests start.
+//!
+//! ```text
+//!  handoff ──┬── map-server      keeps the map
+//!            ├── mapper …        one explorer, several, or one that succeeds a dead one
+//!            ├── client-robot    relocalizes and drives
+//!            └── a replica       fetches the map as any robot would, and draws it
+//! ```
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | `handoff` | the demo: [`hand_off`], its configuration and its figures |
+//! | `process` | programs as child processes that end with their parent: [`Process`] |
+//! | `roles` | the `main` of each program: [`run_role`] |
+//! | `picture` | a map as a picture, like the paper's figure 1: [`MapPicture`] |
+//!
+//! ```
+//! // Maps are named after their worlds.
+//! assert_eq!(fht_demo::map_name("floors/second.yaml")?.as_str(), "second");
+//! // Servers of demos and tests listen on free ports of this machine.
+//! assert!(fht_demo::free_endpoint()?.starts_with("tcp/127.0.0.1:"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod handoff;
+mod picture;
+mod process;
+mod roles;
+
+pub use handoff::{Crew, ExplorerFigures, HandoffConfig, HandoffError, HandoffReport, hand_off, map_name};
+pub use picture::{MapPicture, PictureConfig, PictureError, save_picture};
+pub use process::{Process, ProcessError, Role, free_endpoint, this_executable};
+pub use roles::run_role;

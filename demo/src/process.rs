@@ -1,0 +1,293 @@
+//! The programs as child processes. All of them are in one executable
+//! (`handoff role NAME -- ARGS`), so that one build makes everything that a scenario starts.
+
+use std::ffi::OsStr;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+/// One of the programs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Role {
+    /// The map server.
+    MapServer,
+    /// The explorer.
+    Mapper,
+    /// The robot that uses the map.
+    ClientRobot,
+}
+
+impl Role {
+    /// What people call it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::MapServer => "map-server",
+            Self::Mapper => "mapper",
+            Self::ClientRobot => "client-robot",
+        }
+    }
+}
+
+impl From<Role> for &'static str {
+    fn from(role: Role) -> Self {
+        role.name()
+    }
+}
+
+/// Why a program could not be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ProcessError {
+    /// It cannot be started.
+    #[error("{role} cannot be started: {source}")]
+    Start {
+        /// The program.
+        role: &'static str,
+        /// The system's error.
+        source: std::io::Error,
+    },
+    /// It ended too early, or with a failure.
+    #[error("{role} failed ({status}){}", tail(stderr))]
+    Failed {
+        /// The program.
+        role: &'static str,
+        /// Its exit status.
+        status: ExitStatus,
+        /// The last lines of its output.
+        stderr: String,
+    },
+    /// It does not listen.
+    #[error("{role} does not listen on {endpoint} after {seconds} s")]
+    Silent {
+        /// The program.
+        role: &'static str,
+        /// Where it should listen.
+        endpoint: String,
+        /// How long we waited.
+        seconds: u64,
+    },
+    /// It has not ended.
+    #[error("{role} has not ended after {seconds} s{}", tail(stderr))]
+    Late {
+        /// The program.
+        role: &'static str,
+        /// How long we waited.
+        seconds: u64,
+        /// The last lines of its output.
+        stderr: String,
+    },
+    /// Waiting failed.
+    #[error("{role}: {source}")]
+    Wait {
+        /// The program.
+        role: &'static str,
+        /// The system's error.
+        source: std::io::Error,
+    },
+}
+
+fn tail(stderr: &str) -> String {
+    let text = stderr.trim();
+    if text.is_empty() { String::new() } else { format!(": {text}") }
+}
+
+/// A running program. It is killed when this is dropped.
+pub struct Process {
+    role: &'static str,
+    child: Child,
+    stderr: Option<std::thread::JoinHandle<String>>,
+}
+
+impl Process {
+    /// Starts a program of `executable` (the handoff binary) with `args`.
+    ///
+    /// # Errors
+    /// [`ProcessError::Start`].
+    pub fn start<A: AsRef<OsStr>>(
+        executable: &Path,
+        role: impl Into<&'static str>,
+        args: impl IntoIterator<Item = A>,
+    ) -> Result<Self, ProcessError> {
+        let role = role.into();
+        let mut command = Command::new(executable);
+        command.args(["role", role, "--"]).args(args);
+        Self::run(role, command)
+    }
+
+    /// Starts a map-server that keeps its maps in `data`, and waits until it listens on
+    /// `endpoint`.
+    ///
+    /// # Errors
+    /// [`ProcessError`].
+    pub fn map_server(
+        executable: &Path,
+        data: &Path,
+        endpoint: &str,
+        patience: Duration,
+    ) -> Result<Self, ProcessError> {
+        let args = ["--data".as_ref(), data.as_os_str(), "--listen".as_ref(), endpoint.as_ref()];
+        let mut server = Self::start(executable, Role::MapServer, args)?;
+        server.wait_until_listening(endpoint, patience)?;
+        Ok(server)
+    }
+
+    /// Runs a command; errors call it `role`.
+    ///
+    /// # Errors
+    /// [`ProcessError::Start`].
+    pub fn run(role: &'static str, mut command: Command) -> Result<Self, ProcessError> {
+        let start_error = |source| ProcessError::Start { role, source };
+        let mut child =
+            command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().map_err(start_error)?;
+        // Read continuously, or a talkative child would block; keep the last lines.
+        let stderr = child.stderr.take().map(|mut pipe| {
+            std::thread::spawn(move || {
+                let mut kept = Vec::new();
+                let mut buffer = [0; 4096];
+                while let Ok(count @ 1..) = pipe.read(&mut buffer) {
+                    kept.extend_from_slice(&buffer[..count]);
+                    let excess = kept.len().saturating_sub(4096);
+                    kept.drain(..excess);
+                }
+                String::from_utf8_lossy(&kept).into_owned()
+            })
+        });
+        Ok(Self { role, child, stderr })
+    }
+
+    /// The process id.
+    #[must_use]
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Kills it, as a power cut would (SIGKILL).
+    ///
+    /// # Errors
+    /// [`ProcessError::Wait`].
+    pub fn kill(&mut self) -> Result<(), ProcessError> {
+        let wait_error = |source| ProcessError::Wait { role: self.role, source };
+        self.child.kill().map_err(wait_error)?;
+        self.child.wait().map_err(wait_error)?;
+        Ok(())
+    }
+
+    /// Waits until it listens on `endpoint` (`tcp/host:port`).
+    ///
+    /// # Errors
+    /// [`ProcessError::Failed`] if it ends instead, [`ProcessError::Silent`] if it does not within
+    /// `patience`.
+    pub fn wait_until_listening(&mut self, endpoint: &str, patience: Duration) -> Result<(), ProcessError> {
+        let address = endpoint.strip_prefix("tcp/").unwrap_or(endpoint);
+        let deadline = Instant::now() + patience;
+        while std::net::TcpStream::connect(address).is_err() {
+            let wait_error = |source| ProcessError::Wait { role: self.role, source };
+            if let Some(status) = self.child.try_wait().map_err(wait_error)? {
+                return Err(self.failure(status));
+            }
+            if Instant::now() > deadline {
+                let endpoint = endpoint.to_owned();
+                return Err(ProcessError::Silent { role: self.role, endpoint, seconds: patience.as_secs() });
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        Ok(())
+    }
+
+    /// Reads its standard output line by line until it ends or `goes_on` says no.
+    pub fn listen(&mut self, mut goes_on: impl FnMut(&str) -> bool) {
+        if let Some(stdout) = self.child.stdout.take() {
+            let lines = BufReader::new(stdout).lines().map_while(Result::ok);
+            let _ = lines.take_while(|line| goes_on(line)).last();
+        }
+    }
+
+    /// Reads its standard output line by line until it ends; fails unless it ends well.
+    ///
+    /// # Errors
+    /// [`ProcessError::Failed`].
+    pub fn follow(mut self, mut each_line: impl FnMut(&str)) -> Result<(), ProcessError> {
+        if let Some(stdout) = self.child.stdout.take() {
+            BufReader::new(stdout).lines().map_while(Result::ok).for_each(|line| each_line(&line));
+        }
+        let wait_error = |source| ProcessError::Wait { role: self.role, source };
+        let status = self.child.wait().map_err(wait_error)?;
+        if status.success() { Ok(()) } else { Err(self.failure(status)) }
+    }
+
+    /// Waits until it ends, and returns what it printed; fails unless it ends well.
+    ///
+    /// # Errors
+    /// [`ProcessError::Failed`], [`ProcessError::Late`] if it takes longer than `patience`.
+    pub fn finish(mut self, patience: Duration) -> Result<String, ProcessError> {
+        // Read continuously, or a talkative child would block.
+        let printed = self.child.stdout.take().map(|mut pipe| {
+            std::thread::spawn(move || {
+                let mut bytes = Vec::new();
+                // What was printed before the failure is worth reading, too.
+                let _ = pipe.read_to_end(&mut bytes);
+                String::from_utf8_lossy(&bytes).into_owned()
+            })
+        });
+        let deadline = Instant::now() + patience;
+        let status = loop {
+            let wait_error = |source| ProcessError::Wait { role: self.role, source };
+            if let Some(status) = self.child.try_wait().map_err(wait_error)? {
+                break status;
+            }
+            if Instant::now() > deadline {
+                self.kill()?;
+                return Err(ProcessError::Late { role: self.role, seconds: patience.as_secs(), stderr: self.said() });
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        };
+        if !status.success() {
+            return Err(self.failure(status));
+        }
+        Ok(printed.and_then(|thread| thread.join().ok()).unwrap_or_default())
+    }
+
+    /// Whether it still runs.
+    ///
+    /// # Errors
+    /// [`ProcessError::Wait`].
+    pub fn is_running(&mut self) -> Result<bool, ProcessError> {
+        let wait_error = |source| ProcessError::Wait { role: self.role, source };
+        Ok(self.child.try_wait().map_err(wait_error)?.is_none())
+    }
+
+    /// The last lines of its output; it must have ended.
+    fn said(&mut self) -> String {
+        self.stderr.take().and_then(|thread| thread.join().ok()).unwrap_or_default()
+    }
+
+    fn failure(&mut self, status: ExitStatus) -> ProcessError {
+        ProcessError::Failed { role: self.role, status, stderr: self.said() }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended already; there is nobody to report to.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// The executable that is running: for a binary that starts its own roles.
+///
+/// # Errors
+/// When the system does not know.
+pub fn this_executable() -> std::io::Result<PathBuf> {
+    std::env::current_exe()
+}
+
+/// A loopback endpoint that was free a moment ago.
+///
+/// # Errors
+/// When no port is free.
+pub fn free_endpoint() -> std::io::Result<String> {
+    let listener = std::net::TcpListener::bind(("127.0.0.1", 0))?;
+    Ok(format!("tcp/{}", listener.local_addr()?))
+}

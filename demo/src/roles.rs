@@ -1,0 +1,16 @@
+//! The programs in one executable: which `main` each role calls.
+
+use crate::process::Role;
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+/// Runs one of the programs with these arguments.
+#[must_use]
+pub fn run_role(role: Role, args: Vec<OsString>) -> ExitCode {
+    let args = std::iter::once(OsString::from(role.name())).chain(args);
+    match role {
+        Role::MapServer => map_server::main_with_args(args),
+        Role::Mapper => mapper::program::main_with_args(args),
+        Role::ClientRobot => client_robot::program::main_with_args(args),
+    }
+}

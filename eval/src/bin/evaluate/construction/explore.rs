@@ -1,0 +1,109 @@
+//! `evaluate explore`: how accurate maps are after whole explorations of simulated buildings.
+
+use crate::output::{OutputArgs, say};
+use clap::Args;
+use fht_proto::MapName;
+use fht_sim::{SimConfig, SimSetup};
+use mapper::explore::Ending;
+use mapper::program::{ExploreReport, ExploreTask, explore};
+use mapper::run::MappingTask;
+use serde::Serialize;
+
+#[derive(Debug, Args)]
+pub struct ExploreArgs {
+    /// Buildings: museum, office, or paths of Nav2 map.yaml or Gazebo .world files.
+    #[arg(long, value_delimiter = ',', default_value = "museum,office")]
+    worlds: Vec<String>,
+    /// Seeds of noise and light, from 1 up to this.
+    #[arg(long, default_value_t = 10)]
+    seeds: u64,
+    /// Factors of the wheels' drift.
+    #[arg(long, value_delimiter = ',', default_value = "1,2")]
+    drifts: Vec<f64>,
+    /// Without cameras: several times faster, and loops are closed by geometry alone.
+    #[arg(long)]
+    no_cameras: bool,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+/// One exploration.
+#[derive(Debug, Serialize)]
+struct Row {
+    world: String,
+    seed: u64,
+    drift: f64,
+    report: ExploreReport,
+}
+
+pub fn run(args: &ExploreArgs) -> Result<(), String> {
+    let count = args.worlds.len() * args.drifts.len() * args.seeds as usize;
+    let bar = args.output.progress_bar(count as u64, "{bar:40} {pos}/{len} {msg}, {elapsed} gone, {eta} to go");
+    say(
+        "| world | drift | seed | as known then: mean, greatest | as known at the end | main nodes within 0.05 m | greatest | closures | ended |",
+    )?;
+    say("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")?;
+    let mut rows = Vec::new();
+    for world in &args.worlds {
+        for &drift in &args.drifts {
+            for seed in 1..=args.seeds {
+                bar.set_message(format!("{world}, drift {drift}, seed {seed}"));
+                let report = explore_once(world, seed, drift, !args.no_cameras)?;
+                let row = Row { world: world.clone(), seed, drift, report };
+                bar.suspend(|| say(&line(&row)))?;
+                bar.inc(1);
+                rows.push(row);
+                // Written after each run, so that an interrupted evaluation is not lost.
+                args.output.write(&rows)?;
+            }
+        }
+    }
+    bar.finish_and_clear();
+    say(&summary(&rows))
+}
+
+fn explore_once(world: &str, seed: u64, drift: f64, cameras: bool) -> Result<ExploreReport, String> {
+    let map: MapName = "evaluation".parse().map_err(|error| format!("{error}"))?;
+    let setup = SimSetup { seed, ..SimSetup::of(world) };
+    let mapping = MappingTask { cameras, ..MappingTask::new(map, "explorer") };
+    let sim = SimConfig { drift_factor: drift, ..SimConfig::default() };
+    let task = ExploreTask { sim, ..ExploreTask::new(setup, mapping) };
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.map_err(|error| format!("the async runtime cannot be started: {error}"))?;
+    runtime.block_on(explore(task, |_| {})).map_err(|error| format!("{world}, drift {drift}, seed {seed}: {error}"))
+}
+
+fn line(row: &Row) -> String {
+    let Row { world, seed, drift, report } = row;
+    let (then, end) = (&report.trajectory_error, &report.corrected_trajectory_error);
+    format!(
+        "| {world} | {drift} | {seed} | {:.3} m, {:.2}°, {:.3} m | {:.3} m, {:.2}°, {:.3} m | {:.1} % | {:.3} m | {} + {} | {} |",
+        then.mean_m,
+        then.mean_deg,
+        then.max_m,
+        end.mean_m,
+        end.mean_deg,
+        end.max_m,
+        100.0 * report.main_nodes_within_5cm,
+        report.main_node_error_max_m,
+        report.closures[0],
+        report.closures[1],
+        report.ending
+    )
+}
+
+fn summary(rows: &[Row]) -> String {
+    let worst = |value: fn(&ExploreReport) -> f64| rows.iter().map(|row| value(&row.report)).fold(0.0, f64::max);
+    let least = rows.iter().map(|row| row.report.main_nodes_within_5cm).fold(1.0, f64::min);
+    format!(
+        "{} explorations, {} complete; worst mean error as known then {:.3} m and {:.2}°, at the end {:.3} m and {:.2}°; least \
+         share of main nodes within 0.05 m: {:.1} %",
+        rows.len(),
+        rows.iter().filter(|row| row.report.ending == Ending::Complete).count(),
+        worst(|report| report.trajectory_error.mean_m),
+        worst(|report| report.trajectory_error.mean_deg),
+        worst(|report| report.corrected_trajectory_error.mean_m),
+        worst(|report| report.corrected_trajectory_error.mean_deg),
+        100.0 * least
+    )
+}

@@ -1,0 +1,112 @@
+//! Evaluations on real logs and in simulated buildings, as the field measures them.
+
+mod construction;
+mod contents;
+mod knobs;
+mod maps;
+mod output;
+mod paths;
+mod relocalize;
+mod systems;
+mod tables;
+mod trials;
+
+use clap::{Parser, Subcommand};
+use construction::{explore, merge, slam, team};
+use std::process::ExitCode;
+
+/// Measures the map service as the field does.
+#[derive(Debug, Parser)]
+#[command(name = "evaluate", version)]
+struct Cli {
+    #[command(subcommand)]
+    part: Part,
+}
+
+#[derive(Debug, Subcommand)]
+enum Part {
+    /// The SLAM on a recorded log, against relations between pairs of scans (Kümmerle et al., "On
+    /// measuring the accuracy of SLAM algorithms", Autonomous Robots 2009).
+    #[command(after_help = "Examples:
+  evaluate slam ../shared/data/lidar/intel ../shared/data/lidar/intel.relations
+  evaluate slam ../shared/data/lidar/aces ../shared/data/lidar/aces.relations --json aces.json --picture aces.png
+  evaluate slam ../shared/data/lidar/mit-csail             # no relations: a picture only
+
+LOG is a rosbag2 folder or an MCAP file with /scan and /odom. Each line of RELATIONS is 't1 t2 x y z roll pitch yaw': the
+pose of the scan taken at t2 in the frame of the scan taken at t1, metres and radians.")]
+    Slam(slam::SlamArgs),
+    /// Whole explorations of simulated buildings with drifting wheels: the error of trajectory and
+    /// main nodes.
+    #[command(after_help = "Examples:
+  evaluate explore                                         museum and office, drift 1 and 2, ten seeds: about an hour
+  evaluate explore --worlds museum --seeds 3 --no-cameras")]
+    Explore(explore::ExploreArgs),
+    /// Several explorers in one building, against one: the time they take, and how good their map
+    /// is.
+    #[command(after_help = "Examples:
+  evaluate team --worlds office --seeds 3                  two explorers that begin in one room
+  evaluate team --worlds office --apart-m inf              … or anywhere in the building
+  evaluate team --worlds office --succeed-at 0.5           the first one dies half-way, and another finishes the map")]
+    Team(team::TeamArgs),
+    /// Both tables of the paper, with our figures beside the printed ones: relocalization, paths
+    /// and storage of our map, of MR-TopoMap, of the grid map and of main nodes only. Goes on where
+    /// it stopped.
+    #[command(after_help = "Examples:
+  evaluate tables --worlds ../shared/data/maps/museum.yaml,../shared/data/maps/large_indoor.yaml --out docs/results/tables.md
+  evaluate tables --worlds ../shared/data/maps/museum.yaml --starts 10 --pairs 100 --json tables.json
+
+100 starts in a world take about half an hour on two cores.")]
+    Tables(tables::TablesArgs),
+    /// Paths that the map gives, against the shortest ways on the true plan.
+    #[command(after_help = "Examples:
+  evaluate paths --worlds ../shared/data/maps/museum.yaml,../shared/data/maps/large_indoor.yaml
+  evaluate paths --worlds museum --pairs 200")]
+    Paths(paths::PathsArgs),
+    /// What maps consist of and take up, and how much of what a robot sees they know.
+    #[command(after_help = "Examples:
+  evaluate contents --worlds ../shared/data/maps/museum.yaml,../shared/data/maps/large_indoor.yaml
+  evaluate contents --worlds museum --knob few-main-nodes")]
+    Contents(contents::ContentsArgs),
+    /// What each knob of the mapper buys: a building explored with one knob turned at a time, and
+    /// what its map is worth then.
+    #[command(after_help = "Examples:
+  evaluate knobs --worlds ../shared/data/maps/museum.yaml --starts 50
+  evaluate knobs --worlds ../shared/data/maps/museum.yaml --knobs few-main-nodes,no-coverage --out knobs.md")]
+    Knobs(knobs::KnobsArgs),
+    /// Robots dropped anywhere in an explored building: how soon and how well they know where they
+    /// are.
+    #[command(after_help = "Examples:
+  evaluate relocalize --worlds ../shared/data/maps/museum.yaml --starts 100
+  evaluate relocalize --worlds museum --starts 20")]
+    Relocalize(relocalize::RelocalizeArgs),
+    /// Maps of one building that were made from different starts, merged; and maps of different
+    /// buildings, refused.
+    #[command(after_help = "Examples:
+  evaluate merge                                             the museum from three starts, and a second building
+  evaluate merge --worlds museum,office,../shared/data/maps/museum.yaml --starts 4 --no-cameras")]
+    Merge(merge::MergeArgs),
+}
+
+fn main() -> ExitCode {
+    let filter = tracing_subscriber::EnvFilter::from_default_env();
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    let cli = Cli::parse();
+    let outcome = match cli.part {
+        Part::Slam(args) => slam::run(&args),
+        Part::Explore(args) => explore::run(&args),
+        Part::Team(args) => team::run(&args),
+        Part::Tables(args) => tables::run(&args),
+        Part::Paths(args) => paths::run(&args),
+        Part::Contents(args) => contents::run(&args),
+        Part::Knobs(args) => knobs::run(&args),
+        Part::Relocalize(args) => relocalize::run(&args),
+        Part::Merge(args) => merge::run(&args),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("evaluate: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}

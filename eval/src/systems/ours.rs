@@ -1,0 +1,31 @@
+//! Relocalization on an FHT-Map, as the client robot does it.
+
+use super::Localizing;
+use fht_localization::landmarks::Landmarks;
+use fht_localization::localizer::{Localizer, LocalizerConfig};
+use fht_perception::frame::SensorFrame;
+use fht_perception::pose::Pose2;
+use fht_proto::Descriptor;
+
+/// The client robot's localizer.
+pub struct Ours<'a> {
+    landmarks: &'a Landmarks,
+    localizer: Localizer,
+    has_cameras: bool,
+}
+
+impl<'a> Ours<'a> {
+    /// On the nodes of a map. Without cameras, by the scanner alone.
+    #[must_use]
+    pub fn new(landmarks: &'a Landmarks, has_cameras: bool) -> Self {
+        Self { landmarks, localizer: Localizer::new(LocalizerConfig::default()), has_cameras }
+    }
+}
+
+impl Localizing for Ours<'_> {
+    fn update(&mut self, frame: &SensorFrame, describe: &mut dyn FnMut() -> Option<Descriptor>) -> Option<Pose2> {
+        let has_cameras = self.has_cameras;
+        let look = || if has_cameras { describe() } else { None };
+        self.localizer.update(self.landmarks, frame, look).map_from_base()
+    }
+}

@@ -1,0 +1,98 @@
+#!/usr/bin/env python3
+"""Follows a map, asks for a path, reports a blocked edge and watches robots.
+
+    pip install eclipse-zenoh
+    examples/python/follow.py tcp/127.0.0.1:7447 museum 0,0 dock
+
+docs/protocol.md says what the keys, parameters and replies mean.
+"""
+import json
+import queue
+import sys
+import zenoh
+
+# The fields of a node or an edge that each operation writes. Of all that was written to a field,
+# the newest counts.
+WRITES = {"put_node": ["kind", "pose"], "set_pose": ["pose"], "set_free_space": ["reach"],
+          "remove_node": ["removed"], "put_edge": ["is_put"], "remove_edge": ["is_put"]}
+
+
+class Map:
+    """A copy of a map that is kept up with the server."""
+
+    def __init__(self, session, name):
+        self.session, self.name, self.vector, self.fields = session, name, {}, {}
+
+    def ask(self, question):
+        for reply in self.session.get(f"fht/{self.name}/{question}", timeout=10.0):
+            if reply.ok is None:
+                raise RuntimeError(reply.err.payload.to_string())
+            return json.loads(reply.ok.payload.to_string())
+        raise RuntimeError("no map-server answered")
+
+    def catch_up(self):
+        while True:
+            have = ",".join(f"{author}:{count}" for author, count in self.vector.items())
+            part = self.ask(f"since?fmt=json;vector={have}")
+            if not part["compacted"] and not part["increments"]:
+                return
+            for series in part["compacted"]:
+                for increment in series["increments"]:
+                    self.apply(series["author"], increment)
+                self.vector[series["author"]] = series["last"]
+            for increment in part["increments"]:
+                self.apply(increment["author"], increment)
+                self.vector[increment["author"]] = increment["number"]
+
+    def apply(self, author, increment):
+        for place, op in enumerate(increment["ops"]):
+            stamp = (increment["hlc_us"], author, op.get("index", place))
+            element = self.fields.setdefault(op.get("id") or tuple(op.get("edge", ())), {})
+            for field in WRITES.get(op["op"], []):
+                if stamp > element.get(field, ((), None))[0]:
+                    element[field] = (stamp, op.get(field, op["op"] == "put_edge"))
+
+    def nodes(self):
+        shown = lambda node: node.get("kind", ((),))[0] > node.get("removed", ((),))[0]
+        return [id for id, node in self.fields.items() if isinstance(id, str) and shown(node)]
+
+    def edges(self):
+        nodes = set(self.nodes())
+        put = [ends for ends, edge in self.fields.items() if edge.get("is_put", (0, False))[1]]
+        return sorted(ends for ends in put if nodes.issuperset(ends))
+
+
+def main(endpoint, name, start, goal):
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    events = queue.Queue()  # what comes while something else is done
+    listen = lambda kind: lambda sample: events.put((kind, sample))
+    with zenoh.open(config) as session:
+        session.declare_subscriber(f"fht/{name}/head", listen("head"))
+        session.declare_subscriber(f"fht/{name}/robots/*/pose", listen("pose"))
+        robots = f"fht/{name}/robots/*"
+        session.liveliness().declare_subscriber(robots, listen("token"), history=True)
+
+        copy = Map(session, name)
+        copy.catch_up()
+        print(f"{len(copy.nodes())} nodes, {len(copy.edges())} edges")
+        print("path:", json.dumps(copy.ask(f"path?from={start};to={goal}")["waypoints"]))
+        report = json.dumps({"for_s": 30, "edges": copy.edges()[:1]})
+        session.put(f"fht/{name}/robots/follow-py/blocked", report, encoding="application/json")
+        print("blocked:", json.dumps(copy.ask("rules")["blocked"]), flush=True)
+        while True:
+            kind, sample = events.get()
+            if kind == "head":
+                copy.catch_up()
+                print(f"{len(copy.nodes())} nodes, {len(copy.edges())} edges")
+            elif kind == "pose":
+                print("pose:", sample.payload.to_string())
+            else:
+                is_here = sample.kind == zenoh.SampleKind.PUT
+                print(sample.key_expr, "is here" if is_here else "has gone")
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:5])

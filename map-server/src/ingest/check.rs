@@ -1,0 +1,165 @@
+//! What can be wrong with an arriving increment: everything that can be checked without knowing its
+//! map.
+
+use crate::config::Limits;
+use crate::store::IncrementOrigin;
+use fht_proto::api::keys::Key;
+use fht_proto::api::reply::{ErrorCode, ErrorReply};
+use fht_proto::codec::envelope::is_canonical;
+use fht_proto::{CodecError, Increment, MapName, decode};
+
+/// What arrived under a key, not yet decoded.
+#[derive(Clone, Debug)]
+pub struct Arrival {
+    /// The key expression.
+    pub key: String,
+    /// The payload, or why it was not even read.
+    pub payload: Result<Vec<u8>, Refusal>,
+}
+
+impl Arrival {
+    /// How much memory it takes, bytes.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        self.key.len() + self.payload.as_ref().map_or(0, Vec::len) + size_of::<Self>()
+    }
+}
+
+/// An increment that may be stored.
+#[derive(Clone, Debug)]
+pub struct Checked {
+    /// The map it is for.
+    pub map: MapName,
+    /// The increment.
+    pub increment: Increment,
+    /// The increment in its envelope.
+    pub bytes: Vec<u8>,
+    /// Where it comes from.
+    pub origin: IncrementOrigin,
+}
+
+impl Checked {
+    /// Roughly how much memory it takes, bytes.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        size_of::<Self>() + self.bytes.len() + self.increment.memory_bytes()
+    }
+}
+
+impl PartialEq for Checked {
+    // An increment has exactly one form in bytes; `check` makes sure of it.
+    fn eq(&self, other: &Self) -> bool {
+        self.map == other.map && self.bytes == other.bytes
+    }
+}
+
+/// Why an increment was refused.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Refusal {
+    /// The key is neither `fht/{map}/inc/{author}/{number}` nor `fht/{map}/kept/{author}/{number}`.
+    #[error("the key is not that of an increment")]
+    Key,
+    /// Increments cannot be deleted.
+    #[error("increments cannot be deleted")]
+    Delete,
+    /// It is longer than [`Limits::max_increment_bytes`].
+    #[error("{bytes} bytes are over the limit")]
+    TooLong {
+        /// Its length, bytes.
+        bytes: usize,
+    },
+    /// It does not decode, or its contents are invalid.
+    #[error(transparent)]
+    Codec(#[from] CodecError),
+    /// The payload belongs under another key.
+    #[error("the payload is increment {author}/{number}, which belongs under another key")]
+    OtherKey {
+        /// The payload's author.
+        author: String,
+        /// The payload's number.
+        number: u64,
+    },
+    /// The bytes are not those that the increment encodes to.
+    #[error("the payload is not in canonical form")]
+    NotCanonical,
+    /// The stamp is too far in the future.
+    #[error("its stamp is {ahead_s} s ahead of the server's clock")]
+    Future {
+        /// How far, seconds.
+        ahead_s: u64,
+    },
+    /// Another increment of this author and number is stored.
+    #[error("another increment with this author and number came before it")]
+    Conflict,
+    /// A compacted series would come before increments that the map has, or leaves a gap.
+    #[error("folded increments go only into a new map: give another name")]
+    CompactedBeside,
+    /// Other servers stand on the same increments, one by one.
+    #[error("folded increments go only to a server that keeps its own log: this one stands on storages")]
+    CompactedShared,
+    /// One of [`Limits`] is exceeded, or the limit of authors.
+    #[error("the limit of {0} is reached")]
+    Full(&'static str),
+}
+
+impl Refusal {
+    /// The reason, as its writer is told.
+    #[must_use]
+    pub fn reply(&self) -> ErrorReply {
+        let code = match self {
+            Self::Conflict | Self::CompactedBeside => ErrorCode::Conflict,
+            Self::NotCanonical => ErrorCode::NotCanonical,
+            Self::Full(_) => ErrorCode::Full,
+            Self::Future { .. } => ErrorCode::Future,
+            Self::TooLong { .. } => ErrorCode::TooLong,
+            // Damaged on the way, or not from a writer at all.
+            Self::CompactedShared | Self::Key | Self::Delete | Self::Codec(_) | Self::OtherKey { .. } => {
+                ErrorCode::BadRequest
+            }
+        };
+        ErrorReply::new(code, &self.to_string())
+    }
+}
+
+/// The map that a key names, even if the key is otherwise invalid.
+#[must_use]
+pub fn map_of(key: &str) -> Option<MapName> {
+    key.split('/').nth(1).and_then(|name| name.parse().ok())
+}
+
+/// Checks an arrival at `now_us` (microseconds since the Unix epoch).
+///
+/// # Errors
+/// The first thing that is wrong.
+pub fn check(arrival: Arrival, limits: &Limits, now_us: u64) -> Result<Checked, Refusal> {
+    let (map, author, number, origin) = match arrival.key.parse() {
+        Ok(Key::Increment { map, author, number }) => (map, author, number, IncrementOrigin::Writer),
+        Ok(Key::Kept { map, author, number }) => (map, author, number, IncrementOrigin::Storages { copies: 0 }),
+        _ => return Err(Refusal::Key),
+    };
+    let bytes = arrival.payload?;
+    if bytes.len() > limits.max_increment_bytes {
+        return Err(Refusal::TooLong { bytes: bytes.len() });
+    }
+    let increment: Increment = decode(&bytes)?;
+    if (increment.author, increment.number) != (author, number) {
+        return Err(Refusal::OtherKey { author: increment.author.to_string(), number: increment.number });
+    }
+    if !is_canonical(&increment, &bytes)? {
+        return Err(Refusal::NotCanonical);
+    }
+    // A server has already accepted what storages hold, so all servers must.
+    if origin == IncrementOrigin::Writer {
+        check_stamp(increment.hlc_us, limits, now_us)?;
+    }
+    Ok(Checked { map, increment, bytes, origin })
+}
+
+/// Checks that honest writers can still overwrite a stamp.
+///
+/// # Errors
+/// [`Refusal::Future`].
+pub fn check_stamp(hlc_us: u64, limits: &Limits, now_us: u64) -> Result<(), Refusal> {
+    let ahead_s = hlc_us.saturating_sub(now_us) / 1_000_000;
+    if ahead_s > limits.max_clock_ahead_s { Err(Refusal::Future { ahead_s }) } else { Ok(()) }
+}

@@ -1,0 +1,265 @@
+//! The one writer of a log: checks increments, puts them in order, commits them and shows them to
+//! readers.
+
+use crate::catalog::{Catalog, MapView};
+use crate::config::Limits;
+use crate::ingest::batch::{Batch, BatchOutcome};
+use crate::ingest::check::{Arrival, Checked, Refusal, check, map_of};
+use crate::ingest::pending_maps::PendingMaps;
+use crate::ingest::refusals::{RefusalNotice, RefusalThrottle};
+use crate::ingest::retention::{Retained, retain};
+use crate::store::{IncrementLog, IncrementOrigin, StoreError, Stored};
+use crate::throttle::Throttle;
+use fht_map::crdt::reorder_buffer::{Offered, ReorderBuffer};
+use fht_proto::api::keys::Key;
+use fht_proto::{AuthorId, MapName, VersionVector};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// The shortest time between two log lines about refusals.
+const LOG_PERIOD: Duration = Duration::from_secs(1);
+/// The shortest time between two notices of the same kind to a writer.
+const NOTICE_PERIOD: Duration = Duration::from_secs(1);
+
+/// The one writer of a log.
+#[derive(Debug)]
+pub struct Ingest {
+    pub(super) log: Arc<dyn IncrementLog>,
+    pub(super) catalog: Arc<Catalog>,
+    pub(super) limits: Limits,
+    pub(super) maps: BTreeMap<MapName, Intake>,
+    pending: PendingMaps,
+    throttle: Throttle,
+    refusals: RefusalThrottle,
+}
+
+/// What the writer knows about one map.
+#[derive(Debug)]
+pub(super) struct Intake {
+    pub(super) sequence: ReorderBuffer<Checked>,
+    pub(super) bytes: u64,
+    /// An upper bound of what the map has.
+    pub(super) elements: usize,
+}
+
+/// What became of an increment that there is room for.
+enum Placed {
+    /// It is in the batch, or waits for the gap before it to close.
+    Kept,
+    /// It arrived too early to be kept.
+    Dropped,
+    /// Another increment with its number is waiting already.
+    Conflict,
+}
+
+impl Ingest {
+    /// Continues where log and catalog are; `catalog` must have been loaded from the log.
+    #[must_use]
+    pub fn new(log: Arc<dyn IncrementLog>, catalog: Arc<Catalog>, limits: Limits) -> Self {
+        let intake = |view: &MapView| Intake {
+            sequence: ReorderBuffer::starting_at(view.head.vector.clone(), limits.early.clone()),
+            bytes: view.head.bytes,
+            elements: view.state.elements(),
+        };
+        let maps = catalog.views().iter().map(|view| (view.head.map.clone(), intake(view))).collect();
+        let pending = PendingMaps::new(limits.early.clone(), limits.max_pending_bytes);
+        Self {
+            log,
+            catalog,
+            limits,
+            maps,
+            pending,
+            throttle: Throttle::new(LOG_PERIOD),
+            refusals: RefusalThrottle::new(NOTICE_PERIOD),
+        }
+    }
+
+    /// Takes in what arrived until `now_us` (microseconds since the Unix epoch). On return,
+    /// everything that the heads in the catalog cover is durable.
+    ///
+    /// # Errors
+    /// [`StoreError`]: the store is no longer usable; nothing of this batch was acknowledged.
+    pub fn take_arrivals(&mut self, arrivals: Vec<Arrival>, now_us: u64) -> Result<BatchOutcome, StoreError> {
+        let mut batch = Batch::default();
+        for arrival in arrivals {
+            let key = arrival.key.clone();
+            if let Err(refusal) = self.check_and_sort(arrival, now_us, &mut batch)? {
+                self.log_refusal(&key, &refusal);
+                batch.outcome.notices.extend(self.notice(&key, &refusal));
+                if let Some(map) = map_of(&key) {
+                    *batch.refused.entry(map).or_default() += 1;
+                }
+            }
+        }
+        self.commit(&batch)?;
+        for (map, count) in batch.refused {
+            self.catalog.count_refused(&map, count);
+        }
+        Ok(batch.outcome)
+    }
+
+    /// Compacts all of a map but its newest `keep` versions (`retain`).
+    ///
+    /// # Errors
+    /// [`StoreError`]: nothing has changed.
+    pub fn retain(&mut self, map: &MapName, keep: u64) -> Result<Option<Retained>, StoreError> {
+        let retained = retain(map, keep, &self.catalog, self.log.as_ref())?;
+        if let Some((intake, retained)) = self.maps.get_mut(map).zip(retained.as_ref()) {
+            intake.bytes = retained.bytes;
+        }
+        Ok(retained)
+    }
+
+    /// Makes a batch durable, then visible.
+    pub(super) fn commit(&mut self, batch: &Batch) -> Result<(), StoreError> {
+        if !batch.records.is_empty() {
+            self.log.append(&batch.records)?;
+        }
+        for (map, increments) in &batch.increments {
+            // Nothing is in a batch without an intake.
+            let Some(intake) = self.maps.get_mut(map) else { continue };
+            let bytes = batch.added_bytes.get(map).copied().unwrap_or(0);
+            let vector = intake.sequence.vector().clone();
+            intake.elements = self.catalog.apply(map, &[], increments, vector, bytes, self.log.as_ref())?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn log_refusal(&mut self, key: &str, refusal: &Refusal) {
+        if let Some(suppressed) = self.throttle.pass(Instant::now()) {
+            let key: String = key.chars().take(120).collect();
+            tracing::warn!(%key, suppressed, "increment refused: {refusal}");
+        }
+    }
+
+    /// What the writer is told, if the key names one and it was not told the same a moment ago.
+    fn notice(&mut self, key: &str, refusal: &Refusal) -> Option<RefusalNotice> {
+        let Ok(Key::Increment { map, author, .. }) = key.parse() else { return None };
+        let notice = RefusalNotice { map, author, reply: refusal.reply() };
+        self.refusals.pass(&notice, Instant::now()).then_some(notice)
+    }
+
+    /// Checks that there is room for `bytes` and `elements` more by `author` in a map.
+    pub(super) fn check_room(
+        &self,
+        map: &MapName,
+        author: AuthorId,
+        bytes: u64,
+        elements: usize,
+    ) -> Result<(), Refusal> {
+        let limits = &self.limits;
+        let total = |of: fn(&Intake) -> u64| self.maps.values().map(of).fold(0, u64::saturating_add);
+        if total(|intake| intake.bytes).saturating_add(bytes) > limits.max_total_bytes {
+            return Err(Refusal::Full("bytes in all maps"));
+        }
+        if total(|intake| intake.elements as u64) + elements as u64 > limits.max_total_elements as u64 {
+            return Err(Refusal::Full("nodes and edges in all maps"));
+        }
+        let (known_bytes, known_elements) = match self.maps.get(map) {
+            None if self.maps.len() >= limits.max_maps => return Err(Refusal::Full("maps")),
+            None => (0, 0),
+            Some(intake) => {
+                let vector = intake.sequence.vector();
+                let is_new = vector.get(author) == 0;
+                if is_new && vector.iter().count() >= VersionVector::MAX_AUTHORS {
+                    return Err(Refusal::Full("authors of this map"));
+                }
+                (intake.bytes, intake.elements)
+            }
+        };
+        if known_bytes.saturating_add(bytes) > limits.max_map_bytes {
+            return Err(Refusal::Full("bytes in this map"));
+        }
+        if known_elements + elements > limits.max_map_elements {
+            return Err(Refusal::Full("nodes and edges in this map"));
+        }
+        Ok(())
+    }
+
+    pub(super) fn check_and_sort(
+        &mut self,
+        arrival: Arrival,
+        now_us: u64,
+        batch: &mut Batch,
+    ) -> Result<Result<(), Refusal>, StoreError> {
+        match check(arrival, &self.limits, now_us) {
+            Ok(checked) => self.sort(checked, batch),
+            Err(refusal) => Ok(Err(refusal)),
+        }
+    }
+
+    /// Puts an increment in its place: into the batch, aside until the gap before it closes, or
+    /// nowhere.
+    pub(super) fn sort(&mut self, checked: Checked, batch: &mut Batch) -> Result<Result<(), Refusal>, StoreError> {
+        let (map, author, number) = (checked.map.clone(), checked.increment.author, checked.increment.number);
+        if self.maps.get(&map).is_some_and(|intake| number <= intake.sequence.vector().get(author)) {
+            let same = match batch.by_key.get(&(map.clone(), author, number)) {
+                Some(&index) => batch.records.get(index).is_some_and(|record| record.bytes == checked.bytes),
+                None => match self.log.reader().stored(&map, author, number)? {
+                    Stored::Increment(bytes) => bytes == checked.bytes,
+                    // It cannot be told any more.
+                    Stored::Compacted => true,
+                    Stored::Absent => false,
+                },
+            };
+            if checked.origin != IncrementOrigin::Writer {
+                batch.outcome.disputed.extend((!same).then_some(checked));
+                return Ok(Ok(()));
+            }
+            // The writer has missed a head: it is published again.
+            batch.outcome.announce.insert(map);
+            return Ok(if same { Ok(()) } else { Err(Refusal::Conflict) });
+        }
+        // No operation makes more than one element. A server has already accepted what storages
+        // hold, so all servers must.
+        let elements = checked.increment.ops.len();
+        if checked.origin == IncrementOrigin::Writer
+            && let Err(refusal) = self.check_room(&map, author, checked.bytes.len() as u64, elements)
+        {
+            return Ok(Err(refusal));
+        }
+        match self.offer(checked, batch) {
+            Placed::Conflict => return Ok(Err(Refusal::Conflict)),
+            Placed::Dropped => {
+                tracing::debug!(%map, %author, number, "too early to be kept; its writer will send it again");
+            }
+            Placed::Kept => {}
+        }
+        Ok(Ok(()))
+    }
+
+    /// Offers an increment to its map's reorder buffer and puts what is ready into the batch. A map
+    /// begins with the first increment of any author.
+    fn offer(&mut self, checked: Checked, batch: &mut Batch) -> Placed {
+        let number = checked.increment.number;
+        if number > 1 && !self.maps.contains_key(&checked.map) {
+            return Placed::from(&self.pending.keep(checked));
+        }
+        let pending = &mut self.pending;
+        let begin = |map: &MapName| Intake { sequence: pending.take_map(map), bytes: 0, elements: 0 };
+        let intake = self.maps.entry(checked.map.clone()).or_insert_with_key(begin);
+        let first_sequence = intake.sequence.vector().version() + 1;
+        let (author, stamp_us, memory) = (checked.increment.author, checked.increment.hlc_us, checked.memory_bytes());
+        let offered = intake.sequence.offer(author, number, stamp_us, memory, checked);
+        let placed = Placed::from(&offered);
+        if let Offered::Ready(ready) = offered {
+            for (sequence, item) in (first_sequence..).zip(ready) {
+                intake.bytes += item.bytes.len() as u64;
+                intake.elements += item.increment.ops.len();
+                batch.add(sequence, item);
+            }
+        }
+        placed
+    }
+}
+
+impl From<&Offered<Checked>> for Placed {
+    fn from(offered: &Offered<Checked>) -> Self {
+        match offered {
+            Offered::Conflict => Self::Conflict,
+            Offered::Dropped => Self::Dropped,
+            Offered::Ready(_) | Offered::Waiting | Offered::Past => Self::Kept,
+        }
+    }
+}

@@ -1,0 +1,264 @@
+//! Answers queries over Zenoh: which keys are ours, who answers them, and how replies are sent.
+
+use crate::clock::now_us;
+use crate::ingest::{Ingest, WriterQueue};
+use crate::query::{Answer, AnswerSources, answer, answer_at_once, internal, json, unknown_map};
+use fht_proto::MapName;
+use fht_proto::api::keys::{ALL_INCREMENTS, ALL_KEPT, Key, PREFIX, Topic};
+use fht_proto::api::reply::{ErrorCode, ErrorReply};
+use fht_proto::api::request::{AdminOrder, Format, bad_request, parse, parse_order, shown};
+use std::sync::Arc;
+use tokio::runtime::Handle;
+use tokio::sync::Semaphore;
+use zenoh::Wait;
+use zenoh::bytes::Encoding;
+use zenoh::key_expr::{KeyExpr, keyexpr};
+use zenoh::query::Query;
+
+/// A waiting query counts once more for each so many bytes of its payload.
+const BYTES_A_PERMIT: usize = 64 << 10;
+
+/// Answers a bounded number of queries at a time, on threads of its own.
+#[derive(Clone, Debug)]
+pub(crate) struct QueryService {
+    sources: AnswerSources,
+    queue: Arc<WriterQueue>,
+    permits: Arc<Semaphore>,
+    runtime: Handle,
+}
+
+/// What a key expression asks for.
+#[derive(Debug, PartialEq, Eq)]
+enum Addressed {
+    /// One topic.
+    One(Key),
+    /// A wildcard over heads and the list of maps.
+    Several(Vec<Key>),
+    /// Increments or robots, which others answer.
+    Others,
+    /// Nothing that exists.
+    Unknown,
+}
+
+fn addressed(expression: &str, maps: impl Iterator<Item = MapName>) -> Addressed {
+    if !expression.contains('*') {
+        return match expression.parse::<Key>() {
+            Ok(key @ (Key::Maps | Key::Topic { .. } | Key::Admin { .. })) => Addressed::One(key),
+            Ok(Key::Increment { .. } | Key::Kept { .. } | Key::Robot { .. } | Key::RobotTopic { .. }) => {
+                Addressed::Others
+            }
+            Ok(Key::Refused { .. }) => Addressed::Unknown,
+            Err(_) if matches!(expression.split('/').nth(2), Some("inc" | "kept" | "robots")) => Addressed::Others,
+            Err(_) => Addressed::Unknown,
+        };
+    }
+    let Ok(asked) = keyexpr::new(expression) else { return Addressed::Unknown };
+    let covers = |key: &str| keyexpr::new(key).is_ok_and(|key| asked.intersects(key));
+    let heads = maps.map(|map| Key::topic(&map, Topic::Head));
+    let several: Vec<Key> = std::iter::once(Key::Maps).chain(heads).filter(|key| covers(&key.to_string())).collect();
+    if !several.is_empty() {
+        Addressed::Several(several)
+    } else if covers(ALL_INCREMENTS) || covers(ALL_KEPT) || covers(&format!("{PREFIX}/*/robots/**")) {
+        Addressed::Others
+    } else {
+        Addressed::Unknown
+    }
+}
+
+impl QueryService {
+    /// Answers from `sources`, on the blocking threads of `runtime`; operators' orders go through
+    /// `queue`.
+    #[must_use]
+    pub(crate) fn new(sources: AnswerSources, queue: Arc<WriterQueue>, runtime: Handle) -> Self {
+        let permits = Arc::new(Semaphore::new(sources.config.max_queries));
+        Self { sources, queue, permits, runtime }
+    }
+
+    /// Takes a query. Never blocks: short work is done here, and when too many queries are under
+    /// way the client is told that the server is busy.
+    pub(crate) fn take_query(&self, query: Query) {
+        if let Some((key, outcome)) = self.answer_at_once(&query) {
+            reply(&query, &key, outcome);
+            return;
+        }
+        // Each query holds its payload until it is answered.
+        let weight = query.payload().map_or(0, |payload| payload.len() / BYTES_A_PERMIT).saturating_add(1);
+        let weight = u32::try_from(weight.min(self.sources.config.max_queries)).unwrap_or(u32::MAX);
+        let Ok(permit) = Arc::clone(&self.permits).try_acquire_many_owned(weight) else {
+            reply_error(&query, &busy());
+            return;
+        };
+        let service = self.clone();
+        self.runtime.spawn_blocking(move || {
+            service.reply(&query);
+            drop(permit);
+        });
+    }
+
+    fn answer_at_once(&self, query: &Query) -> Option<(String, Result<Vec<Answer>, ErrorReply>)> {
+        let name = query.key_expr().as_str();
+        let key @ Key::Topic { topic: Topic::Path | Topic::Head, .. } = name.parse().ok()? else { return None };
+        if query.payload().is_some() {
+            return None;
+        }
+        let request = parse(key, query.parameters().iter(), None).ok()?;
+        Some((name.to_owned(), answer_at_once(&request, &self.sources, now_us())?))
+    }
+
+    fn reply(&self, query: &Query) {
+        let maps = self.sources.catalog.heads().into_iter().map(|head| head.map.clone());
+        match addressed(query.key_expr().as_str(), maps) {
+            Addressed::One(key) => self.reply_to(query, key),
+            Addressed::Several(keys) => keys.into_iter().for_each(|key| self.reply_to(query, key)),
+            Addressed::Others => {}
+            Addressed::Unknown => {
+                let topics: Vec<&str> = Topic::ALL.iter().map(|topic| topic.as_str()).collect();
+                let text = format!(
+                    "{} is not a key of the map service: ask {PREFIX}/maps or {PREFIX}/MAP/TOPIC with TOPIC one of {}",
+                    shown(query.key_expr()),
+                    topics.join(", ")
+                );
+                reply_error(query, &bad_request(text));
+            }
+        }
+    }
+
+    fn reply_to(&self, query: &Query, key: Key) {
+        let name = key.to_string();
+        let payload = query.payload().map(|payload| payload.to_bytes());
+        if let Key::Admin { map, action } = key {
+            match parse_order(action, query.parameters().iter(), payload.as_deref()) {
+                Ok(order) => self.carry_out(query.clone(), name, map, order),
+                Err(error) => reply_error(query, &error),
+            }
+            return;
+        }
+        let outcome = parse(key, query.parameters().iter(), payload.as_deref())
+            .and_then(|request| answer(request, &self.sources, now_us()));
+        reply(query, &name, outcome);
+    }
+
+    /// Has the writer do what an operator wants; it replies when that is durable.
+    fn carry_out(&self, query: Query, name: String, map: MapName, order: AdminOrder) {
+        if self.sources.log.is_shared() && matches!(order, AdminOrder::Retain { .. }) {
+            reply_error(
+                &query,
+                &bad_request(
+                    "increments are folded only where one server keeps its own log: here several stand on storages"
+                        .to_owned(),
+                ),
+            );
+            return;
+        }
+        let asker = Asker { query, key: name, is_answered: false };
+        let catalog = Arc::clone(&self.sources.catalog);
+        self.queue.push_job(Box::new(move |ingest: &mut Ingest| {
+            let (outcome, log) = match order {
+                AdminOrder::Retain { keep } => match ingest.retain(&map, keep) {
+                    Ok(Some(retained)) => (json(&retained), Ok(())),
+                    Ok(None) => (Err(unknown_map(&map, &catalog)), Ok(())),
+                    // Nothing has changed.
+                    Err(cause) => (Err(internal(cause)), Ok(())),
+                },
+                AdminOrder::Import { series } => match ingest.import(&map, series, now_us()) {
+                    Ok(Ok(())) => {
+                        let none = || bad_request("nothing was imported: the series is empty".to_owned());
+                        (catalog.view(&map).ok_or_else(none).and_then(|view| json(view.head.as_ref())), Ok(()))
+                    }
+                    Ok(Err(refusal)) => (Err(refusal.reply()), Ok(())),
+                    // What was sorted but not stored must not count as stored.
+                    Err(cause) => (Err(internal(&cause)), Err(cause)),
+                },
+            };
+            asker.answer(outcome);
+            log
+        }));
+    }
+}
+
+/// An operator that waits for an answer. If its job is dropped, it is told to ask again.
+struct Asker {
+    query: Query,
+    key: String,
+    is_answered: bool,
+}
+
+impl Asker {
+    fn answer(mut self, outcome: Result<Answer, ErrorReply>) {
+        self.is_answered = true;
+        reply(&self.query, &self.key, outcome.map(|answer| vec![answer]));
+    }
+}
+
+impl Drop for Asker {
+    fn drop(&mut self) {
+        if !self.is_answered {
+            reply_error(&self.query, &busy());
+        }
+    }
+}
+
+fn busy() -> ErrorReply {
+    ErrorReply::new(ErrorCode::Internal, "the server is busy; ask again")
+}
+
+fn reply(query: &Query, key: &str, outcome: Result<Vec<Answer>, ErrorReply>) {
+    match outcome {
+        Ok(answers) => answers.into_iter().for_each(|answer| reply_answer(query, key, answer)),
+        Err(error) => reply_error(query, &error),
+    }
+}
+
+fn reply_answer(query: &Query, key: &str, answer: Answer) {
+    let encoding = match answer.format {
+        Format::Json => Encoding::APPLICATION_JSON,
+        Format::Postcard => Encoding::APPLICATION_OCTET_STREAM,
+    };
+    let sent = KeyExpr::try_from(key).and_then(|key| query.reply(key, answer.bytes).encoding(encoding).wait());
+    if let Err(error) = sent {
+        tracing::debug!("a reply could not be sent: {error}"); // the asker has gone
+    }
+}
+
+fn reply_error(query: &Query, error: &ErrorReply) {
+    let payload = serde_json::to_vec(error).unwrap_or_default();
+    if let Err(error) = query.reply_err(payload).encoding(Encoding::APPLICATION_JSON).wait() {
+        tracing::debug!("an error reply could not be sent: {error}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn asked(expression: &str) -> Addressed {
+        addressed(expression, ["a", "b"].into_iter().map(|name| name.parse().unwrap()))
+    }
+
+    #[test]
+    fn keys_are_told_apart() {
+        let a: MapName = "a".parse().unwrap();
+        let b: MapName = "b".parse().unwrap();
+        assert_eq!(asked("fht/maps"), Addressed::One(Key::Maps));
+        assert_eq!(asked("fht/a/path"), Addressed::One(Key::topic(&a, Topic::Path)));
+        assert_eq!(asked("fht/x/path"), Addressed::One(Key::topic(&"x".parse().unwrap(), Topic::Path)));
+        let heads = vec![Key::topic(&a, Topic::Head), Key::topic(&b, Topic::Head)];
+        assert_eq!(asked("fht/*/head"), Addressed::Several(heads));
+        assert_eq!(asked("fht/*"), Addressed::Several(vec![Key::Maps]));
+        for others in [
+            "fht/a/inc/**",
+            "fht/*/inc/**",
+            "fht/a/inc/00000001/1",
+            "fht/a/robots/r",
+            "fht/a/robots/**",
+            "fht/*/kept/**",
+        ] {
+            assert_eq!(asked(others), Addressed::Others, "{others}");
+        }
+        for unknown in
+            ["fht", "fht/a", "fht/a/paths", "fht/a/path/b", "fht/a b/path", "fht/*/path", "fht/a/refused/00000001"]
+        {
+            assert_eq!(asked(unknown), Addressed::Unknown, "{unknown}");
+        }
+    }
+}

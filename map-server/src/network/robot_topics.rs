@@ -1,0 +1,111 @@
+//! What robots report about themselves: who is there, what they run, what they found blocked.
+
+use crate::clock::now_us;
+use crate::query::AnswerSources;
+use crate::throttle::Throttle;
+use fht_proto::api::fleet::{BlockedReport, RobotStatus};
+use fht_proto::api::keys::{ALL_ROBOT_TOPICS, ALL_ROBOTS, Key, RobotTopic, Topic};
+use fht_proto::api::reply::{BlockedView, RulesReply};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use zenoh::Session;
+use zenoh::pubsub::Subscriber;
+use zenoh::query::{ConsolidationMode, QueryTarget};
+use zenoh::sample::{Locality, Sample, SampleKind};
+
+/// Longest message of a robot, bytes. The longest are those with a few thousand authors in their
+/// vector.
+const MAX_BYTES: usize = 256 << 10;
+
+/// How long the other servers have to answer.
+const LEARN_WITHIN: Duration = Duration::from_secs(1);
+
+/// Receives reports until it is dropped.
+#[derive(Debug)]
+pub(crate) struct RobotTopicSubscriptions {
+    _topics: Subscriber<()>,
+    _tokens: Subscriber<()>,
+}
+
+/// Puts what robots report into `sources`.
+///
+/// # Errors
+/// When Zenoh refuses the subscriptions.
+pub(crate) async fn subscribe_robot_topics(
+    session: &Session,
+    sources: &AnswerSources,
+) -> Result<RobotTopicSubscriptions, zenoh::Error> {
+    let for_topics = sources.clone();
+    let complaints = Mutex::new(Throttle::new(Duration::from_secs(1)));
+    let take_topic = move |sample: Sample| {
+        if let Err(reason) = take_sample(&sample, &for_topics) {
+            let suppressed = complaints.lock().unwrap_or_else(PoisonError::into_inner).pass(Instant::now());
+            if let Some(suppressed) = suppressed {
+                tracing::warn!(key = %sample.key_expr(), suppressed, "what a robot says is not taken: {reason}");
+            }
+        }
+    };
+    let for_tokens = sources.clone();
+    let take_token = move |sample: Sample| {
+        if let Ok(Key::Robot { map, robot }) = sample.key_expr().as_str().parse() {
+            for_tokens.fleet.set_alive(&map, &robot, sample.kind() == SampleKind::Put);
+        }
+    };
+    Ok(RobotTopicSubscriptions {
+        _topics: session.declare_subscriber(ALL_ROBOT_TOPICS).callback(take_topic).await?,
+        _tokens: session.liveliness().declare_subscriber(ALL_ROBOTS).history(true).callback(take_token).await?,
+    })
+}
+
+/// Learns from the other servers of a site what robots found blocked before this server was
+/// listening.
+pub(crate) async fn learn_blockages(session: Session, sources: AnswerSources) {
+    for head in sources.catalog.heads() {
+        let asked = session
+            .get(Key::topic(&head.map, Topic::Rules).to_string())
+            .target(QueryTarget::All)
+            .consolidation(ConsolidationMode::None)
+            .allowed_destination(Locality::Remote)
+            .timeout(LEARN_WITHIN)
+            .await;
+        let Ok(answers) = asked.inspect_err(|error| tracing::debug!("the other servers cannot be asked: {error}"))
+        else {
+            return;
+        };
+        while let Ok(answer) = answers.recv_async().await {
+            let Ok(sample) = answer.result() else { continue };
+            let Ok(rules) = serde_json::from_slice::<RulesReply>(&sample.payload().to_bytes()) else { continue };
+            for (robot, report) in rules.blocked.into_iter().filter_map(BlockedView::into_report) {
+                if let Err(reason) = sources.active_rules.take_report(&head.map, &robot, &report, now_us()) {
+                    tracing::debug!(robot, "what another server has heard is not taken: {reason}");
+                }
+            }
+        }
+    }
+}
+
+fn take_sample(sample: &Sample, sources: &AnswerSources) -> Result<(), String> {
+    let Ok(Key::RobotTopic { map, robot, topic }) = sample.key_expr().as_str().parse() else { return Ok(()) };
+    let Some(view) = sources.catalog.view(&map).filter(|_| sample.kind() == SampleKind::Put) else { return Ok(()) };
+    let length = sample.payload().len();
+    if length > MAX_BYTES {
+        return Err(format!("{length} bytes are too many"));
+    }
+    let payload = sample.payload().to_bytes();
+    match topic {
+        RobotTopic::Status => {
+            let status: RobotStatus = serde_json::from_slice(&payload).map_err(|error| error.to_string())?;
+            if (&status.map, &status.robot) != (&map, &robot) {
+                return Err(format!("a status of {} on map {}", status.robot, status.map));
+            }
+            sources.fleet.take_status(&map, &robot, status, &view.head, now_us());
+            Ok(())
+        }
+        RobotTopic::Blocked => {
+            let report: BlockedReport = serde_json::from_slice(&payload).map_err(|error| error.to_string())?;
+            sources.active_rules.take_report(&map, &robot, &report, now_us()).map_err(|error| error.to_string())
+        }
+        // For other robots and people.
+        RobotTopic::Pose | RobotTopic::Goal | RobotTopic::Seen => Ok(()),
+    }
+}

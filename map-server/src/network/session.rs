@@ -1,0 +1,165 @@
+//! The server's Zenoh session: a router when it listens, a client of other routers otherwise.
+
+use crate::config::ServerEndpoints;
+use fht_session::{ConfigurationError, ConnectError, read_config, set, set_default, set_endpoints};
+use zenoh::{Config, Session};
+
+/// Why there is no session.
+#[derive(Debug, thiserror::Error)]
+pub enum ServerSessionError {
+    /// There is neither an endpoint to listen on nor one to connect to.
+    #[error("no endpoint: give --listen, --connect or both, or a --zenoh-config with endpoints")]
+    NoEndpoint,
+    /// The configuration file or an endpoint is not understood.
+    #[error(transparent)]
+    Configuration(#[from] ConfigurationError),
+    /// The address is taken.
+    #[error("cannot listen on {}: the address is in use, perhaps by another map-server or router", listen.join(", "))]
+    InUse {
+        /// The endpoints to listen on.
+        listen: Vec<String>,
+    },
+    /// Another reason: a certificate or key is unusable.
+    #[error(transparent)]
+    Link(ConnectError),
+    /// The endpoint cannot be used.
+    #[error("no session: {reason} (listening on [{}])", listen.join(", "))]
+    Open {
+        /// The endpoints to listen on.
+        listen: Vec<String>,
+        /// What Zenoh says.
+        reason: String,
+    },
+}
+
+/// A lost router is tried again after a tenth of a second, then at least every two seconds.
+const RETRY: &str = "{period_init_ms: 100, period_max_ms: 2000, period_increase_factor: 2}";
+/// A router drops what a link cannot take instead of waiting for it: Zenoh would block the thread
+/// that delivers messages to others, for seconds, and then close the transport. Nothing is lost:
+/// whoever lacks an increment asks for it. Replies travel as their queries did.
+const DROP_RATHER_THAN_WAIT: &str = r#"[
+    {id: "puts", messages: ["put", "delete"], flows: ["egress"], overwrite: {congestion_control: "drop"}},
+    {id: "queries", messages: ["query"], flows: ["ingress"], overwrite: {congestion_control: "drop"}},
+]"#;
+
+/// No endpoints, as Zenoh's configuration shows them.
+const NONE: &str = "[]";
+
+fn to_zenoh(link: &ServerEndpoints) -> Result<Config, ConfigurationError> {
+    let mut config = read_config(link.zenoh_config.as_deref())?;
+    for (key, endpoints) in [("listen/endpoints", &link.listen), ("connect/endpoints", &link.connect)] {
+        if endpoints.is_empty() {
+            // Zenoh listens on all interfaces by default.
+            set_default(&mut config, key, NONE)?;
+        } else {
+            set_endpoints(&mut config, key, endpoints)?;
+        }
+    }
+    // A router connects its clients: explorers, robots and tools need no other program between
+    // them.
+    let is_client = config.get_json("listen/endpoints").is_ok_and(|listen| listen == NONE);
+    set_default(&mut config, "mode", if is_client { "\"client\"" } else { "\"router\"" })?;
+    if !is_client {
+        set_default(&mut config, "qos/network", DROP_RATHER_THAN_WAIT)?;
+    }
+    match link.patience {
+        // Other routers may start later than this one.
+        None => {
+            set_default(&mut config, "connect/timeout_ms", "-1")?;
+            set_default(&mut config, "connect/exit_on_failure", "false")?;
+            if is_client {
+                set_default(&mut config, "connect/retry", RETRY)?;
+            }
+        }
+        // For all but clients, Zenoh itself has to end the waiting.
+        Some(patience) => {
+            set(&mut config, "connect/timeout_ms", &patience.as_millis().to_string())?;
+            set(&mut config, "connect/exit_on_failure", "true")?;
+        }
+    }
+    set_default(&mut config, "scouting/multicast/enabled", "false")?;
+    Ok(config)
+}
+
+/// Whether another session can be reached.
+fn reaches_anyone(config: &Config) -> bool {
+    let is = |key: &str, value: &str| config.get_json(key).is_ok_and(|set| set == value);
+    !is("listen/endpoints", NONE) || !is("connect/endpoints", NONE) || is("scouting/multicast/enabled", "true")
+}
+
+/// Opens the session. A client waits for its routers and tries all of them
+/// ([`fht_session::open_configured`]).
+///
+/// # Errors
+/// [`ServerSessionError`]; above all, an address that is in use.
+pub async fn open(link: &ServerEndpoints) -> Result<Session, ServerSessionError> {
+    let config = to_zenoh(link)?;
+    if !reaches_anyone(&config) {
+        return Err(ServerSessionError::NoEndpoint);
+    }
+    fht_session::open_configured(config, link.patience).await.map_err(|error| {
+        let ConnectError::Refused { reason, .. } = error else { return ServerSessionError::Link(error) };
+        let listen = link.listen.clone();
+        // Zenoh's errors are texts.
+        if reason.contains("Address already in use") {
+            ServerSessionError::InUse { listen }
+        } else {
+            ServerSessionError::Open { listen, reason }
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn json(config: &Config, key: &str) -> String {
+        config.get_json(key).unwrap()
+    }
+
+    #[test]
+    fn a_configuration_file_is_obeyed() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("zenoh.json5");
+        let text = r#"{mode: "peer", listen: {endpoints: ["tls/0.0.0.0:7448"]}, connect: {timeout_ms: 5},
+            scouting: {multicast: {enabled: true}}}"#;
+        std::fs::write(&file, text).unwrap();
+        let mut link = ServerEndpoints { zenoh_config: Some(file.clone()), ..ServerEndpoints::default() };
+        let config = to_zenoh(&link).unwrap();
+        assert!(json(&config, "listen/endpoints").contains("tls/0.0.0.0:7448"));
+        assert_eq!(json(&config, "mode"), "\"peer\"");
+        assert_eq!(json(&config, "connect/timeout_ms"), "5");
+        assert_eq!(json(&config, "scouting/multicast/enabled"), "true");
+
+        link.listen = vec!["tcp/127.0.0.1:1".to_owned()];
+        let listen = json(&to_zenoh(&link).unwrap(), "listen/endpoints");
+        assert!(listen.contains("tcp/127.0.0.1:1") && !listen.contains("7448"), "{listen}");
+
+        // What the file leaves open; above all, a server listens only where it was told to.
+        std::fs::write(&file, "{}").unwrap();
+        let router = to_zenoh(&link).unwrap();
+        assert_eq!(json(&router, "mode"), "\"router\"");
+        assert_eq!(json(&router, "scouting/multicast/enabled"), "false");
+        link.listen.clear();
+        assert!(!reaches_anyone(&to_zenoh(&link).unwrap()));
+        link.connect = vec!["tcp/127.0.0.1:1".to_owned()];
+        let client = to_zenoh(&link).unwrap();
+        assert_eq!((json(&client, "mode").as_str(), json(&client, "listen/endpoints").as_str()), ("\"client\"", NONE));
+        assert!(reaches_anyone(&client));
+    }
+
+    #[test]
+    fn without_a_file_the_endpoints_say_it_all() {
+        let with = |listen: &[&str], connect: &[&str]| {
+            let owned = |endpoints: &[&str]| endpoints.iter().map(|&endpoint| endpoint.to_owned()).collect();
+            to_zenoh(&ServerEndpoints { listen: owned(listen), connect: owned(connect), ..ServerEndpoints::default() })
+                .unwrap()
+        };
+        assert_eq!(json(&with(&["tcp/127.0.0.1:1"], &[]), "mode"), "\"router\"");
+        let client = with(&[], &["tcp/127.0.0.1:1"]);
+        assert_eq!(
+            (json(&client, "mode"), json(&client, "listen/endpoints")),
+            ("\"client\"".to_owned(), "[]".to_owned())
+        );
+    }
+}

@@ -1,0 +1,322 @@
+//! The command line.
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | `settings` | what the program reads from the configuration file |
+//! | `operator` | what operators do, talking to a running server |
+
+mod operator;
+mod settings;
+
+use self::operator::{Operation, OperatorArgs, OperatorError};
+use self::settings::{ServerFile, ServerSection};
+use crate::access::{AccessArgs, denials_layer};
+use crate::config::{DEFAULT_LISTEN, Limits, QuorumConfig, ServerConfig, ServerEndpoints};
+use crate::server::{ServerError, run_beside};
+use clap::Parser;
+use fht_merge::MergeConfig;
+use fht_program::flags::{ConfigArgs, ConnectArgs, parse_args};
+use fht_program::logging;
+use fht_program::stop::stop_requested;
+use fht_session::SessionConfig;
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use tracing_subscriber::Layer;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+
+/// Keeps the maps of explorer robots and answers questions about them over Zenoh.
+///
+/// Explorers put increments; each is acknowledged once it is on the disk. Robots and people ask for
+/// maps, paths and nodes.
+#[derive(Debug, Parser)]
+#[command(name = "map-server", version, after_long_help = EXAMPLES)]
+#[command(args_conflicts_with_subcommands = true)]
+struct Cli {
+    #[command(flatten)]
+    config: ConfigArgs,
+    #[command(flatten)]
+    serve: ServeArgs,
+    #[command(flatten)]
+    link: LinkArgs,
+    #[command(flatten)]
+    operator: OperatorArgs,
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    #[command(flatten)]
+    Operate(Operation),
+    AccessControl(AccessArgs),
+}
+
+#[derive(Debug, clap::Args)]
+struct ServeArgs {
+    /// Directory that keeps the maps; made if absent. One server at a time [default: fht-data].
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Keep nothing here: the maps are in so many replicated Zenoh storages (fht/*/kept/**), each
+    /// in a router of its own.
+    ///
+    /// Any number of servers may stand on the same storages. Each has the maps in memory and reads
+    /// them at its start; the nearest answers. It needs --connect or --zenoh-config, with all
+    /// routers.
+    #[arg(long, value_name = "COUNT", conflicts_with = "data", value_parser = clap::value_parser!(u8).range(1..=99))]
+    storages: Option<u8>,
+    /// Storages that must hold an increment before it counts as acknowledged [default: more than
+    /// half of them].
+    #[arg(long, value_name = "COUNT", requires = "storages", value_parser = clap::value_parser!(u8).range(1..=99))]
+    confirm: Option<u8>,
+    /// Listen here for robots and tools (repeatable) [default: tcp/127.0.0.1:7447, unless --connect
+    /// or --zenoh-config is given].
+    ///
+    /// The server then is a Zenoh router: whoever connects sees everyone else. Use tcp/0.0.0.0:7447
+    /// to be reached from other machines.
+    #[arg(long, value_name = "ENDPOINT")]
+    listen: Vec<String>,
+    #[command(flatten)]
+    limits: LimitArgs,
+    /// Say more: once for what is stored, twice for everything. RUST_LOG is obeyed, too.
+    #[arg(short, long, action = clap::ArgAction::Count)]
+    verbose: u8,
+}
+
+/// Limits on what explorers may store. A writer that exceeds one is told so; nothing else happens.
+#[derive(Debug, clap::Args)]
+struct LimitArgs {
+    /// Nodes and edges of one map, removed ones included: some 0.7 KB of memory for each [default:
+    /// 500000].
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    max_map_elements: Option<u64>,
+    /// Nodes and edges of all maps together [default: 2000000, or as many as one map may have].
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    max_total_elements: Option<u64>,
+    /// What the increments of one map may take up on the disk, MiB [default: 1024].
+    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..=1 << 30))]
+    max_map_mib: Option<u64>,
+    /// What those of all maps may take up together, MiB [default: 4096, or as much as one map].
+    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..=1 << 30))]
+    max_total_mib: Option<u64>,
+}
+
+impl LimitArgs {
+    /// These flags over `usual`.
+    fn over(&self, usual: Limits) -> Limits {
+        let bytes = |mib: Option<u64>, otherwise: u64| mib.map_or(otherwise, |mib| mib << 20);
+        let elements = |count: Option<u64>, otherwise| {
+            count.map_or(otherwise, |count| usize::try_from(count).unwrap_or(usize::MAX))
+        };
+        let max_map_elements = elements(self.max_map_elements, usual.max_map_elements);
+        let max_map_bytes = bytes(self.max_map_mib, usual.max_map_bytes);
+        Limits {
+            max_map_elements,
+            max_total_elements: elements(self.max_total_elements, usual.max_total_elements.max(max_map_elements)),
+            max_map_bytes,
+            max_total_bytes: bytes(self.max_total_mib, usual.max_total_bytes.max(max_map_bytes)),
+            ..usual
+        }
+    }
+}
+
+#[derive(Debug, clap::Args)]
+struct LinkArgs {
+    /// Connect to a Zenoh router, such as zenohd (repeatable). A server without --listen is its
+    /// client; operators' commands go to tcp/127.0.0.1:7447 if nothing else is said.
+    #[arg(long, global = true, value_name = "ENDPOINT")]
+    connect: Vec<String>,
+    /// A Zenoh configuration file (JSON5): endpoints, TLS, access control. --listen and --connect
+    /// go before what it says.
+    #[arg(long, global = true, value_name = "FILE")]
+    zenoh_config: Option<PathBuf>,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  map-server --data maps
+      keeps maps in ./maps and listens on this machine only
+
+  map-server --storages 3 --connect tcp/router-a:7447 --connect tcp/router-b:7447 --connect tcp/router-c:7447
+      one of several servers of a site: the maps are kept by its routers
+
+  pip install zenoh-cli
+  zenoh --connect tcp/127.0.0.1:7447 get -s 'fht/maps' --decoder json
+  zenoh --connect tcp/127.0.0.1:7447 get -s 'fht/museum/path?from=0,0;to=5,3' --decoder json
+  zenoh --connect tcp/127.0.0.1:7447 get -s 'fht/museum/nodes?near=0,0;radius=3' --decoder json
+      ask a running server
+
+  map-server release create museum        a name for the state as it is now
+  map-server release enable museum 2026-11-21.1
+  map-server place museum dock 1.5,-2,90
+  map-server zone museum wet-floor '1,1 3,1 3,2 1,2'
+  map-server merge museum museum-2 --dry-run
+  map-server robots museum --watch
+      operate it, from any machine that reaches it (--connect)
+
+Topics of a map: head, path?from=X,Y;to=NAME, nodes?near=X,Y;radius=R, since?vector=V, snapshot?version=N, match,
+releases, diff?from=A;to=B, rules, fleet";
+
+impl Cli {
+    /// The flags over what the file says.
+    fn server(&self, file: ServerSection) -> ServerConfig {
+        let link = self.endpoints(&file);
+        // A directory that was asked for goes before storages that the file names.
+        let storages = self.serve.storages.or(file.storages.filter(|_| self.serve.data.is_none()));
+        let confirm = self.serve.confirm.or(file.confirm);
+        let quorum = |storages: u8| {
+            let majority = QuorumConfig::majority(usize::from(storages));
+            let confirm = confirm.map_or(majority.confirm, usize::from).min(majority.storages);
+            QuorumConfig { confirm, ..majority }
+        };
+        ServerConfig {
+            data: self.serve.data.clone().unwrap_or(file.data),
+            storages: storages.map(quorum),
+            link,
+            limits: self.serve.limits.over(file.limits),
+            answers: file.answers,
+            fleet: file.fleet,
+            gaps: file.gaps,
+        }
+    }
+
+    /// A Zenoh configuration file that was asked for brings endpoints of its own, in place of those
+    /// that the file names.
+    fn endpoints(&self, file: &ServerSection) -> ServerEndpoints {
+        let LinkArgs { connect, zenoh_config } = &self.link;
+        let or_file = |given: &[String], file: &[String]| {
+            let file = if zenoh_config.is_none() { file } else { &[] };
+            if given.is_empty() { file.to_vec() } else { given.to_vec() }
+        };
+        let mut listen = or_file(&self.serve.listen, &file.listen);
+        let connect = or_file(connect, &file.connect);
+        let zenoh_config = zenoh_config.clone().or_else(|| file.zenoh_config.clone());
+        if listen.is_empty() && connect.is_empty() && zenoh_config.is_none() {
+            listen.push(DEFAULT_LISTEN.to_owned());
+        }
+        ServerEndpoints { listen, connect, zenoh_config, patience: None }
+    }
+}
+
+fn log(verbose: u8) {
+    let default = match verbose {
+        0 => "warn,zenoh=error",
+        1 => "warn,map_server=info,zenoh=error",
+        _ => "info,map_server=debug",
+    };
+    // Fails only if the calling program has set up its own.
+    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_filter(logging::filter(default));
+    let _ = tracing_subscriber::registry().with(lines).with(denials_layer()).try_init();
+}
+
+/// Runs a server on threads of its own until it is told to end (SIGTERM, Ctrl-C); `beside` as for
+/// [`run_beside`].
+///
+/// # Errors
+/// [`ServerError`].
+pub fn serve_until_signal<T>(
+    config: ServerConfig,
+    beside: impl FnOnce(&zenoh::Session) -> Result<T, zenoh::Error>,
+) -> Result<(), ServerError> {
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(1)
+        .max_blocking_threads(config.answers.threads.max(1))
+        .enable_all()
+        .build()
+        .map_err(ServerError::Runtime)?;
+    runtime.block_on(run_beside(config, stop_requested(), beside))
+}
+
+/// Zenoh has its own threads but wants to be opened from a multi-threaded runtime.
+fn operate(
+    operation: Operation,
+    args: &OperatorArgs,
+    link: SessionConfig,
+    merge: MergeConfig,
+) -> Result<(), OperatorError> {
+    let runtime = fht_program::runtime(1).map_err(OperatorError::Runtime)?;
+    let link = ServerEndpoints { connect: link.connect, zenoh_config: link.zenoh_config, ..ServerEndpoints::default() };
+    let outcome = runtime.block_on(operation.carry_out(args, link, merge));
+    runtime.shutdown_background(); // an attempt to connect may hang
+    outcome
+}
+
+/// Runs the program with the given arguments, the program's name first.
+pub fn main_with_args<I, T>(args: I) -> ExitCode
+where
+    I: IntoIterator<Item = T>,
+    T: Into<OsString> + Clone,
+{
+    let cli: Cli = match parse_args(args) {
+        Ok(cli) => cli,
+        Err(code) => return code,
+    };
+    log(cli.serve.verbose);
+    let file = match cli.config.settle("map-server", cli.config.over(ServerFile::default())) {
+        Ok(file) => file,
+        Err(code) => return code,
+    };
+    let config = cli.server(file.server);
+    let link = ConnectArgs { connect: cli.link.connect, zenoh_config: cli.link.zenoh_config }.over(&file.connect);
+    let outcome = match cli.command {
+        None => serve_until_signal(config, |_| Ok(())).map_err(|error| error.to_string()),
+        Some(Command::Operate(operation)) => {
+            operate(operation, &cli.operator, link, file.merge).map_err(|error| error.to_string())
+        }
+        Some(Command::AccessControl(access)) => {
+            access.run().map(|text| print!("{text}")).map_err(|error| error.to_string())
+        }
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("map-server: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn server(file: &str, args: &[&str]) -> ServerConfig {
+        let file: ServerFile = fht_program::parse(file, std::path::Path::new("robot.toml")).unwrap();
+        Cli::try_parse_from(["map-server"].iter().chain(args)).unwrap().server(file.server)
+    }
+
+    fn link(args: &[&str]) -> ServerEndpoints {
+        server("", args).link
+    }
+
+    #[test]
+    fn a_server_that_was_told_where_does_not_listen_elsewhere() {
+        assert_eq!(link(&[]).listen, [DEFAULT_LISTEN]);
+        assert!(link(&["--connect", "tcp/router:7447"]).listen.is_empty());
+        assert!(link(&["--zenoh-config", "zenoh.json5"]).listen.is_empty());
+        assert_eq!(link(&["--zenoh-config", "zenoh.json5", "--listen", "tcp/[::]:1"]).listen, ["tcp/[::]:1"]);
+    }
+
+    #[test]
+    fn flags_go_before_the_file_and_the_file_before_the_defaults() {
+        let file = "[server]
+            data = 'kept'
+            listen = ['tcp/file:1']
+            limits.max_map_elements = 3_000_000
+            answers.threads = 2";
+        let of_file = server(file, &[]);
+        assert_eq!((of_file.data.to_str(), of_file.answers.threads), (Some("kept"), 2));
+        assert_eq!(of_file.link.listen, ["tcp/file:1"]);
+        // As many in all maps as one may have.
+        assert_eq!((of_file.limits.max_map_elements, of_file.limits.max_total_elements), (3_000_000, 3_000_000));
+        let of_flags = server(file, &["--data", "d", "--listen", "tcp/flag:1", "--max-map-elements", "7"]);
+        assert_eq!((of_flags.data.to_str(), of_flags.limits.max_map_elements), (Some("d"), 7));
+        assert_eq!(of_flags.link.listen, ["tcp/flag:1"]);
+        assert!(server(file, &["--zenoh-config", "z.json5"]).link.listen.is_empty());
+        let storages = "server.storages = 5";
+        assert_eq!(server(storages, &[]).storages, Some(QuorumConfig { storages: 5, confirm: 3 }));
+        assert_eq!(server(storages, &["--storages", "3"]).storages, Some(QuorumConfig::majority(3)));
+        assert_eq!(server(storages, &["--data", "d"]).storages, None);
+    }
+}

@@ -1,0 +1,107 @@
+//! Why an operator's command failed.
+
+use crate::network::ServerSessionError;
+use fht_client::AskError;
+use fht_client::author::NotWritten;
+use fht_proto::api::reply::ErrorReply;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// How long the connection may take.
+pub(super) const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Why an operator's command failed.
+#[derive(Debug, thiserror::Error)]
+pub enum OperatorError {
+    /// No session.
+    #[error(transparent)]
+    Session(#[from] ServerSessionError),
+    /// No server or router is there.
+    #[error("no server or router at {endpoints} within {} s: {reason}", CONNECT_TIMEOUT.as_secs())]
+    NoRouter {
+        /// The endpoints.
+        endpoints: String,
+        /// What Zenoh says.
+        reason: String,
+    },
+    /// Zenoh refused.
+    #[error("Zenoh refuses: {0}")]
+    Zenoh(#[from] zenoh::Error),
+    /// Nobody answered in time.
+    #[error("no map-server answered; is it up, and may this operator ask it? (access control drops silently)")]
+    Silent,
+    /// The server refused, with its reason.
+    #[error("{0}")]
+    Refused(ErrorReply),
+    /// The answer cannot be read.
+    #[error("the server's answer cannot be read: {0}")]
+    Answer(String),
+    /// What was put was not stored in time.
+    #[error(
+        "the server has not stored it within {seconds} s; may this operator write? (access control drops silently)"
+    )]
+    NotStored {
+        /// How long was waited, seconds.
+        seconds: u64,
+    },
+    /// The command makes no sense.
+    #[error("{0}")]
+    Usage(String),
+    /// A file cannot be read or written.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A file is not a map.
+    #[error("{}: {source}", path.display())]
+    Archive {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: fht_proto::codec::archive::ArchiveError,
+    },
+    /// Two maps are not merged.
+    #[error("not merged: {0}")]
+    Merge(#[from] fht_merge::MergeRefusal),
+    /// The merge ended without giving a reason: a defect.
+    #[error("the merge failed: {0}")]
+    Lost(#[from] tokio::task::JoinError),
+    /// The system gives no threads.
+    #[error("no threads: {0}")]
+    Runtime(std::io::Error),
+}
+
+impl OperatorError {
+    pub(super) fn json(error: &serde_json::Error) -> Self {
+        Self::Answer(error.to_string())
+    }
+}
+
+impl From<AskError> for OperatorError {
+    fn from(error: AskError) -> Self {
+        match error {
+            AskError::Zenoh(error) => Self::Zenoh(error),
+            AskError::Silent => Self::Silent,
+            AskError::Refused(reply) => Self::Refused(reply),
+            AskError::Unreadable(reason) => Self::Answer(reason),
+        }
+    }
+}
+
+impl From<NotWritten> for OperatorError {
+    fn from(error: NotWritten) -> Self {
+        match error {
+            NotWritten::Zenoh(error) => Self::Zenoh(error),
+            NotWritten::Ask(error) => error.into(),
+            NotWritten::Refused(reply) => Self::Refused(reply),
+            NotWritten::NotStored { seconds } => Self::NotStored { seconds },
+            NotWritten::Contended { author } => {
+                Self::Usage(format!("somebody else writes as {author} all the time: give another --operator"))
+            }
+            error => Self::Usage(error.to_string()),
+        }
+    }
+}

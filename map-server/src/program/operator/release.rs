@@ -1,0 +1,157 @@
+//! Releases: named states that robots are told to use.
+
+use crate::clock::now_us;
+use crate::program::operator::asking::{ask_json, state_of};
+use crate::program::operator::error::OperatorError;
+use crate::program::operator::write::write;
+use fht_proto::api::keys::{Key, Topic};
+use fht_proto::api::reply::{ReleaseView, ReleasesReply};
+use fht_proto::{AuthorId, MapName, Op, Release, ReleaseId, ReleaseName};
+use std::time::{Duration, UNIX_EPOCH};
+use zenoh::Session;
+
+pub(super) async fn list(session: &Session, map: &MapName) -> Result<ReleasesReply, OperatorError> {
+    ask_json(session, &Key::topic(map, Topic::Releases).to_string()).await
+}
+
+fn id_of(view: &ReleaseView) -> Result<ReleaseId, OperatorError> {
+    format!("{}@{}", view.name, view.author).parse().map_err(|error| OperatorError::Answer(format!("{error}")))
+}
+
+/// The release that `text` names: `name@author`, or the name alone if it is unique.
+fn find<'a>(releases: &'a ReleasesReply, text: &str) -> Result<&'a ReleaseView, OperatorError> {
+    let is_meant = |view: &&ReleaseView| view.name == text || format!("{}@{}", view.name, view.author) == text;
+    let found: Vec<&ReleaseView> = releases.releases.iter().filter(is_meant).collect();
+    match found.as_slice() {
+        [one] => Ok(one),
+        [] => Err(OperatorError::Usage(format!("map {} has no release {text}", releases.map))),
+        several => {
+            let names: Vec<String> = several.iter().map(|view| format!("{}@{}", view.name, view.author)).collect();
+            Err(OperatorError::Usage(format!("more than one release is called {text}: {}", names.join(", "))))
+        }
+    }
+}
+
+/// The day, and the first number that is free on it.
+fn next_name(releases: &ReleasesReply, now_us: u64) -> Result<ReleaseName, OperatorError> {
+    let time = humantime::format_rfc3339_seconds(UNIX_EPOCH + Duration::from_micros(now_us)).to_string();
+    let day: String = time.chars().take(10).collect();
+    let is_free = |name: &String| releases.releases.iter().all(|view| view.name != *name);
+    let name = (1_u32..).map(|number| format!("{day}.{number}")).find(is_free).unwrap_or(day);
+    name.parse().map_err(|error| OperatorError::Usage(format!("{error}")))
+}
+
+/// Makes a release of the newest state, or of an older version.
+pub(super) async fn create(
+    session: &Session,
+    map: &MapName,
+    operator: &str,
+    name: Option<ReleaseName>,
+    version: Option<u64>,
+) -> Result<ReleaseView, OperatorError> {
+    let releases = list(session, map).await?;
+    let name = match name {
+        Some(name) => name,
+        None => next_name(&releases, now_us())?,
+    };
+    if releases.releases.iter().any(|view| view.name == name.as_str()) {
+        return Err(OperatorError::Usage(format!("map {map} has a release {name} already; releases never change")));
+    }
+    let version = version.map(|version| version.to_string());
+    let state = state_of(session, map, version.as_deref()).await?;
+    let release = Release { vector: state.vector, digest: state.digest };
+    write(session, map, operator, vec![Op::PutRelease { name: name.clone(), release }]).await?;
+    let made = format!("{name}@{}", AuthorId::of_robot(operator));
+    let releases = list(session, map).await?;
+    let made = find(&releases, &made).cloned().map_err(|_| {
+        OperatorError::Usage(format!("{operator} has deleted a release {name} before: choose another name"))
+    })?;
+    if made.available {
+        Ok(made)
+    } else {
+        let text = format!("the state of release {name} was folded away meanwhile: delete it and make another one");
+        Err(OperatorError::Usage(text))
+    }
+}
+
+/// Tells robots to use a release, or the newest state.
+pub(super) async fn enable(
+    session: &Session,
+    map: &MapName,
+    operator: &str,
+    name: Option<&str>,
+) -> Result<ReleasesReply, OperatorError> {
+    let release = match name {
+        None => None,
+        Some(name) => {
+            let releases = list(session, map).await?;
+            let view = find(&releases, name)?;
+            if !view.available {
+                return Err(OperatorError::Usage(format!("the server does not have all of release {name}")));
+            }
+            Some(id_of(view)?)
+        }
+    };
+    write(session, map, operator, vec![Op::Enable { release }]).await?;
+    list(session, map).await
+}
+
+/// Tells robots to use the release that was made before the one that they use.
+pub(super) async fn roll_back(
+    session: &Session,
+    map: &MapName,
+    operator: &str,
+) -> Result<ReleasesReply, OperatorError> {
+    let releases = list(session, map).await?;
+    let enabled = releases.releases.iter().position(|view| view.enabled);
+    let before = enabled.unwrap_or(releases.releases.len()).checked_sub(1);
+    let earlier = before.and_then(|index| releases.releases.get(index));
+    let Some(earlier) = earlier else {
+        return Err(OperatorError::Usage(format!("map {map} has no earlier release to roll back to")));
+    };
+    let name = format!("{}@{}", earlier.name, earlier.author);
+    enable(session, map, operator, Some(&name)).await
+}
+
+/// Deletes a release.
+pub(super) async fn delete(
+    session: &Session,
+    map: &MapName,
+    operator: &str,
+    name: &str,
+) -> Result<ReleasesReply, OperatorError> {
+    let releases = list(session, map).await?;
+    let view = find(&releases, name)?;
+    if view.enabled {
+        let text = format!("release {name} is what robots use: enable another one, or head, before you delete it");
+        return Err(OperatorError::Usage(text));
+    }
+    write(session, map, operator, vec![Op::RemoveRelease { id: id_of(view)? }]).await?;
+    list(session, map).await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn releases_are_named_by_the_day() {
+        let map: MapName = "m".parse().unwrap_or_else(|error| panic!("{error}"));
+        let mut releases = ReleasesReply { map, version: 0, releases: Vec::new() };
+        let name = |releases: &ReleasesReply| next_name(releases, 1_795_219_200_000_000).map(|name| name.to_string());
+        assert_eq!(name(&releases).ok().as_deref(), Some("2026-11-21.1"));
+        releases.releases.push(ReleaseView {
+            name: "2026-11-21.1".to_owned(),
+            author: "0000000a".to_owned(),
+            version: 1,
+            vector: fht_proto::VersionVector::default(),
+            digest: fht_proto::Digest([0; 32]),
+            made_us: 0,
+            enabled: false,
+            available: true,
+        });
+        assert_eq!(name(&releases).ok().as_deref(), Some("2026-11-21.2"));
+        assert!(find(&releases, "2026-11-21.1").is_ok() && find(&releases, "2026-11-21.1@0000000a").is_ok());
+        assert!(find(&releases, "2026-11-21.2").is_err());
+    }
+}

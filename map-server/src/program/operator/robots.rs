@@ -1,0 +1,58 @@
+//! Who runs what, as a table.
+
+use crate::program::operator::asking::ask_json;
+use crate::program::operator::error::OperatorError;
+use fht_proto::MapName;
+use fht_proto::api::fleet::{FleetReply, RobotRole, RobotView};
+use fht_proto::api::keys::{Key, Topic};
+use zenoh::Session;
+
+pub(super) async fn fleet(session: &Session, map: &MapName) -> Result<FleetReply, OperatorError> {
+    ask_json(session, &Key::topic(map, Topic::Fleet).to_string()).await
+}
+
+/// The table, one line per robot.
+pub(super) fn table(fleet: &FleetReply) -> String {
+    let enabled = fleet.enabled.as_deref().unwrap_or("the newest state");
+    let mut lines = vec![format!("map {}, version {}, robots use {enabled}", fleet.map, fleet.version)];
+    if fleet.robots.is_empty() {
+        lines.push("no robots have been here since the server started".to_owned());
+        return lines.join("\n");
+    }
+    let head = ["ROBOT", "ROLE", "VERSION", "BEHIND", "RUNS", "STATE", "POSE", "SEEN", ""].map(str::to_owned);
+    let rows: Vec<[String; 9]> = std::iter::once(head).chain(fleet.robots.iter().map(row)).collect();
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..9).map(width).collect();
+    for row in &rows {
+        let cells = row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:width$}"));
+        lines.push(cells.collect::<Vec<_>>().join("  ").trim_end().to_owned());
+    }
+    lines.join("\n")
+}
+
+fn row(robot: &RobotView) -> [String; 9] {
+    let status = &robot.status;
+    let role = match status.role {
+        RobotRole::Explorer => "explorer",
+        RobotRole::Client => "client",
+    };
+    let pose = status
+        .map_from_base
+        .map_or_else(|| "-".to_owned(), |[x, y, yaw]| format!("{x:.2},{y:.2} {:.0}°", yaw.to_degrees()));
+    let mark = match (robot.alive, robot.late) {
+        (false, _) => "GONE",
+        (true, true) => "LATE",
+        (true, false) => "",
+    };
+    [
+        status.robot.clone(),
+        role.to_owned(),
+        status.version.to_string(),
+        robot.behind.to_string(),
+        status.release.clone().unwrap_or_else(|| "head".to_owned()),
+        status.state.to_string(),
+        pose,
+        format!("{:.0} s", robot.seen_s),
+        mark.to_owned(),
+    ]
+}

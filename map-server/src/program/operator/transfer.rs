@@ -1,0 +1,171 @@
+//! Maps to files and back.
+
+use crate::program::operator::asking::{ask, state_of};
+use crate::program::operator::error::OperatorError;
+use fht_proto::api::keys::{AdminAction, Key, Topic};
+use fht_proto::api::reply::{Head, Series, StateView};
+use fht_proto::codec::archive::{Archive, ArchiveHeader, header_line};
+use fht_proto::{MapName, VersionVector, decode, encode};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::{Deserialize, Serialize};
+use std::io::Write;
+use std::path::Path;
+use zenoh::Session;
+
+/// Approximate length of the messages in a file, bytes.
+const SERIES_BYTES: usize = 64 << 10;
+
+/// What was exported or imported.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Transferred {
+    /// The map.
+    pub map: MapName,
+    /// Its version.
+    pub version: u64,
+    /// Hash of the canonical map.
+    pub digest: fht_proto::Digest,
+    /// Length of the file, bytes.
+    pub bytes: u64,
+}
+
+pub(super) fn progress(length: u64, quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(length);
+    if let Ok(style) = ProgressStyle::with_template("{prefix} [{bar:40}] {pos}/{len}") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// Writes a map, or a release of it, to a file. The file appears when it is complete.
+pub(super) async fn export(
+    session: &Session,
+    map: &MapName,
+    path: &Path,
+    release: Option<&str>,
+    quiet: bool,
+) -> Result<Transferred, OperatorError> {
+    let StateView { vector, digest, .. } = state_of(session, map, release).await?;
+    let bar = progress(vector.version(), quiet);
+    bar.set_prefix("export");
+    let whole = fetch_whole(session, map, &vector, &bar).await?;
+    let header = ArchiveHeader::new(map.clone(), vector, digest);
+    let mut bytes = header_line(&header).map_err(|error| OperatorError::json(&error))?;
+    for series in pieces(whole) {
+        bytes.extend(encode(&series).map_err(|error| OperatorError::Answer(error.to_string()))?);
+    }
+    bar.finish_and_clear();
+    let failed = |source| OperatorError::File { path: path.to_owned(), source };
+    write_whole(path, &bytes).map_err(failed)?;
+    Ok(Transferred { map: map.clone(), version: header.version, digest, bytes: bytes.len() as u64 })
+}
+
+/// The increments that a state consists of.
+pub(super) async fn fetch_whole(
+    session: &Session,
+    map: &MapName,
+    vector: &VersionVector,
+    bar: &ProgressBar,
+) -> Result<Series, OperatorError> {
+    let (mut have, mut whole) = (VersionVector::default(), Series::default());
+    while have != *vector {
+        let series = fetch(session, map, vector, &have).await?;
+        let before = have.clone();
+        series.folds.iter().for_each(|fold| have.set(fold.author, fold.last));
+        series.increments.iter().for_each(|increment| have.set(increment.author, increment.number));
+        if have == before {
+            return Err(OperatorError::Answer(format!("the server has no more than {have} of {vector}")));
+        }
+        bar.set_position(have.version());
+        whole.folds.extend(series.folds);
+        whole.increments.extend(series.increments);
+    }
+    Ok(whole)
+}
+
+async fn fetch(
+    session: &Session,
+    map: &MapName,
+    vector: &VersionVector,
+    have: &VersionVector,
+) -> Result<Series, OperatorError> {
+    let selector = format!("{}?vector={vector};have={have}", Key::topic(map, Topic::Snapshot));
+    let bytes = ask(session, &selector, None).await?;
+    decode(&bytes).map_err(|error| OperatorError::Answer(error.to_string()))
+}
+
+/// Has the server take in a part of a map; returns the map's head after that.
+pub(super) async fn put_series(session: &Session, map: &MapName, series: &Series) -> Result<Head, OperatorError> {
+    let key = Key::Admin { map: map.clone(), action: AdminAction::Import }.to_string();
+    let payload = encode(series).map_err(|error| OperatorError::Answer(error.to_string()))?;
+    let answer = ask(session, &key, Some(payload)).await?;
+    serde_json::from_slice(&answer).map_err(|error| OperatorError::json(&error))
+}
+
+/// Splits a map into messages of sensible length, compacted series first.
+pub(super) fn pieces(whole: Series) -> Vec<Series> {
+    let mut pieces = Vec::new();
+    let (mut piece, mut length) = (Series::default(), 0);
+    let mut close = |piece: &mut Series, length: &mut usize, more: usize| {
+        *length += more;
+        if *length > SERIES_BYTES && *length > more {
+            pieces.push(std::mem::take(piece));
+            *length = more;
+        }
+    };
+    for fold in whole.folds {
+        close(&mut piece, &mut length, fold.memory_bytes());
+        piece.folds.push(fold);
+    }
+    for increment in whole.increments {
+        close(&mut piece, &mut length, increment.memory_bytes());
+        piece.increments.push(increment);
+    }
+    pieces.push(piece);
+    pieces
+}
+
+fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let mut unfinished = path.as_os_str().to_owned();
+    unfinished.push(".unfinished");
+    let mut file = std::fs::File::create(&unfinished)?;
+    file.write_all(bytes)?;
+    file.sync_all()?;
+    std::fs::rename(&unfinished, path)
+}
+
+/// Has the server take in a map from a file, under its own name or another.
+pub(super) async fn import(
+    session: &Session,
+    path: &Path,
+    name: Option<MapName>,
+    quiet: bool,
+) -> Result<Transferred, OperatorError> {
+    let bytes = std::fs::read(path).map_err(|source| OperatorError::File { path: path.to_owned(), source })?;
+    let damaged = |source| OperatorError::Archive { path: path.to_owned(), source };
+    let archive = Archive::open(&bytes).map_err(damaged)?;
+    // The whole file is checked first: a damaged one changes nothing.
+    for message in archive.clone() {
+        message.map_err(damaged)?;
+    }
+    let header = archive.header.clone();
+    let map = name.unwrap_or_else(|| header.map.clone());
+    let bar = progress(bytes.len() as u64, quiet);
+    bar.set_prefix("import");
+    let mut archive = archive;
+    let mut head: Option<Head> = None;
+    while let Some(series) = archive.next() {
+        head = Some(put_series(session, &map, &series.map_err(damaged)?).await?);
+        bar.set_position(archive.position() as u64);
+    }
+    bar.finish_and_clear();
+    let head = head.ok_or_else(|| OperatorError::Usage(format!("{} has no increments", path.display())))?;
+    if head.vector == header.vector && head.digest != header.digest {
+        let text =
+            format!("the map is not what the file says it is: digest {} instead of {}", head.digest, header.digest);
+        return Err(OperatorError::Answer(text));
+    }
+    Ok(Transferred { map, version: head.version, digest: head.digest, bytes: bytes.len() as u64 })
+}

@@ -1,0 +1,58 @@
+//! Replies as text.
+
+use fht_proto::ZoneRule;
+use fht_proto::api::reply::{Head, MapsReply, ReleaseView, ReleasesReply, RulesReply};
+
+pub(super) fn maps_in_words(reply: &MapsReply) -> String {
+    if reply.maps.is_empty() {
+        return "no maps yet".to_owned();
+    }
+    let line = |head: &Head| {
+        format!(
+            "{}: version {}, {} main nodes, {} support nodes, {} edges, {} bytes, robots use {}, {} increments refused",
+            head.map,
+            head.version,
+            head.main_nodes,
+            head.support_nodes,
+            head.edges,
+            head.bytes,
+            head.enabled.as_deref().unwrap_or("the newest state"),
+            head.refused
+        )
+    };
+    reply.maps.iter().map(line).collect::<Vec<_>>().join("\n")
+}
+
+pub(super) fn releases_in_words(reply: &ReleasesReply) -> String {
+    if reply.releases.is_empty() {
+        return format!("map {} (version {}) has no releases; robots use its newest state", reply.map, reply.version);
+    }
+    let line = |release: &ReleaseView| {
+        let mark = if release.enabled { "ENABLED" } else { "" };
+        let lack = if release.available { "" } else { "not all of it is here" };
+        let line = format!("{}@{}  version {:<6} {mark} {lack}", release.name, release.author, release.version);
+        line.trim_end().to_owned()
+    };
+    reply.releases.iter().map(line).collect::<Vec<_>>().join("\n")
+}
+
+pub(super) fn rules_in_words(reply: &RulesReply) -> String {
+    let places = reply.places.iter().map(|place| {
+        let [x, y, yaw] = place.pose;
+        format!("place {} at {x:.2},{y:.2}, {:.0}°", place.name, yaw.to_degrees())
+    });
+    let zones = reply.zones.iter().map(|zone| {
+        let rule = match zone.rule {
+            ZoneRule::KeepOut => "keep out".to_owned(),
+            ZoneRule::SpeedLimit(mm_per_s) => format!("at most {} m/s", f64::from(mm_per_s) * 1e-3),
+        };
+        format!("zone {}: {rule}, {} corners", zone.name, zone.corners.len())
+    });
+    let edges = reply.closed_edges.iter().map(|[a, b]| format!("edge {a} {b}: closed"));
+    let blocked = reply.blocked.iter().map(|by| {
+        let (edges, places) = (by.edges.len(), by.places.len());
+        format!("{} found {edges} edges and {places} places blocked, for {:.0} s more", by.robot, by.for_s)
+    });
+    let lines: Vec<String> = places.chain(zones).chain(edges).chain(blocked).collect();
+    if lines.is_empty() { format!("map {} has no places, zones or closed edges", reply.map) } else { lines.join("\n") }
+}

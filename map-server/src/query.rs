@@ -1,0 +1,16 @@
+//! What is answered: typed requests to replies, over the maps, the robots and what is closed.
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | `answer` | a request to its replies |
+//! | `active_rules` | what is closed now, by operators and by robots |
+//! | `fleet` | the robots: what they run, who is late |
+
+mod active_rules;
+mod answer;
+mod fleet;
+
+pub use active_rules::{ActiveRules, OtherState};
+pub use answer::{Answer, AnswerSources, answer, answer_at_once};
+pub(crate) use answer::{internal, json, unknown_map};
+pub use fleet::Fleet;

@@ -1,0 +1,88 @@
+//! Typed requests to replies, over a shared view of the maps.
+//!
+//! | module | topics |
+//! | --- | --- |
+//! | `history` | `since`, `snapshot`, `releases`, `diff` |
+//! | `nodes` | `nodes`, `match` |
+//! | `operation` | `rules`, `fleet` |
+//! | `path` | `path` |
+
+mod history;
+mod nodes;
+mod operation;
+mod path;
+mod release_name;
+mod reply;
+mod sources;
+
+pub use reply::Answer;
+pub(crate) use reply::{internal, json};
+pub use sources::AnswerSources;
+
+use crate::catalog::Catalog;
+use fht_proto::MapName;
+use fht_proto::api::reply::{ErrorCode, ErrorReply, MapsReply};
+use fht_proto::api::request::{Question, Request};
+use reply::error;
+
+/// Answers a request at `now_us` (microseconds, the server's clock): with one reply, or with
+/// several if the client asks for pieces.
+///
+/// # Errors
+/// What the client is told instead.
+pub fn answer(request: Request, sources: &AnswerSources, now_us: u64) -> Result<Vec<Answer>, ErrorReply> {
+    let catalog = &sources.catalog;
+    let (map, question) = match request {
+        Request::Maps => {
+            let maps = catalog.heads().iter().map(|head| head.as_ref().clone()).collect();
+            return json(&MapsReply { maps }).map(|answer| vec![answer]);
+        }
+        Request::Map(map, question) => (map, question),
+    };
+    let view = catalog.view(&map).ok_or_else(|| unknown_map(&map, catalog))?;
+    let answer = match question {
+        Question::Increments { moment, have, max_bytes, piece_bytes, format } => {
+            let form = history::SeriesForm { max_bytes, piece_bytes, format };
+            return history::increments(&view, sources.log.as_ref(), &moment, &have, form);
+        }
+        Question::Head => json(view.head.as_ref()),
+        Question::Path { from, to, on, footprint, format } => {
+            path::path(&view, sources, &path::PathQuestion::of(&from, &to, &on, footprint.as_ref()), format, now_us)
+        }
+        Question::Nodes { near, radius_m, limit, format } => nodes::near(&view, catalog, near, radius_m, limit, format),
+        Question::Match { descriptor, limit, format } => nodes::alike(&view, catalog, &descriptor, limit, format),
+        Question::Releases => history::releases(&view, sources.log.as_ref()),
+        Question::Diff { from, to } => history::diff(&view, sources.log.as_ref(), &from, &to),
+        Question::Rules => operation::rules(&view, &sources.active_rules, now_us),
+        Question::Fleet => operation::fleet(&view, &sources.fleet, now_us),
+    };
+    answer.map(|answer| vec![answer])
+}
+
+/// The same for questions that are short work and block on nothing: heads, and most paths on small
+/// maps. `None`: call [`answer`].
+#[must_use]
+pub fn answer_at_once(
+    request: &Request,
+    sources: &AnswerSources,
+    now_us: u64,
+) -> Option<Result<Vec<Answer>, ErrorReply>> {
+    let Request::Map(map, question) = request else { return None };
+    let view = sources.catalog.view(map)?;
+    let answer = match question {
+        Question::Head => json(view.head.as_ref()),
+        Question::Path { from, to, on, footprint, format } => {
+            path::at_once(&view, sources, &path::PathQuestion::of(from, to, on, footprint.as_ref()), *format, now_us)?
+        }
+        _ => return None,
+    };
+    Some(answer.map(|answer| vec![answer]))
+}
+
+pub(crate) fn unknown_map(map: &MapName, catalog: &Catalog) -> ErrorReply {
+    /// How many names are listed.
+    const SHOWN: usize = 10;
+    let names: Vec<String> = catalog.heads().iter().take(SHOWN).map(|head| head.map.to_string()).collect();
+    let known = if names.is_empty() { "no maps yet".to_owned() } else { names.join(", ") };
+    error(ErrorCode::UnknownMap, format!("there is no map {map} here (there is: {known})"))
+}

@@ -1,0 +1,204 @@
+//! `path`: the shortest path that obeys what operators and robots have closed.
+
+use crate::catalog::{MapView, PlanningState};
+use crate::query::active_rules::OtherState;
+use crate::query::answer::release_name::find_release;
+use crate::query::answer::reply::{Answer, error, internal, json, postcard};
+use crate::query::answer::sources::AnswerSources;
+use fht_map::graph::astar::Workspace;
+use fht_map::plan::node_route::{IndexedGraph, NodeRoute};
+use fht_map::{FreeSpace, MapIndex, MapState, PlanError, Rules};
+use fht_proto::api::compact::{CompactPath, CompactWaypoint};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, PathReply, PlaceRef, Waypoint};
+use fht_proto::api::request::{Format, PathOn};
+use fht_proto::{FixedPoint, Footprint, Label, MapName, ReleaseId};
+use std::cell::RefCell;
+use std::sync::Arc;
+
+/// Which path is asked for.
+pub(super) struct PathQuestion<'a> {
+    from: &'a PlaceRef,
+    to: &'a PlaceRef,
+    on: &'a PathOn,
+    footprint: Footprint,
+}
+
+impl<'a> PathQuestion<'a> {
+    pub(super) fn of(from: &'a PlaceRef, to: &'a PlaceRef, on: &'a PathOn, footprint: Option<&Footprint>) -> Self {
+        Self { from, to, on, footprint: footprint.cloned().unwrap_or_default() }
+    }
+}
+
+pub(super) fn path(
+    view: &MapView,
+    sources: &AnswerSources,
+    asked: &PathQuestion<'_>,
+    format: Format,
+    now_us: u64,
+) -> Result<Answer, ErrorReply> {
+    let planning = planning_state(view, sources, asked.on)?;
+    let place = |place| locate(view, planning.state(), place);
+    let (from, to) = (place(asked.from)?, place(asked.to)?);
+    let rules = sources.active_rules.rules(view, now_us);
+    let space = planning.free_space(&rules, &asked.footprint);
+    let route = match space.over_budget() {
+        None => rules.plan(planning.state().as_ref(), &space, from, to, &sources.config.route),
+        Some(_) => over_nodes(sources, &planning, &view.head.map, &rules, &space, (from, to)),
+    };
+    reply(view, &planning, &rules, &route.map_err(|cause| no_route(&cause, &asked.footprint))?, format)
+}
+
+/// The same, if it blocks on nothing, nothing has to be built first, and the search is short: both
+/// places in free space, on a small mesh.
+pub(super) fn at_once(
+    view: &MapView,
+    sources: &AnswerSources,
+    asked: &PathQuestion<'_>,
+    format: Format,
+    now_us: u64,
+) -> Option<Result<Answer, ErrorReply>> {
+    let planning = &view.running;
+    if matches!(asked.on, PathOn::Release(_)) || (*asked.on == PathOn::Head && planning.release().is_some()) {
+        return None;
+    }
+    let place = |place| locate(view, planning.state(), place).ok();
+    let (from, to) = (place(asked.from)?, place(asked.to)?);
+    // After every change of the map the rules are derived anew: at once for a small map.
+    let is_small = view.head.edges <= FEW_EDGES;
+    let rules = sources
+        .active_rules
+        .rules_at_hand(view, now_us)
+        .or_else(|| is_small.then(|| sources.active_rules.rules(view, now_us)))?;
+    let space = planning.free_space_at_hand(&rules, &asked.footprint)?;
+    let is_short = space.over_budget().is_none() && space.triangle_count() <= sources.config.at_once_triangles;
+    if !is_short || !space.contains(from) || !space.contains(to) {
+        return None;
+    }
+    let route = rules.plan(planning.state().as_ref(), &space, from, to, &sources.config.route);
+    let route = route.map_err(|cause| no_route(&cause, &asked.footprint));
+    Some(route.and_then(|route| reply(view, planning, &rules, &route, format)))
+}
+
+/// Rules of so many edges are derived in some ten microseconds.
+const FEW_EDGES: usize = 5000;
+
+thread_local! {
+    /// The scratch memory of searches.
+    static WORK: RefCell<Workspace> = RefCell::default();
+}
+
+/// Plans with the map's index, on a map without a mesh.
+fn over_nodes(
+    sources: &AnswerSources,
+    planning: &PlanningState,
+    map: &MapName,
+    rules: &Rules,
+    space: &FreeSpace,
+    ends: (FixedPoint, FixedPoint),
+) -> Result<NodeRoute, PlanError> {
+    let config = &sources.config.route;
+    let over = |index: &MapIndex| {
+        WORK.with_borrow_mut(|work| rules.plan(IndexedGraph { index, work }, space, ends.0, ends.1, config))
+    };
+    if planning.release().is_some() {
+        return over(planning.index());
+    }
+    let of_head = sources
+        .catalog
+        .with_index(map, |newest, index| (newest.head.version == planning.version()).then(|| over(index)));
+    // The map has grown meanwhile: rare, and then this is correct but slower.
+    of_head.flatten().unwrap_or_else(|| rules.plan(planning.state().as_ref(), space, ends.0, ends.1, config))
+}
+
+/// The state to plan on.
+fn planning_state(view: &MapView, sources: &AnswerSources, on: &PathOn) -> Result<Arc<PlanningState>, ErrorReply> {
+    let unknown = |message: String| error(ErrorCode::UnknownVersion, message);
+    let other = |release: Option<ReleaseId>, digest| OtherState { map: view.head.map.clone(), release, digest };
+    match on {
+        PathOn::Enabled => Ok(Arc::clone(&view.running)),
+        PathOn::Head if view.running.release().is_none() => Ok(Arc::clone(&view.running)),
+        PathOn::Head => sources
+            .active_rules
+            .other(other(None, view.head.digest), || Ok(PlanningState::of_head(&view.state, view.head.version))),
+        PathOn::Release(name) => {
+            let id = find_release(&view.state, name).map_err(unknown)?;
+            if view.running.release() == Some(&id) {
+                return Ok(Arc::clone(&view.running));
+            }
+            let release = view.state.annotations().release(&id).map(|release| release.release.clone());
+            let release = release.ok_or_else(|| unknown(format!("there is no release {id}")))?;
+            sources.active_rules.other(other(Some(id.clone()), release.digest), || {
+                let planning =
+                    PlanningState::of_release(&view.head.map, &id, &release, sources.log.as_ref()).map_err(internal)?;
+                planning.ok_or_else(|| unknown(format!("this server does not have all of release {id}")))
+            })
+        }
+    }
+}
+
+/// Where a place is. Names are the newest ones: operators name places for robots on every release.
+fn locate(view: &MapView, map: &MapState, place: &PlaceRef) -> Result<FixedPoint, ErrorReply> {
+    match place {
+        PlaceRef::Point(point) => Ok(*point),
+        PlaceRef::Node(id) => {
+            let position = map.node(*id).map(|node| node.pose.position);
+            position.ok_or_else(|| error(ErrorCode::UnknownNode, format!("there is no node {id} on this map")))
+        }
+        PlaceRef::Named(name) => {
+            let annotations = view.state.annotations();
+            let known = || annotations.places().map(|(name, _)| name.clone()).take(10).collect::<Vec<Label>>();
+            let pose = annotations.place(name);
+            pose.map(|pose| pose.position).ok_or_else(|| no_place(name, &known()))
+        }
+    }
+}
+
+fn no_place(name: &Label, known: &[Label]) -> ErrorReply {
+    let known: Vec<&str> = known.iter().map(Label::as_str).collect();
+    let known =
+        if known.is_empty() { "none has a name yet".to_owned() } else { format!("there is: {}", known.join(", ")) };
+    error(ErrorCode::UnknownPlace, format!("there is no place {name} on this map ({known})"))
+}
+
+fn no_route(cause: &PlanError, footprint: &Footprint) -> ErrorReply {
+    let code = cause.code();
+    if code != ErrorCode::NoPath || !footprint.is_larger_than_explorers() {
+        return error(code, cause.to_string());
+    }
+    let radius_m = footprint.planned_as().circumscribed_radius_m();
+    error(code, format!("{cause}; it must be free for a robot of {radius_m:.2} m radius"))
+}
+
+fn reply(
+    view: &MapView,
+    planning: &PlanningState,
+    rules: &Rules,
+    route: &NodeRoute,
+    format: Format,
+) -> Result<Answer, ErrorReply> {
+    let (map, version) = (view.head.map.clone(), planning.version());
+    match format {
+        Format::Json => {
+            let waypoints = route.waypoints.iter().map(|waypoint| Waypoint {
+                x: waypoint.point.x(),
+                y: waypoint.point.y(),
+                node: waypoint.node.map(|id| id.to_string()),
+            });
+            json(&PathReply {
+                map,
+                version,
+                release: planning.release().map(ToString::to_string),
+                // To the millimetre, like everything else.
+                length_m: (route.length_m * 1000.0).round() / 1000.0,
+                waypoints: waypoints.collect(),
+                obeyed: rules.obeyed(),
+                speed_limits: rules.speed_limits(route),
+            })
+        }
+        Format::Postcard => {
+            let waypoints = route.waypoints.iter();
+            let waypoints = waypoints.map(|waypoint| CompactWaypoint { point: waypoint.point, node: waypoint.node });
+            postcard(&CompactPath { map, version, waypoints: waypoints.collect() })
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! The parts of a running server, and their shutdown.
+
+use crate::catalog::Catalog;
+use crate::config::ServerConfig;
+use crate::ingest::{Ingest, WriterQueue};
+use crate::network::{
+    QueryService, RobotTopicSubscriptions, learn_blockages, publish_head, subscribe_increments, subscribe_robot_topics,
+};
+use crate::query::{ActiveRules, AnswerSources, Fleet};
+use crate::replicated::Stateless;
+use crate::server::error::ServerError;
+use crate::server::writer::{Writer, WriterThread};
+use crate::store::{IncrementLog, StoreError};
+use fht_proto::api::keys::ALL_QUERIES;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use tokio::runtime::Handle;
+use zenoh::Session;
+use zenoh::query::Queryable;
+
+/// The request that the server ends. It can be waited for again after it has come: while storages
+/// are read, and later.
+pub(super) struct ShutdownSignal<'a, F> {
+    request: Pin<&'a mut F>,
+    has_come: bool,
+}
+
+impl<'a, F: Future<Output = ()>> ShutdownSignal<'a, F> {
+    pub(super) fn new(request: Pin<&'a mut F>) -> Self {
+        Self { request, has_come: false }
+    }
+
+    async fn wait(&mut self) {
+        if !self.has_come {
+            self.request.as_mut().await;
+            self.has_come = true;
+        }
+    }
+}
+
+/// Serves what is in a log until shutdown.
+pub(super) async fn serve(
+    config: &ServerConfig,
+    session: &Session,
+    log: Arc<dyn IncrementLog>,
+    catalog: Arc<Catalog>,
+    stateless: Option<Stateless>,
+    shutdown: &mut ShutdownSignal<'_, impl Future<Output = ()>>,
+) -> Result<(), ServerError> {
+    let sources = AnswerSources {
+        catalog: Arc::clone(&catalog),
+        log: Arc::clone(&log),
+        active_rules: Arc::new(ActiveRules::default()),
+        fleet: Arc::new(Fleet::new(config.fleet.clone())),
+        config: Arc::new(config.answers.clone()),
+    };
+    let queue = Arc::new(WriterQueue::new(config.limits.max_queue_bytes));
+    let robots = subscribe_robot_topics(session, &sources).await?;
+    let max_bytes = config.limits.max_increment_bytes;
+    let increments = subscribe_increments(session, &queue, max_bytes, stateless.is_some()).await?;
+    let writer = Writer {
+        ingest: Ingest::new(log, catalog, config.limits.clone()),
+        queue: Arc::clone(&queue),
+        sources: sources.clone(),
+        session: session.clone(),
+        stateless: stateless.clone(),
+        max_batch_bytes: config.limits.max_batch_bytes,
+    };
+    let mut writer = writer.spawn()?;
+
+    // No queries before everything is read: nobody is told that a map does not exist while it is
+    // being read.
+    let is_ready = tokio::select! {
+        () = shutdown.wait() => false,
+        is_ready = writer.ready() => is_ready,
+    };
+    let answering = match is_ready {
+        true => Some(Answering::start(config, session, sources, &queue, stateless.as_ref(), robots).await?),
+        false => None,
+    };
+    let stopped = tokio::select! {
+        () = shutdown.wait() => None,
+        outcome = writer.stopped() => Some(outcome),
+    };
+
+    increments.close().await?;
+    queue.close();
+    if let Some(stateless) = &stateless {
+        stateless.close();
+    }
+    let outcome = finish_writing(writer, stopped).await;
+    if let Some(answering) = answering {
+        answering.close().await?;
+    }
+    outcome
+}
+
+/// Waits for the writer to store what is in the queue, unless it has `stopped` already.
+async fn finish_writing(mut writer: WriterThread, stopped: Option<Result<(), ServerError>>) -> Result<(), ServerError> {
+    let outcome = match stopped {
+        Some(outcome) => outcome,
+        None => match writer.stopped().await {
+            // What could not be confirmed in time was not acknowledged.
+            Err(ServerError::Store(StoreError::Unconfirmed)) => Ok(()),
+            outcome => outcome,
+        },
+    };
+    writer.join();
+    outcome
+}
+
+/// What runs from the moment that everything is read until shutdown.
+struct Answering {
+    queryable: Queryable<()>,
+    gap_fill: Option<JoinHandle<()>>,
+    _robots: RobotTopicSubscriptions,
+}
+
+impl Answering {
+    async fn start(
+        config: &ServerConfig,
+        session: &Session,
+        sources: AnswerSources,
+        queue: &Arc<WriterQueue>,
+        stateless: Option<&Stateless>,
+        robots: RobotTopicSubscriptions,
+    ) -> Result<Self, ServerError> {
+        let catalog = Arc::clone(&sources.catalog);
+        if stateless.is_some() {
+            // Concurrently: it may take a second, and until then paths are planned on what is
+            // known.
+            tokio::spawn(learn_blockages(session.clone(), sources.clone()));
+        }
+        let service = QueryService::new(sources, Arc::clone(queue), Handle::current());
+        // Of several servers the nearest answers, and no other.
+        let queryable = session.declare_queryable(ALL_QUERIES).complete(stateless.is_some());
+        let queryable = queryable.callback(move |query| service.take_query(query)).await?;
+        catalog.heads().iter().for_each(|head| publish_head(session, head));
+        print_where(config, catalog.heads().len());
+        let spawn_gap_fill = |stateless: &Stateless| stateless.spawn_gap_fill(Arc::clone(&catalog), Arc::clone(queue));
+        let gap_fill = stateless.map(spawn_gap_fill).transpose().map_err(ServerError::Runtime)?;
+        Ok(Self { queryable, gap_fill, _robots: robots })
+    }
+
+    async fn close(self) -> Result<(), ServerError> {
+        // The thread has ended, or panicked and said so.
+        let _ = self.gap_fill.map(JoinHandle::join);
+        Ok(self.queryable.undeclare().await?)
+    }
+}
+
+fn print_where(config: &ServerConfig, count: usize) {
+    let link = &config.link;
+    let file = link.zenoh_config.iter().map(|file| format!("what {} says", file.display()));
+    let endpoints: Vec<String> = link.listen.iter().chain(&link.connect).cloned().chain(file).collect();
+    let place = match config.storages {
+        None => config.data.display().to_string(),
+        Some(quorum) => format!("{} storages", quorum.storages),
+    };
+    eprintln!("map-server: {count} map(s) in {place}, on {}", endpoints.join(", "));
+}

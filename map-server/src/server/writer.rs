@@ -1,0 +1,117 @@
+//! The thread that writes: it takes what has arrived from the queue, stores it, and announces the
+//! new heads.
+
+use crate::clock::now_us;
+use crate::ingest::{Ingest, WriterJob, WriterQueue, WriterWork};
+use crate::network::{publish_head, publish_refusal};
+use crate::query::AnswerSources;
+use crate::replicated::Stateless;
+use crate::server::error::ServerError;
+use crate::store::StoreError;
+use fht_proto::api::reply::Head;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use tokio::sync::oneshot;
+use zenoh::Session;
+
+/// What the thread needs.
+pub(super) struct Writer {
+    pub(super) ingest: Ingest,
+    pub(super) queue: Arc<WriterQueue>,
+    pub(super) sources: AnswerSources,
+    pub(super) session: Session,
+    pub(super) stateless: Option<Stateless>,
+    /// Bytes in one commit, as they travelled.
+    pub(super) max_batch_bytes: usize,
+}
+
+/// The running thread.
+pub(super) struct WriterThread {
+    thread: JoinHandle<()>,
+    ready: oneshot::Receiver<()>,
+    stopped: oneshot::Receiver<Result<(), StoreError>>,
+}
+
+impl Writer {
+    /// Starts the thread. It ends when the queue is closed and empty, or the store fails.
+    ///
+    /// # Errors
+    /// [`ServerError::Runtime`].
+    pub(super) fn spawn(mut self) -> Result<WriterThread, ServerError> {
+        let (report_ready, ready) = oneshot::channel();
+        let (report_stopped, stopped) = oneshot::channel();
+        let write = move || {
+            let written = self.restore().and_then(|()| {
+                let _ = report_ready.send(()); // nobody waits for it if the server is ending
+                self.write_all()
+            });
+            let _ = report_stopped.send(written);
+        };
+        let thread = std::thread::Builder::new().name("writer".to_owned()).spawn(write);
+        Ok(WriterThread { thread: thread.map_err(ServerError::Runtime)?, ready, stopped })
+    }
+
+    fn restore(&mut self) -> Result<(), StoreError> {
+        self.stateless.as_ref().map_or(Ok(()), |stateless| stateless.restore(&mut self.ingest))
+    }
+
+    fn write_all(&mut self) -> Result<(), StoreError> {
+        while let Some(WriterWork { arrivals, jobs }) = self.queue.take_work(self.max_batch_bytes) {
+            let dropped = self.queue.take_dropped();
+            if dropped > 0 {
+                tracing::warn!(
+                    dropped,
+                    "more increments arrived than the queue holds; their writers will send them again"
+                );
+            }
+            let count = arrivals.len();
+            let outcome = self.ingest.take_arrivals(arrivals, now_us())?;
+            if let Some(stateless) = &self.stateless {
+                stateless.settle_disputed(&outcome.disputed, self.sources.log.as_ref())?;
+            }
+            outcome.notices.iter().for_each(|notice| publish_refusal(&self.session, notice));
+            for map in outcome.announce {
+                if let Some(view) = self.sources.catalog.view(&map) {
+                    tracing::debug!(%map, version = view.head.version, count, "stored");
+                    publish_head(&self.session, &view.head);
+                }
+            }
+            if !jobs.is_empty() {
+                self.do_jobs(jobs)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Does what operators have ordered, and announces the maps that have grown by it.
+    fn do_jobs(&mut self, jobs: Vec<WriterJob>) -> Result<(), StoreError> {
+        let heads = || self.sources.catalog.heads();
+        let before: BTreeMap<_, _> = heads().iter().map(|head| (head.map.clone(), head.version)).collect();
+        jobs.into_iter().try_for_each(|job| job(&mut self.ingest))?;
+        let has_grown = |head: &&Arc<Head>| before.get(&head.map) != Some(&head.version);
+        heads().iter().filter(has_grown).for_each(|head| publish_head(&self.session, head));
+        Ok(())
+    }
+}
+
+impl WriterThread {
+    /// Waits until everything is read that the server serves; false if the thread ended before.
+    pub(super) async fn ready(&mut self) -> bool {
+        (&mut self.ready).await.is_ok()
+    }
+
+    /// Waits until the thread has nothing left to do.
+    ///
+    /// # Errors
+    /// [`ServerError::Store`]; [`ServerError::WriterLost`] if it panicked.
+    pub(super) async fn stopped(&mut self) -> Result<(), ServerError> {
+        (&mut self.stopped).await.map_err(|_| ServerError::WriterLost)?.map_err(ServerError::Store)
+    }
+
+    /// Waits for the thread itself, after [`stopped`](Self::stopped).
+    pub(super) fn join(self) {
+        // It has reported, or panicked and said so.
+        let _ = self.thread.join();
+    }
+}

@@ -1,0 +1,287 @@
+//! What a log of increments is. Behind the trait there is a `redb` file
+//! ([`RedbLog`](crate::store::RedbLog)), memory in front of storages elsewhere
+//! ([`QuorumLog`](crate::replicated::QuorumLog)), or a disk that a test lets fail.
+
+use fht_proto::codec::envelope::FORMAT_VERSION;
+use fht_proto::{AuthorId, MapName, VersionVector};
+use std::fmt::Debug;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+/// Why the log failed.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// Another process has it open.
+    #[error("the data directory {} is in use by another map-server", dir.display())]
+    InUse {
+        /// The data directory.
+        dir: PathBuf,
+    },
+    /// The directory cannot be made or the file cannot be opened.
+    #[error("the data directory {} cannot be used: {reason}", dir.display())]
+    Open {
+        /// The data directory.
+        dir: PathBuf,
+        /// What the system says.
+        reason: String,
+    },
+    /// Written by another version of this program.
+    #[error("the data directory {} has format {found}; this program reads formats up to {known}", dir.display())]
+    Format {
+        /// The data directory.
+        dir: PathBuf,
+        /// The format found.
+        found: u64,
+        /// The newest format known.
+        known: u64,
+    },
+    /// Reading or writing failed.
+    #[error("the store cannot be {action}: {reason}")]
+    Disk {
+        /// `read` or `written`.
+        action: &'static str,
+        /// What the system says.
+        reason: String,
+    },
+    /// A later version of this program has stored increments.
+    #[error(
+        "the store has increments of format {found} in map {map}; this program reads formats up to {FORMAT_VERSION}: use the \
+         map-server that wrote them"
+    )]
+    IncrementFormat {
+        /// The map.
+        map: String,
+        /// The format found.
+        found: u8,
+    },
+    /// The server was told to end while it waited for storages.
+    #[error("too few of the storages have confirmed what should be kept")]
+    Unconfirmed,
+    /// Two servers have accepted two increments of one author and number, and this server has the
+    /// one that gives way.
+    #[error("map {map}: the storages keep another increment {author}/{number} than this server has")]
+    Overruled {
+        /// The map.
+        map: MapName,
+        /// Who wrote it.
+        author: AuthorId,
+        /// Its place in the author's sequence.
+        number: u64,
+    },
+    /// What was read is not what was written.
+    #[error("the store is damaged: map {map}: {reason}")]
+    Damaged {
+        /// The map.
+        map: String,
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+/// Where an increment comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum IncrementOrigin {
+    /// From its writer.
+    Writer,
+    /// From storages, or from a server that has put it there.
+    Storages {
+        /// How many storages are known to hold it.
+        copies: usize,
+    },
+}
+
+/// An increment to be stored.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// The map.
+    pub map: MapName,
+    /// Its place in the map's log, from 1.
+    pub sequence: u64,
+    /// Who wrote it.
+    pub author: AuthorId,
+    /// Its place in the author's sequence, from 1.
+    pub number: u64,
+    /// The increment in its envelope.
+    pub bytes: Vec<u8>,
+    /// Where it comes from.
+    pub origin: IncrementOrigin,
+}
+
+/// What is left of an author's increments `first` to `last`.
+#[derive(Clone, Debug)]
+pub struct CompactedRecord {
+    /// Who wrote them.
+    pub author: AuthorId,
+    /// Number of the first.
+    pub first: u64,
+    /// Number of the last.
+    pub last: u64,
+    /// The compacted series in its envelope.
+    pub bytes: Vec<u8>,
+}
+
+/// How far a map's log is compacted.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct CompactionFloor {
+    /// The scalar version.
+    pub version: u64,
+    /// The increments.
+    pub vector: VersionVector,
+}
+
+/// What a log has under an author and number.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Stored {
+    /// The increment, in its envelope.
+    Increment(Vec<u8>),
+    /// It was compacted together with others.
+    Compacted,
+    /// Nothing.
+    Absent,
+}
+
+/// One piece of a log.
+#[derive(Clone, Copy, Debug)]
+pub enum Piece<'a> {
+    /// An increment in its envelope.
+    Increment(&'a [u8]),
+    /// A compacted series in its envelope.
+    Compacted(&'a [u8]),
+}
+
+/// Receives a log: map, author, the last number that a piece stands for, the piece.
+pub type Visit<'a> = dyn FnMut(&str, AuthorId, u64, Piece<'_>) -> Result<(), StoreError> + 'a;
+
+/// A part of what somebody lacks: messages in their envelopes, each author's in order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Lacking {
+    /// Compacted series; they come before all increments of their authors.
+    pub compacted: Vec<Vec<u8>>,
+    /// Increments.
+    pub increments: Vec<Vec<u8>>,
+}
+
+/// What each author has written after `have`, up to `upto`: first and last number.
+pub(super) fn gaps<'a>(
+    have: &'a VersionVector,
+    upto: &'a VersionVector,
+) -> impl Iterator<Item = (AuthorId, u64, u64)> + 'a {
+    upto.iter().filter_map(|(author, last)| {
+        let first = have.get(author).checked_add(1)?;
+        (first <= last).then_some((author, first, last))
+    })
+}
+
+/// The log of all maps of a server.
+///
+/// A map's scalar version is the number of increments in it: version N of a map is what the first N
+/// stored increments add up to.
+pub trait IncrementLog: Send + Sync + Debug {
+    /// What is stored.
+    fn reader(&self) -> &dyn LogReader;
+
+    /// Stores all records in one commit. On success they are all durable; on failure none is.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn append(&self, records: &[Record]) -> Result<(), StoreError>;
+
+    /// Whether other servers stand on the same increments: then nobody may compact them, and no
+    /// other server has stored them in the same order.
+    fn is_shared(&self) -> bool {
+        false
+    }
+
+    /// Adds compacted series to a map that has nothing else, in one commit; `floor` is how far it
+    /// is compacted then.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn add_compacted(
+        &self,
+        map: &MapName,
+        floor: &CompactionFloor,
+        series: &[CompactedRecord],
+    ) -> Result<(), StoreError>;
+
+    /// Replaces a map's increments up to `floor`, and all compacted series before, by `series`, in
+    /// one commit.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn replace_compacted(
+        &self,
+        map: &MapName,
+        floor: &CompactionFloor,
+        series: &[CompactedRecord],
+    ) -> Result<(), StoreError>;
+}
+
+/// What is stored in a log.
+pub trait LogReader {
+    /// What is stored under an author and number.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn stored(&self, map: &MapName, author: AuthorId, number: u64) -> Result<Stored, StoreError>;
+
+    /// Shows everything, or all of one map, to `visit`: first the compacted series, by map, author
+    /// and number; then the increments, by map, author and number.
+    ///
+    /// # Errors
+    /// [`StoreError`], and whatever `visit` returns.
+    fn for_each(&self, of: Option<&MapName>, visit: &mut Visit<'_>) -> Result<(), StoreError>;
+
+    /// Shows what `upto` contains and `have` does not to `visit`, each author's in order, until
+    /// `visit` breaks off. Compacted series that begin before `have` are shown whole.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn for_each_lacking(
+        &self,
+        map: &MapName,
+        have: &VersionVector,
+        upto: &VersionVector,
+        visit: &mut dyn FnMut(Piece<'_>) -> ControlFlow<()>,
+    ) -> Result<(), StoreError>;
+
+    /// The same, until it exceeds `max_bytes`; at least one message, if any is missing.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn lacking(
+        &self,
+        map: &MapName,
+        have: &VersionVector,
+        upto: &VersionVector,
+        max_bytes: usize,
+    ) -> Result<Lacking, StoreError> {
+        let (mut found, mut total) = (Lacking::default(), 0);
+        self.for_each_lacking(map, have, upto, &mut |piece| {
+            let (kind, bytes) = match piece {
+                Piece::Compacted(bytes) => (&mut found.compacted, bytes),
+                Piece::Increment(bytes) => (&mut found.increments, bytes),
+            };
+            total += bytes.len();
+            if total > max_bytes && total > bytes.len() {
+                return ControlFlow::Break(());
+            }
+            kind.push(bytes.to_vec());
+            ControlFlow::Continue(())
+        })?;
+        Ok(found)
+    }
+
+    /// The vector of version `version`: what the first `version` increments contain. `None` if the
+    /// log is compacted beyond it.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn vector_at(&self, map: &MapName, version: u64) -> Result<Option<VersionVector>, StoreError>;
+
+    /// How far a map is compacted.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn floor(&self, map: &MapName) -> Result<CompactionFloor, StoreError>;
+}

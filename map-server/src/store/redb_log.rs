@@ -1,0 +1,297 @@
+//! The durable log in one `redb` file.
+//!
+//! | table | key | value |
+//! | --- | --- | --- |
+//! | `increments` | map, author, number | the increment in its envelope |
+//! | `log` | map, sequence number from 1 | author, number: the order of storing |
+//! | `folds` | map, author, last number | first number, the compacted series in its envelope |
+//! | `floors` | map, author | number up to which this author's increments are folded |
+//! | `floor versions` | map | the version up to which the log is folded |
+//! | `meta` | `format` | version of this layout |
+//!
+//! The log of a compacted map begins after its floor.
+
+use crate::store::log::{
+    CompactedRecord, CompactionFloor, IncrementLog, LogReader, Piece, Record, StoreError, Stored, Visit, gaps,
+};
+use fht_proto::{AuthorId, MapName, VersionVector};
+use redb::{Database, ReadableDatabase, TableDefinition, TableError};
+use std::fs::{File, TryLockError};
+use std::ops::ControlFlow;
+use std::path::Path;
+
+const INCREMENTS: TableDefinition<'_, (&str, u32, u64), &[u8]> = TableDefinition::new("increments");
+const LOG: TableDefinition<'_, (&str, u64), (u32, u64)> = TableDefinition::new("log");
+const COMPACTED: TableDefinition<'_, (&str, u32, u64), (u64, &[u8])> = TableDefinition::new("folds");
+const FLOORS: TableDefinition<'_, (&str, u32), u64> = TableDefinition::new("floors");
+const FLOOR_VERSIONS: TableDefinition<'_, &str, u64> = TableDefinition::new("floor versions");
+const META: TableDefinition<'_, &str, u64> = TableDefinition::new("meta");
+const FORMAT_KEY: &str = "format";
+/// Format 1 had no compacted series.
+const FORMAT: u64 = 2;
+/// The file in the data directory.
+pub const FILE_NAME: &str = "maps.redb";
+/// The file while it is being made.
+const UNFINISHED_NAME: &str = "maps.redb.new";
+/// Locked by the server that uses the directory.
+const LOCK_NAME: &str = "lock";
+
+fn reading(error: impl Into<redb::Error>) -> StoreError {
+    StoreError::Disk { action: "read", reason: error.into().to_string() }
+}
+
+fn writing(error: impl Into<redb::Error>) -> StoreError {
+    StoreError::Disk { action: "written", reason: error.into().to_string() }
+}
+
+/// The open store.
+#[derive(Debug)]
+pub struct RedbLog {
+    database: Database,
+    // Held until the store is closed: only one server at a time.
+    _lock: Option<File>,
+}
+
+impl RedbLog {
+    /// Opens the store in `dir`, making both if absent. A file left by a crash is repaired here,
+    /// and an older layout is brought up to date.
+    ///
+    /// # Errors
+    /// [`StoreError::InUse`], [`StoreError::Open`], [`StoreError::Format`], [`StoreError::Disk`].
+    pub fn open(dir: &Path) -> Result<Self, StoreError> {
+        let failed = |error: std::io::Error| StoreError::Open { dir: dir.to_owned(), reason: error.to_string() };
+        std::fs::create_dir_all(dir).map_err(failed)?;
+        let lock = File::create(dir.join(LOCK_NAME)).map_err(failed)?;
+        match lock.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Err(StoreError::InUse { dir: dir.to_owned() }),
+            Err(TryLockError::Error(error)) => return Err(failed(error)),
+        }
+        let path = dir.join(FILE_NAME);
+        if !path.try_exists().map_err(failed)? {
+            // Made under another name: a server that is killed meanwhile leaves nothing that the
+            // next one could take for a store.
+            let unfinished = dir.join(UNFINISHED_NAME);
+            match std::fs::remove_file(&unfinished) {
+                Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(failed(error)),
+                _ => {}
+            }
+            drop(Self::open_file(dir, &unfinished, None)?);
+            std::fs::rename(&unfinished, &path).map_err(failed)?;
+        }
+        // The file's name must survive a power failure, too.
+        File::open(dir).and_then(|dir| dir.sync_all()).map_err(failed)?;
+        Self::open_file(dir, &path, Some(lock))
+    }
+
+    fn open_file(dir: &Path, path: &Path, lock: Option<File>) -> Result<Self, StoreError> {
+        let database = Database::create(path).map_err(|error| match error {
+            redb::DatabaseError::DatabaseAlreadyOpen => StoreError::InUse { dir: dir.to_owned() },
+            other => StoreError::Open { dir: dir.to_owned(), reason: other.to_string() },
+        })?;
+        let store = Self { database, _lock: lock };
+        match store.format()? {
+            Some(FORMAT) => Ok(store),
+            // Format 2 only adds tables.
+            None | Some(1) => store.make_tables().map(|()| store),
+            Some(found) => Err(StoreError::Format { dir: dir.to_owned(), found, known: FORMAT }),
+        }
+    }
+
+    /// The format of the file; none in a new one.
+    fn format(&self) -> Result<Option<u64>, StoreError> {
+        let read = self.database.begin_read().map_err(reading)?;
+        let meta = match read.open_table(META) {
+            Err(TableError::TableDoesNotExist(_)) => return Ok(None),
+            other => other.map_err(reading)?,
+        };
+        Ok(meta.get(FORMAT_KEY).map_err(reading)?.map(|format| format.value()))
+    }
+
+    fn make_tables(&self) -> Result<(), StoreError> {
+        let write = self.database.begin_write().map_err(writing)?;
+        write.open_table(INCREMENTS).map_err(writing)?;
+        write.open_table(LOG).map_err(writing)?;
+        write.open_table(COMPACTED).map_err(writing)?;
+        write.open_table(FLOORS).map_err(writing)?;
+        write.open_table(FLOOR_VERSIONS).map_err(writing)?;
+        let mut meta = write.open_table(META).map_err(writing)?;
+        meta.insert(FORMAT_KEY, FORMAT).map_err(writing)?;
+        drop(meta);
+        write.commit().map_err(writing)
+    }
+}
+
+fn floor_of(read: &redb::ReadTransaction, map: &MapName) -> Result<CompactionFloor, StoreError> {
+    let versions = read.open_table(FLOOR_VERSIONS).map_err(reading)?;
+    let version = versions.get(map.as_str()).map_err(reading)?.map_or(0, |version| version.value());
+    let floors = read.open_table(FLOORS).map_err(reading)?;
+    let mut vector = VersionVector::default();
+    for entry in floors.range((map.as_str(), 0)..=(map.as_str(), u32::MAX)).map_err(reading)? {
+        let (key, number) = entry.map_err(reading)?;
+        vector.set(AuthorId(key.value().1), number.value());
+    }
+    Ok(CompactionFloor { version, vector })
+}
+
+fn put_compacted(
+    write: &redb::WriteTransaction,
+    map: &MapName,
+    floor: &CompactionFloor,
+    new: &[CompactedRecord],
+) -> Result<(), StoreError> {
+    let name = map.as_str();
+    let mut compacted = write.open_table(COMPACTED).map_err(writing)?;
+    for series in new {
+        compacted
+            .insert((name, series.author.0, series.last), (series.first, series.bytes.as_slice()))
+            .map_err(writing)?;
+    }
+    let mut floors = write.open_table(FLOORS).map_err(writing)?;
+    for (author, last) in floor.vector.iter() {
+        floors.insert((name, author.0), last).map_err(writing)?;
+    }
+    let mut versions = write.open_table(FLOOR_VERSIONS).map_err(writing)?;
+    versions.insert(name, floor.version).map_err(writing)?;
+    Ok(())
+}
+
+impl IncrementLog for RedbLog {
+    fn reader(&self) -> &dyn LogReader {
+        self
+    }
+
+    fn append(&self, records: &[Record]) -> Result<(), StoreError> {
+        let mut write = self.database.begin_write().map_err(writing)?;
+        // Commits in two phases and keeps what a repair needs: recovery after a crash takes no
+        // longer for a large file, and does not depend on checksums over bytes that strangers
+        // chose.
+        write.set_quick_repair(true);
+        let mut increments = write.open_table(INCREMENTS).map_err(writing)?;
+        let mut log = write.open_table(LOG).map_err(writing)?;
+        for record in records {
+            let (map, author) = (record.map.as_str(), record.author.0);
+            increments.insert((map, author, record.number), record.bytes.as_slice()).map_err(writing)?;
+            log.insert((map, record.sequence), (author, record.number)).map_err(writing)?;
+        }
+        drop((increments, log));
+        write.commit().map_err(writing)
+    }
+
+    fn add_compacted(
+        &self,
+        map: &MapName,
+        floor: &CompactionFloor,
+        series: &[CompactedRecord],
+    ) -> Result<(), StoreError> {
+        let mut write = self.database.begin_write().map_err(writing)?;
+        write.set_quick_repair(true);
+        put_compacted(&write, map, floor, series)?;
+        write.commit().map_err(writing)
+    }
+
+    fn replace_compacted(
+        &self,
+        map: &MapName,
+        floor: &CompactionFloor,
+        new: &[CompactedRecord],
+    ) -> Result<(), StoreError> {
+        let name = map.as_str();
+        let mut write = self.database.begin_write().map_err(writing)?;
+        write.set_quick_repair(true);
+        let mut increments = write.open_table(INCREMENTS).map_err(writing)?;
+        let mut compacted = write.open_table(COMPACTED).map_err(writing)?;
+        for (author, last) in floor.vector.iter() {
+            increments.retain_in((name, author.0, 0)..=(name, author.0, last), |_, _| false).map_err(writing)?;
+            compacted.retain_in((name, author.0, 0)..=(name, author.0, last), |_, _| false).map_err(writing)?;
+        }
+        let mut log = write.open_table(LOG).map_err(writing)?;
+        log.retain_in((name, 0)..=(name, floor.version), |_, _| false).map_err(writing)?;
+        drop((increments, compacted, log));
+        put_compacted(&write, map, floor, new)?;
+        write.commit().map_err(writing)
+    }
+}
+
+impl LogReader for RedbLog {
+    fn stored(&self, map: &MapName, author: AuthorId, number: u64) -> Result<Stored, StoreError> {
+        let read = self.database.begin_read().map_err(reading)?;
+        let increments = read.open_table(INCREMENTS).map_err(reading)?;
+        if let Some(bytes) = increments.get((map.as_str(), author.0, number)).map_err(reading)? {
+            return Ok(Stored::Increment(bytes.value().to_vec()));
+        }
+        let floor = floor_of(&read, map)?;
+        Ok(if (1..=floor.vector.get(author)).contains(&number) { Stored::Compacted } else { Stored::Absent })
+    }
+
+    fn for_each(&self, of: Option<&MapName>, visit: &mut Visit<'_>) -> Result<(), StoreError> {
+        let read = self.database.begin_read().map_err(reading)?;
+        let compacted = read.open_table(COMPACTED).map_err(reading)?;
+        let first = (of.map_or("", MapName::as_str), 0, 0);
+        let is_other = |map: &str| of.is_some_and(|of| of.as_str() != map);
+        for entry in compacted.range(first..).map_err(reading)? {
+            let (key, value) = entry.map_err(reading)?;
+            let (map, author, last) = key.value();
+            if is_other(map) {
+                break;
+            }
+            visit(map, AuthorId(author), last, Piece::Compacted(value.value().1))?;
+        }
+        let increments = read.open_table(INCREMENTS).map_err(reading)?;
+        for entry in increments.range(first..).map_err(reading)? {
+            let (key, bytes) = entry.map_err(reading)?;
+            let (map, author, number) = key.value();
+            if is_other(map) {
+                break;
+            }
+            visit(map, AuthorId(author), number, Piece::Increment(bytes.value()))?;
+        }
+        Ok(())
+    }
+
+    fn for_each_lacking(
+        &self,
+        map: &MapName,
+        have: &VersionVector,
+        upto: &VersionVector,
+        visit: &mut dyn FnMut(Piece<'_>) -> ControlFlow<()>,
+    ) -> Result<(), StoreError> {
+        let read = self.database.begin_read().map_err(reading)?;
+        let increments = read.open_table(INCREMENTS).map_err(reading)?;
+        let compacted = read.open_table(COMPACTED).map_err(reading)?;
+        for (author, first, last) in gaps(have, upto) {
+            let range = (map.as_str(), author.0, first)..=(map.as_str(), author.0, last);
+            for entry in compacted.range(range.clone()).map_err(reading)? {
+                if visit(Piece::Compacted(entry.map_err(reading)?.1.value().1)).is_break() {
+                    return Ok(());
+                }
+            }
+            for entry in increments.range(range).map_err(reading)? {
+                if visit(Piece::Increment(entry.map_err(reading)?.1.value())).is_break() {
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn vector_at(&self, map: &MapName, version: u64) -> Result<Option<VersionVector>, StoreError> {
+        let read = self.database.begin_read().map_err(reading)?;
+        let floor = floor_of(&read, map)?;
+        if version < floor.version {
+            return Ok(None);
+        }
+        let log = read.open_table(LOG).map_err(reading)?;
+        let mut vector = floor.vector;
+        for entry in log.range((map.as_str(), floor.version + 1)..=(map.as_str(), version)).map_err(reading)? {
+            let (author, number) = entry.map_err(reading)?.1.value();
+            vector.set(AuthorId(author), number);
+        }
+        Ok(Some(vector))
+    }
+
+    fn floor(&self, map: &MapName) -> Result<CompactionFloor, StoreError> {
+        let read = self.database.begin_read().map_err(reading)?;
+        floor_of(&read, map)
+    }
+}

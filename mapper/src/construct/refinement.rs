@@ -1,0 +1,147 @@
+//! Map refinement (paper, section III-B-4): where the map's way between two nodes is much longer
+//! than the way through free space, support nodes and edges along the shorter way are added.
+//!
+//! The search runs on copies in a thread of its own ([`fht_worker`]).
+
+mod roadmap;
+
+pub use roadmap::Roadmap;
+use serde::{Deserialize, Serialize};
+
+use crate::construct::point;
+use fht_map::MapState;
+use fht_navigation::planning::{PlanConfig, Traversable, path_length_m};
+use fht_perception::grid::OccupancyGrid;
+use fht_perception::pose::Point2;
+use fht_proto::{EdgeKey, FixedPoint, NodeId};
+use fht_worker::{BackgroundWorker, Pace};
+
+/// Parameters of the refinement.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
+pub struct RefinementConfig {
+    /// A way is significantly longer above this ratio of map length to free-space length. Default
+    /// 1.5 (the paper's).
+    pub ratio: f64,
+    /// … and by at least this much, metres. Default 1.
+    pub saving_m: f64,
+    /// Nodes within this of the new node are looked at, metres. Default 10 (the paper's).
+    pub radius_m: f64,
+    /// Shortcuts added for one new node at most. Default 3.
+    pub max_shortcuts: usize,
+    /// Points of a shortcut are at most this far apart, metres. Default 6: within an edge's
+    /// greatest length.
+    pub longest_step_m: f64,
+}
+
+impl Default for RefinementConfig {
+    fn default() -> Self {
+        Self { ratio: 1.5, saving_m: 1.0, radius_m: 10.0, max_shortcuts: 3, longest_step_m: 6.0 }
+    }
+}
+
+/// A shorter way between two nodes through free space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shortcut {
+    /// Where it starts.
+    pub from: NodeId,
+    /// Where it ends.
+    pub to: NodeId,
+    /// The places between, none for a straight line.
+    pub between: Vec<Point2>,
+}
+
+/// Looks for shortcuts from `node`, the worst detour first, so that one shortcut may serve several.
+#[must_use]
+pub fn shortcuts(mut roadmap: Roadmap, space: &Traversable, node: NodeId, config: &RefinementConfig) -> Vec<Shortcut> {
+    let Some(here) = roadmap.position(node) else { return Vec::new() };
+    let field = space.distances_from(point(here));
+    let mut found = Vec::new();
+    let mut virtual_nodes = 0;
+    while found.len() < config.max_shortcuts {
+        let on_map = roadmap.distances_from(node);
+        let detour = |(id, position): (NodeId, FixedPoint)| {
+            let is_candidate = id != node && position.distance(here) <= config.radius_m;
+            let free_m = field.distance_m(space.cell_of(point(position))).filter(|_| is_candidate)?;
+            let map_m = on_map.get(&id).copied().unwrap_or(f64::INFINITY);
+            let is_long = map_m > config.ratio * free_m && map_m - free_m > config.saving_m;
+            is_long.then_some((map_m / free_m.max(0.1), id, position))
+        };
+        let tried = |id: NodeId| found.iter().any(|shortcut: &Shortcut| shortcut.to == id);
+        let worst = roadmap
+            .nodes()
+            .filter(|(id, _)| !tried(*id))
+            .filter_map(detour)
+            .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+        let Some((_, target, position)) = worst else { break };
+        let mut path = field.path_to(space.cell_of(point(position)));
+        // The field's path ends at a cell's centre; the shortcut ends at the node.
+        path.push(point(position));
+        let between = break_points(&space.shorten(&path), config.longest_step_m);
+        // The same shortcut in the copy, so that the next search knows of it.
+        let mut before = node;
+        for place in &between {
+            let id = NodeId { author: node.author, number: u32::MAX - virtual_nodes };
+            virtual_nodes += 1;
+            let position = FixedPoint::from_metres(place.x, place.y);
+            let is_joined = |(_, other): &(NodeId, FixedPoint)| {
+                other.distance(position) <= config.longest_step_m && space.is_segment_passable(*place, point(*other))
+            };
+            let joined: Vec<NodeId> = roadmap.nodes().filter(is_joined).map(|(id, _)| id).collect();
+            roadmap.add_node(id, position);
+            roadmap.add_edge(EdgeKey::new(before, id));
+            for other in joined {
+                roadmap.add_edge(EdgeKey::new(id, other));
+            }
+            before = id;
+        }
+        roadmap.add_edge(EdgeKey::new(before, target));
+        found.push(Shortcut { from: node, to: target, between });
+    }
+    found
+}
+
+/// The inner points of a path, with more where it goes straight for long.
+fn break_points(path: &[Point2], longest_step_m: f64) -> Vec<Point2> {
+    let mut places = Vec::new();
+    for pair in path.windows(2) {
+        let steps = (path_length_m(pair) / longest_step_m).ceil().max(1.0) as usize;
+        places.extend((1..=steps).map(|step| pair[0] + (pair[1] - pair[0]) * (step as f64 / steps as f64)));
+    }
+    places.pop();
+    places
+}
+
+/// Whether every part of a shortcut is still free, in the grid as it is now.
+#[must_use]
+pub fn is_still_free(shortcut: &Shortcut, map: &MapState, grid: &OccupancyGrid, half_width_m: f64) -> bool {
+    let place_of = |id: NodeId| map.node(id).map(|node| point(node.pose.position));
+    let (Some(start), Some(end)) = (place_of(shortcut.from), place_of(shortcut.to)) else { return false };
+    let line: Vec<Point2> =
+        std::iter::once(start).chain(shortcut.between.iter().copied()).chain(std::iter::once(end)).collect();
+    line.windows(2).all(|pair| grid.is_corridor_free(pair[0], pair[1], half_width_m))
+}
+
+/// What the refinement thread works on.
+pub struct RefinementJob {
+    /// The map's nodes and edges.
+    pub roadmap: Roadmap,
+    /// The grid as it is now: what is free in it is worked out beside the loop.
+    pub grid: OccupancyGrid,
+    /// What is free.
+    pub plan: PlanConfig,
+    /// The new node.
+    pub node: NodeId,
+}
+
+/// Starts the refinement thread, which looks for the shortcuts of one node at a time.
+///
+/// # Errors
+/// When the system gives no thread.
+pub fn start(config: RefinementConfig, pace: Pace) -> std::io::Result<BackgroundWorker<RefinementJob, Vec<Shortcut>>> {
+    BackgroundWorker::one_by_one("refine", pace, move |job: RefinementJob| {
+        let space = Traversable::new(&job.grid, &job.plan);
+        shortcuts(job.roadmap, &space, job.node, &config)
+    })
+}

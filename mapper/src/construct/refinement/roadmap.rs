@@ -1,0 +1,71 @@
+//! The nodes and edges of a map without their contents: light enough to be handed to another
+//! thread, and open to nodes and edges that are only planned.
+
+use fht_map::MapState;
+use fht_proto::{EdgeKey, FixedPoint, NodeId};
+use pathfinding::directed::dijkstra::dijkstra_all;
+use std::collections::BTreeMap;
+
+/// Micrometres in a metre: sums of whole numbers are the same in any order.
+const UM_PER_M: f64 = 1e6;
+
+/// Nodes by place, and which are joined.
+#[derive(Clone, Debug, Default)]
+pub struct Roadmap {
+    positions: BTreeMap<NodeId, FixedPoint>,
+    neighbours: BTreeMap<NodeId, Vec<NodeId>>,
+}
+
+impl Roadmap {
+    /// The nodes and edges that a map shows.
+    #[must_use]
+    pub fn of(map: &MapState) -> Self {
+        let mut roadmap = Self::default();
+        for node in map.nodes() {
+            roadmap.add_node(node.id, node.pose.position);
+        }
+        for edge in map.edges() {
+            roadmap.add_edge(edge);
+        }
+        roadmap
+    }
+
+    /// Adds a node.
+    pub fn add_node(&mut self, id: NodeId, position: FixedPoint) {
+        self.positions.insert(id, position);
+    }
+
+    /// Joins two nodes by a straight line.
+    pub fn add_edge(&mut self, edge: EdgeKey) {
+        for (from, to) in [(edge.low(), edge.high()), (edge.high(), edge.low())] {
+            self.neighbours.entry(from).or_default().push(to);
+        }
+    }
+
+    /// Where a node is.
+    #[must_use]
+    pub fn position(&self, id: NodeId) -> Option<FixedPoint> {
+        self.positions.get(&id).copied()
+    }
+
+    /// All nodes, in the order of their ids.
+    pub fn nodes(&self) -> impl Iterator<Item = (NodeId, FixedPoint)> + '_ {
+        self.positions.iter().map(|(id, position)| (*id, *position))
+    }
+
+    /// Shortest ways from a node to all that it is joined with, metres; itself at 0.
+    #[must_use]
+    pub fn distances_from(&self, from: NodeId) -> BTreeMap<NodeId, f64> {
+        let steps = |id: &NodeId| -> Vec<(NodeId, u64)> {
+            let Some(here) = self.position(*id) else { return Vec::new() };
+            let near = self.neighbours.get(id).into_iter().flatten();
+            let length_um = |there: FixedPoint| (here.distance(there) * UM_PER_M).round() as u64;
+            near.filter_map(|next| Some((*next, length_um(self.position(*next)?)))).collect()
+        };
+        let reached = dijkstra_all(&from, steps);
+        let mut distances: BTreeMap<NodeId, f64> =
+            reached.into_iter().map(|(id, (_, length_um))| (id, length_um as f64 / UM_PER_M)).collect();
+        distances.insert(from, 0.0);
+        distances
+    }
+}

@@ -1,0 +1,56 @@
+//! The program: an explorer in a simulated building, or a recorded run, whose map goes to a server.
+
+mod arguments;
+mod explore;
+mod explore_command;
+mod pace;
+mod record;
+mod replay;
+mod replay_command;
+mod report;
+mod running;
+mod scoring;
+mod settings;
+
+pub use explore::{ExploreError, ExploreProgress, ExploreTask, explore};
+pub use replay::{ReplayError, ReplayReport, ReplaySnapshot, ReplayTask, replay};
+pub use report::ExploreReport;
+pub use scoring::main_node_errors;
+
+use self::arguments::{Cli, Command};
+use self::settings::MapperFile;
+use fht_program::flags::{missing_command, parse_args};
+use fht_program::logging;
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+/// Runs the program with `args` (the first is its name).
+pub fn main_with_args<I, T>(args: I) -> ExitCode
+where
+    I: IntoIterator<Item = T>,
+    T: Into<OsString> + Clone,
+{
+    let cli: Cli = match parse_args(args) {
+        Ok(cli) => cli,
+        Err(code) => return code,
+    };
+    logging::init(logging::ROBOT);
+    let file = match cli.config.settle("mapper", cli.config.over(MapperFile::default())) {
+        Ok(file) => file,
+        Err(code) => return code,
+    };
+    let outcome = match cli.command {
+        Some(Command::Explore(args)) => explore_command::explore_world(&args, file),
+        Some(Command::Replay(args)) => replay_command::replay_bag(&args, file),
+        Some(Command::Info(args)) => replay_command::info(&args),
+        None => return missing_command::<Cli>(),
+    };
+    match outcome {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(message) => {
+            eprintln!("mapper: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! Exploring a simulated building: the simulator behind the port, and the result scored against its
+//! truth.
+
+use super::pace::Paced;
+use super::record::RunRecorder;
+use super::report::ExploreReport;
+use super::scoring::ExplorationScore;
+use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask, RunError};
+use fht_bag::WriteError;
+use fht_perception::robot::{RobotError, SilenceConfig};
+use fht_program::stop::Stop;
+use fht_sim::{SimConfig, SimSetup, Simulator, WorldError};
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// What to explore and where to publish.
+#[derive(Clone, Debug)]
+pub struct ExploreTask {
+    /// The building, and the robot in it.
+    pub setup: SimSetup,
+    /// The robot's sensors and wheels.
+    pub sim: SimConfig,
+    /// What to map, and where to publish it.
+    pub mapping: MappingTask,
+    /// Simulated seconds per second; `None` is as fast as possible.
+    pub rate: Option<f64>,
+    /// A bag to write: an `.mcap` file, or a folder.
+    pub record: Option<PathBuf>,
+    /// Ends the exploration early, with the map finished as it is.
+    pub stop: Stop,
+}
+
+impl ExploreTask {
+    /// As fast as possible, with the usual robot, and not recorded.
+    #[must_use]
+    pub fn new(setup: SimSetup, mapping: MappingTask) -> Self {
+        Self { setup, sim: SimConfig::default(), mapping, rate: None, record: None, stop: Stop::default() }
+    }
+}
+
+/// Why an exploration failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ExploreError {
+    /// The world cannot be loaded.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// The recording failed.
+    #[error("the recording failed: {0}")]
+    Record(#[from] WriteError),
+    /// The run failed.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// The simulator failed: a defect.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+}
+
+/// What happens while it runs, for progress displays.
+#[derive(Clone, Debug)]
+pub struct ExploreProgress {
+    /// Simulated seconds so far.
+    pub sim_s: f64,
+    /// Free area on the grid, square metres.
+    pub free_area_m2: f64,
+    /// Nodes of the map.
+    pub nodes: usize,
+    /// Increments written.
+    pub written: u64,
+    /// Increments that the server has durably.
+    pub acknowledged: u64,
+    /// Whether the robot knows where in the map it is.
+    pub placed: bool,
+}
+
+/// Time between two looks at the progress, microseconds.
+const WATCH_EVERY_US: u64 = 1_000_000;
+
+/// Tells `watch` about once a simulated second, and ends the run when `stop` says so.
+struct Watcher<W> {
+    watch: W,
+    next_us: u64,
+    stop: Stop,
+}
+
+impl<W: FnMut(ExploreProgress)> MappingObserver for Watcher<W> {
+    fn on_frame(&mut self, mapped: &MappedFrame<'_>) -> ControlFlow<()> {
+        let (time_us, mapper) = (mapped.frame.time_us, mapped.mapper);
+        if time_us >= self.next_us {
+            self.next_us = time_us + WATCH_EVERY_US;
+            let counts = mapper.map().counts();
+            (self.watch)(ExploreProgress {
+                sim_s: time_us as f64 * 1e-6,
+                free_area_m2: mapper.free_area_m2(),
+                nodes: counts.main_nodes + counts.support_nodes,
+                written: mapped.written,
+                acknowledged: mapped.acknowledged,
+                placed: mapper.is_placed(),
+            });
+        }
+        if self.stop.is_set() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+/// Explores, publishes, and scores the result. `watch` is called about once a simulated second from
+/// the loop's thread.
+///
+/// # Errors
+/// [`ExploreError`]; an exploration that ended is reported even if the server could not be reached
+/// (`delivered` false).
+pub async fn explore(
+    task: ExploreTask,
+    watch: impl FnMut(ExploreProgress) + Send + 'static,
+) -> Result<ExploreReport, ExploreError> {
+    let ExploreTask { setup, sim, mapping, .. } = task;
+    let world = Arc::new(setup.load()?);
+    let recorder = RunRecorder::start(task.record.as_deref())?;
+    let start = setup.start.unwrap_or_else(|| world.start());
+    let camera_every = if mapping.cameras { sim.camera_every } else { 0 };
+    let simulator = Simulator::new(world, SimConfig { camera_every, ..sim }, start, setup.seed);
+    let score = ExplorationScore::new(&simulator, setup.map_origin);
+    let watcher = Watcher { watch, next_us: 0, stop: task.stop };
+    // Its sensors are never silent, however slow the simulated time.
+    let mapping = MappingTask { silence: SilenceConfig::patient(), ..mapping };
+    let observer = (recorder, (watcher, score));
+    let outcome = run::explore(mapping, Paced::new(simulator, task.rate), observer).await?;
+    let MappingOutcome { mut summary, mapper, observer: (mut recorder, (_, score)), .. } = outcome;
+    if let Some(error) = summary.robot_error.take() {
+        return Err(error.into());
+    }
+    recorder.finish()?;
+    Ok(score.report(&summary, &mapper))
+}

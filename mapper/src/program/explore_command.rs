@@ -1,0 +1,168 @@
+//! `mapper explore` on the command line.
+
+use super::arguments::ExploreArgs;
+use super::explore::{ExploreProgress, ExploreTask, explore};
+use super::report::ExploreReport;
+use super::running::{complain_of_undelivered, runtime, stop_on_signal};
+use super::settings::MapperFile;
+use crate::explore::Ending;
+use fht_sim::SimConfig;
+use fht_worker::Pace;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::Path;
+
+impl ExploreArgs {
+    /// These flags over what the file says.
+    fn task(&self, file: MapperFile) -> Result<ExploreTask, String> {
+        let mut mapping = self.run.over(&file, Path::new(&self.setup.world))?;
+        mapping.cameras &= !self.no_cameras;
+        mapping.spool = self.spool.clone().or(mapping.spool);
+        mapping.max_s = self.max_sim.unwrap_or(mapping.max_s);
+        mapping.mapper.join.looks_again |= self.again;
+        if self.real_time {
+            mapping.mapper.pace = Pace::RealTime;
+        }
+        let usual_rate = (mapping.mapper.pace == Pace::RealTime).then_some(1.0);
+        Ok(ExploreTask {
+            setup: self.setup.clone(),
+            sim: SimConfig {
+                light_seed: self.light_seed.unwrap_or(file.sim.light_seed),
+                drift_factor: self.drift.unwrap_or(file.sim.drift_factor),
+                ..file.sim
+            },
+            rate: self.run.rate.or(file.mapper.rate).or(usual_rate),
+            record: self.run.record.clone(),
+            stop: stop_on_signal()?,
+            mapping,
+        })
+    }
+}
+
+/// Runs `mapper explore`; `false` if the map is not complete, or the server did not take all of it.
+pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile) -> Result<bool, String> {
+    let task = args.task(file)?;
+    let (linger_s, spool) = (task.mapping.linger_s, task.mapping.spool.clone());
+    let runtime = runtime()?;
+    let bar = if args.run.quiet || args.progress_json { ProgressBar::hidden() } else { spinner() };
+    let progress_json = args.progress_json;
+    let watched = bar.clone();
+    let watch = move |snapshot: ExploreProgress| {
+        if progress_json {
+            println!(
+                "{}",
+                serde_json::json!({
+                    "sim_s": snapshot.sim_s,
+                    "free_area_m2": snapshot.free_area_m2,
+                    "nodes": snapshot.nodes,
+                    "written": snapshot.written,
+                    "acknowledged": snapshot.acknowledged,
+                    "placed": snapshot.placed,
+                })
+            );
+        }
+        let place = if snapshot.placed { "" } else { "looking for its place in the map, " };
+        watched.set_message(format!(
+            "{place}{:.0} m² free, {} nodes, {} of {} increments stored, {:.0} s of robot time",
+            snapshot.free_area_m2, snapshot.nodes, snapshot.acknowledged, snapshot.written, snapshot.sim_s
+        ));
+        watched.tick();
+    };
+    let report = runtime.block_on(explore(task, watch)).map_err(|error| error.to_string())?;
+    bar.finish_and_clear();
+    let in_words = |report: &ExploreReport| {
+        if !args.progress_json {
+            print_report(report);
+        }
+    };
+    args.run.report.give(&report, in_words)?;
+    if !args.run.offline && !report.delivered {
+        complain_of_undelivered(linger_s, spool.as_deref());
+        return Ok(false);
+    }
+    if report.ending != Ending::Complete {
+        eprintln!("mapper: the map is not complete: {}", report.ending);
+        return Ok(false);
+    }
+    Ok(true)
+}
+
+fn spinner() -> ProgressBar {
+    let style =
+        ProgressStyle::with_template("{spinner} exploring: {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
+    ProgressBar::new_spinner().with_style(style)
+}
+
+fn print_report(report: &ExploreReport) {
+    println!("explored    {:.1} % of {:.0} m²", report.explored_fraction * 100.0, report.free_area_m2);
+    println!("ended       {}", report.ending);
+    if let Some([seconds, metres]) = report.joined.filter(|[seconds, _]| *seconds > 0.0) {
+        println!("joined      the map after {seconds:.0} s and {metres:.1} m");
+    }
+    println!(
+        "map         {} main nodes, {} support nodes, {} edges, version {}",
+        report.main_nodes, report.support_nodes, report.edges, report.version
+    );
+    println!("bytes       {} of increments, {} on the wire", report.map_bytes, report.wire_bytes);
+    println!(
+        "trajectory  {:.1} m driven, mean error {:.3} m and {:.2}°, greatest {:.3} m, {} collisions",
+        report.driven_m,
+        report.trajectory_error.mean_m,
+        report.trajectory_error.mean_deg,
+        report.trajectory_error.max_m,
+        report.collisions
+    );
+    println!(
+        "nodes       {:.0} % of the main nodes within 0.05 m of the truth, greatest error {:.3} m; {} loop closures",
+        report.main_nodes_within_5cm * 100.0,
+        report.main_node_error_max_m,
+        report.closures.iter().sum::<usize>()
+    );
+    println!(
+        "time        {:.0} s of robot time in {:.1} s; slowest frame {:.0} ms",
+        report.sim_s, report.wall_s, report.frame_max_ms
+    );
+    println!("digest      {}", report.digest);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::arguments::{Cli, Command};
+    use super::*;
+    use clap::Parser;
+
+    fn task(flags: &[&str]) -> ExploreTask {
+        let text = "connect.endpoints = ['tcp/file:1']
+            robot = { name = 'amr-7', map = 'hall' }
+            sim.light_seed = 4
+            [mapper]
+            spool = 'spool'
+            max_sim_s = 100
+            pace = 'real_time'
+            slam.grid.max_range_m = 5";
+        let file = fht_program::parse(text, Path::new("robot.toml")).unwrap();
+        let cli = Cli::try_parse_from(["mapper", "explore"].iter().chain(flags)).unwrap();
+        let Some(Command::Explore(args)) = cli.command else { panic!("another command") };
+        args.task(file).unwrap()
+    }
+
+    #[test]
+    fn flags_go_before_the_file_and_the_file_before_the_defaults() {
+        let of_file = task(&[]);
+        assert_eq!((of_file.mapping.robot.as_str(), of_file.mapping.map.as_str()), ("amr-7", "hall"));
+        assert_eq!(of_file.mapping.link.map(|link| link.connect), Some(vec!["tcp/file:1".to_owned()]));
+        assert_eq!((of_file.mapping.max_s, of_file.mapping.linger_s, of_file.rate), (100.0, 60.0, Some(1.0)));
+        assert_eq!((of_file.sim.light_seed, of_file.sim.drift_factor), (4, 1.0));
+        assert_eq!((of_file.mapping.mapper.slam.grid.max_range_m, of_file.mapping.mapper.pace), (5.0, Pace::RealTime));
+        assert_eq!(of_file.mapping.spool.as_deref(), Some(Path::new("spool")));
+
+        let flags = ["--robot", "b", "--map", "m", "--connect", "tcp/flag:1", "--max-sim", "7", "--linger", "8"];
+        let of_flags = task(&[&flags[..], &["--light-seed", "9", "--rate", "3", "--spool", "s", "--again"]].concat());
+        assert_eq!((of_flags.mapping.robot.as_str(), of_flags.mapping.map.as_str()), ("b", "m"));
+        assert_eq!(of_flags.mapping.link.map(|link| link.connect), Some(vec!["tcp/flag:1".to_owned()]));
+        assert_eq!((of_flags.mapping.max_s, of_flags.mapping.linger_s, of_flags.rate), (7.0, 8.0, Some(3.0)));
+        assert_eq!((of_flags.sim.light_seed, of_flags.mapping.mapper.join.looks_again), (9, true));
+        assert_eq!(of_flags.mapping.spool.as_deref(), Some(Path::new("s")));
+        // Nothing is delivered, so nothing is kept for it.
+        assert!(task(&["--offline"]).mapping.spool.is_none());
+    }
+}

@@ -1,0 +1,266 @@
+//! Mapping from a bag: the frames come from a recorded run, and somebody else has driven.
+
+use super::pace::Paced;
+use super::record::RunRecorder;
+use crate::mapping::Mapper;
+use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask, RunError};
+use fht_bag::{BagError, BagReport, FrameConfig, Frames, WriteError};
+use fht_perception::frame::SensorFrame;
+use fht_perception::robot::{RobotError, Sensors, SilenceConfig};
+use fht_program::stop::Stop;
+use fht_proto::Digest;
+use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// What to replay and where to publish.
+#[derive(Clone, Debug)]
+pub struct ReplayTask {
+    /// The bag: an MCAP file or a folder.
+    pub bag: PathBuf,
+    /// How it becomes frames.
+    pub frames: FrameConfig,
+    /// What to map, and where to publish it; cameras are used if the bag has them.
+    pub mapping: MappingTask,
+    /// Recorded seconds per second; `None` is as fast as possible.
+    pub rate: Option<f64>,
+    /// A bag to write, with the map in it.
+    pub record: Option<PathBuf>,
+    /// Ends the replay early, with the map finished as it is.
+    pub stop: Stop,
+}
+
+/// Why a replay failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// The bag does not become frames.
+    #[error(transparent)]
+    Frames(#[from] BagError),
+    /// No frame came of it.
+    #[error("the bag gave no frame to map from\n{0}")]
+    NoFrames(Box<BagReport>),
+    /// The recording failed.
+    #[error("the recording failed: {0}")]
+    Record(#[from] WriteError),
+    /// The run failed.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// The recorded run cannot be sensed with: a defect.
+    #[error(transparent)]
+    Robot(RobotError),
+}
+
+impl From<RobotError> for ReplayError {
+    fn from(error: RobotError) -> Self {
+        match error {
+            RobotError::Driver(reason) => match reason.downcast::<BagError>() {
+                Ok(error) => Self::Frames(*error),
+                Err(reason) => Self::Robot(RobotError::Driver(reason)),
+            },
+            error => Self::Robot(error),
+        }
+    }
+}
+
+/// What happens while it runs, for progress displays.
+#[derive(Clone, Debug)]
+pub struct ReplaySnapshot {
+    /// Bytes of the bag read.
+    pub read_bytes: u64,
+    /// Bytes of the bag.
+    pub total_bytes: u64,
+    /// Seconds of the bag so far.
+    pub bag_s: f64,
+    /// Frames so far.
+    pub frames: usize,
+    /// Nodes of the map.
+    pub nodes: usize,
+    /// Increments written.
+    pub written: u64,
+    /// Increments that the server has durably.
+    pub acknowledged: u64,
+}
+
+/// Figures of a replay.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ReplayReport {
+    /// What became of the bag's messages.
+    pub bag: BagReport,
+    /// Whether nodes carry descriptors: the bag has four cameras.
+    pub has_cameras: bool,
+    /// Main nodes of the map.
+    pub main_nodes: usize,
+    /// Support nodes of the map.
+    pub support_nodes: usize,
+    /// Edges of the map.
+    pub edges: usize,
+    /// Free area on the grid, square metres.
+    pub free_area_m2: f64,
+    /// Increments written.
+    pub version: u64,
+    /// Digest of the map.
+    pub digest: Digest,
+    /// Bytes of all increments, each counted once.
+    pub map_bytes: u64,
+    /// Bytes put on the wire, repetitions included.
+    pub wire_bytes: u64,
+    /// Whether the server has acknowledged everything.
+    pub delivered: bool,
+    /// Frames that nothing could be made of.
+    pub frames_refused: usize,
+    /// Loop closures: close at hand, and after a long way.
+    pub closures: [usize; 2],
+    /// Distance driven by the wheels' word, metres.
+    pub driven_m: f64,
+    /// Time from the first frame to the last, seconds.
+    pub bag_s: f64,
+    /// Longest time that a frame took, reading excluded, milliseconds.
+    pub frame_max_ms: f64,
+    /// Seconds on the clock.
+    pub wall_s: f64,
+}
+
+/// Time between two looks at the progress, microseconds.
+const WATCH_EVERY_US: u64 = 1_000_000;
+
+/// Bytes read so far and bytes of the bag, for others to look at.
+type ReadSoFar = Arc<Mutex<(u64, u64)>>;
+
+/// A recorded run that says how much of it was read.
+struct RecordedRun {
+    frames: Frames,
+    read: ReadSoFar,
+}
+
+impl Sensors for RecordedRun {
+    async fn sense(&mut self) -> Result<SensorFrame, RobotError> {
+        let frame = self.frames.sense().await;
+        *self.read.lock().unwrap_or_else(PoisonError::into_inner) = self.frames.progress();
+        frame
+    }
+}
+
+/// Collects the figures of a replay, and tells `watch` about once a recorded second.
+struct Figures<W> {
+    watch: W,
+    stop: Stop,
+    read: ReadSoFar,
+    began: Instant,
+    took: Duration,
+    next_us: u64,
+    last_us: u64,
+    frames: usize,
+    driven_m: f64,
+    last_odom: Option<Vector2<f64>>,
+}
+
+impl<W: FnMut(ReplaySnapshot)> MappingObserver for Figures<W> {
+    fn on_start(&mut self, _: &Mapper) {
+        self.began = Instant::now();
+    }
+
+    fn on_frame(&mut self, mapped: &MappedFrame<'_>) -> ControlFlow<()> {
+        self.frames += 1;
+        self.last_us = mapped.elapsed_us;
+        let odom_from_base = mapped.frame.odom_from_base.translation.vector;
+        self.driven_m += self.last_odom.map_or(0.0, |last| (odom_from_base - last).norm());
+        self.last_odom = Some(odom_from_base);
+        if mapped.elapsed_us >= self.next_us {
+            self.next_us = mapped.elapsed_us + WATCH_EVERY_US;
+            let counts = mapped.mapper.map().counts();
+            let (read_bytes, total_bytes) = *self.read.lock().unwrap_or_else(PoisonError::into_inner);
+            (self.watch)(ReplaySnapshot {
+                read_bytes,
+                total_bytes,
+                bag_s: mapped.elapsed_us as f64 * 1e-6,
+                frames: self.frames,
+                nodes: counts.main_nodes + counts.support_nodes,
+                written: mapped.written,
+                acknowledged: mapped.acknowledged,
+            });
+        }
+        if self.stop.is_set() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    fn on_end(&mut self, _: &Mapper) {
+        self.took = self.began.elapsed();
+    }
+}
+
+/// Maps from a bag and publishes. `watch` is called about once a recorded second from the loop's
+/// thread.
+///
+/// # Errors
+/// [`ReplayError`]; a replay that ended is reported even if the server could not be reached
+/// (`delivered` false).
+pub async fn replay(
+    task: ReplayTask,
+    watch: impl FnMut(ReplaySnapshot) + Send + 'static,
+) -> Result<ReplayReport, ReplayError> {
+    let frames = Frames::open(&task.bag, task.frames)?;
+    let recorder = RunRecorder::start(task.record.as_deref())?;
+    let read = ReadSoFar::default();
+    let figures = Figures {
+        watch,
+        stop: task.stop,
+        read: Arc::clone(&read),
+        began: Instant::now(),
+        took: Duration::ZERO,
+        next_us: 0,
+        last_us: 0,
+        frames: 0,
+        driven_m: 0.0,
+        last_odom: None,
+    };
+    let mapping = MappingTask {
+        // A bag can be replayed: nothing need survive.
+        spool: None,
+        cameras: frames.has_cameras(),
+        max_s: f64::INFINITY,
+        // What the sensors did not say then, nobody waits for.
+        silence: SilenceConfig::patient(),
+        ..task.mapping
+    };
+    let sensors = Paced::new(RecordedRun { frames, read }, task.rate);
+    report_of(run::observe(mapping, sensors, (recorder, figures)).await?)
+}
+
+fn report_of<W>(
+    outcome: MappingOutcome<Paced<RecordedRun>, (RunRecorder, Figures<W>)>,
+) -> Result<ReplayReport, ReplayError> {
+    let MappingOutcome { mut summary, mapper, robot, observer: (mut recorder, figures) } = outcome;
+    if let Some(error) = summary.robot_error.take() {
+        return Err(error.into());
+    }
+    let frames = robot.into_inner().frames;
+    let bag = frames.report();
+    if summary.frames + summary.frames_refused == 0 {
+        return Err(ReplayError::NoFrames(Box::new(bag)));
+    }
+    recorder.finish()?;
+    let counts = mapper.map().counts();
+    let delivered = summary.is_delivered();
+    let published = summary.published.unwrap_or_default();
+    Ok(ReplayReport {
+        bag,
+        has_cameras: frames.has_cameras(),
+        main_nodes: counts.main_nodes,
+        support_nodes: counts.support_nodes,
+        edges: counts.edges,
+        free_area_m2: mapper.free_area_m2(),
+        version: summary.version,
+        digest: mapper.map().digest(),
+        map_bytes: published.map_bytes,
+        wire_bytes: published.wire_bytes,
+        delivered,
+        frames_refused: summary.frames_refused,
+        closures: [mapper.closures().near, mapper.closures().far],
+        driven_m: figures.driven_m,
+        bag_s: figures.last_us as f64 * 1e-6,
+        frame_max_ms: summary.frame_max.as_secs_f64() * 1e3,
+        wall_s: figures.took.as_secs_f64(),
+    })
+}

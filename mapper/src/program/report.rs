@@ -1,0 +1,60 @@
+//! What an exploration came to, scored against the simulator's truth.
+
+use crate::explore::Ending;
+use fht_proto::Digest;
+use fht_sim::scoring::TrajectoryError;
+use serde::{Deserialize, Serialize};
+
+/// Figures of one exploration.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ExploreReport {
+    /// The world explored.
+    pub world: String,
+    /// Pose of the map frame in the world: `[x, y, yaw]`, metres and radians.
+    pub world_from_map: [f64; 3],
+    /// Seconds and metres of driving after which the robot knew where in the map it is: at once,
+    /// unless it joined one that others had begun; none if it never did.
+    pub joined: Option<[f64; 2]>,
+    /// Why the exploration ended: `complete`, `stuck`, `out_of_time`, `interrupted` or `unplaced`.
+    pub ending: Ending,
+    /// Area that is free and that the robot can see from where it can drive, square metres.
+    pub free_area_m2: f64,
+    /// Share of that area that the grid knows.
+    pub explored_fraction: f64,
+    /// Main nodes of the map.
+    pub main_nodes: usize,
+    /// Support nodes of the map.
+    pub support_nodes: usize,
+    /// Edges of the map.
+    pub edges: usize,
+    /// Increments written.
+    pub version: u64,
+    /// Digest of the explorer's own map.
+    pub digest: Digest,
+    /// Bytes of all increments, each counted once.
+    pub map_bytes: u64,
+    /// Bytes put on the wire, repetitions included.
+    pub wire_bytes: u64,
+    /// Whether the server has acknowledged everything.
+    pub delivered: bool,
+    /// Distance truly driven, metres.
+    pub driven_m: f64,
+    /// Times that the robot touched something.
+    pub collisions: u64,
+    /// Error of the poses of all frames as they were known at the frame.
+    pub trajectory_error: TrajectoryError,
+    /// Error of the same poses as they are known at the end.
+    pub corrected_trajectory_error: TrajectoryError,
+    /// Share of the main nodes that lie within 0.05 m of where they truly were seen.
+    pub main_nodes_within_5cm: f64,
+    /// Greatest error of a main node's position, metres.
+    pub main_node_error_max_m: f64,
+    /// Loop closures: close at hand, and after a long way.
+    pub closures: [usize; 2],
+    /// Longest time that a frame took, simulation excluded, milliseconds.
+    pub frame_max_ms: f64,
+    /// Simulated seconds.
+    pub sim_s: f64,
+    /// Seconds on the clock.
+    pub wall_s: f64,
+}

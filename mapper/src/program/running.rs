@@ -1,0 +1,97 @@
+//! What exploring and replaying have in common on the command line.
+
+use super::settings::MapperFile;
+use crate::run::MappingTask;
+use clap::Args;
+use fht_program::Stop;
+use fht_program::flags::{ConnectArgs, ReportArgs, number, seconds};
+use fht_proto::MapName;
+use std::path::{Path, PathBuf};
+
+/// The robot's name if neither a flag nor the file says one.
+const DEFAULT_ROBOT: &str = "explorer";
+
+#[derive(Debug, Args)]
+pub(super) struct RunArgs {
+    /// Name of the map; by default that of the world or bag.
+    #[arg(long)]
+    map: Option<MapName>,
+    /// Name of the robot [default: explorer].
+    #[arg(long)]
+    robot: Option<String>,
+    #[command(flatten)]
+    link: ConnectArgs,
+    /// Map without a server.
+    #[arg(long)]
+    pub(super) offline: bool,
+    /// Another descriptor model: an ONNX file with its description beside it.
+    #[arg(long)]
+    model: Option<PathBuf>,
+    /// Simulated or recorded seconds per second; by default as fast as possible.
+    #[arg(long, value_parser = rate)]
+    pub(super) rate: Option<f64>,
+    /// How long to wait at the end for the server to acknowledge everything, seconds [default: 60].
+    #[arg(long, value_parser = seconds)]
+    linger: Option<f64>,
+    /// Write the run, with its map, as a bag for ROS 2 and Foxglove: a file (FILE.mcap) or a
+    /// rosbag2 folder.
+    #[arg(long, value_name = "FILE")]
+    pub(super) record: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) report: ReportArgs,
+    /// No progress bar.
+    #[arg(long, short)]
+    pub(super) quiet: bool,
+}
+
+impl RunArgs {
+    /// These flags over what the file says. A map without a name has that of the world or bag at
+    /// `source`.
+    pub(super) fn over(&self, file: &MapperFile, source: &Path) -> Result<MappingTask, String> {
+        let MapperFile { connect, robot, mapper: section, .. } = file;
+        let map = match self.map.as_ref().or(robot.map.as_ref()) {
+            Some(map) => map.clone(),
+            None => {
+                let name = source.file_stem().unwrap_or_default().to_string_lossy();
+                name.parse().map_err(|error| format!("{error}; give the map a name with --map"))?
+            }
+        };
+        let name = self.robot.as_deref().or(robot.name.as_deref()).unwrap_or(DEFAULT_ROBOT);
+        Ok(MappingTask {
+            link: (!self.offline).then(|| self.link.over(connect)),
+            spool: section.spool.clone().filter(|_| !self.offline),
+            window: section.window.clone(),
+            model: self.model.as_ref().or(robot.model.as_ref()).cloned(),
+            cameras: robot.cameras,
+            max_s: section.max_sim_s,
+            linger_s: self.linger.unwrap_or(section.linger_s),
+            mapper: section.config.clone(),
+            ..MappingTask::new(map, name)
+        })
+    }
+}
+
+/// A flag that Ctrl-C sets.
+pub(super) fn stop_on_signal() -> Result<Stop, String> {
+    Stop::on_signal().map_err(|error| format!("signals cannot be handled: {error}"))
+}
+
+/// A runtime for the loop's thread, the publisher and the session.
+pub(super) fn runtime() -> Result<tokio::runtime::Runtime, String> {
+    fht_program::runtime(2).map_err(|error| format!("the async runtime cannot be started: {error}"))
+}
+
+/// Says that the server has not taken all of the map.
+pub(super) fn complain_of_undelivered(linger_s: f64, spool: Option<&Path>) {
+    eprintln!(
+        "mapper: the server did not acknowledge the whole map within {linger_s} s; may this robot write? (access control drops silently)"
+    );
+    if let Some(dir) = spool {
+        eprintln!("mapper: the rest waits in {} for the next run of this robot", dir.display());
+    }
+}
+
+/// A rate of simulated or recorded time.
+fn rate(text: &str) -> Result<f64, String> {
+    number(text, 1e-3..=1e6)
+}

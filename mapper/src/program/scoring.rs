@@ -1,0 +1,138 @@
+//! An exploration of a simulated building, scored against the truth.
+
+use super::report::ExploreReport;
+use crate::construct::point;
+use crate::mapping::{Located, Mapper};
+use crate::run::{MappedFrame, MappingObserver, MappingSummary};
+use fht_map::{MapState, NodeRef};
+use fht_perception::pose::Pose2;
+use fht_sim::scoring::{explored, trajectory_error};
+use fht_sim::{Simulator, Truth, World};
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// A robot is off at a node by less than this where the map is as true as its grid, metres.
+const NEAR_M: f64 = 0.05;
+
+/// Collects the figures of an exploration: give it to [`explore`](crate::run::explore) as the
+/// observer.
+pub(super) struct ExplorationScore {
+    world: Arc<World>,
+    truth: Truth,
+    radius_m: f64,
+    start: Pose2,
+    /// Where the map's frame truly lies, if this robot joins the map.
+    joined_origin: Pose2,
+    world_from_map: Pose2,
+    began: Instant,
+    took: Duration,
+    sim_s: f64,
+    /// The truth at each frame.
+    true_poses: Vec<Pose2>,
+    /// The estimate and the truth, from the frame on at which the robot has known where in the map
+    /// it is.
+    located: Vec<(Located, Pose2)>,
+    joined: Option<[f64; 2]>,
+}
+
+impl ExplorationScore {
+    /// The score of `simulator`'s robot, which stands at its start. `map_origin` is where the frame
+    /// of a map that it joins truly lies; none: at the world's own start.
+    pub(super) fn new(simulator: &Simulator, map_origin: Option<Pose2>) -> Self {
+        let (world, truth) = (Arc::clone(simulator.world()), simulator.watch_truth());
+        let start = truth.world_from_base();
+        Self {
+            radius_m: simulator.config().radius_m,
+            start,
+            joined_origin: map_origin.unwrap_or_else(|| world.start()),
+            world_from_map: start,
+            began: Instant::now(),
+            took: Duration::ZERO,
+            sim_s: 0.0,
+            true_poses: Vec::new(),
+            located: Vec::new(),
+            joined: None,
+            world,
+            truth,
+        }
+    }
+
+    /// The figures of a run that has ended.
+    pub(super) fn report(&self, summary: &MappingSummary, mapper: &Mapper) -> ExploreReport {
+        let world_from_map = &self.world_from_map;
+        let (free_area_m2, explored_fraction) =
+            explored(self.world.plan(), mapper.grid(), world_from_map, self.radius_m);
+        let online: Vec<Pose2> = self.located.iter().map(|(located, _)| located.map_from_base).collect();
+        let corrected: Vec<Pose2> = self.located.iter().map(|(located, _)| mapper.locate(&located.anchored)).collect();
+        let truth: Vec<Pose2> = self.located.iter().map(|(_, truth)| *truth).collect();
+        let node_errors_m = main_node_errors(mapper.map(), mapper, &self.true_poses, world_from_map);
+        let near = node_errors_m.iter().filter(|error_m| **error_m < NEAR_M).count();
+        let counts = mapper.map().counts();
+        let published = summary.published.as_ref();
+        let at = world_from_map.translation;
+        ExploreReport {
+            world: self.world.name().to_owned(),
+            world_from_map: [at.x, at.y, world_from_map.rotation.angle()],
+            joined: self.joined,
+            ending: summary.ending,
+            free_area_m2,
+            explored_fraction,
+            main_nodes: counts.main_nodes,
+            support_nodes: counts.support_nodes,
+            edges: counts.edges,
+            version: summary.version,
+            digest: mapper.map().digest(),
+            map_bytes: published.map_or(0, |published| published.map_bytes),
+            wire_bytes: published.map_or(0, |published| published.wire_bytes),
+            delivered: summary.is_delivered(),
+            driven_m: self.truth.driven_m(),
+            collisions: self.truth.collisions(),
+            trajectory_error: trajectory_error(&online, &truth, world_from_map),
+            corrected_trajectory_error: trajectory_error(&corrected, &truth, world_from_map),
+            main_nodes_within_5cm: near as f64 / node_errors_m.len().max(1) as f64,
+            main_node_error_max_m: node_errors_m.into_iter().fold(0.0, f64::max),
+            closures: [mapper.closures().near, mapper.closures().far],
+            frame_max_ms: summary.frame_max.as_secs_f64() * 1e3,
+            sim_s: self.sim_s,
+            wall_s: self.took.as_secs_f64(),
+        }
+    }
+}
+
+impl MappingObserver for ExplorationScore {
+    fn on_start(&mut self, mapper: &Mapper) {
+        self.began = Instant::now();
+        // A map that this robot begins has its frame where the robot begins.
+        self.world_from_map = if mapper.is_placed() { self.start } else { self.joined_origin };
+    }
+
+    fn on_frame(&mut self, mapped: &MappedFrame<'_>) -> ControlFlow<()> {
+        let (mapper, truth) = (mapped.mapper, self.truth.world_from_base());
+        self.true_poses.push(truth);
+        self.sim_s = mapped.frame.time_us as f64 * 1e-6;
+        if mapper.is_placed() {
+            let (sim_s, driven_m) = (self.sim_s, self.truth.driven_m());
+            self.joined.get_or_insert([sim_s, driven_m]);
+            self.located.extend(mapper.latest().map(|latest| (*latest, truth)));
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn on_end(&mut self, _: &Mapper) {
+        self.took = self.began.elapsed();
+    }
+}
+
+/// Distances of the main nodes of `map` that `mapper` made from where the robot truly was (`truth`,
+/// world frame, by frame) when it saw them, metres.
+#[must_use]
+pub fn main_node_errors(map: &MapState, mapper: &Mapper, truth: &[Pose2], world_from_map: &Pose2) -> Vec<f64> {
+    let error_of = |node: NodeRef<'_>| {
+        let seen_at = mapper.footings().get(&node.id)?.frame?;
+        let truth = truth.get(usize::try_from(seen_at).ok()?)?;
+        let place = world_from_map * point(node.pose.position);
+        Some((place.coords - truth.translation.vector).norm())
+    };
+    map.main_nodes().filter_map(error_of).collect()
+}

@@ -1,0 +1,56 @@
+//! What the server has, asked of it.
+
+use super::PublishError;
+use fht_client::{AskError, ask_head_async};
+use fht_proto::MapName;
+use fht_proto::api::reply::{ErrorCode, Head};
+use std::time::{Duration, Instant};
+
+/// How long the server has for one answer.
+pub(super) const ANSWER_TIMEOUT: Duration = Duration::from_secs(1);
+/// Pause before a question is put again.
+pub(crate) const ASK_AGAIN: Duration = Duration::from_millis(200);
+
+/// What came back to the question for a head.
+pub(super) enum Answer {
+    Head(Head),
+    /// The server has no such map.
+    NoMap,
+    /// No server answered, or not to the question: what came instead.
+    None(String),
+}
+
+pub(super) async fn ask_head(session: &zenoh::Session, map: &MapName) -> Result<Answer, PublishError> {
+    Ok(match ask_head_async(session, map, ANSWER_TIMEOUT).await {
+        Ok(head) => Answer::Head(head),
+        Err(AskError::Refused(reply)) if reply.code == ErrorCode::UnknownMap => Answer::NoMap,
+        Err(AskError::Refused(reply)) => Answer::None(reply.message),
+        Err(AskError::Silent) => Answer::None("nobody answered".to_owned()),
+        Err(AskError::Unreadable(reason)) => Answer::None(format!("a head that cannot be used: {reason}")),
+        Err(AskError::Zenoh(error)) => return Err(error.into()),
+    })
+}
+
+/// The head of a map as the server has it now; `None` when the server says that it has no such map.
+/// A server that is silent or busy is asked again, for as long as `patience`.
+///
+/// # Errors
+/// [`PublishError::NoAnswer`] when no server has answered by then, [`PublishError::Session`].
+pub async fn find_head(
+    session: &zenoh::Session,
+    map: &MapName,
+    patience: Duration,
+) -> Result<Option<Head>, PublishError> {
+    let begin = Instant::now();
+    loop {
+        let reason = match ask_head(session, map).await? {
+            Answer::Head(head) => return Ok(Some(head)),
+            Answer::NoMap => return Ok(None),
+            Answer::None(reason) => reason,
+        };
+        if begin.elapsed() >= patience {
+            return Err(PublishError::NoAnswer { map: map.clone(), seconds: patience.as_secs(), reason });
+        }
+        tokio::time::sleep(ASK_AGAIN).await;
+    }
+}

@@ -1,0 +1,232 @@
+//! A run whose map goes to a server while it is made.
+
+use crate::mapping::Mapper;
+use crate::publish::{
+    DeliverError, Outbox, Progress, PublishError, RunOrigin, Spool, SpoolError, WindowConfig, deliver, find_head,
+    outbox,
+};
+use crate::team::{EnterError, MapEntry, Peers};
+use fht_client::{Presence, ReplicaError};
+use fht_proto::api::fleet::RobotRole;
+use fht_proto::api::reply::Head;
+use fht_proto::{AuthorId, Increment, MapName};
+use fht_session::{SessionConfig, SessionError};
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::time::Duration;
+use zenoh::Session;
+use zenoh::liveliness::LivelinessToken;
+
+/// How long the server may take to tell whether the map exists, and to acknowledge anything of what
+/// the last run has left.
+const SERVER_PATIENCE: Duration = Duration::from_secs(30);
+/// How long it may take to put into the spool what is not acknowledged in the end.
+const LEAVE_TIME: Duration = Duration::from_secs(10);
+
+/// Where a run is published.
+#[derive(Clone, Debug)]
+pub struct Publication {
+    /// The server.
+    pub link: SessionConfig,
+    /// The map.
+    pub map: MapName,
+    /// The robot; its author id follows from it.
+    pub robot: String,
+    /// Folder in which what is not acknowledged survives the run; none: it does not.
+    pub spool: Option<PathBuf>,
+    /// How much may be under way, and how long.
+    pub window: WindowConfig,
+    /// How long to wait for the server's last acknowledgement.
+    pub linger: Duration,
+}
+
+/// Why a run cannot be published.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkedError {
+    /// The session cannot be opened.
+    #[error(transparent)]
+    Link(#[from] SessionError),
+    /// Publishing failed.
+    #[error(transparent)]
+    Publish(#[from] PublishError),
+    /// The robot's disk is of no use.
+    #[error(transparent)]
+    Spool(#[from] SpoolError),
+    /// What the last run has left is not delivered.
+    #[error(transparent)]
+    Deliver(#[from] DeliverError),
+    /// The map is there already: a recorded run would be in another frame.
+    #[error(
+        "the map '{map}' already has {version} increments on the server; choose another --map (a recorded run starts a map of \
+         its own, in a frame of its own)"
+    )]
+    MapExists {
+        /// Its name.
+        map: MapName,
+        /// Its version.
+        version: u64,
+    },
+    /// There is no copy of the map to join.
+    #[error(transparent)]
+    Replica(#[from] ReplicaError),
+    /// The map cannot be joined.
+    #[error(transparent)]
+    Enter(#[from] EnterError),
+    /// The run ended early: a defect.
+    #[error("the mapping loop failed: {0}")]
+    Loop(#[from] tokio::task::JoinError),
+}
+
+/// A session with a server, over which a run is published.
+pub struct Linked {
+    publication: Publication,
+    session: Session,
+    spool: Option<Spool>,
+    head: Option<Head>,
+    token: LivelinessToken,
+}
+
+impl Linked {
+    /// Opens the session, delivers what the last run of this robot has left, and asks the server
+    /// about the map.
+    ///
+    /// # Errors
+    /// [`LinkedError`].
+    pub async fn open(publication: Publication) -> Result<Self, LinkedError> {
+        let Publication { link, map, robot, spool, window, .. } = &publication;
+        let spool = spool.as_deref().map(|dir| Spool::open(dir, map, AuthorId::of_robot(robot))).transpose()?;
+        let session = fht_session::open(link).await?;
+        let head = match &spool {
+            Some(spool) => deliver(&session, map, robot, spool, window, SERVER_PATIENCE).await?,
+            None => find_head(&session, map, SERVER_PATIENCE).await?,
+        };
+        let presence = Presence::new(&session, map, robot, RobotRole::Explorer)
+            .map_err(|error| PublishError::Session(error.into()))?;
+        let token = presence.declare().map_err(PublishError::from)?;
+        Ok(Self { head, session, spool, token, publication })
+    }
+
+    /// Insists that nobody has written the map before.
+    ///
+    /// # Errors
+    /// [`LinkedError::MapExists`].
+    pub fn require_new(&self) -> Result<(), LinkedError> {
+        match &self.head {
+            Some(head) if head.version > 0 => {
+                Err(LinkedError::MapExists { map: self.publication.map.clone(), version: head.version })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Begins to listen to other explorers, and finds out whether this one begins the map or joins
+    /// it.
+    ///
+    /// # Errors
+    /// [`LinkedError`].
+    pub async fn enter(&self) -> Result<(Peers, MapEntry), LinkedError> {
+        let (session, head, Publication { map, robot, .. }) =
+            (self.session.clone(), self.head.clone(), self.publication.clone());
+        let enter = move || {
+            let mut fellows = Peers::start(&session, &map, &robot)?;
+            let entry = fellows.enter(head.as_ref(), SERVER_PATIENCE)?;
+            Ok::<_, LinkedError>((fellows, entry))
+        };
+        tokio::task::spawn_blocking(enter).await?
+    }
+
+    /// Runs `work` in a thread, publishes what it puts in its outbox, and waits until the server
+    /// has it. The outcome of `work` comes with how far publishing got. `entry` says how this run
+    /// begins.
+    ///
+    /// # Errors
+    /// [`LinkedError`]; a server that falls silent is none (the progress tells).
+    pub async fn publish_while<R: Send + 'static>(
+        self,
+        entry: MapEntry,
+        work: impl FnOnce(&Outbox) -> R + Send + 'static,
+    ) -> Result<(R, Progress), LinkedError> {
+        let Self { publication: Publication { map, robot, window, linger, .. }, session, head, spool, token } = self;
+        let (MapEntry::Found { stored } | MapEntry::Join { stored }) = entry;
+        if let Some(spool) = &spool {
+            let basis = head.map(|head| head.vector).unwrap_or_default();
+            spool.begin(RunOrigin { is_founder: matches!(entry, MapEntry::Found { .. }), basis }).await?;
+        }
+        let (outbox, publisher) = outbox(session.clone(), map, AuthorId::of_robot(&robot), stored, spool, window);
+        let mut publisher = tokio::spawn(publisher);
+        // Once the outbox is closed, the publisher ends when everything is acknowledged.
+        let run = tokio::task::spawn_blocking(move || (work(&outbox), outbox.close()));
+        let (outcome, closed) = run.await?;
+        let published = match tokio::time::timeout(linger, &mut publisher).await {
+            Ok(published) => published??,
+            Err(_) => {
+                closed.leave();
+                match tokio::time::timeout(LEAVE_TIME, &mut publisher).await {
+                    Ok(published) => published??,
+                    Err(_) => {
+                        publisher.abort();
+                        closed.progress()
+                    }
+                }
+            }
+        };
+        token.undeclare().await.map_err(PublishError::from)?;
+        session.close().await.map_err(PublishError::from)?;
+        Ok((outcome, published))
+    }
+}
+
+/// Hands what a mapper writes to the outbox, if there is one. The robot's loop never waits for it:
+/// what the outbox cannot take yet is kept here.
+pub struct Handover<'a> {
+    outbox: Option<&'a Outbox>,
+    waiting: VecDeque<Increment>,
+    written: u64,
+}
+
+impl<'a> Handover<'a> {
+    /// Before the first increment. Without an outbox increments are only counted.
+    #[must_use]
+    pub fn new(outbox: Option<&'a Outbox>) -> Self {
+        Self { outbox, waiting: VecDeque::new(), written: 0 }
+    }
+
+    /// Takes what `mapper` has written since the last call; returns the number of the newest
+    /// increment.
+    pub fn take_from(&mut self, mapper: &mut Mapper) -> u64 {
+        for increment in mapper.take_increments() {
+            self.written = increment.number;
+            if self.outbox.is_some() {
+                self.waiting.push_back(increment);
+            }
+        }
+        while let Some((outbox, increment)) = self.outbox.zip(self.waiting.pop_front()) {
+            if let Err(increment) = outbox.offer(increment) {
+                self.waiting.push_front(increment);
+                break;
+            }
+        }
+        self.written
+    }
+
+    /// Hands over what still waits, and waits for that.
+    pub async fn finish(&mut self) {
+        while let Some((outbox, increment)) = self.outbox.zip(self.waiting.pop_front()) {
+            if !outbox.deliver(increment).await {
+                return;
+            }
+        }
+    }
+
+    /// How many increments the server has durably.
+    #[must_use]
+    pub fn acknowledged(&self) -> u64 {
+        self.outbox.map_or(0, |outbox| outbox.progress().acknowledged)
+    }
+
+    /// Whether nobody takes the map any more; the publisher says why.
+    #[must_use]
+    pub fn has_ended(&self) -> bool {
+        self.outbox.is_some_and(Outbox::has_ended)
+    }
+}

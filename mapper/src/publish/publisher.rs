@@ -1,0 +1,214 @@
+//! Puts increments over a session, and again what the server lacks.
+
+use super::PublishError;
+use super::head::{ANSWER_TIMEOUT, ASK_AGAIN, Answer, ask_head};
+use super::progress::Progress;
+use super::spool::Spool;
+use super::verify::Verified;
+use super::window::{Backlog, Window, WindowConfig};
+use fht_client::read_head;
+use fht_proto::api::keys::{Key, Topic};
+use fht_proto::api::reply::{ErrorReply, Head, Series};
+use fht_proto::{AuthorId, CodecError, Increment, MapName, VersionVector, decode, encode};
+use std::sync::Arc;
+use std::time::Instant;
+use tokio::sync::{Notify, mpsc, watch};
+use zenoh::bytes::Encoding;
+use zenoh::handlers::RingChannel;
+use zenoh::qos::{CongestionControl, Priority};
+use zenoh::query::ConsolidationMode;
+
+/// How many of them are taken at a time, and written to the disk at once.
+const BATCH: usize = 64;
+/// About how much is read back at a time, bytes.
+const PART_BYTES: usize = 256 << 10;
+
+/// Puts increments, and keeps them until the server has them.
+pub(super) struct Publisher {
+    session: zenoh::Session,
+    map: MapName,
+    author: AuthorId,
+    window: Window,
+    verified: Verified,
+    spool: Option<Spool>,
+    report: watch::Sender<Progress>,
+    pub(super) leave: Arc<Notify>,
+}
+
+impl Publisher {
+    /// Begins with `backlog`, which is in `spool` if there is one.
+    pub(super) fn new(
+        session: zenoh::Session,
+        map: MapName,
+        author: AuthorId,
+        backlog: Backlog,
+        spool: Option<Spool>,
+        window: WindowConfig,
+    ) -> Self {
+        let begun = Progress { written: backlog.written(), acknowledged: backlog.acknowledged, ..Progress::default() };
+        let verified = Verified::after(author, backlog.acknowledged);
+        let window = Window::of_backlog(window, backlog);
+        let (report, leave) = (watch::Sender::new(begun), Arc::new(Notify::new()));
+        Self { session, map, author, window, verified, spool, report, leave }
+    }
+
+    /// How far it has come.
+    pub(super) fn progress(&self) -> watch::Receiver<Progress> {
+        self.report.subscribe()
+    }
+
+    /// Whether all is acknowledged.
+    pub(super) fn is_done(&self) -> bool {
+        self.window.is_empty()
+    }
+
+    /// Before anything of the backlog is put: reads back what the server has of it at `head`. It
+    /// may have more, if a run that did not know of the backlog went on from there.
+    pub(super) async fn verify(&mut self, mut head: Head) -> Result<(), PublishError> {
+        let stored = head.vector.get(self.author).min(self.report.borrow().written);
+        head.vector.set(self.author, stored);
+        while self.verified.upto() < stored {
+            if !self.take_head(head.clone()).await? {
+                tokio::time::sleep(ASK_AGAIN).await;
+            }
+        }
+        Ok(())
+    }
+
+    /// Publishes the backlog and what is `incoming`, until that is closed and all is acknowledged.
+    pub(super) async fn run(mut self, mut incoming: mpsc::Receiver<Increment>) -> Result<Progress, PublishError> {
+        // Rings: the newest head is the only one that counts, and nobody waits for a slow robot.
+        let head_key = Key::topic(&self.map, Topic::Head).to_string();
+        let heads = self.session.declare_subscriber(head_key).with(RingChannel::new(1)).await?;
+        let refused_key = Key::refused(&self.map, self.author).to_string();
+        let refusals = self.session.declare_subscriber(refused_key).with(RingChannel::new(8)).await?;
+        let leave = Arc::clone(&self.leave);
+        let mut is_open = true;
+        let mut batch = Vec::with_capacity(BATCH);
+        loop {
+            self.put_all().await?;
+            if !is_open && self.window.is_empty() {
+                return Ok(self.report.borrow().clone());
+            }
+            let ask_at = self.window.ask_at();
+            tokio::select! {
+                count = incoming.recv_many(&mut batch, BATCH), if is_open => {
+                    is_open = count > 0;
+                    self.add(batch.drain(..)).await?;
+                }
+                () = leave.notified() => {
+                    while let Ok(increment) = incoming.try_recv() {
+                        batch.push(increment);
+                    }
+                    self.add(batch.drain(..)).await?;
+                    return Ok(self.report.borrow().clone());
+                }
+                head = heads.recv_async() => match read_head(&head?.payload().to_bytes(), &self.map) {
+                    Ok(head) => _ = self.take_head(head).await?,
+                    Err(reason) => tracing::warn!("a head that cannot be used: {reason}"),
+                },
+                refusal = refusals.recv_async() => take_refusal(&refusal?.payload().to_bytes())?,
+                () = tokio::time::sleep_until(ask_at.unwrap_or_else(Instant::now).into()), if ask_at.is_some() => {
+                    self.ask().await?;
+                }
+            }
+        }
+    }
+
+    async fn add(&mut self, increments: impl Iterator<Item = Increment>) -> Result<(), PublishError> {
+        let encoded = increments.map(|increment| Ok((increment.number, encode(&increment)?)));
+        let encoded: Vec<(u64, Vec<u8>)> = encoded.collect::<Result<_, CodecError>>()?;
+        if let Some(spool) = self.spool.as_ref().filter(|_| !encoded.is_empty()) {
+            spool.add(encoded.clone()).await?;
+        }
+        for (number, bytes) in encoded {
+            self.report.send_modify(|progress| {
+                progress.written = number;
+                progress.map_bytes += bytes.len() as u64;
+            });
+            self.window.push(number, bytes);
+        }
+        Ok(())
+    }
+
+    async fn put_all(&mut self) -> Result<(), PublishError> {
+        while let Some((number, bytes)) = self.window.next() {
+            let key = Key::increment(&self.map, self.author, number).to_string();
+            self.report.send_modify(|progress| progress.wire_bytes += bytes.len() as u64);
+            self.session
+                .put(key, bytes)
+                .encoding(Encoding::APPLICATION_OCTET_STREAM)
+                .congestion_control(CongestionControl::Block)
+                .priority(Priority::Data)
+                .await?;
+            self.window.put(Instant::now());
+        }
+        Ok(())
+    }
+
+    /// Takes a head in; returns whether it acknowledges more than was known.
+    async fn take_head(&mut self, head: Head) -> Result<bool, PublishError> {
+        self.window.check(head.vector.get(self.author))?;
+        if let Some(have) = self.verified.lacking(&head.vector) {
+            self.read_back(&have).await?;
+        }
+        let is_news = self.window.acknowledge(self.verified.upto(), Instant::now())?;
+        self.report.send_modify(|progress| {
+            progress.acknowledged = self.window.acknowledged();
+            progress.head = Some(head);
+        });
+        if let Some(spool) = self.spool.as_ref().filter(|_| is_news) {
+            spool.acknowledge(self.window.acknowledged()).await?;
+        }
+        Ok(is_news)
+    }
+
+    /// Reads back what the server has beyond `have`, as far as it comes. What is lacking is asked
+    /// for at the next head.
+    async fn read_back(&mut self, have: &VersionVector) -> Result<(), PublishError> {
+        let key = Key::topic(&self.map, Topic::Since);
+        let selector = format!("{key}?vector={have};max_bytes={PART_BYTES}");
+        let question = self.session.get(selector).timeout(ANSWER_TIMEOUT).consolidation(ConsolidationMode::None);
+        let answers = question.await?;
+        while let Ok(answer) = answers.recv_async().await {
+            let Ok(sample) = answer.result() else { continue };
+            match decode::<Series>(&sample.payload().to_bytes()) {
+                Ok(piece) => self.verified.compare(&piece, &self.window)?,
+                Err(error) => tracing::warn!("what the server has cannot be read back: {error}"),
+            }
+        }
+        Ok(())
+    }
+
+    /// There is no news: the server may be new, or increments or heads were lost. Asks, and sends
+    /// again from where the server is.
+    async fn ask(&mut self) -> Result<(), PublishError> {
+        let is_news = match ask_head(&self.session, &self.map).await? {
+            Answer::Head(head) => self.take_head(head).await?,
+            Answer::NoMap => false,
+            Answer::None(reason) => {
+                tracing::debug!("the head is not known: {reason}");
+                self.window.unanswered(Instant::now());
+                return Ok(());
+            }
+        };
+        if !is_news {
+            self.window.lost();
+        }
+        Ok(())
+    }
+}
+
+fn take_refusal(payload: &[u8]) -> Result<(), PublishError> {
+    match serde_json::from_slice::<ErrorReply>(payload) {
+        Ok(reply) if reply.code.is_permanent_refusal() => Err(PublishError::Refused(reply)),
+        Ok(reply) => {
+            tracing::warn!("the server refused an increment: {reply}");
+            Ok(())
+        }
+        Err(error) => {
+            tracing::warn!("a refusal that cannot be read: {error}");
+            Ok(())
+        }
+    }
+}

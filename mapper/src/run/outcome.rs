@@ -1,0 +1,54 @@
+//! What a run came to.
+
+use crate::explore::Ending;
+use crate::mapping::Mapper;
+use crate::publish::Progress;
+use fht_perception::robot::RobotError;
+use std::time::Duration;
+
+/// How a run ended, in figures.
+#[derive(Debug)]
+pub struct MappingSummary {
+    /// Why it ended.
+    pub ending: Ending,
+    /// What the robot said when it could not go on ([`Ending::RobotFailed`]). The map is finished
+    /// as it was by then.
+    pub robot_error: Option<RobotError>,
+    /// Frames mapped.
+    pub frames: usize,
+    /// Frames that nothing could be made of.
+    pub frames_refused: usize,
+    /// Increments written.
+    pub version: u64,
+    /// Longest time that a frame took, sensing excluded.
+    pub frame_max: Duration,
+    /// How far publishing came; none without a server.
+    pub published: Option<Progress>,
+}
+
+impl MappingSummary {
+    /// Whether the server has acknowledged everything.
+    #[must_use]
+    pub fn is_delivered(&self) -> bool {
+        self.published.as_ref().is_some_and(|published| published.acknowledged >= self.version)
+    }
+}
+
+/// What a run came to.
+pub struct MappingOutcome<R, O> {
+    /// How it ended.
+    pub summary: MappingSummary,
+    /// The finished map, and what it rests on.
+    pub mapper: Mapper,
+    /// The robot.
+    pub robot: R,
+    /// The observer.
+    pub observer: O,
+}
+
+impl<R, O> MappingOutcome<R, O> {
+    pub(super) fn with(mut self, published: Progress) -> Self {
+        self.summary.published = Some(published);
+        self
+    }
+}

@@ -1,0 +1,63 @@
+//! Keyframes matched to submaps, and which matches are good enough.
+
+use super::config::ClosureConfig;
+use crate::slam::submap::{Submap, SubmapFit};
+use fht_perception::matching::{ScanMatch, SearchWindow, alignments, refine};
+use fht_perception::pose::{Point2, Pose2};
+use fht_perception::pose_graph::PoseConstraint;
+use nalgebra::{Matrix3, Vector3};
+
+/// A submap that a keyframe could be matched to.
+pub(super) struct Candidate {
+    pub(super) submap: usize,
+    /// Where the keyframe should be in it.
+    pub(super) guess: Pose2,
+    pub(super) window_m: f64,
+    pub(super) window_rad: f64,
+    pub(super) distance_m: f64,
+}
+
+/// Matches a keyframe, seen as `points`, to a submap within a candidate's window.
+pub(super) fn match_within(
+    submap: &Submap,
+    (index, points): (usize, &[Point2]),
+    candidate: &Candidate,
+    config: &ClosureConfig,
+) -> Option<PoseConstraint> {
+    let guess = candidate.guess;
+    let aligned = if candidate.window_m <= config.refine_m {
+        refine(submap.cloud(), points, &guess, &config.matching).into_iter().collect()
+    } else {
+        let window = SearchWindow {
+            centre: guess,
+            half_x_m: candidate.window_m,
+            half_y_m: candidate.window_m,
+            half_yaw_rad: candidate.window_rad,
+        };
+        alignments(submap.cloud(), points, &window, &config.matching)
+    };
+    let is_inside = |found: &ScanMatch| {
+        let off = guess.inverse() * found.reference_from_moving;
+        off.translation.vector.norm() <= 1.5 * candidate.window_m + 0.1
+            && off.rotation.angle().abs() <= 1.5 * candidate.window_rad
+    };
+    let judged = aligned.into_iter().filter(is_inside).map(|found| judge(submap, points, found));
+    let (found, verdict) = judged.max_by(|(_, a), (_, b)| a.balance().cmp(&b.balance()))?;
+    if verdict.agreement() < config.min_agreement || verdict.overlap() < config.min_overlap {
+        return None;
+    }
+    let information = with_floor(&found.covariance, config.floor_m, config.floor_rad)?;
+    let measured = found.reference_from_moving;
+    Some(PoseConstraint { from: submap.first(), to: index, measured, information, is_doubtful: true })
+}
+
+pub(super) fn judge(submap: &Submap, points: &[Point2], found: ScanMatch) -> (ScanMatch, SubmapFit) {
+    let verdict = submap.judge(points, &found.reference_from_moving);
+    (found, verdict)
+}
+
+/// Information of a match whose covariance is at least the floor.
+pub fn with_floor(covariance: &Matrix3<f64>, floor_m: f64, floor_rad: f64) -> Option<Matrix3<f64>> {
+    let floor = Vector3::new(floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad);
+    (covariance + Matrix3::from_diagonal(&floor)).try_inverse()
+}

@@ -1,0 +1,15 @@
+//! What is said over Zenoh.
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | [`keys`] | key expressions, built and parsed in one place |
+//! | [`request`] | queries as they come, to typed requests |
+//! | [`reply`] | replies as JSON, and error replies |
+//! | [`compact`] | the same replies for `fmt=postcard` |
+//! | [`fleet`] | what robots say of themselves |
+
+pub mod compact;
+pub mod fleet;
+pub mod keys;
+pub mod reply;
+pub mod request;

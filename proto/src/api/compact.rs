@@ -1,0 +1,97 @@
+//! The compact replies: what `fmt=postcard` asks for. Their JSON forms in [`crate::api::reply`]
+//! show ids as text and leave out what is absent, which `postcard` cannot read back.
+
+use crate::codec::envelope::Message;
+use crate::model::geometry::{FixedPoint, FixedPose, Rect};
+use crate::model::ids::{MapName, NodeId};
+use crate::model::increment::NodeKind;
+use crate::model::signature::Signature;
+use crate::model::validate::{Invalid, Validate, check};
+use serde::{Deserialize, Serialize};
+
+/// A point of a path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CompactWaypoint {
+    /// Where, in the map frame.
+    pub point: FixedPoint,
+    /// The node passed, none at the start and at the goal.
+    pub node: Option<NodeId>,
+}
+
+/// The reply to `path`. Its length follows from its points.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CompactPath {
+    /// The map.
+    pub map: MapName,
+    /// The version that the path was planned on.
+    pub version: u64,
+    /// From start to goal.
+    pub waypoints: Vec<CompactWaypoint>,
+}
+
+/// One node, whole.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CompactNode {
+    /// Its id.
+    pub id: NodeId,
+    /// Main or support.
+    pub kind: NodeKind,
+    /// Its pose in the map frame.
+    pub pose: FixedPose,
+    /// Its rectangle of free space.
+    pub free_space: Option<Rect>,
+    /// Descriptor and scan (`match` only).
+    pub signature: Option<Signature>,
+    /// Cosine to the descriptor asked for (`match` only).
+    pub similarity: Option<f32>,
+}
+
+/// The reply to `nodes` (nearest first) and to `match` (most similar first): for robots too small
+/// to hold the map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CompactNodes {
+    /// The map.
+    pub map: MapName,
+    /// Its version.
+    pub version: u64,
+    /// The nodes.
+    pub nodes: Vec<CompactNode>,
+}
+
+impl Message for CompactPath {
+    const KIND: u8 = 4;
+    type Wire = Self;
+    fn to_wire(&self) -> Self {
+        self.clone()
+    }
+    fn from_wire(wire: Self) -> Self {
+        wire
+    }
+}
+
+impl Validate for CompactPath {
+    fn validate(&self) -> Result<(), Invalid> {
+        self.waypoints.iter().try_for_each(|waypoint| waypoint.point.validate())
+    }
+}
+
+impl Message for CompactNodes {
+    const KIND: u8 = 5;
+    type Wire = Self;
+    fn to_wire(&self) -> Self {
+        self.clone()
+    }
+    fn from_wire(wire: Self) -> Self {
+        wire
+    }
+}
+
+impl Validate for CompactNodes {
+    fn validate(&self) -> Result<(), Invalid> {
+        self.nodes.iter().try_for_each(|node| {
+            node.pose.validate()?;
+            check(node.similarity.is_none_or(f32::is_finite), || "a similarity that is not finite".to_owned())?;
+            node.signature.as_ref().map_or(Ok(()), Validate::validate)
+        })
+    }
+}

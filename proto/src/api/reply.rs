@@ -1,0 +1,27 @@
+//! Replies, as JSON (`application/json`) unless the asker wants the compact form
+//! ([`crate::api::compact`]). Errors are error replies with an [`ErrorReply`] as JSON, never
+//! silence.
+
+mod diff;
+mod error;
+mod head;
+mod nodes;
+mod path;
+mod place;
+mod release;
+mod rules;
+mod series;
+
+pub use crate::model::compaction::Series;
+pub use diff::{DiffReply, MovedNode, StateView};
+pub use error::{ErrorCode, ErrorReply};
+pub use head::{Head, MapsReply};
+pub use nodes::{NodeView, NodesReply};
+pub use path::{Obeyed, PathReply, SpeedLimit, Waypoint};
+pub use place::{PlaceRef, parse_point};
+pub use release::{ReleaseView, ReleasesReply};
+pub use rules::{BlockedView, PlaceView, RulesReply, ZoneView};
+pub use series::{
+    CompactedIncrementView, CompactedOpView, CompactedSeriesView, DescriptorView, IncrementView, OpView, ScanView,
+    SeriesReply, ZoneShape,
+};

@@ -1,0 +1,73 @@
+//! Error replies: a code for programs and a sentence for people.
+
+use serde::{Deserialize, Serialize};
+
+/// What went wrong, for programs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
+pub enum ErrorCode {
+    /// Both places are in the map but nothing joins them.
+    NoPath,
+    /// A place is not in or near the mapped space.
+    OutOfMap,
+    /// There is no such map.
+    UnknownMap,
+    /// There is no such version or release of the map.
+    UnknownVersion,
+    /// There is no such node.
+    UnknownNode,
+    /// There is no place of this name.
+    UnknownPlace,
+    /// The goal lies in a zone that no robot may enter, or the start does and there is no way out.
+    KeepOut,
+    /// The descriptor is of a model that this map does not use.
+    IncompatibleModel,
+    /// The request cannot be read.
+    BadRequest,
+    /// The server failed.
+    Internal,
+    /// Another increment of this author and number is stored.
+    Conflict,
+    /// An increment is not in the one form that its content has in bytes.
+    NotCanonical,
+    /// A limit of the server is reached: of a map, of maps, or of all of them together.
+    Full,
+    /// An increment is stamped too far ahead of the server's clock.
+    Future,
+    /// An increment is longer than the server takes.
+    TooLong,
+    /// A code that this program does not know: its sender is newer.
+    #[serde(other)]
+    Unknown,
+}
+
+impl ErrorCode {
+    /// Whether a refused increment would be refused again, however often it is sent.
+    #[must_use]
+    pub fn is_permanent_refusal(self) -> bool {
+        matches!(self, Self::Conflict | Self::NotCanonical | Self::Full | Self::Future | Self::TooLong)
+    }
+}
+
+/// The payload of an error reply, and of what the server puts under a writer's `refused` key.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[error("{message}")]
+pub struct ErrorReply {
+    /// For programs.
+    pub code: ErrorCode,
+    /// One sentence for people, without quotes and backslashes: tools show the JSON of this with
+    /// escapes.
+    pub message: String,
+}
+
+impl ErrorReply {
+    /// An error reply. Texts of others may have come into the sentence: what tools would show with
+    /// escapes is left out.
+    #[must_use]
+    pub fn new(code: ErrorCode, message: &str) -> Self {
+        let is_plain = |c: &char| !matches!(c, '\'' | '"' | '\\') && !c.is_control();
+        Self { code, message: message.chars().filter(is_plain).collect() }
+    }
+}

@@ -1,0 +1,66 @@
+//! The state of a map in a few numbers: `head` and `maps`.
+
+use crate::model::ids::MapName;
+use crate::model::validate::{Invalid, Validate, check};
+use crate::model::version::{Digest, VersionVector};
+use serde::{Deserialize, Serialize};
+
+/// The state of a map: reply and publication under `head`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Head {
+    /// The map.
+    pub map: MapName,
+    /// Sum of the vector.
+    pub version: u64,
+    /// Increments contained, all durable: the acknowledgement of the writers.
+    pub vector: VersionVector,
+    /// Hash of the canonical map.
+    pub digest: Digest,
+    /// The newest clock in it, microseconds. Writers use a greater one.
+    #[serde(default)]
+    pub clock_us: u64,
+    /// The release that robots are to use, as `name@author`; none: this state.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub enabled: Option<String>,
+    /// Main nodes shown.
+    pub main_nodes: usize,
+    /// Support nodes shown.
+    pub support_nodes: usize,
+    /// Edges shown.
+    pub edges: usize,
+    /// Bytes of all increments as they travelled.
+    pub bytes: u64,
+    /// Increments refused since the server started.
+    pub refused: u64,
+}
+
+impl Head {
+    /// The head, if it makes sense and is one of `map`: what everybody asks of a head that came
+    /// from outside. The numbers in its vector may still be anything.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub fn checked(self, map: &MapName) -> Result<Self, Invalid> {
+        check(self.map == *map, || format!("a head of map {} where one of {map} was expected", self.map))?;
+        self.validate()?;
+        Ok(self)
+    }
+}
+
+/// The reply to `maps`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct MapsReply {
+    /// Heads of all maps, by name.
+    pub maps: Vec<Head>,
+}
+
+impl Validate for Head {
+    fn validate(&self) -> Result<(), Invalid> {
+        self.vector.validate()?;
+        check(self.version == self.vector.version(), || {
+            format!("a head of version {} with vector {}", self.version, self.vector)
+        })
+    }
+}

@@ -1,0 +1,73 @@
+//! The reply to `rules`: places, zones, closed edges, and what robots found blocked.
+
+use crate::api::fleet::BlockedReport;
+use crate::model::annotation::ZoneRule;
+use crate::model::ids::MapName;
+use serde::{Deserialize, Serialize};
+
+/// A named place.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct PlaceView {
+    /// Its name.
+    pub name: String,
+    /// `[x, y, yaw]` in the map frame, metres and radians.
+    pub pose: [f64; 3],
+}
+
+/// A zone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct ZoneView {
+    /// Its name.
+    pub name: String,
+    /// What holds there.
+    pub rule: ZoneRule,
+    /// Its corners `[x, y]` in the map frame, metres.
+    pub corners: Vec<[f64; 2]>,
+}
+
+/// Something that a robot found blocked.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct BlockedView {
+    /// The robot.
+    pub robot: String,
+    /// For how much longer it is avoided, seconds.
+    pub for_s: f64,
+    /// Edges, each by the ids of its ends.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub edges: Vec<[String; 2]>,
+    /// Places, `[x, y]` in the map frame, metres.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub places: Vec<[f64; 2]>,
+}
+
+impl BlockedView {
+    /// The robot, and its report as if it came now. `None` of a view without anything: as a report
+    /// that would take back what the robot said.
+    #[must_use]
+    pub fn into_report(self) -> Option<(String, BlockedReport)> {
+        let Self { robot, for_s, edges, places } = self;
+        let says_something = !(edges.is_empty() && places.is_empty());
+        says_something.then_some((robot, BlockedReport { for_s, edges, places }))
+    }
+}
+
+/// The reply to `rules`: what operators and robots have added to the map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct RulesReply {
+    /// The map.
+    pub map: MapName,
+    /// Its version.
+    pub version: u64,
+    /// Named places.
+    pub places: Vec<PlaceView>,
+    /// Zones.
+    pub zones: Vec<ZoneView>,
+    /// Edges that operators have closed, each by the ids of its ends.
+    pub closed_edges: Vec<[String; 2]>,
+    /// What robots found blocked, and for how much longer.
+    pub blocked: Vec<BlockedView>,
+}

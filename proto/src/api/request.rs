@@ -1,0 +1,374 @@
+//! Queries as they come: parameters to typed requests. Every complaint says what was expected.
+
+use crate::api::keys::{AdminAction, Key, Topic};
+use crate::api::reply::{ErrorCode, ErrorReply, PlaceRef, Series, parse_point};
+use crate::{Descriptor, FixedPoint, Footprint, MapName, ReleaseId, ReleaseName, VersionVector, decode};
+use std::collections::BTreeMap;
+use std::str::FromStr;
+
+/// How a reply is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// For people and tools.
+    Json,
+    /// Compact, in an envelope.
+    Postcard,
+}
+
+/// A state of a map.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Moment {
+    /// The first so many increments that the server stored.
+    Version(u64),
+    /// These increments.
+    Vector(VersionVector),
+    /// A release, by its name or `name@author`.
+    Release(String),
+    /// Everything now.
+    Now,
+}
+
+impl Moment {
+    /// Reads `head`, a version, a vector or the name of a release.
+    fn parse(text: &str) -> Result<Self, ErrorReply> {
+        if text == "head" {
+            Ok(Self::Now)
+        } else if text.contains(':') {
+            text.parse()
+                .map(Self::Vector)
+                .map_err(|error| bad_request(format!("{} is no vector: {error}", shown(text))))
+        } else if text.bytes().all(|byte| byte.is_ascii_digit()) {
+            text.parse().map(Self::Version).map_err(|_| bad_request(format!("{} is no version", shown(text))))
+        } else {
+            release_name(text).map(Self::Release)
+        }
+    }
+}
+
+/// What could be the name of a release.
+fn release_name(text: &str) -> Result<String, ErrorReply> {
+    let is_one = text.parse::<ReleaseName>().is_ok() || text.parse::<ReleaseId>().is_ok();
+    let complaint = || bad_request(format!("{} is neither head, a version, a vector nor a release", shown(text)));
+    is_one.then(|| text.to_owned()).ok_or_else(complaint)
+}
+
+/// Which state a path is planned on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum PathOn {
+    /// The release that is enabled, or else the newest state.
+    Enabled,
+    /// The newest state.
+    Head,
+    /// This release, by its name or `name@author`.
+    Release(String),
+}
+
+/// A question about one map.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Question {
+    /// Version, vector, digest, counts.
+    Head,
+    /// The increments of `moment` that the asker lacks (`since` and `snapshot`).
+    Increments {
+        /// What is asked for.
+        moment: Moment,
+        /// What the asker has.
+        have: VersionVector,
+        /// About how long the reply may be, bytes.
+        max_bytes: usize,
+        /// If given, it comes in several replies of about this length each.
+        piece_bytes: Option<usize>,
+        /// Of the reply.
+        format: Format,
+    },
+    /// A path: `path?from=0,0;to=dock;footprint=0.3`.
+    Path {
+        /// The start.
+        from: PlaceRef,
+        /// The goal.
+        to: PlaceRef,
+        /// The state to plan on.
+        on: PathOn,
+        /// The robot that the path must be free for; none for the explorers' own. A radius in
+        /// metres, `footprint=0.3`, or a convex polygon in the base frame, corners in metres,
+        /// `footprint=0.3,0.2_-0.3,0.2_-0.3,-0.2_0.3,-0.2`, which is planned for as the smallest
+        /// disc around the base's origin that covers it. [`Footprint::planned_as`] says what is
+        /// rounded. For a robot larger than the explorers' (0.105 m) the path leads through free
+        /// space that is wide enough for it from start to goal, or the answer is `NO_PATH`; it
+        /// never leads over nodes and edges alone.
+        footprint: Option<Footprint>,
+        /// Of the reply.
+        format: Format,
+    },
+    /// Nodes near a place.
+    Nodes {
+        /// The place.
+        near: FixedPoint,
+        /// How near, metres.
+        radius_m: f64,
+        /// How many at most.
+        limit: usize,
+        /// Of the reply.
+        format: Format,
+    },
+    /// The releases.
+    Releases,
+    /// What has changed.
+    Diff {
+        /// From this state …
+        from: Moment,
+        /// … to this.
+        to: Moment,
+    },
+    /// Named places, zones, closed edges, what is blocked.
+    Rules,
+    /// The robots.
+    Fleet,
+    /// Nodes that look like a descriptor.
+    Match {
+        /// The descriptor.
+        descriptor: Descriptor,
+        /// How many at most.
+        limit: usize,
+        /// Of the reply.
+        format: Format,
+    },
+}
+
+/// A request to the server.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Request {
+    /// The maps there are.
+    Maps,
+    /// A question about one map.
+    Map(MapName, Question),
+}
+
+/// What an operator wants done.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AdminOrder {
+    /// Fold all but the newest so many versions.
+    Retain {
+        /// How many versions stay.
+        keep: u64,
+    },
+    /// Take in a part of a map.
+    Import {
+        /// The part.
+        series: Series,
+    },
+}
+
+/// Default and greatest length of a series of increments, bytes. Short enough to share a thin link
+/// with live increments.
+const SERIES_BYTES: (usize, usize) = (64 << 10, 1 << 20);
+/// Default and greatest number of nodes in a reply to `nodes`.
+const NODES_LIMIT: (usize, usize) = (100, 1000);
+/// Default and greatest number of nodes in a reply to `match`.
+const MATCH_LIMIT: (usize, usize) = (5, 50);
+/// Default and greatest radius of `nodes`, metres.
+const RADIUS_M: (f64, f64) = (5.0, FixedPoint::MAX_M);
+
+/// A complaint about a request.
+#[must_use]
+pub fn bad_request(message: String) -> ErrorReply {
+    ErrorReply::new(ErrorCode::BadRequest, &message)
+}
+
+/// Text from outside, cut to a sensible length for a message.
+#[must_use]
+pub fn shown(text: &str) -> String {
+    text.chars().take(80).collect()
+}
+
+/// The parameters of a query, checked against those that the topic knows.
+struct Parameters<'a> {
+    values: BTreeMap<&'a str, &'a str>,
+}
+
+impl<'a> Parameters<'a> {
+    fn of(pairs: impl Iterator<Item = (&'a str, &'a str)>, known: &[&str]) -> Result<Self, ErrorReply> {
+        let mut values = BTreeMap::new();
+        // Names with an underscore are Zenoh's own.
+        for (name, value) in pairs.filter(|(name, _)| !name.is_empty() && !name.starts_with('_')) {
+            if !known.contains(&name) {
+                let hint = if known.is_empty() { "there are none here".to_owned() } else { known.join(", ") };
+                return Err(bad_request(format!("unknown parameter {}; known: {hint}", shown(name))));
+            }
+            if values.insert(name, value).is_some() {
+                return Err(bad_request(format!("parameter {name} is given twice")));
+            }
+        }
+        Ok(Self { values })
+    }
+
+    fn required(&self, name: &str, example: &str) -> Result<&'a str, ErrorReply> {
+        let missing = || bad_request(format!("parameter {name} is missing; for example: {example}"));
+        self.values.get(name).copied().filter(|value| !value.is_empty()).ok_or_else(missing)
+    }
+
+    fn text(&self, name: &str) -> Option<&'a str> {
+        self.values.get(name).copied().filter(|value| !value.is_empty())
+    }
+
+    fn parsed<T: FromStr>(&self, name: &str, expected: &str) -> Result<Option<T>, ErrorReply> {
+        let parse = |value: &&str| {
+            value.trim().parse().map_err(|_| bad_request(format!("{name}={} is not {expected}", shown(value))))
+        };
+        self.values.get(name).map(parse).transpose()
+    }
+
+    fn limit(&self, name: &str, (default, most): (usize, usize)) -> Result<usize, ErrorReply> {
+        let limit = self.parsed(name, &format!("a number from 1 to {most}"))?.unwrap_or(default);
+        if (1..=most).contains(&limit) { Ok(limit) } else { Err(bad_request(format!("{name} must be 1 to {most}"))) }
+    }
+
+    /// The question for what `have` lacks of `moment`.
+    fn increments(&self, moment: Moment, have: VersionVector) -> Result<Question, ErrorReply> {
+        let max_bytes = self.limit("max_bytes", SERIES_BYTES)?;
+        let piece_bytes = self.text("piece_bytes").map(|_| self.limit("piece_bytes", SERIES_BYTES)).transpose()?;
+        Ok(Question::Increments { moment, have, max_bytes, piece_bytes, format: self.format(Format::Postcard)? })
+    }
+
+    fn format(&self, default: Format) -> Result<Format, ErrorReply> {
+        match self.values.get("fmt").copied() {
+            None => Ok(default),
+            Some("json") => Ok(Format::Json),
+            Some("postcard") => Ok(Format::Postcard),
+            Some(other) => Err(bad_request(format!("fmt={} is neither json nor postcard", shown(other)))),
+        }
+    }
+
+    fn footprint(&self) -> Result<Option<Footprint>, ErrorReply> {
+        let parse = |text: &str| {
+            text.parse().map_err(|error| bad_request(format!("footprint={} cannot be used: {error}", shown(text))))
+        };
+        self.values.get("footprint").copied().map(parse).transpose()
+    }
+
+    fn vector(&self, name: &str) -> Result<Option<VersionVector>, ErrorReply> {
+        let parse = |value: &&str| value.parse().map_err(|error| bad_request(format!("{name}: {error}")));
+        self.values.get(name).map(parse).transpose()
+    }
+}
+
+/// Reads a request.
+///
+/// # Errors
+/// `BAD_REQUEST` with a sentence that says what was expected.
+pub fn parse<'a>(
+    key: Key,
+    parameters: impl Iterator<Item = (&'a str, &'a str)>,
+    payload: Option<&[u8]>,
+) -> Result<Request, ErrorReply> {
+    match key {
+        Key::Maps => Parameters::of(parameters, &[]).map(|_| Request::Maps),
+        Key::Topic { map, topic } => Ok(Request::Map(map, question(topic, parameters, payload)?)),
+        Key::Increment { .. }
+        | Key::Refused { .. }
+        | Key::Robot { .. }
+        | Key::RobotTopic { .. }
+        | Key::Kept { .. }
+        | Key::Admin { .. } => Err(bad_request(format!("{key} is not a topic"))),
+    }
+}
+
+/// Reads an operator's order.
+///
+/// # Errors
+/// `BAD_REQUEST` with a sentence that says what was expected.
+pub fn parse_order<'a>(
+    action: AdminAction,
+    parameters: impl Iterator<Item = (&'a str, &'a str)>,
+    payload: Option<&[u8]>,
+) -> Result<AdminOrder, ErrorReply> {
+    match action {
+        AdminAction::Retain => {
+            let given = Parameters::of(parameters, &["keep"])?;
+            let keep = given.parsed("keep", "a number of versions")?;
+            let missing = || bad_request("say how many versions are to stay, such as retain?keep=1000".to_owned());
+            keep.map(|keep| AdminOrder::Retain { keep }).ok_or_else(missing)
+        }
+        AdminAction::Import => {
+            Parameters::of(parameters, &[])?;
+            let missing = || bad_request("import needs a series of increments in the payload".to_owned());
+            let series = decode(payload.ok_or_else(missing)?)
+                .map_err(|error| bad_request(format!("the payload is not a series of increments: {error}")))?;
+            Ok(AdminOrder::Import { series })
+        }
+    }
+}
+
+fn question<'a>(
+    topic: Topic,
+    parameters: impl Iterator<Item = (&'a str, &'a str)>,
+    payload: Option<&[u8]>,
+) -> Result<Question, ErrorReply> {
+    match topic {
+        Topic::Head => Parameters::of(parameters, &[]).map(|_| Question::Head),
+        Topic::Since => {
+            let given = Parameters::of(parameters, &["vector", "max_bytes", "piece_bytes", "fmt"])?;
+            let have = given.vector("vector")?.unwrap_or_default();
+            given.increments(Moment::Now, have)
+        }
+        Topic::Snapshot => {
+            let known = ["version", "vector", "release", "have", "max_bytes", "piece_bytes", "fmt"];
+            let given = Parameters::of(parameters, &known)?;
+            let version = given.parsed("version", "a whole number")?.map(Moment::Version);
+            let vector = given.vector("vector")?.map(Moment::Vector);
+            let release = given.text("release").map(release_name).transpose()?.map(Moment::Release);
+            let mut moments = version.into_iter().chain(vector).chain(release);
+            let moment = moments.next().unwrap_or(Moment::Now);
+            if moments.next().is_some() {
+                return Err(bad_request("give only one of version, vector and release".to_owned()));
+            }
+            let have = given.vector("have")?.unwrap_or_default();
+            given.increments(moment, have)
+        }
+        Topic::Path => {
+            let given = Parameters::of(parameters, &["from", "to", "release", "footprint", "fmt"])?;
+            let place = |name| given.required(name, "path?from=0,0;to=5,3").and_then(str::parse);
+            let on = match given.text("release") {
+                None => PathOn::Enabled,
+                Some("head") => PathOn::Head,
+                Some(name) => PathOn::Release(release_name(name)?),
+            };
+            let (from, to, footprint) = (place("from")?, place("to")?, given.footprint()?);
+            Ok(Question::Path { from, to, on, footprint, format: given.format(Format::Json)? })
+        }
+        Topic::Nodes => {
+            let given = Parameters::of(parameters, &["near", "radius", "limit", "fmt"])?;
+            let near = parse_point(given.required("near", "nodes?near=0,0;radius=5")?)?;
+            let radius_m = given.parsed("radius", "a number of metres")?.unwrap_or(RADIUS_M.0);
+            if !(0.0..=RADIUS_M.1).contains(&radius_m) {
+                return Err(bad_request(format!("radius must be 0 to {} m", RADIUS_M.1)));
+            }
+            Ok(Question::Nodes {
+                near,
+                radius_m,
+                limit: given.limit("limit", NODES_LIMIT)?,
+                format: given.format(Format::Json)?,
+            })
+        }
+        Topic::Releases => Parameters::of(parameters, &[]).map(|_| Question::Releases),
+        Topic::Rules => Parameters::of(parameters, &[]).map(|_| Question::Rules),
+        Topic::Fleet => Parameters::of(parameters, &[]).map(|_| Question::Fleet),
+        Topic::Diff => {
+            let given = Parameters::of(parameters, &["from", "to"])?;
+            let from = Moment::parse(given.required("from", "diff?from=2026-11-21.1;to=head")?)?;
+            let to = given.text("to").map_or(Ok(Moment::Now), Moment::parse)?;
+            Ok(Question::Diff { from, to })
+        }
+        Topic::Match => {
+            let given = Parameters::of(parameters, &["limit", "fmt"])?;
+            let missing = || bad_request("match needs a descriptor in the payload".to_owned());
+            let descriptor = decode(payload.ok_or_else(missing)?)
+                .map_err(|error| bad_request(format!("the payload is not a descriptor: {error}")))?;
+            Ok(Question::Match {
+                descriptor,
+                limit: given.limit("limit", MATCH_LIMIT)?,
+                format: given.format(Format::Json)?,
+            })
+        }
+    }
+}
