@@ -13,6 +13,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use zenoh::Session;
+use zenoh::query::ConsolidationMode;
 
 pub const ANA: AuthorId = AuthorId(0xa);
 pub const BEN: AuthorId = AuthorId(0xb);
@@ -146,8 +147,9 @@ pub async fn ask(session: &Session, selector: &str) -> Vec<Result<Vec<u8>, Error
 }
 
 pub async fn ask_with(session: &Session, selector: &str, payload: Vec<u8>) -> Vec<Result<Vec<u8>, ErrorReply>> {
-    let get = session.get(selector).payload(payload).timeout(Duration::from_secs(5));
-    let replies = get.await.unwrap();
+    // A reply in several pieces has one key for all of them.
+    let get = session.get(selector).payload(payload).consolidation(ConsolidationMode::None);
+    let replies = get.timeout(Duration::from_secs(5)).await.unwrap();
     let mut found = Vec::new();
     while let Ok(reply) = replies.recv_async().await {
         found.push(match reply.result() {
