@@ -2,20 +2,25 @@
 //!
 //! | module | idea |
 //! | --- | --- |
-//! | [`mission`] | a task, carried out by whatever robot stands behind the port ([`Robot`](fht_perception::robot::Robot)) |
+//! | [`mission`] | a task, carried out by whatever robot stands behind the port |
 //! | [`pilot`] | from frames to commands: the paper's Algorithm 2 |
 //! | `path_following` | following a path of the map (section III-C-2) |
 //! | `blockages` | ways found blocked, for a while |
-//! | `program` | the command line, and a simulated world for the robot of the program (feature `program`) |
+//! | `program` | the command line, and the program's simulated world (feature `program`) |
 //!
 //! A robot of your own implements the port; [`mission::run`] does the rest:
 //!
 //! ```
-//! use client_robot::mission::{MissionConfig, MissionError, MissionGoal, MissionOutcome, Services, run};
+//! use client_robot::mission::{self, MissionConfig, MissionError, MissionGoal, Services};
 //! use fht_perception::robot::Robot;
 //!
-//! async fn find_place<R: Robot>(robot: R, services: &mut Services<'_>) -> Result<MissionOutcome, MissionError> {
-//!     run(robot, MissionConfig::default(), &MissionGoal::None, services, &mut ()).await
+//! async fn find_place<R>(robot: R, services: &mut Services<'_>) -> Result<(), MissionError>
+//! where
+//!     R: Robot,
+//! {
+//!     let config = MissionConfig::default();
+//!     mission::run(robot, config, &MissionGoal::None, services, &mut ()).await?;
+//!     Ok(())
 //! }
 //! ```
 

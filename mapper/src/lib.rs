@@ -2,7 +2,7 @@
 //!
 //! | module | idea |
 //! | --- | --- |
-//! | [`run`] | a robot that makes a map, whatever stands behind the port ([`Robot`](fht_perception::robot::Robot)) |
+//! | [`run`] | a robot that makes a map, whatever stands behind the port |
 //! | `mapping` | from frames to commands and increments, frame by frame: [`Mapper`] |
 //! | [`slam`] | where the robot is, and a map that stays true: submaps, loop closure |
 //! | [`construct`] | main nodes, support nodes, edges, rectangles (paper, section III-B) |
@@ -10,7 +10,7 @@
 //! | `team` | joining a map that others have begun, and dividing the work with them |
 //! | `camera` | descriptors, computed beside the loop |
 //! | [`publish`] | increments to the server, kept until they are acknowledged |
-//! | `program` | the command line, and the simulated buildings and recorded runs of the program (feature `program`) |
+//! | `program` | the command line, simulated buildings, recorded runs (feature `program`) |
 //!
 //! A robot of your own implements the port; [`run::explore`] does the rest:
 //!
@@ -18,7 +18,9 @@
 //! use fht_perception::robot::Robot;
 //! use mapper::run::{MappingOutcome, MappingTask, RunError, explore};
 //!
-//! async fn map_the_building<R>(robot: R, task: MappingTask) -> Result<MappingOutcome<R, ()>, RunError>
+//! type Outcome<R> = Result<MappingOutcome<R, ()>, RunError>;
+//!
+//! async fn map_the_building<R>(robot: R, task: MappingTask) -> Outcome<R>
 //! where
 //!     R: Robot + Send + 'static,
 //! {

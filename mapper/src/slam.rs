@@ -1,15 +1,19 @@
 //! 2D LiDAR SLAM: scans matched to submaps, submaps and keyframes held together by a pose graph.
 //!
+//! The front end is here: each scan is matched to a submap of the last few metres, starting from
+//! what the wheels say. Drift inside it is millimetres, and nothing that the back end does disturbs
+//! it. The back end moves submaps; the robot's pose in the map is the pose of its submap times its
+//! pose therein.
+//!
 //! | module | idea |
 //! | --- | --- |
-//! | here | the front end: each scan is matched to a submap of the last few metres, starting from what the wheels say. Drift inside it is millimetres, and nothing that the back end does disturbs it |
-//! | `tracking` | whether the robot is where it thinks it is: what is believed, and how one that is lost is found again |
+//! | `tracking` | whether the robot is where it thinks it is, and how a lost one is found again |
 //! | `keyframe` | the scans that join submaps and the graph |
 //! | `submap` | walls and free space that some keyframes saw |
 //! | `graph` | the keyframes and what was measured between them |
 //! | `closure` | loop closures |
 //! | `foreign_nodes` | what other robots have told of the building |
-//! | `back_end` | closures, optimisation and the grid's redrawing in a thread. It moves submaps; the robot's pose in the map is the pose of its submap times its pose therein |
+//! | `back_end` | the back end: closures, optimisation and the grid's redrawing, in a thread |
 //!
 //! After Hess et al., "Real-time loop closure in 2D LIDAR SLAM" (ICRA 2016), with point-to-line
 //! matching in the place of their probability grids.

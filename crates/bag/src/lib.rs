@@ -11,7 +11,7 @@
 //! | module | idea |
 //! | --- | --- |
 //! | `read` | from files to [`Frames`]: which topics hold what, odometry interpolated to each scan |
-//! | `write` | from frames to a bag ([`BagWriter`], [`FrameRecording`]), in a thread of its own if wanted ([`Recorder`]) |
+//! | `write` | from frames to a bag ([`BagWriter`], [`FrameRecording`], in a thread: [`Recorder`]) |
 //! | [`msg`] | the ROS 2 messages, field for field |
 //! | [`cdr`] | their serialization |
 //!

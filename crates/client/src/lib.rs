@@ -12,7 +12,7 @@
 //! | --- | --- |
 //! | `queries` | questions to the server, each with one answer or the reason why there is none |
 //! | `replica` | a live copy over a session, in a thread of its own ([`LiveReplica`]) |
-//! | `sync`, `staleness` | what to ask for and when a copy is not to be trusted: no network, no clock of their own |
+//! | `sync`, `staleness` | what to ask for, and when not to trust a copy: no network, no clock |
 //! | `closures` | what operators and other robots have closed, now |
 //! | `planned_path`, `own_paths`, `navmesh` | paths that a robot plans on its own copy |
 //! | `paths`, `path_reply` | paths from the server, checked, with the robot's own until they come |
@@ -30,7 +30,8 @@
 //!
 //! let (copy, mut sync) = (Replica::default(), Sync::new(SyncConfig::default()));
 //! assert_eq!(sync.poll(&copy, Instant::now()), Some(SyncQuestion::Head));
-//! assert_eq!(sync.poll(&copy, Instant::now()), Some(SyncQuestion::Since(VersionVector::default())));
+//! let everything = SyncQuestion::Since(VersionVector::default());
+//! assert_eq!(sync.poll(&copy, Instant::now()), Some(everything));
 //! ```
 
 pub mod author;

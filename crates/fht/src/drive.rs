@@ -23,7 +23,9 @@ impl Map {
     /// returns, or spawn it:
     ///
     /// ```no_run
-    /// # async fn go(map: fht::Map, mut robot: impl fht::Robot + Send + 'static) -> Result<(), Box<dyn std::error::Error>> {
+    /// # use fht::{Map, Robot};
+    /// # type Outcome = Result<(), Box<dyn std::error::Error>>;
+    /// # async fn go(map: Map, mut robot: impl Robot + Send + 'static) -> Outcome {
     /// let arrived = map.go(&mut robot, "dock").await?;
     /// println!("at ({:.2}, {:.2})", arrived.pose.translation.x, arrived.pose.translation.y);
     ///
@@ -114,7 +116,8 @@ impl<'a, R: Robot + Send> Drive<'a, R> {
     /// ends the drive.
     ///
     /// ```no_run
-    /// # async fn go(map: fht::Map, mut robot: impl fht::Robot + Send) -> Result<(), fht::DriveError> {
+    /// # use fht::{DriveError, Map, Robot};
+    /// # async fn go(map: Map, mut robot: impl Robot + Send) -> Result<(), DriveError> {
     /// let drive = map.go(&mut robot, "dock").watch(|frame, step| {
     ///     let localization = &step.localization;
     ///     println!("{} {} {:?}", frame.time_us, localization.state, localization.map_from_base());

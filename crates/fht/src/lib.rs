@@ -26,7 +26,8 @@
 //!
 //! ```no_run
 //! # use fht::{Map, Robot};
-//! # async fn to_the_dock(map: Map, mut robot: impl Robot + Send) -> Result<(), Box<dyn std::error::Error>> {
+//! # type Outcome = Result<(), Box<dyn std::error::Error>>;
+//! # async fn to_the_dock(map: Map, mut robot: impl Robot + Send) -> Outcome {
 //! let arrived = map.go(&mut robot, "dock").await?;
 //! println!("at ({:.2}, {:.2})", arrived.pose.translation.x, arrived.pose.translation.y);
 //! # Ok(())
@@ -39,7 +40,8 @@
 //! | --- | --- | --- |
 //! | connect, and keep a live copy of a map | [`Map::connect`] | all |
 //! | ask for a path | [`Map::path`] → [`Path`] | `01_path` |
-//! | follow the map and the robots on it | [`Map::changes`], [`Map::nodes`], [`Map::places`], [`Map::watch_robots`] | `02_follow_a_map` |
+//! | follow the map | [`Map::changes`], [`Map::nodes`], [`Map::places`] | `02_follow_a_map` |
+//! | see the robots on it | [`Map::watch_robots`] | `02_follow_a_map` |
 //! | find out where a robot is | [`Map::localizer`] → [`MapLocalizer`] | `03_relocalize` |
 //! | drive a robot to a place | [`Robot`], [`Map::go`] → [`Arrived`] | `04_own_robot` |
 //! | name places, draw zones, close edges | [`Map::author`] → [`Author`] | `05_write` |
@@ -90,13 +92,18 @@
 //! Look at what [`Drive::watch`] or [`MapLocalizer::update`] tells of each frame, and at the log:
 //! the library logs by `tracing`, so a subscriber such as `tracing_subscriber::fmt` shows it.
 //!
-//! | what one sees | what to look at |
-//! | --- | --- |
-//! | it turns on the spot, `CANDIDATES` for ever | ranges: a beam that met nothing is infinity. 0 says that something is too near, and with many of them the robot stands in a box. Where a scanner says 0 for any failure, give NaN |
-//! | it drives, and nothing fits | beams run counter-clockwise from `angle_min`; `base_from_sensor` is where the scanner is mounted; odometry turns counter-clockwise, in radians |
-//! | the same, in places | has the map main nodes there ([`Map::nodes`])? It may be another building's, or not complete |
-//! | it stops between walls | is [`Connect::footprint`] the robot's? Does its scanner see the robot itself? |
-//! | `no path …; these are closed: …` | [`Map::rules`]. What another robot found blocked opens by itself: drive again then |
+//! * **It turns on the spot, `CANDIDATES` for ever.** Look at the ranges: a beam that met nothing is
+//!   infinity. 0 says that something is too near, and with many of them the robot stands in a box.
+//!   Where a scanner says 0 for any failure, give NaN.
+//! * **It drives, and nothing fits.** Beams run counter-clockwise from `angle_min`;
+//!   `base_from_sensor` is where the scanner is mounted; odometry turns counter-clockwise, in
+//!   radians.
+//! * **Nothing fits in some places.** Has the map main nodes there ([`Map::nodes`])? It may be
+//!   another building's, or not complete.
+//! * **It stops between walls.** Is [`Connect::footprint`] the robot's? Does its scanner see the
+//!   robot itself?
+//! * **`no path …; these are closed: …`** Look at [`Map::rules`]. What another robot found blocked
+//!   opens by itself: drive again then.
 //!
 //! # Features
 //!

@@ -26,7 +26,8 @@ impl Map {
     ///
     /// ```no_run
     /// # use fht::{LocalizerConfig, Map, Pose2, Robot, Twist};
-    /// # async fn find(map: Map, mut robot: impl Robot) -> Result<Pose2, Box<dyn std::error::Error>> {
+    /// # type Found = Result<Pose2, Box<dyn std::error::Error>>;
+    /// # async fn find(map: Map, mut robot: impl Robot) -> Found {
     /// let mut localizer = map.localizer(LocalizerConfig::default());
     /// let pose = loop {
     ///     let frame = robot.sense().await?;

@@ -22,7 +22,8 @@ impl Map {
     /// # async fn ask(map: fht::Map) -> Result<(), fht::PathError> {
     /// let path = map.path("dock", (5.0, 3.0)).await?;
     /// println!("{:.1} m by way of {} points", path.length_m, path.points.len());
-    /// let newest = map.path("dock", (5.0, 3.0)).on("head").await?; // not the release that is enabled
+    /// // Not on the release that is enabled.
+    /// let newest = map.path("dock", (5.0, 3.0)).on("head").await?;
     /// # Ok(())
     /// # }
     /// ```

@@ -37,8 +37,9 @@
 //!
 //! fn seen_from(x: f64, y: f64) -> LaserScan {
 //!     LaserScan::all_round(360, |cos, sin| {
-//!         let to_wall = |(nx, ny, d): (f64, f64, f64)| (d - nx * x - ny * y) / (nx * cos + ny * sin);
-//!         WALLS.map(to_wall).into_iter().filter(|range| *range > 0.0).fold(f64::INFINITY, f64::min)
+//!         let to_wall = |(nx, ny, d)| (d - nx * x - ny * y) / (nx * cos + ny * sin);
+//!         let ranges = WALLS.map(to_wall).into_iter().filter(|range| *range > 0.0);
+//!         ranges.fold(f64::INFINITY, f64::min)
 //!     })
 //! }
 //!
@@ -67,8 +68,8 @@
 //!     localizer.update(&landmarks, &frame, || None);
 //! }
 //! let map_from_odom = localizer.current().map_from_odom.ok_or("it does not know where it is")?;
-//! assert!((map_from_odom.translation.vector - pose(0.2, -0.4, 0.0).translation.vector).norm() < 0.05);
-//! assert!(map_from_odom.rotation.angle().abs() < 0.02);
+//! let error = map_from_odom.inverse() * pose(0.2, -0.4, 0.0);
+//! assert!(error.translation.vector.norm() < 0.05 && error.rotation.angle().abs() < 0.02);
 //! # Ok::<(), &str>(())
 //! ```
 

@@ -38,8 +38,9 @@
 //!
 //! fn seen_from(x: f64, y: f64) -> LaserScan {
 //!     LaserScan::all_round(360, |cos, sin| {
-//!         let to_wall = |(nx, ny, d): (f64, f64, f64)| (d - nx * x - ny * y) / (nx * cos + ny * sin);
-//!         WALLS.map(to_wall).into_iter().filter(|range| *range > 0.0).fold(f64::INFINITY, f64::min)
+//!         let to_wall = |(nx, ny, d)| (d - nx * x - ny * y) / (nx * cos + ny * sin);
+//!         let ranges = WALLS.map(to_wall).into_iter().filter(|range| *range > 0.0);
+//!         ranges.fold(f64::INFINITY, f64::min)
 //!     })
 //! }
 //!
@@ -47,7 +48,8 @@
 //! let mut scan = seen_from(0.6, 0.3);
 //! scan.angle_min = -2.0; // The robot has turned by 2 rad.
 //!
-//! let anywhere = SearchWindow { centre: Pose2::identity(), half_x_m: 2.0, half_y_m: 2.0, half_yaw_rad: PI };
+//! let centre = Pose2::identity();
+//! let anywhere = SearchWindow { centre, half_x_m: 2.0, half_y_m: 2.0, half_yaw_rad: PI };
 //! let found = search(&reference, &scan.points_in_base(), &anywhere, &MatchConfig::default())?;
 //! let error = pose(0.6, 0.3, 2.0).inverse() * found.reference_from_moving;
 //! assert!(error.translation.vector.norm() < 0.02 && error.rotation.angle().abs() < 0.01);

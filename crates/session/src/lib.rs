@@ -5,8 +5,8 @@
 //!
 //! | module | idea |
 //! | --- | --- |
-//! | `robot_session` | the session of a robot or tool: options, defaults ([`SessionConfig`], [`open`]) |
-//! | `configuration` | a file and endpoints as a configuration of Zenoh ([`read_config`], [`set_endpoints`]) |
+//! | `robot_session` | a robot's or tool's session: options, defaults ([`SessionConfig`], [`open`]) |
+//! | `configuration` | a file and endpoints for Zenoh ([`read_config`], [`set_endpoints`]) |
 //! | `waiting` | any configuration as a session, waited for ([`open_configured`]) |
 //! | `credentials` | whether certificates and keys can be read, checked before connecting |
 //! | `trouble` | why nobody answers, in words that name the remedy |
@@ -18,10 +18,12 @@
 //! ```
 //! use fht_session::{SessionConfig, open};
 //!
-//! # let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
-//! let link = SessionConfig { zenoh_config: Some("nowhere/zenoh.json5".into()), ..SessionConfig::default() };
+//! # let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+//! let file = Some("nowhere/zenoh.json5".into());
+//! let link = SessionConfig { zenoh_config: file, ..SessionConfig::default() };
 //! let error = runtime.block_on(open(&link)).err().map(|error| error.to_string());
-//! assert!(error.is_some_and(|text| text.starts_with("the Zenoh configuration nowhere/zenoh.json5 is not accepted")));
+//! let refusal = "the Zenoh configuration nowhere/zenoh.json5 is not accepted";
+//! assert!(error.is_some_and(|text| text.starts_with(refusal)));
 //! # Ok::<(), std::io::Error>(())
 //! ```
 
