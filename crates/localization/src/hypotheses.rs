@@ -141,9 +141,14 @@ impl Hypothesis {
     /// What all views say: natural logarithm of a likelihood, up to a constant.
     #[must_use]
     pub fn weight(&self, config: &WeighConfig) -> f64 {
-        let beams: f64 = self.evidence.iter().map(|evidence| beam_weight(evidence, config)).sum();
         let looks: f64 = self.looks.iter().sum();
-        beams + looks.clamp(-config.looks_weight, config.looks_weight)
+        self.wall_weight(config) + looks.clamp(-config.looks_weight, config.looks_weight)
+    }
+
+    /// The same without pictures.
+    #[must_use]
+    pub fn wall_weight(&self, config: &WeighConfig) -> f64 {
+        self.evidence.iter().map(|evidence| beam_weight(evidence, config)).sum()
     }
 
     /// What the beams of all views say.

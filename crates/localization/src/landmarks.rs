@@ -187,6 +187,12 @@ impl Landmarks {
 }
 
 impl Landmark {
+    /// What it looks like, if there were cameras and light.
+    #[must_use]
+    pub fn descriptor(&self) -> Option<&Descriptor> {
+        self.signature.descriptor.as_ref()
+    }
+
     fn new(id: NodeId, map_from_node: Pose2, signature: &Signature) -> Self {
         let points = LaserScan::record_points_in_base(&signature.scan);
         Self {

@@ -74,6 +74,7 @@
 //! ```
 
 mod agreement;
+mod distinction;
 mod estimate;
 mod hypotheses;
 pub mod landmarks;

@@ -6,6 +6,7 @@
 //! when it is nearly certain, rests on more than one place, and the single estimations from these
 //! places agree. Otherwise the robot says that it does not know.
 
+use crate::distinction::{DistinctionConfig, is_distinct};
 use crate::hypotheses::{Hypothesis, SensedView, WeighConfig, held};
 use crate::landmarks::Landmarks;
 use crate::pose_fix::{Fix, PoseFixConfig, fix_pose};
@@ -53,7 +54,7 @@ pub struct RelocalizationConfig {
     pub min_confidence: f64,
     /// Its views are at least this far apart, metres. Default 0.7.
     pub min_spread_m: f64,
-    /// Least share of the beams that the map explains. Default 0.6.
+    /// Least share of the beams that the map explains. Default 0.75: less is had by chance.
     pub min_explained: f64,
     /// Greatest share of beams that cannot be, before any view. Default 0.015: where nothing was
     /// moved it is below 0.01, and in rooms that no main node looked into the best that is found
@@ -67,6 +68,8 @@ pub struct RelocalizationConfig {
     pub max_sigma_m: f64,
     /// Weights of hypotheses.
     pub weigh: WeighConfig,
+    /// What tells a place from those that the map does not have.
+    pub distinction: DistinctionConfig,
     /// The pose of a fix.
     pub pose_fix: PoseFixConfig,
     /// The scan matching; its least score is that of an estimation.
@@ -90,11 +93,12 @@ impl Default for RelocalizationConfig {
             same_rad: 0.25,
             min_confidence: 0.995,
             min_spread_m: 0.7,
-            min_explained: 0.6,
+            min_explained: 0.75,
             max_contradicted: 0.015,
             max_contradicted_per_view: 0.004,
             max_sigma_m: 0.15,
             weigh: WeighConfig::default(),
+            distinction: DistinctionConfig::default(),
             pose_fix: PoseFixConfig::default(),
             matching: MatchConfig { min_score: 0.45, ..MatchConfig::default() },
         }
@@ -329,9 +333,15 @@ impl Relocalizer {
         let weight = |hypothesis: &Hypothesis| hypothesis.weight(&config.weigh);
         let at = best.map_from_base();
         let nowhere = -config.weigh.beams_per_view * config.weigh.nowhere_cost * self.views.len() as f64;
-        let rivals = self.hypotheses.iter().filter(|other| !other.is_near(&at, config.same_m, config.same_rad));
-        let others: f64 = rivals.map(weight).chain([nowhere]).map(|other| (other - weight(best)).exp()).sum();
-        1.0 / (1.0 + others)
+        let others = self.rivals(&at).map(weight).chain([nowhere]).map(|other| (other - weight(best)).exp());
+        1.0 / (1.0 + others.sum::<f64>())
+    }
+
+    /// Hypotheses of other places than this.
+    fn rivals(&self, map_from_base: &Pose2) -> impl Iterator<Item = &Hypothesis> {
+        let RelocalizationConfig { same_m, same_rad, .. } = self.config;
+        let at = *map_from_base;
+        self.hypotheses.iter().filter(move |other| !other.is_near(&at, same_m, same_rad))
     }
 
     fn judge(&self, landmarks: &Landmarks) -> Belief {
@@ -364,7 +374,15 @@ impl Relocalizer {
             && self.spread_m() >= config.min_spread_m
             && evidence.explained_share() >= config.min_explained
             && evidence.contradicted_share()
-                <= config.max_contradicted + config.max_contradicted_per_view * self.views.len() as f64;
+                <= config.max_contradicted + config.max_contradicted_per_view * self.views.len() as f64
+            && is_distinct(
+                best,
+                self.rivals(&best.map_from_base()),
+                &self.views,
+                landmarks,
+                &config.weigh,
+                &config.distinction,
+            );
         if !is_good {
             return candidates;
         }
