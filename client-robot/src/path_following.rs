@@ -144,7 +144,13 @@ mod tests {
             position: Point2::new(x, y),
             node: Some(NodeId { author: AuthorId(1), number: number as u32 }),
         });
-        PlannedPath { points: points.collect(), length_m: 0.0, planner: Planner::Replica }
+        PlannedPath {
+            points: points.collect(),
+            length_m: 0.0,
+            planner: Planner::Replica,
+            goal_moved_m: 0.0,
+            unmapped_m: 0.0,
+        }
     }
 
     /// A room of 4 m, seen from its middle.

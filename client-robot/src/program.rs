@@ -40,7 +40,7 @@ pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Err(code) => return code,
     };
     let outcome = match cli.command {
-        Some(Command::Path { link, from, to, json }) => path(&file.with_link(&link), &from, &to, json),
+        Some(Command::Path { link, way, json }) => path(&file.with_link(&link), &way, json),
         Some(Command::Relocalize { link, robot }) => {
             mission(file.with_link(&link).with_robot(&robot), &robot, &MissionGoal::None)
         }

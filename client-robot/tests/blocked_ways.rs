@@ -41,7 +41,7 @@ impl PathSource for Scripted<'_> {
         let node = |number| Some(NodeId { author: AuthorId(1), number });
         let outside = PathPoint { position: from + Vector2::new(200.0, 0.0), node: node(2) };
         let points = vec![PathPoint { position: from, node: node(1) }, outside];
-        Ok(PlannedPath { points, length_m: 200.0, planner: Planner::Replica })
+        Ok(PlannedPath { points, length_m: 200.0, planner: Planner::Replica, goal_moved_m: 0.0, unmapped_m: 0.0 })
     }
 }
 

@@ -3,7 +3,9 @@
 
 use fht_bag::cdr;
 use fht_bag::msg::{HeaderMsg, Image, LaserScanMsg, OdometryMsg, Pose, TfMessage, Time, TransformStamped};
-use fht_proto::api::compact::{CompactNode, CompactNodes, CompactPath, CompactWaypoint};
+use fht_proto::api::compact::{
+    CompactNode, CompactNodes, CompactNodesPage, CompactPath, CompactPathToNearest, CompactWaypoint,
+};
 use fht_proto::api::reply::Series;
 use fht_proto::codec::archive::{ArchiveHeader, header_line};
 use fht_proto::codec::envelope::Message;
@@ -137,6 +139,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (map, point) = ("museum".parse()?, FixedPoint { x_mm: 5, y_mm: -7 });
     let path = CompactPath { map, version: 3, waypoints: vec![CompactWaypoint { point, node: Some(node(1)) }] };
     write("replies", "seed-path", &body(&path)?)?;
+    let moved = CompactPathToNearest { path: path.clone(), goal_moved_mm: 1660, unmapped_mm: 0 };
+    write("replies", "seed-path-to-nearest", &body(&moved)?)?;
     let compact = CompactNode {
         id: node(1),
         kind: NodeKind::Main,
@@ -145,7 +149,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         signature: Some(signature(1)),
         similarity: Some(0.5),
     };
-    write("replies", "seed-nodes", &body(&CompactNodes { map: path.map.clone(), version: 3, nodes: vec![compact] })?)?;
+    let nodes = CompactNodes { map: path.map.clone(), version: 3, nodes: vec![compact] };
+    write("replies", "seed-nodes", &body(&nodes)?)?;
+    let page = CompactNodesPage { nodes, next: Some("25000000_0000000a.1".to_owned()) };
+    write("replies", "seed-nodes-page", &body(&page)?)?;
     use Square::{Free, Occupied, Unseen};
     let runs = SeenArea::runs_of([Unseen, Free, Free, Occupied, Unseen, Free]);
     let seen = SeenArea { author: ANA, upto: 6, square_mm: 200, west: -1, south: 2, width: 3, runs };

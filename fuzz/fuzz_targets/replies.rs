@@ -2,7 +2,8 @@
 //! The other binary messages: descriptors, compact paths and nodes, what explorers have seen.
 
 use fht_fuzz::decode_all;
-use fht_proto::api::compact::{CompactNodes, CompactPath};
+use fht_proto::api::compact::{CompactNodes, CompactNodesPage, CompactPath, CompactPathToNearest};
+use fht_proto::api::reply::NodesCursor;
 use fht_proto::{Descriptor, SeenArea, Square};
 use libfuzzer_sys::fuzz_target;
 
@@ -12,6 +13,10 @@ fuzz_target!(|bytes: &[u8]| {
     }
     decode_all::<CompactPath>(bytes);
     decode_all::<CompactNodes>(bytes);
+    decode_all::<CompactPathToNearest>(bytes);
+    for page in decode_all::<CompactNodesPage>(bytes) {
+        let _ = page.next.map(|next| next.parse::<NodesCursor>());
+    }
     for area in decode_all::<SeenArea>(bytes) {
         let squares: Vec<Square> = area.squares().collect();
         assert_eq!(squares.len(), area.height() * usize::from(area.width));

@@ -22,6 +22,7 @@
 //! | [`store`] | the log of increments |
 //! | [`replicated`] | the log of a server that keeps nothing itself |
 //! | [`catalog`] | the maps in memory, shared with readers |
+//! | [`rescue`] | what still reads of a damaged log |
 //! | [`query`] | typed requests to replies |
 //! | [`access`] | who may do what: from roles to a router's access control |
 //! | `program` | the command line: serving, and what operators do with a server that runs |
@@ -91,6 +92,7 @@ mod network;
 mod program;
 pub mod query;
 pub mod replicated;
+pub mod rescue;
 mod server;
 pub mod store;
 mod throttle;

@@ -3,12 +3,15 @@
 //! | module | idea |
 //! | --- | --- |
 //! | `settings` | what the program reads from the configuration file |
+//! | `repair` | what can be done with a damaged store |
 //! | `operator` | what operators do, talking to a running server |
 
 mod operator;
+mod repair;
 mod settings;
 
 use self::operator::{Operation, OperatorArgs, OperatorError};
+use self::repair::Repair;
 use self::settings::{ServerFile, ServerSection};
 use crate::access::{AccessArgs, denials_layer};
 use crate::config::{DEFAULT_LISTEN, Limits, QuorumConfig, ServerConfig, ServerEndpoints};
@@ -20,6 +23,7 @@ use fht_program::logging;
 use fht_program::stop::stop_requested;
 use fht_session::SessionConfig;
 use std::ffi::OsString;
+use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use tracing_subscriber::Layer;
@@ -51,6 +55,8 @@ enum Command {
     #[command(flatten)]
     Operate(Operation),
     AccessControl(AccessArgs),
+    #[command(flatten)]
+    Repair(Repair),
 }
 
 #[derive(Debug, clap::Args)]
@@ -79,7 +85,8 @@ struct ServeArgs {
     listen: Vec<String>,
     #[command(flatten)]
     limits: LimitArgs,
-    /// Say more: once for what is stored, twice for everything. RUST_LOG is obeyed, too.
+    /// Say more: once for what is asked and stored, and which robots come and go; twice for
+    /// everything. RUST_LOG is obeyed, too.
     #[arg(short, long, action = clap::ArgAction::Count)]
     verbose: u8,
 }
@@ -206,7 +213,9 @@ fn log(verbose: u8) {
         _ => "info,map_server=debug",
     };
     // Fails only if the calling program has set up its own.
-    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_filter(logging::filter(default));
+    let lines =
+        tracing_subscriber::fmt::layer().with_ansi(std::io::stderr().is_terminal()).with_writer(std::io::stderr);
+    let lines = lines.with_filter(logging::filter(default));
     let _ = tracing_subscriber::registry().with(lines).with(denials_layer()).try_init();
 }
 
@@ -267,6 +276,7 @@ where
         Some(Command::AccessControl(access)) => {
             access.run().map(|text| print!("{text}")).map_err(|error| error.to_string())
         }
+        Some(Command::Repair(repair)) => repair.run(&config.data, cli.operator.json()),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -17,7 +17,7 @@ use crate::catalog::Catalog;
 use crate::config::{QuorumConfig, ServerConfig};
 use crate::network;
 use crate::replicated::{QuorumLog, Stateless};
-use crate::store::{IncrementLog, RedbLog, StoreError};
+use crate::store::{FILE_NAME, IncrementLog, RedbLog, StoreError};
 use serving::{ShutdownSignal, serve};
 use std::pin::pin;
 use std::sync::Arc;
@@ -48,7 +48,9 @@ pub async fn run_beside<T>(
     let Some(quorum) = config.storages else {
         // The log first: a data directory in use is reported before anybody can connect.
         let log: Arc<dyn IncrementLog> = Arc::new(RedbLog::open(&config.data)?);
-        let catalog = Arc::new(Catalog::load(log.as_ref())?);
+        let file = config.data.join(FILE_NAME);
+        let catalog = Catalog::load(log.as_ref()).map_err(|error| error.of_file(&file))?;
+        let catalog = Arc::new(catalog);
         let session = network::open(&config.link).await?;
         let beside = beside(&session)?;
         let outcome = serve(&config, &session, log, catalog, None, &mut shutdown).await;

@@ -5,7 +5,9 @@
 //! | `log` | what a log of increments is |
 //! | `redb_log` | the log in a file |
 //! | `memory` | the log in memory |
+//! | `guard` | a panic over a damaged file is an error |
 
+mod guard;
 mod log;
 mod memory;
 mod redb_log;

@@ -8,10 +8,11 @@ mod support;
 use fht_proto::api::fleet::{FleetReply, LocalizationState, RobotRole, RobotStatus};
 use fht_proto::api::keys::{Key, RobotTopic};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Obeyed, PathReply, ReleasesReply};
+use fht_proto::{FixedPoint, Increment, Op, Zone, ZoneRule, encode};
 use serde_json::Value;
 use std::process::Command;
 use std::time::Duration;
-use support::{ANA, Server, ask, bytes, client, free_endpoint, head_when, key, museum, until_up};
+use support::{ANA, BEN, Server, ask, bytes, client, free_endpoint, head_when, key, museum, until_up};
 use zenoh::Session;
 
 struct Site {
@@ -111,9 +112,41 @@ async fn paths_obey_what_operators_write() {
         (&["zone", "museum", "line", "0,0 1,1"][..], "three corners"),
         (&["place", "museum", "1st", "0,0"][..], "is not a name"),
         (&["place", "louvre", "dock", "0,0"][..], "there is no map louvre"),
+        (&["place", "museum", "far", "500,500"][..], "no robot can be at (500.00, 500.00)"),
+        (&["place", "museum", "turned", "5,0,900"][..], "a yaw of 900° is none"),
+        (&["place", "museum", "nan", "nan,0"][..], "nan,0"),
+        (&["place", "museum", "beyond", "200000,0"][..], "200000,0 is not a point"),
+        (&["place", "museum", "beyond", "200000,0", "--force"][..], "200000,0 is not a point"),
+        (&["place", "museum", "quay", "--remove"][..], "has no place quay (there is: dock)"),
+        (&["zone", "museum", "attic", "--remove"][..], "has no zone attic (there is: lab)"),
+        (&["zone", "museum", "line", "0,0 1,1 2,2"][..], "less than 0.01 m² is none"),
+        (&["zone", "museum", "line", "0,0 1,1 2,2", "--force"][..], "less than 0.01 m² is none"),
+        (&["zone", "museum", "far", "500,0 501,0 501,1"][..], "does not touch the map"),
+        (&["zone", "museum", "huge", "-9000,-9000 9000,-9000 9000,9000 -9000,9000"][..], "beyond the map"),
+        (&["open", "museum", "0000000a.5", "0000000a.6"][..], "is not closed (none is)"),
+        (&["close", "museum", "0000000b.5", "0000000a.6"][..], "has no node 0000000b.5"),
+        (&["release", "enable", "museum", "spring"][..], "has no release spring (it has none)"),
+        (&["release", "delete", "museum", "spring"][..], "has no release spring (it has none)"),
     ] {
         let complaint = site.complaint(args);
         assert!(complaint.contains(reason), "{args:?}: {complaint}");
+    }
+    let before = head_when(&site.session, |_| true).await.version;
+    site.run(&["place", "museum", "island", "500,500", "--force"]);
+    site.run(&["zone", "museum", "far", "500,0 501,0 501,1", "--force"]);
+    assert_eq!(head_when(&site.session, |_| true).await.version, before + 2, "nothing else was written");
+    // Whoever does not ask first is told by the server.
+    for corners in [&[(0, 0), (1000, 1000), (2000, 2000)][..], &[(0, 0), (1000, 1000), (1000, 0), (0, 1000)][..]] {
+        let refusals = site.session.declare_subscriber(Key::refused(&museum(), BEN).to_string()).await.unwrap();
+        let corners = corners.iter().map(|&(x_mm, y_mm)| FixedPoint { x_mm, y_mm }).collect();
+        let zone = Some(Zone { rule: ZoneRule::KeepOut, corners });
+        let ops = vec![Op::SetZone { name: "bad".parse().unwrap(), zone }];
+        let increment = Increment { author: BEN, number: 1, hlc_us: 1, ops };
+        site.session.put(key(BEN, 1), encode(&increment).unwrap()).await.unwrap();
+        let told = tokio::time::timeout(Duration::from_secs(10), refusals.recv_async()).await.unwrap().unwrap();
+        let told: ErrorReply = serde_json::from_slice(&told.payload().to_bytes()).unwrap();
+        assert!(told.code == ErrorCode::BadRequest && told.message.starts_with("zone bad: "), "{told}");
+        tokio::time::sleep(Duration::from_millis(1100)).await; // it is told each reason once a second
     }
 }
 

@@ -6,7 +6,7 @@ mod support;
 
 use fht_proto::AuthorId;
 use map_server::store::RedbLog;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use support::{ANA, Server, bytes, client, expected, free_endpoint, head, head_when, key, refused_start, until_up};
 use zenoh::Session;
 use zenoh::qos::CongestionControl;
@@ -91,6 +91,42 @@ async fn puts_and_subscriptions_survive_a_restart() {
     write(&session, ANA, WINDOW, 2 * WINDOW).await;
     let heard = tokio::time::timeout(Duration::from_secs(10), heads.recv_async()).await;
     assert!(heard.is_ok(), "the subscription is there again");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn told_to_say_more_it_names_maps_and_robots() {
+    let (dir, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint());
+    let log = dir.path().join("log");
+    let mut server = Server::saying_more(&dir.path().join("data"), &endpoint, &log);
+    let session = client(&endpoint).await;
+    until_up(&session).await;
+    // The robot's name is what its author is made of.
+    let ana = AuthorId::of_robot("ana");
+    session.put(key(ana, 1), bytes(ana, 1)).await.unwrap();
+    head_when(&session, |head| head.version == 1).await;
+    let token = session.liveliness().declare_token("fht/museum/robots/ana").await.unwrap();
+    let blocked = r#"{"for_s": 2, "places": [[1.0, 2.0]]}"#;
+    session.put("fht/museum/robots/ana/blocked", blocked).await.unwrap();
+    support::ask(&session, "fht/museum/path?from=0,0;to=nowhere").await;
+    let begin = Instant::now();
+    loop {
+        let said = std::fs::read_to_string(&log).unwrap();
+        let is_said = |parts: &[&str]| said.lines().any(|line| parts.iter().all(|part| line.contains(part)));
+        let all = [
+            &["map=museum", "is here", "robot=ana"][..],
+            &["map=museum", "blocked", "robot=ana"][..],
+            &["map=\"museum\"", "asked=fht/museum/path?from=0,0;to=nowhere", "UnknownPlace"][..],
+            &["map=\"museum\"", "asked=fht/museum/head", "answered"][..],
+        ];
+        session.put(key(ana, 2), bytes(ana, 2)).await.unwrap();
+        if all.iter().all(|parts| is_said(parts)) && is_said(&["map=museum", "robot=ana", "stored"]) {
+            break;
+        }
+        assert!(begin.elapsed() < Duration::from_secs(20), "{said}");
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    drop(token);
+    assert_eq!(server.terminate(), Some(0));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -4,7 +4,7 @@
 mod support;
 
 use fht_map::Replica;
-use fht_proto::api::compact::{CompactNodes, CompactPath};
+use fht_proto::api::compact::{CompactNodes, CompactNodesPage, CompactPath, CompactPathToNearest};
 use fht_proto::api::keys::Key;
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Head, MapsReply, NodesReply, PathReply, Series, SeriesReply};
 use fht_proto::{Descriptor, ModelId, VersionVector, decode, encode};
@@ -267,9 +267,92 @@ async fn wrong_questions_get_a_reason() {
         assert_eq!(error.code, code, "{selector}: {error}");
         assert!(error.message.len() > 10, "{selector}: {error}");
     }
-    for others in ["fht/museum/inc/**", "fht/museum/robots/*", "fht/museum/inc/0000000a/1"] {
-        assert!(ask(&server.session, others).await.is_empty(), "{others} is not the server's to answer");
+    let joined = server.error("fht/museum/path?from=0,0&to=1,0").await;
+    assert!(joined.message.contains("joined by ;"), "{joined}");
+    // What is put, and not asked for: the answer says what to ask.
+    for (key, instead) in [
+        ("fht/museum/inc/**", "fht/museum/since"),
+        ("fht/museum/inc/0000000a/1", "fht/museum/since"),
+        ("fht/museum/kept/0000000a/1", "since"),
+        ("fht/museum/refused/0000000a", "fht/museum/head"),
+        ("fht/museum/robots", "fht/museum/fleet"),
+        ("fht/museum/robots/*", "fht/museum/fleet"),
+        ("fht/museum/robots/r1", "fht/museum/fleet"),
+        ("fht/museum/robots/r1/pose", "fht/museum/fleet"),
+        ("fht/museum/robots/r1/status", "fht/museum/fleet"),
+        ("fht/museum/robots/r1/blocked", "fht/museum/fleet"),
+        ("fht/museum/robots/r1/goal", "fht/museum/fleet"),
+        ("fht/museum/robots/r1/seen", "fht/museum/fleet"),
+        ("fht/museum/admin/sleep", "admin/ACTION"),
+    ] {
+        let error = server.error(key).await;
+        assert!(error.code == BadRequest && error.message.contains(instead), "{key}: {error}");
     }
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn all_nodes_can_be_had_page_by_page() {
+    let server = Running::with(120, 40).await;
+    let all: NodesReply = server.json("fht/museum/nodes?near=20,0;radius=100000;limit=1000").await;
+    assert_eq!((all.nodes.len(), all.truncated, &all.next), (160, false, &None));
+    let usual: NodesReply = server.json("fht/museum/nodes?near=20,0;radius=100000").await;
+    assert_eq!((usual.nodes.len(), usual.truncated), (100, true));
+    for limit in [1, 7, 40, 159, 160] {
+        let (mut ids, mut after, mut pages) = (Vec::new(), String::new(), 0);
+        loop {
+            let selector = format!("fht/museum/nodes?near=20,0;radius=100000;limit={limit};after={after}");
+            let page: NodesReply = server.json(&selector).await;
+            let compact: CompactNodesPage = decode(&server.payload(&format!("{selector};fmt=postcard")).await).unwrap();
+            let same: Vec<String> = compact.nodes.nodes.iter().map(|node| node.id.to_string()).collect();
+            ids.extend(page.nodes.iter().map(|node| node.id.clone()));
+            assert!(ids.ends_with(&same) && compact.next == page.next);
+            pages += 1;
+            match page.next {
+                Some(next) => after = next,
+                None => break,
+            }
+        }
+        // Two nodes lie at each of many distances: their order is that of their ids.
+        assert!(ids.iter().eq(all.nodes.iter().map(|node| &node.id)), "pages of {limit}");
+        assert_eq!(pages, 160_usize.div_ceil(limit));
+    }
+    assert_eq!(server.error("fht/museum/nodes?near=0,0;after=there").await.code, ErrorCode::BadRequest);
+    server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_goal_that_cannot_be_reached_is_refused_or_moved() {
+    let server = Running::with(6, 0).await;
+    // A room of which nobody has a scan: beyond its south side, at y = -1, nobody knows anything.
+    let (id, pose) = (node(BEN, 0), fht_proto::FixedPose::from_metres(3.0, 0.0, 0.0));
+    let rect = Some(fht_proto::Rect::around(pose.position, (0.0, -1.0), (6.0, 1.0)));
+    let put = fht_proto::Op::PutNode { id, kind: fht_proto::NodeKind::Support, pose };
+    let ops = vec![put, fht_proto::Op::SetFreeSpace { id, rect }];
+    let room = fht_proto::Increment { author: BEN, number: 1, hlc_us: 1, ops };
+    server.session.put("fht/room/inc/0000000b/1", encode(&room).unwrap()).await.unwrap();
+    while server.json::<MapsReply>("fht/maps").await.maps.len() < 2 {}
+    let unseen: PathReply = server.json("fht/room/path?from=1,0;to=3,-2").await;
+    assert!((0.9..1.1).contains(&unseen.unmapped_m) && unseen.goal_moved_m == 0.0, "{unseen:?}");
+    let text = String::from_utf8(server.payload("fht/museum/path?from=0,0;to=3,0").await).unwrap();
+    assert!(!text.contains("unmapped") && !text.contains("moved"), "{text}");
+
+    server.session.put(key(BEN, 1), encode(&far_node()).unwrap()).await.unwrap();
+    head_when(&server.session, |head| head.version == 7).await;
+    let refused = server.error("fht/museum/path?from=0,0;to=50,0").await;
+    assert!(refused.code == ErrorCode::NoPath && refused.message.contains("to_nearest=true"), "{refused}");
+    assert!(refused.message.contains("44.56 m from the goal"), "{refused}");
+    let refused = server.error("fht/museum/path?from=0,0;to=20,30").await;
+    assert!(refused.code == ErrorCode::OutOfMap && refused.message.contains("to_nearest=true"), "{refused}");
+    let moved: PathReply = server.json("fht/museum/path?from=0,0;to=50,0;to_nearest=true").await;
+    assert_eq!((moved.goal_moved_m, moved.waypoints.last().map(|it| (it.x, it.y))), (44.56, Some((5.44, 0.0))));
+    // The compact form tells of it to those who ask for it.
+    let selector = "fht/museum/path?from=0,0;to=50,0;fmt=postcard;to_nearest=true";
+    let compact: CompactPathToNearest = decode(&server.payload(selector).await).unwrap();
+    assert_eq!((compact.goal_moved_mm, compact.unmapped_mm, compact.path.waypoints.len()), (44_560, 0, 2));
+    let compact: CompactPath = decode(&server.payload("fht/room/path?from=1,0;to=3,-2;fmt=postcard").await).unwrap();
+    assert_eq!(compact.waypoints.len(), unseen.waypoints.len());
+    assert_eq!(server.error("fht/museum/path?from=0,0;to=3,0;to_nearest=yes").await.code, ErrorCode::BadRequest);
     server.end().await;
 }
 

@@ -5,8 +5,10 @@
 mod arbitrary;
 
 use arbitrary::{descriptor, fold, increment, scan};
-use fht_proto::api::compact::{CompactNode, CompactNodes, CompactPath, CompactWaypoint};
-use fht_proto::api::reply::Series;
+use fht_proto::api::compact::{
+    CompactNode, CompactNodes, CompactNodesPage, CompactPath, CompactPathToNearest, CompactWaypoint,
+};
+use fht_proto::api::reply::{NodesCursor, Series};
 use fht_proto::codec::envelope::{
     FORMAT_VERSION, MAGIC, MAX_BODY_BYTES, Message, OLDEST_FORMAT_VERSION, is_canonical, seal,
 };
@@ -25,6 +27,8 @@ fn decode_all(bytes: &[u8]) {
     let _ = decode::<CompactedSeries>(bytes);
     let _ = decode::<CompactPath>(bytes);
     let _ = decode::<CompactNodes>(bytes);
+    let _ = decode::<CompactPathToNearest>(bytes);
+    let _ = decode::<CompactNodesPage>(bytes);
 }
 
 /// A right envelope round any body, so that the body's decoder is reached.
@@ -79,6 +83,9 @@ proptest! {
         let node = number.map(|number| NodeId { author: AuthorId(7), number });
         let path = CompactPath { map, version: 3, waypoints: vec![CompactWaypoint { point, node }] };
         prop_assert_eq!(&decode::<CompactPath>(&encode(&path).unwrap()).unwrap(), &path);
+        let moved = CompactPathToNearest { path: path.clone(), goal_moved_mm: 1_660, unmapped_mm: x.unsigned_abs() };
+        prop_assert_eq!(&decode::<CompactPathToNearest>(&encode(&moved).unwrap()).unwrap(), &moved);
+        prop_assert!(decode::<CompactPath>(&encode(&moved).unwrap()).is_err(), "another kind");
         let node = CompactNode {
             id: node.unwrap_or(NodeId { author: AuthorId(0), number: 0 }),
             kind: NodeKind::Main,
@@ -88,7 +95,11 @@ proptest! {
             similarity: cosine,
         };
         let nodes = CompactNodes { map: path.map, version: 3, nodes: vec![node] };
-        prop_assert_eq!(decode::<CompactNodes>(&encode(&nodes).unwrap()).unwrap(), nodes);
+        prop_assert_eq!(&decode::<CompactNodes>(&encode(&nodes).unwrap()).unwrap(), &nodes);
+        let next = number.map(|number| NodesCursor::Behind(u64::from(number), NodeId { author: AuthorId(7), number }));
+        prop_assert!(next.is_none_or(|next| next.to_string().parse() == Ok(next)));
+        let page = CompactNodesPage { nodes, next: next.map(|next| next.to_string()) };
+        prop_assert_eq!(decode::<CompactNodesPage>(&encode(&page).unwrap()).unwrap(), page);
     }
 
     #[test]
@@ -97,7 +108,7 @@ proptest! {
     }
 
     #[test]
-    fn random_bodies_do_not_panic(kind in 0_u8..9, body in prop::collection::vec(any::<u8>(), 0..300)) {
+    fn random_bodies_do_not_panic(kind in 0_u8..11, body in prop::collection::vec(any::<u8>(), 0..300)) {
         decode_all(&envelope(kind, &body));
     }
 

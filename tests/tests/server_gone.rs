@@ -110,7 +110,13 @@ type Question = (Point2, Point2);
 fn server_says(session: &Session, (from, to): Question) -> Answer {
     let text = |point: Point2| format!("{:.3},{:.3}", point.x, point.y);
     let (from_text, to_text) = (text(from), text(to));
-    let question = PathQuestion { from: &from_text, to: &to_text, footprint: &Footprint::default(), release: None };
+    let question = PathQuestion {
+        from: &from_text,
+        to: &to_text,
+        footprint: &Footprint::default(),
+        release: None,
+        to_nearest: false,
+    };
     match ask_path(session, &museum(), &question, PATIENCE) {
         Ok(reply) => Ok(planned_between(reply, from, to).unwrap()),
         Err(AskError::Refused(refusal)) => Err(refusal),

@@ -34,12 +34,8 @@ pub(super) enum Command {
     Path {
         #[command(flatten)]
         link: LinkArgs,
-        /// From where: x,y in metres, a node id or the name of a place.
-        #[arg(long, allow_hyphen_values = true)]
-        from: String,
-        /// Where to: x,y in metres, a node id or the name of a place.
-        #[arg(long, allow_hyphen_values = true)]
-        to: String,
+        #[command(flatten)]
+        way: WayArgs,
         /// Print JSON.
         #[arg(long)]
         json: bool,
@@ -54,6 +50,20 @@ pub(super) enum Command {
         #[arg(long, allow_hyphen_values = true)]
         to: String,
     },
+}
+
+/// Which path is asked for.
+#[derive(Debug, Args)]
+pub(super) struct WayArgs {
+    /// From where: x,y in metres, a node id or the name of a place.
+    #[arg(long, allow_hyphen_values = true)]
+    pub(super) from: String,
+    /// Where to: x,y in metres, a node id or the name of a place.
+    #[arg(long, allow_hyphen_values = true)]
+    pub(super) to: String,
+    /// If the goal cannot be reached, the path to the nearest point that can.
+    #[arg(long)]
+    pub(super) to_nearest: bool,
 }
 
 #[derive(Debug, Args)]

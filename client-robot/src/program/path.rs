@@ -1,5 +1,6 @@
 //! `client-robot path`: a path between two places, asked of the server.
 
+use super::arguments::WayArgs;
 use super::connection::{TIMEOUT, connect, wait_for_server};
 use super::error::CliError;
 use super::settings::ClientFile;
@@ -8,12 +9,14 @@ use fht_proto::api::reply::PlaceRef;
 use std::process::ExitCode;
 
 /// Asks, and prints the answer.
-pub(super) fn path(file: &ClientFile, from: &str, to: &str, json: bool) -> Result<ExitCode, CliError> {
+pub(super) fn path(file: &ClientFile, way: &WayArgs, json: bool) -> Result<ExitCode, CliError> {
+    let WayArgs { from, to, to_nearest } = way;
     from.parse::<PlaceRef>()?;
     to.parse::<PlaceRef>()?;
     let (session, map) = (connect(&file.connect)?, file.map());
     wait_for_server(&session, &map)?;
-    let question = PathQuestion { from, to, footprint: &file.client.paths.footprint, release: None };
+    let question =
+        PathQuestion { from, to, footprint: &file.client.paths.footprint, release: None, to_nearest: *to_nearest };
     let path = match ask_path(&session, &map, &question, TIMEOUT) {
         Ok(reply) if json => {
             println!("{}", serde_json::to_string_pretty(&reply)?);
@@ -32,6 +35,12 @@ pub(super) fn path(file: &ClientFile, from: &str, to: &str, json: bool) -> Resul
 
 fn print_path(path: &PlannedPath) {
     println!("{:.2} m, {} points", path.length_m, path.points.len());
+    if path.goal_moved_m > 0.0 {
+        println!("it ends {:.2} m from the goal, at the nearest point that can be reached", path.goal_moved_m);
+    }
+    if path.unmapped_m > 0.0 {
+        println!("{:.2} m of it lead over ground that the map knows nothing of", path.unmapped_m);
+    }
     for point in &path.points {
         let node = point.node.map(|id| id.to_string()).unwrap_or_default();
         println!("{:9.3} {:9.3}  {node}", point.position.x, point.position.y);

@@ -3,7 +3,7 @@
 
 use crate::own_paths::{entry_node, plan_inside, with_entry};
 use crate::planned_path::PlannedPath;
-use fht_map::{FreeSpace, MapState, Rules};
+use fht_map::{FreeSpace, MapState, PathEnds, Rules};
 use fht_perception::pose::Point2;
 use fht_proto::Footprint;
 use fht_proto::api::reply::{ErrorCode, ErrorReply};
@@ -49,8 +49,7 @@ impl Task {
 
 /// A way that was asked for and may be planned better on the free space that is being made.
 struct Wish {
-    from: Point2,
-    to: Point2,
+    way: (Point2, Point2, PathEnds),
     basis: Basis,
 }
 
@@ -103,6 +102,20 @@ impl FreeSpaceCache {
         to: Point2,
         rules: &Arc<Rules>,
     ) -> Result<PlannedPath, ErrorReply> {
+        self.plan_between(map, changes, (from, to, PathEnds::Unknown), rules)
+    }
+
+    /// The same for two places of which something is known, or a goal that may be moved.
+    ///
+    /// # Errors
+    /// Why there is no path, in the server's words.
+    pub fn plan_between(
+        &mut self,
+        map: &MapState,
+        changes: u64,
+        way: (Point2, Point2, PathEnds),
+        rules: &Arc<Rules>,
+    ) -> Result<PlannedPath, ErrorReply> {
         let basis = Basis { changes, rules: Arc::clone(rules) };
         let footprint = &self.footprint.clone();
         self.wish = None;
@@ -110,11 +123,11 @@ impl FreeSpaceCache {
             self.make(map, &basis);
         }
         match &self.made {
-            Some(made) if made.basis == basis => plan_on(map, made, footprint, from, to),
+            Some(made) if made.basis == basis => plan_on(map, made, footprint, way),
             older => {
-                self.wish = Some(Wish { from, to, basis });
+                self.wish = Some(Wish { way, basis });
                 match older {
-                    Some(made) if made.basis.rules.closes_all_of(rules) => plan_on(map, made, footprint, from, to),
+                    Some(made) if made.basis.rules.closes_all_of(rules) => plan_on(map, made, footprint, way),
                     _ => {
                         let message = "the map's free space is being made".to_owned();
                         Err(ErrorReply { code: ErrorCode::NoPath, message })
@@ -160,7 +173,7 @@ impl FreeSpaceCache {
         let made = self.thread.as_mut().and_then(BackgroundWorker::take)?;
         let made = self.made.insert(made);
         let wish = self.wish.take().filter(|wish| wish.basis.rules.closes_the_same(&made.basis.rules))?;
-        Some(plan_on(&map(), made, &self.footprint, wish.from, wish.to))
+        Some(plan_on(&map(), made, &self.footprint, wish.way))
     }
 }
 
@@ -168,10 +181,9 @@ fn plan_on(
     map: &MapState,
     made: &Made,
     footprint: &Footprint,
-    from: Point2,
-    to: Point2,
+    (from, to, ends): (Point2, Point2, PathEnds),
 ) -> Result<PlannedPath, ErrorReply> {
-    let plan = |start| plan_inside(map, &made.space, &made.basis.rules, start, to);
+    let plan = |start| plan_inside(map, &made.space, &made.basis.rules, (start, to, ends));
     with_entry(from, entry_node(map, footprint, from), plan)
 }
 

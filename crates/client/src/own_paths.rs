@@ -3,7 +3,7 @@
 use crate::planned_path::{PathPoint, PlannedPath, Planner};
 use fht_map::index::lookup;
 use fht_map::plan::blocked::BlockedBy;
-use fht_map::{FreeSpace, MapState, NodeRouteConfig, Rules};
+use fht_map::{FreeSpace, MapState, NodeRouteConfig, PathEnds, Rules};
 use fht_perception::pose::{Point2, fixed_point};
 use fht_proto::api::reply::{ErrorCode, ErrorReply};
 use fht_proto::{FixedPoint, Footprint};
@@ -17,16 +17,22 @@ pub(crate) fn plan_inside(
     map: &MapState,
     space: &FreeSpace,
     rules: &Rules,
-    from: Point2,
-    to: Point2,
+    (from, to, ends): (Point2, Point2, PathEnds),
 ) -> Result<PlannedPath, ErrorReply> {
-    let found = rules.plan(map, space, fixed_point(from), fixed_point(to), &NodeRouteConfig::default());
+    let config = NodeRouteConfig { ends, ..NodeRouteConfig::default() };
+    let found = rules.plan(map, space, fixed_point(from), fixed_point(to), &config);
     let found = found.map_err(|error| ErrorReply { code: error.code(), message: error.to_string() })?;
     let points = found
         .waypoints
         .iter()
         .map(|point| PathPoint { position: Point2::new(point.point.x(), point.point.y()), node: point.node });
-    Ok(PlannedPath { points: points.collect(), length_m: found.length_m, planner: Planner::Replica })
+    Ok(PlannedPath {
+        points: points.collect(),
+        length_m: found.length_m,
+        planner: Planner::Replica,
+        goal_moved_m: found.goal_moved_m,
+        unmapped_m: found.unmapped_m,
+    })
 }
 
 /// The node that a robot outside of the mapped space goes to first. None for one larger than the
@@ -72,7 +78,9 @@ pub fn with_entry(
     };
     let Some(entry) = entry else { return Err(refusal) };
     let mut path = plan(entry.position).map_err(|_| refusal)?;
-    path.length_m += (entry.position - from).norm();
+    let ahead_m = (entry.position - from).norm();
+    path.length_m += ahead_m;
+    path.unmapped_m += ahead_m;
     if let Some(first) = path.points.first_mut() {
         *first = entry;
     }

@@ -55,24 +55,34 @@ pub fn planned(reply: PathReply) -> Result<PlannedPath, UnusablePath> {
         let waypoint = &reply.waypoints[index];
         return Err(UnusablePath::FarAway { index, x: waypoint.x, y: waypoint.y });
     }
-    if !(reply.length_m.is_finite() && reply.length_m >= 0.0) {
-        return Err(UnusablePath::Length(reply.length_m));
+    for length_m in [reply.length_m, reply.goal_moved_m, reply.unmapped_m] {
+        if !(length_m.is_finite() && length_m >= 0.0) {
+            return Err(UnusablePath::Length(length_m));
+        }
     }
     let points = reply.waypoints.into_iter().map(|waypoint| PathPoint {
         position: Point2::new(waypoint.x, waypoint.y),
         node: waypoint.node.and_then(|id| id.parse().ok()),
     });
-    Ok(PlannedPath { points: points.collect(), length_m: reply.length_m, planner: Planner::Server })
+    Ok(PlannedPath {
+        points: points.collect(),
+        length_m: reply.length_m,
+        planner: Planner::Server,
+        goal_moved_m: reply.goal_moved_m,
+        unmapped_m: reply.unmapped_m,
+    })
 }
 
-/// The server's reply as a path between two points of the map frame.
+/// The server's reply as a path between two points of the map frame; it may end elsewhere if it
+/// says so ([`PlannedPath::goal_moved_m`]).
 ///
 /// # Errors
 /// [`UnusablePath`], also when it begins or ends elsewhere.
 pub fn planned_between(reply: PathReply, from: Point2, to: Point2) -> Result<PlannedPath, UnusablePath> {
     let path = planned(reply)?;
     if let (Some(first), Some(last)) = (path.points.first(), path.points.last())
-        && ((first.position - from).norm() > ENDS_WITHIN_M || (last.position - to).norm() > ENDS_WITHIN_M)
+        && ((first.position - from).norm() > ENDS_WITHIN_M
+            || (last.position - to).norm() > ENDS_WITHIN_M + path.goal_moved_m)
     {
         return Err(UnusablePath::Elsewhere { path: [first.position, last.position], asked: [from, to] });
     }
@@ -92,6 +102,8 @@ mod tests {
             release: None,
             length_m: 1.0,
             waypoints,
+            goal_moved_m: 0.0,
+            unmapped_m: 0.0,
             obeyed: Vec::new(),
             speed_limits: Vec::new(),
         }

@@ -31,6 +31,8 @@ pub struct PathQuestion<'a> {
     pub footprint: &'a Footprint,
     /// The release to plan on, or `head`; none: the one that is enabled, or else the newest state.
     pub release: Option<&'a str>,
+    /// Whether the path may end at the nearest point that can be reached, if the goal cannot.
+    pub to_nearest: bool,
 }
 
 /// Asks the server for a path that is free for a robot of a footprint.
@@ -43,13 +45,16 @@ pub fn ask_path(
     question: &PathQuestion<'_>,
     timeout: Duration,
 ) -> Result<PathReply, AskError> {
-    let PathQuestion { from, to, footprint, release } = question;
+    let PathQuestion { from, to, footprint, release, to_nearest } = question;
     let mut selector = format!("{}?from={from};to={to}", Key::topic(map, Topic::Path));
     if footprint.is_larger_than_explorers() {
         selector += &format!(";footprint={}", footprint.planned_as());
     }
     if let Some(release) = release {
         selector += &format!(";release={release}");
+    }
+    if *to_nearest {
+        selector += ";to_nearest=true";
     }
     let payloads = ask(session, &selector, timeout)?;
     let first = payloads.into_iter().next().ok_or(AskError::Silent)?;
@@ -166,7 +171,7 @@ fn answer(session: &Session, map: &MapName, footprint: &Footprint, question: Que
     let mut failure = None;
     let path = with_entry(from, entry, |start| {
         let (from, to_text) = (text(start), text(to));
-        let question = PathQuestion { from: &from, to: &to_text, footprint, release: None };
+        let question = PathQuestion { from: &from, to: &to_text, footprint, release: None, to_nearest: false };
         let reply = ask_path(session, map, &question, timeout);
         let path = reply.and_then(|reply| {
             planned_between(reply, start, to).map_err(|error| AskError::Unreadable(error.to_string()))

@@ -33,6 +33,11 @@ pub struct PlannedPath {
     pub length_m: f64,
     /// Who planned it.
     pub planner: Planner,
+    /// How far its last point is from the goal that was asked for, metres; 0 unless the path may
+    /// end at the nearest point that can be reached.
+    pub goal_moved_m: f64,
+    /// How much of it leads over ground that the map knows nothing of, metres.
+    pub unmapped_m: f64,
 }
 
 /// Where paths come from.

@@ -1,17 +1,20 @@
 //! Writing to a map: places, zones, closed edges.
 
 use crate::map::Map;
+use fht_client::ask_json_async;
 use fht_client::author::{Authorship, NotWritten, write};
+use fht_map::{DoubtfulWords, MapState, check_place, check_zone};
 use fht_perception::pose::{Pose2, to_fixed};
-use fht_proto::api::reply::Head;
-use fht_proto::{EdgeKey, FixedPoint, Label, NodeId, Op, Zone, ZoneRule};
+use fht_proto::api::keys::{Key, Topic};
+use fht_proto::api::reply::{Head, RulesReply};
+use fht_proto::{EdgeKey, FixedPoint, Invalid, Label, NodeId, Op, Zone, ZoneRule};
 
 impl Map {
     /// Somebody who writes to this map under `name`: an operator, or a program. Give every author a
     /// name of its own.
     #[must_use]
     pub fn author(&self, name: &str) -> Author {
-        Author { map: self.clone(), name: name.to_owned() }
+        Author { map: self.clone(), name: name.to_owned(), is_sure: false }
     }
 }
 
@@ -23,8 +26,27 @@ pub enum AuthorError {
     #[error("{0}")]
     Name(String),
     /// The zone's border is none.
-    #[error("the border of zone {0} has fewer than three corners or crosses itself: give its corners in order")]
-    Border(String),
+    #[error("zone {name}: {reason}")]
+    Border {
+        /// The zone's name.
+        name: String,
+        /// What is wrong with it.
+        reason: Invalid,
+    },
+    /// The place or zone makes no sense on the own copy of the map: [`Author::anyway`] writes it
+    /// all the same.
+    #[error("{0}")]
+    Doubtful(#[from] DoubtfulWords),
+    /// There is no place or zone of this name.
+    #[error("there is no {what} {name} on the map ({})", in_words(known))]
+    NoSuch {
+        /// `place` or `zone`.
+        what: &'static str,
+        /// The name.
+        name: String,
+        /// Those that there are.
+        known: Vec<String>,
+    },
     /// No edge joins these nodes, as far as the own copy knows.
     #[error("no edge joins {0} and {1}")]
     NoEdge(NodeId, NodeId),
@@ -42,6 +64,16 @@ pub enum AuthorError {
 pub struct Author {
     map: Map,
     name: String,
+    is_sure: bool,
+}
+
+fn in_words(known: &[String]) -> String {
+    if known.is_empty() { "there is none".to_owned() } else { format!("there is: {}", known.join(", ")) }
+}
+
+fn is_there(what: &'static str, name: &Label, known: Vec<String>) -> Result<(), AuthorError> {
+    let is_known = known.iter().any(|known| known == name.as_str());
+    if is_known { Ok(()) } else { Err(AuthorError::NoSuch { what, name: name.to_string(), known }) }
 }
 
 fn label(name: &str) -> Result<Label, AuthorError> {
@@ -49,13 +81,40 @@ fn label(name: &str) -> Result<Label, AuthorError> {
 }
 
 impl Author {
+    /// Writes places and zones also where they make no sense on the own copy of the map: on ground
+    /// that nobody saw, behind walls, beyond the map.
+    #[must_use]
+    pub fn anyway(mut self) -> Self {
+        self.is_sure = true;
+        self
+    }
+
+    /// What the server has: the own copy may not have yet what was written a moment ago.
+    async fn rules(&self) -> Result<RulesReply, NotWritten> {
+        let inner = &self.map.inner;
+        let selector = Key::topic(&inner.name, Topic::Rules).to_string();
+        Ok(ask_json_async(&inner.session, &selector, inner.timeout).await?)
+    }
+
+    /// The newest state of the own copy.
+    fn copy(&self) -> MapState {
+        self.map.inner.replica.read().state().clone()
+    }
+
     /// Names a place, or moves the one that has the name, so that queries and robots can go there
     /// by name.
     ///
     /// # Errors
     /// [`AuthorError`].
     pub async fn set_place(&self, name: &str, map_from_place: Pose2) -> Result<Head, AuthorError> {
-        self.write(vec![Op::SetPlace { name: label(name)?, pose: Some(to_fixed(&map_from_place)) }]).await
+        let (name, pose) = (label(name)?, to_fixed(&map_from_place));
+        if !self.is_sure {
+            let map = self.copy();
+            // It blocks for as long as it takes to find the free space of the whole map.
+            let checked = tokio::task::spawn_blocking(move || check_place(&map, pose.position)).await;
+            checked.unwrap_or(Ok(()))?;
+        }
+        self.write(vec![Op::SetPlace { name, pose: Some(pose) }]).await
     }
 
     /// Takes a place's name away.
@@ -63,7 +122,10 @@ impl Author {
     /// # Errors
     /// [`AuthorError`].
     pub async fn remove_place(&self, name: &str) -> Result<Head, AuthorError> {
-        self.write(vec![Op::SetPlace { name: label(name)?, pose: None }]).await
+        let name = label(name)?;
+        let known = self.rules().await?.places.into_iter().map(|place| place.name.to_string());
+        is_there("place", &name, known.collect())?;
+        self.write(vec![Op::SetPlace { name, pose: None }]).await
     }
 
     /// Draws a zone with a rule, or redraws the one that has the name. `corners`: its border in
@@ -74,8 +136,9 @@ impl Author {
     pub async fn set_zone(&self, name: &str, rule: ZoneRule, corners: &[(f64, f64)]) -> Result<Head, AuthorError> {
         let corners = corners.iter().map(|&(x, y)| FixedPoint::from_metres(x, y)).collect();
         let zone = Zone { rule, corners };
-        if zone.corners.len() < 3 || zone.crosses_itself() {
-            return Err(AuthorError::Border(name.to_owned()));
+        zone.check_border().map_err(|reason| AuthorError::Border { name: name.to_owned(), reason })?;
+        if !self.is_sure {
+            check_zone(&self.copy(), &zone)?;
         }
         self.write(vec![Op::SetZone { name: label(name)?, zone: Some(zone) }]).await
     }
@@ -85,7 +148,10 @@ impl Author {
     /// # Errors
     /// [`AuthorError`].
     pub async fn remove_zone(&self, name: &str) -> Result<Head, AuthorError> {
-        self.write(vec![Op::SetZone { name: label(name)?, zone: None }]).await
+        let name = label(name)?;
+        let known = self.rules().await?.zones.into_iter().map(|zone| zone.name.to_string());
+        is_there("zone", &name, known.collect())?;
+        self.write(vec![Op::SetZone { name, zone: None }]).await
     }
 
     /// Closes the edge between two nodes: no path uses it until it is opened. For what is blocked

@@ -1,17 +1,18 @@
 //! Paths: the server's, or else planned on the own copy.
 
-use crate::map::{Inner, Map};
+use crate::map::Map;
 use crate::place::{Place, in_query, locate};
 use fht_client::{
     AskError, PathPoint, PathQuestion, PlannedPath, Planner, UnusablePath, ask_path, entry_node, planned,
     planned_between, with_entry,
 };
+use fht_map::PathEnds;
 use fht_perception::pose::{Point2, fixed_point};
 use fht_proto::Footprint;
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Obeyed, PathReply, PlaceRef, SpeedLimit};
 use std::future::{Future, IntoFuture};
 use std::pin::Pin;
-use std::sync::{Arc, PoisonError};
+use std::sync::PoisonError;
 
 impl Map {
     /// The shortest path between two places that obeys what operators and robots have closed, for
@@ -29,7 +30,7 @@ impl Map {
     /// ```
     pub fn path(&self, from: impl Into<Place>, to: impl Into<Place>) -> PathRequest {
         let footprint = self.inner.footprint.clone();
-        PathRequest { map: self.clone(), from: from.into(), to: to.into(), footprint, release: None }
+        PathRequest { map: self.clone(), from: from.into(), to: to.into(), footprint, release: None, to_nearest: false }
     }
 }
 
@@ -48,6 +49,12 @@ pub struct Path {
     pub obeyed: Vec<Obeyed>,
     /// Zones of limited speed that it leads through, in the order in which they are entered.
     pub speed_limits: Vec<SpeedLimit>,
+    /// How far its last point is from the goal that was asked for, metres; 0 unless
+    /// [`PathRequest::to_nearest`] was asked for and the goal cannot be reached.
+    pub goal_moved_m: f64,
+    /// How much of it leads over ground that the map knows nothing of, metres, at its start or at
+    /// its goal: drive there with care.
+    pub unmapped_m: f64,
 }
 
 /// Why there is no path.
@@ -86,6 +93,7 @@ pub struct PathRequest {
     to: Place,
     footprint: Footprint,
     release: Option<String>,
+    to_nearest: bool,
 }
 
 impl PathRequest {
@@ -104,6 +112,13 @@ impl PathRequest {
         self
     }
 
+    /// If the goal cannot be reached, the path to the nearest point that can:
+    /// [`Path::goal_moved_m`] says how far that is from the goal. Default: then there is no path.
+    pub fn to_nearest(mut self) -> Self {
+        self.to_nearest = true;
+        self
+    }
+
     /// Zenoh's answers and the planner block, so they have a thread of their own.
     async fn ask(self) -> Result<Path, PathError> {
         tokio::task::spawn_blocking(move || self.ask_blocking()).await?
@@ -118,7 +133,7 @@ impl PathRequest {
             Err(error) if self.release.is_some() => Err(PathError::Server(error)),
             Err(error) => {
                 tracing::warn!(%error, "no path from the server: planning on the own copy of the map");
-                plan_here(&self.map.inner, &self.footprint, &from, &to).map_err(PathError::Refused)
+                self.plan_here(&from, &to).map_err(PathError::Refused)
             }
         }
     }
@@ -136,6 +151,7 @@ impl PathRequest {
                 to: &in_query(to),
                 footprint: &self.footprint,
                 release: self.release.as_deref(),
+                to_nearest: self.to_nearest,
             };
             let reply = ask_path(&inner.session, &inner.name, &question, inner.timeout);
             let path = reply.and_then(|reply| {
@@ -159,6 +175,35 @@ impl PathRequest {
             (Ok(_), None, None) => Err(AskError::Silent),
             (Err(refusal), None, _) => Err(AskError::Refused(refusal)),
         }
+    }
+}
+
+impl PathRequest {
+    /// Plans on the own copy.
+    fn plan_here(&self, from: &PlaceRef, to: &PlaceRef) -> Result<Path, ErrorReply> {
+        let (inner, footprint) = (&self.map.inner, &self.footprint);
+        let changes = inner.replica.changes();
+        let running = inner.replica.running();
+        let now = inner.replica.read().state().clone();
+        let (from, to) = (locate(&now, &running, from)?, locate(&now, &running, to)?);
+        let rules = inner.replica.rules();
+        let mut cache = inner.free_space.lock().unwrap_or_else(PoisonError::into_inner);
+        if cache.footprint() != footprint {
+            *cache = std::mem::take(&mut *cache).for_footprint(footprint.clone());
+        }
+        let ends = if self.to_nearest { PathEnds::ToNearest } else { PathEnds::Unknown };
+        let path = cache.plan_between(&running, changes, (from, to, ends), &rules)?;
+        let points: Vec<_> = path.points.iter().map(|point| fixed_point(point.position)).collect();
+        Ok(Path {
+            speed_limits: rules.speed_limits_along(&points),
+            obeyed: rules.obeyed(),
+            release: inner.replica.release().map(|release| release.to_string()),
+            points: path.points,
+            length_m: path.length_m,
+            planner: path.planner,
+            goal_moved_m: path.goal_moved_m,
+            unmapped_m: path.unmapped_m,
+        })
     }
 }
 
@@ -197,28 +242,7 @@ fn answered(path: PlannedPath, reply: PathReply) -> Path {
         release: reply.release,
         obeyed: reply.obeyed,
         speed_limits: reply.speed_limits.into_iter().map(shift).collect(),
+        goal_moved_m: path.goal_moved_m,
+        unmapped_m: path.unmapped_m,
     }
-}
-
-/// Plans on the own copy.
-fn plan_here(inner: &Inner, footprint: &Footprint, from: &PlaceRef, to: &PlaceRef) -> Result<Path, ErrorReply> {
-    let changes = inner.replica.changes();
-    let running = inner.replica.running();
-    let now = inner.replica.read().state().clone();
-    let (from, to) = (locate(&now, &running, from)?, locate(&now, &running, to)?);
-    let rules = inner.replica.rules();
-    let mut cache = inner.free_space.lock().unwrap_or_else(PoisonError::into_inner);
-    if cache.footprint() != footprint {
-        *cache = std::mem::take(&mut *cache).for_footprint(footprint.clone());
-    }
-    let path = cache.plan(&running, changes, from, to, &Arc::clone(&rules))?;
-    let points: Vec<_> = path.points.iter().map(|point| fixed_point(point.position)).collect();
-    Ok(Path {
-        speed_limits: rules.speed_limits_along(&points),
-        obeyed: rules.obeyed(),
-        release: inner.replica.release().map(|release| release.to_string()),
-        points: path.points,
-        length_m: path.length_m,
-        planner: path.planner,
-    })
 }

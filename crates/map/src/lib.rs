@@ -59,5 +59,7 @@ pub use index::spatial::Places;
 pub use navmesh::entry_config::EntryConfig;
 pub use navmesh::free_space::{FreeSpace, SpaceConfig};
 pub use navmesh::limits::{OverBudget, SpaceLimits};
-pub use plan::node_route::{NodeRoute, NodeRouteConfig, RouteError};
+pub use navmesh::outside::Ground;
+pub use plan::node_route::{NodeRoute, NodeRouteConfig, PathEnds, RouteError};
 pub use plan::rules::{PlanError, Rules};
+pub use plan::words::{DoubtfulWords, check_place, check_zone};

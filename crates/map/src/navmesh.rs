@@ -10,12 +10,14 @@
 //! | `polyanya` | the shortest way through a mesh |
 //! | `entry` | the way into the mesh over ground that no rectangle covers |
 //! | `entry_config` | how places outside of the mesh are joined to it |
+//! | `outside` | ground outside of the mesh: walls, what nobody saw, where the mesh is nearest |
 
 mod cell_grid;
 pub(crate) mod entry;
 pub(crate) mod entry_config;
 pub(crate) mod free_space;
 pub(crate) mod limits;
-mod mesh;
+pub(crate) mod mesh;
+pub(crate) mod outside;
 pub(crate) mod plane;
 pub(crate) mod polyanya;

@@ -6,8 +6,10 @@
 //! | [`shortest_path`] | through all free space that the map knows |
 //! | [`rules`] | what operators and robots have closed, and paths that keep out of it |
 //! | [`blocked`] | what robots found blocked, while it lasts |
+//! | [`words`] | whether what operators name and draw makes sense on the map |
 
 pub mod blocked;
 pub mod node_route;
 pub mod rules;
 pub mod shortest_path;
+pub mod words;

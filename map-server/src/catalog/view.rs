@@ -58,7 +58,15 @@ impl MapView {
         let is_broken = before.is_some_and(|view| view.broken.as_ref() == Some(id));
         let is_here = head.vector.covers(&release.vector);
         let read = if is_here && !is_broken {
-            PlanningState::of_release(&head.map, id, release, log)?.map(Arc::new)
+            let read = PlanningState::of_release(&head.map, id, release, log).map(|state| state.map(Arc::new));
+            match (read, before) {
+                // A server that serves goes on with what it has.
+                (Err(error), Some(_)) => {
+                    tracing::error!(map = %head.map, release = %id, "the release that is enabled cannot be read: {error}");
+                    None
+                }
+                (read, _) => read?,
+            }
         } else {
             None
         };

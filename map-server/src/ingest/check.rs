@@ -6,7 +6,7 @@ use crate::store::IncrementOrigin;
 use fht_proto::api::keys::Key;
 use fht_proto::api::reply::{ErrorCode, ErrorReply};
 use fht_proto::codec::envelope::is_canonical;
-use fht_proto::{CodecError, Increment, MapName, decode};
+use fht_proto::{CodecError, Increment, Invalid, MapName, Op, decode};
 
 /// What arrived under a key, not yet decoded.
 #[derive(Clone, Debug)]
@@ -97,6 +97,14 @@ pub enum Refusal {
     /// Other servers stand on the same increments, one by one.
     #[error("folded increments go only to a server that keeps its own log: this one stands on storages")]
     CompactedShared,
+    /// It draws a zone that is none.
+    #[error("zone {name}: {reason}")]
+    Zone {
+        /// The zone's name.
+        name: String,
+        /// What is wrong with its border.
+        reason: Invalid,
+    },
     /// One of [`Limits`] is exceeded, or the limit of authors.
     #[error("the limit of {0} is reached")]
     Full(&'static str),
@@ -113,9 +121,12 @@ impl Refusal {
             Self::Future { .. } => ErrorCode::Future,
             Self::TooLong { .. } => ErrorCode::TooLong,
             // Damaged on the way, or not from a writer at all.
-            Self::CompactedShared | Self::Key | Self::Delete | Self::Codec(_) | Self::OtherKey { .. } => {
-                ErrorCode::BadRequest
-            }
+            Self::CompactedShared
+            | Self::Key
+            | Self::Delete
+            | Self::Codec(_)
+            | Self::OtherKey { .. }
+            | Self::Zone { .. } => ErrorCode::BadRequest,
         };
         ErrorReply::new(code, &self.to_string())
     }
@@ -162,4 +173,19 @@ pub fn check(arrival: Arrival, limits: &Limits, now_us: u64) -> Result<Checked, 
 pub fn check_stamp(hlc_us: u64, limits: &Limits, now_us: u64) -> Result<(), Refusal> {
     let ahead_s = hlc_us.saturating_sub(now_us) / 1_000_000;
     if ahead_s > limits.max_clock_ahead_s { Err(Refusal::Future { ahead_s }) } else { Ok(()) }
+}
+
+/// Checks what an operator has drawn. Maps from files and storages may have more: they were
+/// accepted before.
+///
+/// # Errors
+/// [`Refusal::Zone`].
+pub fn check_words(checked: Checked) -> Result<Checked, Refusal> {
+    let zones = checked.increment.ops.iter().filter(|_| checked.origin == IncrementOrigin::Writer);
+    let bad = zones.filter_map(|op| match op {
+        Op::SetZone { name, zone: Some(zone) } => Some((name, zone.check_border().err()?)),
+        _ => None,
+    });
+    let first = bad.map(|(name, reason)| Refusal::Zone { name: name.to_string(), reason }).next();
+    first.map_or(Ok(checked), Err)
 }

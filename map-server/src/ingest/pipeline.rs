@@ -4,7 +4,7 @@
 use crate::catalog::{Catalog, MapView};
 use crate::config::Limits;
 use crate::ingest::batch::{Batch, BatchOutcome};
-use crate::ingest::check::{Arrival, Checked, Refusal, check, map_of};
+use crate::ingest::check::{Arrival, Checked, Refusal, check, check_words, map_of};
 use crate::ingest::pending_maps::PendingMaps;
 use crate::ingest::refusals::{RefusalNotice, RefusalThrottle};
 use crate::ingest::retention::{Retained, retain};
@@ -84,7 +84,11 @@ impl Ingest {
         let mut batch = Batch::default();
         for arrival in arrivals {
             let key = arrival.key.clone();
-            if let Err(refusal) = self.check_and_sort(arrival, now_us, &mut batch)? {
+            let outcome = match check(arrival, &self.limits, now_us).and_then(check_words) {
+                Ok(checked) => self.sort(checked, &mut batch)?,
+                Err(refusal) => Err(refusal),
+            };
+            if let Err(refusal) = outcome {
                 self.log_refusal(&key, &refusal);
                 batch.outcome.notices.extend(self.notice(&key, &refusal));
                 if let Some(map) = map_of(&key) {
@@ -128,8 +132,9 @@ impl Ingest {
 
     pub(super) fn log_refusal(&mut self, key: &str, refusal: &Refusal) {
         if let Some(suppressed) = self.throttle.pass(Instant::now()) {
+            let map = map_of(key).map(|map| map.to_string()).unwrap_or_default();
             let key: String = key.chars().take(120).collect();
-            tracing::warn!(%key, suppressed, "increment refused: {refusal}");
+            tracing::warn!(map, %key, suppressed, "increment refused: {refusal}");
         }
     }
 
@@ -196,11 +201,16 @@ impl Ingest {
         if self.maps.get(&map).is_some_and(|intake| number <= intake.sequence.vector().get(author)) {
             let same = match batch.by_key.get(&(map.clone(), author, number)) {
                 Some(&index) => batch.records.get(index).is_some_and(|record| record.bytes == checked.bytes),
-                None => match self.log.reader().stored(&map, author, number)? {
-                    Stored::Increment(bytes) => bytes == checked.bytes,
+                None => match self.log.reader().stored(&map, author, number) {
+                    Ok(Stored::Increment(bytes)) => bytes == checked.bytes,
                     // It cannot be told any more.
-                    Stored::Compacted => true,
-                    Stored::Absent => false,
+                    Ok(Stored::Compacted) => true,
+                    Ok(Stored::Absent) => false,
+                    // Nor here; everything else goes on.
+                    Err(error) => {
+                        tracing::error!(%map, %author, number, "a stored increment cannot be read: {error}");
+                        true
+                    }
                 },
             };
             if checked.origin != IncrementOrigin::Writer {

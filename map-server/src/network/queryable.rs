@@ -4,7 +4,7 @@ use crate::clock::now_us;
 use crate::ingest::{Ingest, WriterQueue};
 use crate::query::{Answer, AnswerSources, answer, answer_at_once, internal, json, unknown_map};
 use fht_proto::MapName;
-use fht_proto::api::keys::{ALL_INCREMENTS, ALL_KEPT, Key, PREFIX, Topic};
+use fht_proto::api::keys::{AdminAction, Key, PREFIX, Topic};
 use fht_proto::api::reply::{ErrorCode, ErrorReply};
 use fht_proto::api::request::{AdminOrder, Format, bad_request, parse, parse_order, shown};
 use std::sync::Arc;
@@ -34,8 +34,13 @@ enum Addressed {
     One(Key),
     /// A wildcard over heads and the list of maps.
     Several(Vec<Key>),
-    /// Increments or robots, which others answer.
-    Others,
+    /// What storages keep: one increment.
+    Kept,
+    /// The same by wildcards, as the servers of a site ask all of their storages. A refusal would
+    /// be taken for one of a storage.
+    Storages,
+    /// What is put and not asked for: the sentence says what to ask.
+    NotAsked(String),
     /// Nothing that exists.
     Unknown,
 }
@@ -44,24 +49,46 @@ fn addressed(expression: &str, maps: impl Iterator<Item = MapName>) -> Addressed
     if !expression.contains('*') {
         return match expression.parse::<Key>() {
             Ok(key @ (Key::Maps | Key::Topic { .. } | Key::Admin { .. })) => Addressed::One(key),
-            Ok(Key::Increment { .. } | Key::Kept { .. } | Key::Robot { .. } | Key::RobotTopic { .. }) => {
-                Addressed::Others
-            }
-            Ok(Key::Refused { .. }) => Addressed::Unknown,
-            Err(_) if matches!(expression.split('/').nth(2), Some("inc" | "kept" | "robots")) => Addressed::Others,
-            Err(_) => Addressed::Unknown,
+            _ => put_only(expression),
         };
     }
     let Ok(asked) = keyexpr::new(expression) else { return Addressed::Unknown };
     let covers = |key: &str| keyexpr::new(key).is_ok_and(|key| asked.intersects(key));
     let heads = maps.map(|map| Key::topic(&map, Topic::Head));
     let several: Vec<Key> = std::iter::once(Key::Maps).chain(heads).filter(|key| covers(&key.to_string())).collect();
-    if !several.is_empty() {
-        Addressed::Several(several)
-    } else if covers(ALL_INCREMENTS) || covers(ALL_KEPT) || covers(&format!("{PREFIX}/*/robots/**")) {
-        Addressed::Others
-    } else {
-        Addressed::Unknown
+    if !several.is_empty() { Addressed::Several(several) } else { put_only(expression) }
+}
+
+/// What a key that is put says when it is asked for, by its chunk behind the map.
+fn put_only(expression: &str) -> Addressed {
+    let mut chunks = expression.split('/').skip(1);
+    let (map, kind) = (chunks.next().unwrap_or_default(), chunks.next().unwrap_or_default());
+    let map = if map.parse::<MapName>().is_ok() { map } else { "MAP" };
+    let key = shown(expression);
+    let fleet = Topic::Fleet.as_str();
+    match kind {
+        "kept" if matches!(expression.parse(), Ok(Key::Kept { .. })) => Addressed::Kept,
+        "kept" => Addressed::Storages,
+        "robots" => Addressed::NotAsked(format!(
+            "{key} is put by robots: subscribe to it; {PREFIX}/{map}/{fleet} answers which robots there are"
+        )),
+        "inc" => Addressed::NotAsked(format!(
+            "{key} is put by writers: subscribe to it; {PREFIX}/{map}/{} answers with increments",
+            Topic::Since.as_str()
+        )),
+        "refused" => Addressed::NotAsked(format!(
+            "{key} is where the server puts why it refused an increment: subscribe to it; {PREFIX}/{map}/{} answers what \
+             it has",
+            Topic::Head.as_str()
+        )),
+        "admin" => {
+            let actions: Vec<&str> = AdminAction::ALL.iter().map(|action| action.as_str()).collect();
+            Addressed::NotAsked(format!(
+                "{key} is no order: ask {PREFIX}/{map}/admin/ACTION with ACTION one of {}",
+                actions.join(", ")
+            ))
+        }
+        _ => Addressed::Unknown,
     }
 }
 
@@ -110,7 +137,17 @@ impl QueryService {
         match addressed(query.key_expr().as_str(), maps) {
             Addressed::One(key) => self.reply_to(query, key),
             Addressed::Several(keys) => keys.into_iter().for_each(|key| self.reply_to(query, key)),
-            Addressed::Others => {}
+            Addressed::Storages => {}
+            Addressed::Kept if self.sources.log.is_shared() => {}
+            Addressed::Kept => {
+                let text = format!(
+                    "{} is kept by storages, and this server keeps its own log: {PREFIX}/MAP/{} answers with increments",
+                    shown(query.key_expr()),
+                    Topic::Since.as_str()
+                );
+                reply_error(query, &bad_request(text));
+            }
+            Addressed::NotAsked(text) => reply_error(query, &bad_request(text)),
             Addressed::Unknown => {
                 let topics: Vec<&str> = Topic::ALL.iter().map(|topic| topic.as_str()).collect();
                 let text = format!(
@@ -204,7 +241,11 @@ fn busy() -> ErrorReply {
 
 fn reply(query: &Query, key: &str, outcome: Result<Vec<Answer>, ErrorReply>) {
     match outcome {
-        Ok(answers) => answers.into_iter().for_each(|answer| reply_answer(query, key, answer)),
+        Ok(answers) => {
+            let bytes: usize = answers.iter().map(|answer| answer.bytes.len()).sum();
+            tracing::info!(map = map_in(key), asked = %asked_of(query), bytes, "answered");
+            answers.into_iter().for_each(|answer| reply_answer(query, key, answer));
+        }
         Err(error) => reply_error(query, &error),
     }
 }
@@ -220,7 +261,18 @@ fn reply_answer(query: &Query, key: &str, answer: Answer) {
     }
 }
 
+/// The map that a key names, for the log.
+fn map_in(key: &str) -> &str {
+    key.split('/').nth(1).unwrap_or_default()
+}
+
+/// What was asked, for the log.
+fn asked_of(query: &Query) -> String {
+    shown(&query.selector().to_string())
+}
+
 fn reply_error(query: &Query, error: &ErrorReply) {
+    tracing::info!(map = map_in(query.key_expr()), asked = %asked_of(query), code = ?error.code, "refused: {error}");
     let payload = serde_json::to_vec(error).unwrap_or_default();
     if let Err(error) = query.reply_err(payload).encoding(Encoding::APPLICATION_JSON).wait() {
         tracing::debug!("an error reply could not be sent: {error}");
@@ -245,19 +297,26 @@ mod tests {
         let heads = vec![Key::topic(&a, Topic::Head), Key::topic(&b, Topic::Head)];
         assert_eq!(asked("fht/*/head"), Addressed::Several(heads));
         assert_eq!(asked("fht/*"), Addressed::Several(vec![Key::Maps]));
-        for others in [
-            "fht/a/inc/**",
-            "fht/*/inc/**",
-            "fht/a/inc/00000001/1",
-            "fht/a/robots/r",
-            "fht/a/robots/**",
-            "fht/*/kept/**",
+        for (others, instead) in [
+            ("fht/a/inc/**", "fht/a/since"),
+            ("fht/*/inc/**", "fht/MAP/since"),
+            ("fht/a/inc/00000001/1", "fht/a/since"),
+            ("fht/a/robots", "fht/a/fleet"),
+            ("fht/a/robots/r", "fht/a/fleet"),
+            ("fht/a/robots/**", "fht/a/fleet"),
+            ("fht/a/robots/r/pose", "fht/a/fleet"),
+            ("fht/*/robots/*/status", "fht/MAP/fleet"),
+            ("fht/a/refused/00000001", "fht/a/head"),
+            ("fht/a/admin/dance", "retain, import"),
         ] {
-            assert_eq!(asked(others), Addressed::Others, "{others}");
+            let said = asked(others);
+            assert!(matches!(&said, Addressed::NotAsked(text) if text.contains(instead)), "{others}: {said:?}");
         }
-        for unknown in
-            ["fht", "fht/a", "fht/a/paths", "fht/a/path/b", "fht/a b/path", "fht/*/path", "fht/a/refused/00000001"]
-        {
+        assert_eq!(asked("fht/a/kept/00000001/1"), Addressed::Kept);
+        for storages in ["fht/*/kept/**", "fht/a/kept/00000001/*", "fht/*/kept/*/1", "fht/-/kept/presence"] {
+            assert_eq!(asked(storages), Addressed::Storages, "{storages}");
+        }
+        for unknown in ["fht", "fht/a", "fht/a/paths", "fht/a/path/b", "fht/a b/path", "fht/*/path"] {
             assert_eq!(asked(unknown), Addressed::Unknown, "{unknown}");
         }
     }

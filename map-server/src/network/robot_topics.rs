@@ -48,7 +48,9 @@ pub(crate) async fn subscribe_robot_topics(
     let for_tokens = sources.clone();
     let take_token = move |sample: Sample| {
         if let Ok(Key::Robot { map, robot }) = sample.key_expr().as_str().parse() {
-            for_tokens.fleet.set_alive(&map, &robot, sample.kind() == SampleKind::Put);
+            let is_here = sample.kind() == SampleKind::Put;
+            tracing::info!(%map, %robot, "the robot {}", if is_here { "is here" } else { "has gone" });
+            for_tokens.fleet.set_alive(&map, &robot, is_here);
         }
     };
     Ok(RobotTopicSubscriptions {
@@ -103,7 +105,10 @@ fn take_sample(sample: &Sample, sources: &AnswerSources) -> Result<(), String> {
         }
         RobotTopic::Blocked => {
             let report: BlockedReport = serde_json::from_slice(&payload).map_err(|error| error.to_string())?;
-            sources.active_rules.take_report(&map, &robot, &report, now_us()).map_err(|error| error.to_string())
+            sources.active_rules.take_report(&map, &robot, &report, now_us()).map_err(|error| error.to_string())?;
+            let (edges, places, for_s) = (report.edges.len(), report.places.len(), report.for_s);
+            tracing::info!(%map, %robot, edges, places, for_s, "the robot found something blocked");
+            Ok(())
         }
         // For other robots and people.
         RobotTopic::Pose | RobotTopic::Goal | RobotTopic::Seen => Ok(()),

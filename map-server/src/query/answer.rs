@@ -46,10 +46,13 @@ pub fn answer(request: Request, sources: &AnswerSources, now_us: u64) -> Result<
             return history::increments(&view, sources.log.as_ref(), &moment, &have, form);
         }
         Question::Head => json(view.head.as_ref()),
-        Question::Path { from, to, on, footprint, format } => {
-            path::path(&view, sources, &path::PathQuestion::of(&from, &to, &on, footprint.as_ref()), format, now_us)
+        ref question @ Question::Path { .. } => {
+            let asked = path::PathQuestion::of(question).ok_or_else(|| internal("a path is no path"))?;
+            path::path(&view, sources, &asked, now_us)
         }
-        Question::Nodes { near, radius_m, limit, format } => nodes::near(&view, catalog, near, radius_m, limit, format),
+        Question::Nodes { near, radius_m, limit, after, format } => {
+            nodes::near(&view, catalog, &nodes::NodesQuestion { near, radius_m, limit, after, format })
+        }
         Question::Match { descriptor, limit, format } => nodes::alike(&view, catalog, &descriptor, limit, format),
         Question::Releases => history::releases(&view, sources.log.as_ref()),
         Question::Diff { from, to } => history::diff(&view, sources.log.as_ref(), &from, &to),
@@ -71,10 +74,7 @@ pub fn answer_at_once(
     let view = sources.catalog.view(map)?;
     let answer = match question {
         Question::Head => json(view.head.as_ref()),
-        Question::Path { from, to, on, footprint, format } => {
-            path::at_once(&view, sources, &path::PathQuestion::of(from, to, on, footprint.as_ref()), *format, now_us)?
-        }
-        _ => return None,
+        question => path::at_once(&view, sources, &path::PathQuestion::of(question)?, now_us)?,
     };
     Some(answer.map(|answer| vec![answer]))
 }

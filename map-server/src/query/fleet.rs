@@ -3,7 +3,7 @@
 use crate::config::FleetConfig;
 use fht_proto::api::fleet::{FleetReply, RobotRole, RobotStatus, RobotView};
 use fht_proto::api::reply::Head;
-use fht_proto::{MapName, VersionVector};
+use fht_proto::{AuthorId, MapName, VersionVector};
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -58,6 +58,14 @@ impl Fleet {
         self.change(map, robot, |seen| seen.is_alive = is_alive);
     }
 
+    /// The name of the robot that writes to a map as an author, if it was heard of.
+    #[must_use]
+    pub fn name_of(&self, map: &MapName, author: AuthorId) -> Option<String> {
+        let robots = self.lock();
+        let mut names = robots.keys().filter(|(of, _)| of == map).map(|(_, name)| name);
+        names.find(|name| AuthorId::of_robot(name) == author).cloned()
+    }
+
     /// A robot has reported its status at `now_us`, when `head` was the newest.
     pub fn take_status(&self, map: &MapName, robot: &str, status: RobotStatus, head: &Head, now_us: u64) {
         let lacks = lacks_anything(&status, head);
@@ -98,8 +106,8 @@ fn lacks_anything(status: &RobotStatus, head: &Head) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fht_proto::Digest;
     use fht_proto::api::fleet::{LocalizationState, RobotRole};
-    use fht_proto::{AuthorId, Digest};
 
     const SECOND: u64 = 1_000_000;
 

@@ -2,13 +2,15 @@
 //! new heads.
 
 use crate::clock::now_us;
-use crate::ingest::{Ingest, WriterJob, WriterQueue, WriterWork};
+use crate::ingest::{Arrival, Ingest, WriterJob, WriterQueue, WriterWork};
 use crate::network::{publish_head, publish_refusal};
 use crate::query::AnswerSources;
 use crate::replicated::Stateless;
 use crate::server::error::ServerError;
 use crate::store::StoreError;
+use fht_proto::api::keys::Key;
 use fht_proto::api::reply::Head;
+use fht_proto::{AuthorId, MapName};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -65,7 +67,7 @@ impl Writer {
                     "more increments arrived than the queue holds; their writers will send them again"
                 );
             }
-            let count = arrivals.len();
+            let writers = counted(&arrivals);
             let outcome = self.ingest.take_arrivals(arrivals, now_us())?;
             if let Some(stateless) = &self.stateless {
                 stateless.settle_disputed(&outcome.disputed, self.sources.log.as_ref())?;
@@ -73,7 +75,11 @@ impl Writer {
             outcome.notices.iter().for_each(|notice| publish_refusal(&self.session, notice));
             for map in outcome.announce {
                 if let Some(view) = self.sources.catalog.view(&map) {
-                    tracing::debug!(%map, version = view.head.version, count, "stored");
+                    for ((_, author), increments) in writers.iter().filter(|((of, _), _)| *of == map) {
+                        let robot = self.sources.fleet.name_of(&map, *author).unwrap_or_else(|| "unknown".to_owned());
+                        let version = view.head.version;
+                        tracing::info!(%map, %robot, %author, increments, version, "taken in, and stored");
+                    }
                     publish_head(&self.session, &view.head);
                 }
             }
@@ -93,6 +99,19 @@ impl Writer {
         heads().iter().filter(has_grown).for_each(|head| publish_head(&self.session, head));
         Ok(())
     }
+}
+
+/// How many increments came from whom, by map and author, if anybody wants to know.
+fn counted(arrivals: &[Arrival]) -> BTreeMap<(MapName, AuthorId), usize> {
+    let mut counts = BTreeMap::new();
+    if tracing::enabled!(tracing::Level::INFO) {
+        for arrival in arrivals {
+            if let Ok(Key::Increment { map, author, .. } | Key::Kept { map, author, .. }) = arrival.key.parse() {
+                *counts.entry((map, author)).or_default() += 1;
+            }
+        }
+    }
+    counts
 }
 
 impl WriterThread {

@@ -6,7 +6,7 @@ use fht_proto::codec::envelope::FORMAT_VERSION;
 use fht_proto::{AuthorId, MapName, VersionVector};
 use std::fmt::Debug;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why the log failed.
 #[derive(Debug, thiserror::Error)]
@@ -68,6 +68,19 @@ pub enum StoreError {
         /// Its place in the author's sequence.
         number: u64,
     },
+    /// The file cannot be read as what it should be.
+    #[error(
+        "the store {} cannot be used, for it is damaged: {reason}. Put a backup of this directory in its place if there \
+         is one (maps from `map-server export` are taken in by `map-server import`); `map-server check {dir}` says what \
+         is lost, and `map-server rescue {dir} TARGET` copies what still reads into a new directory",
+        file.display(), dir = file.parent().unwrap_or(file).display()
+    )]
+    Broken {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong, as far as it can be said.
+        reason: String,
+    },
     /// What was read is not what was written.
     #[error("the store is damaged: map {map}: {reason}")]
     Damaged {
@@ -76,6 +89,19 @@ pub enum StoreError {
         /// What is wrong.
         reason: String,
     },
+}
+
+impl StoreError {
+    /// The same, if it says that a store is damaged, with the file and with what can be done.
+    #[must_use]
+    pub fn of_file(self, file: &Path) -> Self {
+        match self {
+            Self::Damaged { .. } | Self::Disk { action: "read", .. } => {
+                Self::Broken { file: file.to_owned(), reason: self.to_string() }
+            }
+            other => other,
+        }
+    }
 }
 
 /// Where an increment comes from.

@@ -11,6 +11,7 @@
 //!
 //! The log of a compacted map begins after its floor.
 
+use crate::store::guard::guarded;
 use crate::store::log::{
     CompactedRecord, CompactionFloor, IncrementLog, LogReader, Piece, Record, StoreError, Stored, Visit, gaps,
 };
@@ -44,10 +45,24 @@ fn writing(error: impl Into<redb::Error>) -> StoreError {
     StoreError::Disk { action: "written", reason: error.into().to_string() }
 }
 
+/// What a panic over a damaged file is.
+fn reading_guarded<T>(work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
+    guarded(work).unwrap_or_else(|panic| Err(StoreError::Disk { action: "read", reason: damage(&panic) }))
+}
+
+fn writing_guarded<T>(work: impl FnOnce() -> Result<T, StoreError>) -> Result<T, StoreError> {
+    guarded(work).unwrap_or_else(|panic| Err(StoreError::Disk { action: "written", reason: damage(&panic) }))
+}
+
+fn damage(panic: &str) -> String {
+    format!("the file is damaged ({panic})")
+}
+
 /// The open store.
 #[derive(Debug)]
 pub struct RedbLog {
-    database: Database,
+    // There until it is dropped: closing a damaged file may panic, too.
+    database: Option<Database>,
     // Held until the store is closed: only one server at a time.
     _lock: Option<File>,
 }
@@ -84,23 +99,53 @@ impl RedbLog {
         Self::open_file(dir, &path, Some(lock))
     }
 
+    /// Opens the store in `dir`, which must be there, and checks the sums of all that is in it.
+    /// Nobody else may use it meanwhile.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub(crate) fn open_checked(dir: &Path) -> Result<Self, StoreError> {
+        let path = dir.join(FILE_NAME);
+        let mut log = Self::open_file(dir, &path, None)?;
+        let broken = |reason: String| StoreError::Broken { file: path.clone(), reason };
+        let whole = guarded(|| log.database.as_mut().map(Database::check_integrity));
+        match whole.map_err(|panic| broken(damage(&panic)))? {
+            Some(Ok(true)) | None => Ok(log),
+            Some(Ok(false)) => Err(broken("its sums do not hold".to_owned())),
+            Some(Err(error)) => Err(broken(error.to_string())),
+        }
+    }
+
     fn open_file(dir: &Path, path: &Path, lock: Option<File>) -> Result<Self, StoreError> {
-        let database = Database::create(path).map_err(|error| match error {
+        let broken = |reason: String| StoreError::Broken { file: path.to_owned(), reason };
+        let opened = guarded(|| Database::create(path)).map_err(|panic| broken(damage(&panic)))?;
+        let database = opened.map_err(|error| match error {
             redb::DatabaseError::DatabaseAlreadyOpen => StoreError::InUse { dir: dir.to_owned() },
+            redb::DatabaseError::Storage(redb::StorageError::Corrupted(reason)) => broken(reason),
             other => StoreError::Open { dir: dir.to_owned(), reason: other.to_string() },
         })?;
-        let store = Self { database, _lock: lock };
-        match store.format()? {
+        let store = Self { database: Some(database), _lock: lock };
+        match reading_guarded(|| store.format()).map_err(|error| error.of_file(path))? {
             Some(FORMAT) => Ok(store),
             // Format 2 only adds tables.
-            None | Some(1) => store.make_tables().map(|()| store),
+            None | Some(1) => writing_guarded(|| store.make_tables()).map(|()| store),
             Some(found) => Err(StoreError::Format { dir: dir.to_owned(), found, known: FORMAT }),
         }
     }
 
+    fn begin_read(&self) -> Result<redb::ReadTransaction, StoreError> {
+        let closed = || StoreError::Disk { action: "read", reason: "it is closed".to_owned() };
+        self.database.as_ref().ok_or_else(closed)?.begin_read().map_err(reading)
+    }
+
+    fn begin_write(&self) -> Result<redb::WriteTransaction, StoreError> {
+        let closed = || StoreError::Disk { action: "written", reason: "it is closed".to_owned() };
+        self.database.as_ref().ok_or_else(closed)?.begin_write().map_err(writing)
+    }
+
     /// The format of the file; none in a new one.
     fn format(&self) -> Result<Option<u64>, StoreError> {
-        let read = self.database.begin_read().map_err(reading)?;
+        let read = self.begin_read()?;
         let meta = match read.open_table(META) {
             Err(TableError::TableDoesNotExist(_)) => return Ok(None),
             other => other.map_err(reading)?,
@@ -109,7 +154,7 @@ impl RedbLog {
     }
 
     fn make_tables(&self) -> Result<(), StoreError> {
-        let write = self.database.begin_write().map_err(writing)?;
+        let write = self.begin_write()?;
         write.open_table(INCREMENTS).map_err(writing)?;
         write.open_table(LOG).map_err(writing)?;
         write.open_table(COMPACTED).map_err(writing)?;
@@ -119,6 +164,15 @@ impl RedbLog {
         meta.insert(FORMAT_KEY, FORMAT).map_err(writing)?;
         drop(meta);
         write.commit().map_err(writing)
+    }
+}
+
+impl Drop for RedbLog {
+    fn drop(&mut self) {
+        let database = self.database.take();
+        if let Err(panic) = guarded(|| drop(database)) {
+            tracing::error!("the store could not be closed: {}", damage(&panic));
+        }
     }
 }
 
@@ -162,20 +216,22 @@ impl IncrementLog for RedbLog {
     }
 
     fn append(&self, records: &[Record]) -> Result<(), StoreError> {
-        let mut write = self.database.begin_write().map_err(writing)?;
-        // Commits in two phases and keeps what a repair needs: recovery after a crash takes no
-        // longer for a large file, and does not depend on checksums over bytes that strangers
-        // chose.
-        write.set_quick_repair(true);
-        let mut increments = write.open_table(INCREMENTS).map_err(writing)?;
-        let mut log = write.open_table(LOG).map_err(writing)?;
-        for record in records {
-            let (map, author) = (record.map.as_str(), record.author.0);
-            increments.insert((map, author, record.number), record.bytes.as_slice()).map_err(writing)?;
-            log.insert((map, record.sequence), (author, record.number)).map_err(writing)?;
-        }
-        drop((increments, log));
-        write.commit().map_err(writing)
+        writing_guarded(|| {
+            let mut write = self.begin_write()?;
+            // Commits in two phases and keeps what a repair needs: recovery after a crash takes no
+            // longer for a large file, and does not depend on checksums over bytes that strangers
+            // chose.
+            write.set_quick_repair(true);
+            let mut increments = write.open_table(INCREMENTS).map_err(writing)?;
+            let mut log = write.open_table(LOG).map_err(writing)?;
+            for record in records {
+                let (map, author) = (record.map.as_str(), record.author.0);
+                increments.insert((map, author, record.number), record.bytes.as_slice()).map_err(writing)?;
+                log.insert((map, record.sequence), (author, record.number)).map_err(writing)?;
+            }
+            drop((increments, log));
+            write.commit().map_err(writing)
+        })
     }
 
     fn add_compacted(
@@ -184,10 +240,12 @@ impl IncrementLog for RedbLog {
         floor: &CompactionFloor,
         series: &[CompactedRecord],
     ) -> Result<(), StoreError> {
-        let mut write = self.database.begin_write().map_err(writing)?;
-        write.set_quick_repair(true);
-        put_compacted(&write, map, floor, series)?;
-        write.commit().map_err(writing)
+        writing_guarded(|| {
+            let mut write = self.begin_write()?;
+            write.set_quick_repair(true);
+            put_compacted(&write, map, floor, series)?;
+            write.commit().map_err(writing)
+        })
     }
 
     fn replace_compacted(
@@ -196,57 +254,63 @@ impl IncrementLog for RedbLog {
         floor: &CompactionFloor,
         new: &[CompactedRecord],
     ) -> Result<(), StoreError> {
-        let name = map.as_str();
-        let mut write = self.database.begin_write().map_err(writing)?;
-        write.set_quick_repair(true);
-        let mut increments = write.open_table(INCREMENTS).map_err(writing)?;
-        let mut compacted = write.open_table(COMPACTED).map_err(writing)?;
-        for (author, last) in floor.vector.iter() {
-            increments.retain_in((name, author.0, 0)..=(name, author.0, last), |_, _| false).map_err(writing)?;
-            compacted.retain_in((name, author.0, 0)..=(name, author.0, last), |_, _| false).map_err(writing)?;
-        }
-        let mut log = write.open_table(LOG).map_err(writing)?;
-        log.retain_in((name, 0)..=(name, floor.version), |_, _| false).map_err(writing)?;
-        drop((increments, compacted, log));
-        put_compacted(&write, map, floor, new)?;
-        write.commit().map_err(writing)
+        writing_guarded(|| {
+            let name = map.as_str();
+            let mut write = self.begin_write()?;
+            write.set_quick_repair(true);
+            let mut increments = write.open_table(INCREMENTS).map_err(writing)?;
+            let mut compacted = write.open_table(COMPACTED).map_err(writing)?;
+            for (author, last) in floor.vector.iter() {
+                increments.retain_in((name, author.0, 0)..=(name, author.0, last), |_, _| false).map_err(writing)?;
+                compacted.retain_in((name, author.0, 0)..=(name, author.0, last), |_, _| false).map_err(writing)?;
+            }
+            let mut log = write.open_table(LOG).map_err(writing)?;
+            log.retain_in((name, 0)..=(name, floor.version), |_, _| false).map_err(writing)?;
+            drop((increments, compacted, log));
+            put_compacted(&write, map, floor, new)?;
+            write.commit().map_err(writing)
+        })
     }
 }
 
 impl LogReader for RedbLog {
     fn stored(&self, map: &MapName, author: AuthorId, number: u64) -> Result<Stored, StoreError> {
-        let read = self.database.begin_read().map_err(reading)?;
-        let increments = read.open_table(INCREMENTS).map_err(reading)?;
-        if let Some(bytes) = increments.get((map.as_str(), author.0, number)).map_err(reading)? {
-            return Ok(Stored::Increment(bytes.value().to_vec()));
-        }
-        let floor = floor_of(&read, map)?;
-        Ok(if (1..=floor.vector.get(author)).contains(&number) { Stored::Compacted } else { Stored::Absent })
+        reading_guarded(|| {
+            let read = self.begin_read()?;
+            let increments = read.open_table(INCREMENTS).map_err(reading)?;
+            if let Some(bytes) = increments.get((map.as_str(), author.0, number)).map_err(reading)? {
+                return Ok(Stored::Increment(bytes.value().to_vec()));
+            }
+            let floor = floor_of(&read, map)?;
+            Ok(if (1..=floor.vector.get(author)).contains(&number) { Stored::Compacted } else { Stored::Absent })
+        })
     }
 
     fn for_each(&self, of: Option<&MapName>, visit: &mut Visit<'_>) -> Result<(), StoreError> {
-        let read = self.database.begin_read().map_err(reading)?;
-        let compacted = read.open_table(COMPACTED).map_err(reading)?;
-        let first = (of.map_or("", MapName::as_str), 0, 0);
-        let is_other = |map: &str| of.is_some_and(|of| of.as_str() != map);
-        for entry in compacted.range(first..).map_err(reading)? {
-            let (key, value) = entry.map_err(reading)?;
-            let (map, author, last) = key.value();
-            if is_other(map) {
-                break;
+        reading_guarded(|| {
+            let read = self.begin_read()?;
+            let compacted = read.open_table(COMPACTED).map_err(reading)?;
+            let first = (of.map_or("", MapName::as_str), 0, 0);
+            let is_other = |map: &str| of.is_some_and(|of| of.as_str() != map);
+            for entry in compacted.range(first..).map_err(reading)? {
+                let (key, value) = entry.map_err(reading)?;
+                let (map, author, last) = key.value();
+                if is_other(map) {
+                    break;
+                }
+                visit(map, AuthorId(author), last, Piece::Compacted(value.value().1))?;
             }
-            visit(map, AuthorId(author), last, Piece::Compacted(value.value().1))?;
-        }
-        let increments = read.open_table(INCREMENTS).map_err(reading)?;
-        for entry in increments.range(first..).map_err(reading)? {
-            let (key, bytes) = entry.map_err(reading)?;
-            let (map, author, number) = key.value();
-            if is_other(map) {
-                break;
+            let increments = read.open_table(INCREMENTS).map_err(reading)?;
+            for entry in increments.range(first..).map_err(reading)? {
+                let (key, bytes) = entry.map_err(reading)?;
+                let (map, author, number) = key.value();
+                if is_other(map) {
+                    break;
+                }
+                visit(map, AuthorId(author), number, Piece::Increment(bytes.value()))?;
             }
-            visit(map, AuthorId(author), number, Piece::Increment(bytes.value()))?;
-        }
-        Ok(())
+            Ok(())
+        })
     }
 
     fn for_each_lacking(
@@ -256,42 +320,48 @@ impl LogReader for RedbLog {
         upto: &VersionVector,
         visit: &mut dyn FnMut(Piece<'_>) -> ControlFlow<()>,
     ) -> Result<(), StoreError> {
-        let read = self.database.begin_read().map_err(reading)?;
-        let increments = read.open_table(INCREMENTS).map_err(reading)?;
-        let compacted = read.open_table(COMPACTED).map_err(reading)?;
-        for (author, first, last) in gaps(have, upto) {
-            let range = (map.as_str(), author.0, first)..=(map.as_str(), author.0, last);
-            for entry in compacted.range(range.clone()).map_err(reading)? {
-                if visit(Piece::Compacted(entry.map_err(reading)?.1.value().1)).is_break() {
-                    return Ok(());
+        reading_guarded(|| {
+            let read = self.begin_read()?;
+            let increments = read.open_table(INCREMENTS).map_err(reading)?;
+            let compacted = read.open_table(COMPACTED).map_err(reading)?;
+            for (author, first, last) in gaps(have, upto) {
+                let range = (map.as_str(), author.0, first)..=(map.as_str(), author.0, last);
+                for entry in compacted.range(range.clone()).map_err(reading)? {
+                    if visit(Piece::Compacted(entry.map_err(reading)?.1.value().1)).is_break() {
+                        return Ok(());
+                    }
+                }
+                for entry in increments.range(range).map_err(reading)? {
+                    if visit(Piece::Increment(entry.map_err(reading)?.1.value())).is_break() {
+                        return Ok(());
+                    }
                 }
             }
-            for entry in increments.range(range).map_err(reading)? {
-                if visit(Piece::Increment(entry.map_err(reading)?.1.value())).is_break() {
-                    return Ok(());
-                }
-            }
-        }
-        Ok(())
+            Ok(())
+        })
     }
 
     fn vector_at(&self, map: &MapName, version: u64) -> Result<Option<VersionVector>, StoreError> {
-        let read = self.database.begin_read().map_err(reading)?;
-        let floor = floor_of(&read, map)?;
-        if version < floor.version {
-            return Ok(None);
-        }
-        let log = read.open_table(LOG).map_err(reading)?;
-        let mut vector = floor.vector;
-        for entry in log.range((map.as_str(), floor.version + 1)..=(map.as_str(), version)).map_err(reading)? {
-            let (author, number) = entry.map_err(reading)?.1.value();
-            vector.set(AuthorId(author), number);
-        }
-        Ok(Some(vector))
+        reading_guarded(|| {
+            let read = self.begin_read()?;
+            let floor = floor_of(&read, map)?;
+            if version < floor.version {
+                return Ok(None);
+            }
+            let log = read.open_table(LOG).map_err(reading)?;
+            let mut vector = floor.vector;
+            for entry in log.range((map.as_str(), floor.version + 1)..=(map.as_str(), version)).map_err(reading)? {
+                let (author, number) = entry.map_err(reading)?.1.value();
+                vector.set(AuthorId(author), number);
+            }
+            Ok(Some(vector))
+        })
     }
 
     fn floor(&self, map: &MapName) -> Result<CompactionFloor, StoreError> {
-        let read = self.database.begin_read().map_err(reading)?;
-        floor_of(&read, map)
+        reading_guarded(|| {
+            let read = self.begin_read()?;
+            floor_of(&read, map)
+        })
     }
 }

@@ -95,6 +95,14 @@ impl Server {
         Self(child)
     }
 
+    /// One that writes more than usual of what it does to a file.
+    pub fn saying_more(data: &Path, endpoint: &str, log: &Path) -> Self {
+        let program = env!("CARGO_BIN_EXE_map-server");
+        let args = ["-v", "--data", data.to_str().unwrap(), "--listen", endpoint];
+        let file = std::fs::File::create(log).unwrap();
+        Self(Command::new(program).args(args).env_remove("RUST_LOG").stderr(file).spawn().unwrap())
+    }
+
     /// `kill -9`.
     pub fn kill(&mut self) {
         self.0.kill().unwrap();

@@ -4,7 +4,7 @@
 
 use crate::construct::{RefinementConfig, point};
 use fht_map::plan::shortest_path;
-use fht_map::{FreeSpace, MapState, NodeRouteConfig, SpaceConfig};
+use fht_map::{FreeSpace, MapState, NodeRouteConfig, PathEnds, SpaceConfig};
 use fht_navigation::planning::{PlanConfig, Traversable, UnknownCells, region_around};
 use fht_perception::grid::OccupancyGrid;
 use fht_perception::pose::Point2;
@@ -50,7 +50,8 @@ impl<'a> MissingLinks<'a> {
         near.iter().any(|(there, from_it_m)| {
             let free_m = to_it_m + from_it_m;
             let is_long = |map_m: f64| map_m > self.config.ratio * free_m && map_m - free_m > self.config.saving_m;
-            match shortest_path::plan(self.map, &self.space, *nearest, *there, &NodeRouteConfig::default()) {
+            let config = NodeRouteConfig { ends: PathEnds::Known, ..NodeRouteConfig::default() };
+            match shortest_path::plan(self.map, &self.space, *nearest, *there, &config) {
                 Ok(route) => is_long(route.length_m),
                 Err(_) => is_long(f64::INFINITY),
             }

@@ -29,6 +29,18 @@ pub struct CompactPath {
     pub waypoints: Vec<CompactWaypoint>,
 }
 
+/// The reply to `path` when `to_nearest` is given, whatever it says: what readers of
+/// [`CompactPath`] would not expect stands behind its fields.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CompactPathToNearest {
+    /// The path.
+    pub path: CompactPath,
+    /// How far its last point is from the goal that was asked for, millimetres.
+    pub goal_moved_mm: u32,
+    /// How much of it leads over ground that the map knows nothing of, millimetres.
+    pub unmapped_mm: u32,
+}
+
 /// One node, whole.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CompactNode {
@@ -44,6 +56,15 @@ pub struct CompactNode {
     pub signature: Option<Signature>,
     /// Cosine to the descriptor asked for (`match` only).
     pub similarity: Option<f32>,
+}
+
+/// A page of the reply to `nodes` when `after` is given, whatever it says.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CompactNodesPage {
+    /// The nodes.
+    pub nodes: CompactNodes,
+    /// Where the next page begins, as `after` takes it; none if this is the last one.
+    pub next: Option<String>,
 }
 
 /// The reply to `nodes` (nearest first) and to `match` (most similar first): for robots too small
@@ -75,6 +96,23 @@ impl Validate for CompactPath {
     }
 }
 
+impl Message for CompactPathToNearest {
+    const KIND: u8 = 9;
+    type Wire = Self;
+    fn to_wire(&self) -> Self {
+        self.clone()
+    }
+    fn from_wire(wire: Self) -> Self {
+        wire
+    }
+}
+
+impl Validate for CompactPathToNearest {
+    fn validate(&self) -> Result<(), Invalid> {
+        self.path.validate()
+    }
+}
+
 impl Message for CompactNodes {
     const KIND: u8 = 5;
     type Wire = Self;
@@ -83,6 +121,23 @@ impl Message for CompactNodes {
     }
     fn from_wire(wire: Self) -> Self {
         wire
+    }
+}
+
+impl Message for CompactNodesPage {
+    const KIND: u8 = 10;
+    type Wire = Self;
+    fn to_wire(&self) -> Self {
+        self.clone()
+    }
+    fn from_wire(wire: Self) -> Self {
+        wire
+    }
+}
+
+impl Validate for CompactNodesPage {
+    fn validate(&self) -> Result<(), Invalid> {
+        self.nodes.validate()
     }
 }
 

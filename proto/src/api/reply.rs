@@ -16,7 +16,7 @@ pub use crate::model::compaction::Series;
 pub use diff::{DiffReply, MovedNode, StateView};
 pub use error::{ErrorCode, ErrorReply};
 pub use head::{Head, MapsReply};
-pub use nodes::{NodeView, NodesReply};
+pub use nodes::{NodeView, NodesCursor, NodesReply, ParseCursorError};
 pub use path::{Obeyed, PathReply, SpeedLimit, Waypoint};
 pub use place::{PlaceRef, parse_point};
 pub use release::{ReleaseView, ReleasesReply};

@@ -1,19 +1,12 @@
 //! Queries as they come: parameters to typed requests. Every complaint says what was expected.
 
-use crate::api::keys::{AdminAction, Key, Topic};
-use crate::api::reply::{ErrorCode, ErrorReply, PlaceRef, Series, parse_point};
-use crate::{Descriptor, FixedPoint, Footprint, MapName, ReleaseId, ReleaseName, VersionVector, decode};
-use std::collections::BTreeMap;
-use std::str::FromStr;
+mod parameters;
 
-/// How a reply is written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// For people and tools.
-    Json,
-    /// Compact, in an envelope.
-    Postcard,
-}
+use crate::api::keys::{AdminAction, Key, Topic};
+use crate::api::reply::{ErrorReply, NodesCursor, PlaceRef, Series, parse_point};
+use crate::{Descriptor, FixedPoint, Footprint, MapName, ReleaseId, ReleaseName, VersionVector, decode};
+use parameters::Parameters;
+pub use parameters::{Format, bad_request, shown};
 
 /// A state of a map.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -97,6 +90,10 @@ pub enum Question {
         /// space that is wide enough for it from start to goal, or the answer is `NO_PATH`; it
         /// never leads over nodes and edges alone.
         footprint: Option<Footprint>,
+        /// Whether the path may end at the nearest point that can be reached, if the goal cannot:
+        /// `to_nearest=true`. None if nothing was said, which means no; then the compact form is
+        /// the one without what it says.
+        to_nearest: Option<bool>,
         /// Of the reply.
         format: Format,
     },
@@ -108,6 +105,10 @@ pub enum Question {
         radius_m: f64,
         /// How many at most.
         limit: usize,
+        /// Only those that follow: `after=` with what the page before gave as `next`, or with
+        /// nothing for the first page. None if nothing was said, which is the first page; then the
+        /// compact form is the one that does not tell of pages.
+        after: Option<NodesCursor>,
         /// Of the reply.
         format: Format,
     },
@@ -169,89 +170,6 @@ const MATCH_LIMIT: (usize, usize) = (5, 50);
 /// Default and greatest radius of `nodes`, metres.
 const RADIUS_M: (f64, f64) = (5.0, FixedPoint::MAX_M);
 
-/// A complaint about a request.
-#[must_use]
-pub fn bad_request(message: String) -> ErrorReply {
-    ErrorReply::new(ErrorCode::BadRequest, &message)
-}
-
-/// Text from outside, cut to a sensible length for a message.
-#[must_use]
-pub fn shown(text: &str) -> String {
-    text.chars().take(80).collect()
-}
-
-/// The parameters of a query, checked against those that the topic knows.
-struct Parameters<'a> {
-    values: BTreeMap<&'a str, &'a str>,
-}
-
-impl<'a> Parameters<'a> {
-    fn of(pairs: impl Iterator<Item = (&'a str, &'a str)>, known: &[&str]) -> Result<Self, ErrorReply> {
-        let mut values = BTreeMap::new();
-        // Names with an underscore are Zenoh's own.
-        for (name, value) in pairs.filter(|(name, _)| !name.is_empty() && !name.starts_with('_')) {
-            if !known.contains(&name) {
-                let hint = if known.is_empty() { "there are none here".to_owned() } else { known.join(", ") };
-                return Err(bad_request(format!("unknown parameter {}; known: {hint}", shown(name))));
-            }
-            if values.insert(name, value).is_some() {
-                return Err(bad_request(format!("parameter {name} is given twice")));
-            }
-        }
-        Ok(Self { values })
-    }
-
-    fn required(&self, name: &str, example: &str) -> Result<&'a str, ErrorReply> {
-        let missing = || bad_request(format!("parameter {name} is missing; for example: {example}"));
-        self.values.get(name).copied().filter(|value| !value.is_empty()).ok_or_else(missing)
-    }
-
-    fn text(&self, name: &str) -> Option<&'a str> {
-        self.values.get(name).copied().filter(|value| !value.is_empty())
-    }
-
-    fn parsed<T: FromStr>(&self, name: &str, expected: &str) -> Result<Option<T>, ErrorReply> {
-        let parse = |value: &&str| {
-            value.trim().parse().map_err(|_| bad_request(format!("{name}={} is not {expected}", shown(value))))
-        };
-        self.values.get(name).map(parse).transpose()
-    }
-
-    fn limit(&self, name: &str, (default, most): (usize, usize)) -> Result<usize, ErrorReply> {
-        let limit = self.parsed(name, &format!("a number from 1 to {most}"))?.unwrap_or(default);
-        if (1..=most).contains(&limit) { Ok(limit) } else { Err(bad_request(format!("{name} must be 1 to {most}"))) }
-    }
-
-    /// The question for what `have` lacks of `moment`.
-    fn increments(&self, moment: Moment, have: VersionVector) -> Result<Question, ErrorReply> {
-        let max_bytes = self.limit("max_bytes", SERIES_BYTES)?;
-        let piece_bytes = self.text("piece_bytes").map(|_| self.limit("piece_bytes", SERIES_BYTES)).transpose()?;
-        Ok(Question::Increments { moment, have, max_bytes, piece_bytes, format: self.format(Format::Postcard)? })
-    }
-
-    fn format(&self, default: Format) -> Result<Format, ErrorReply> {
-        match self.values.get("fmt").copied() {
-            None => Ok(default),
-            Some("json") => Ok(Format::Json),
-            Some("postcard") => Ok(Format::Postcard),
-            Some(other) => Err(bad_request(format!("fmt={} is neither json nor postcard", shown(other)))),
-        }
-    }
-
-    fn footprint(&self) -> Result<Option<Footprint>, ErrorReply> {
-        let parse = |text: &str| {
-            text.parse().map_err(|error| bad_request(format!("footprint={} cannot be used: {error}", shown(text))))
-        };
-        self.values.get("footprint").copied().map(parse).transpose()
-    }
-
-    fn vector(&self, name: &str) -> Result<Option<VersionVector>, ErrorReply> {
-        let parse = |value: &&str| value.parse().map_err(|error| bad_request(format!("{name}: {error}")));
-        self.values.get(name).map(parse).transpose()
-    }
-}
-
 /// Reads a request.
 ///
 /// # Errors
@@ -309,7 +227,7 @@ fn question<'a>(
         Topic::Since => {
             let given = Parameters::of(parameters, &["vector", "max_bytes", "piece_bytes", "fmt"])?;
             let have = given.vector("vector")?.unwrap_or_default();
-            given.increments(Moment::Now, have)
+            increments(&given, Moment::Now, have)
         }
         Topic::Snapshot => {
             let known = ["version", "vector", "release", "have", "max_bytes", "piece_bytes", "fmt"];
@@ -323,10 +241,10 @@ fn question<'a>(
                 return Err(bad_request("give only one of version, vector and release".to_owned()));
             }
             let have = given.vector("have")?.unwrap_or_default();
-            given.increments(moment, have)
+            increments(&given, moment, have)
         }
         Topic::Path => {
-            let given = Parameters::of(parameters, &["from", "to", "release", "footprint", "fmt"])?;
+            let given = Parameters::of(parameters, &["from", "to", "to_nearest", "release", "footprint", "fmt"])?;
             let place = |name| given.required(name, "path?from=0,0;to=5,3").and_then(str::parse);
             let on = match given.text("release") {
                 None => PathOn::Enabled,
@@ -334,10 +252,11 @@ fn question<'a>(
                 Some(name) => PathOn::Release(release_name(name)?),
             };
             let (from, to, footprint) = (place("from")?, place("to")?, given.footprint()?);
-            Ok(Question::Path { from, to, on, footprint, format: given.format(Format::Json)? })
+            let to_nearest = given.parsed("to_nearest", "true or false")?;
+            Ok(Question::Path { from, to, on, footprint, to_nearest, format: given.format(Format::Json)? })
         }
         Topic::Nodes => {
-            let given = Parameters::of(parameters, &["near", "radius", "limit", "fmt"])?;
+            let given = Parameters::of(parameters, &["near", "radius", "limit", "after", "fmt"])?;
             let near = parse_point(given.required("near", "nodes?near=0,0;radius=5")?)?;
             let radius_m = given.parsed("radius", "a number of metres")?.unwrap_or(RADIUS_M.0);
             if !(0.0..=RADIUS_M.1).contains(&radius_m) {
@@ -347,6 +266,7 @@ fn question<'a>(
                 near,
                 radius_m,
                 limit: given.limit("limit", NODES_LIMIT)?,
+                after: given.parsed("after", "what a reply gave as next")?,
                 format: given.format(Format::Json)?,
             })
         }
@@ -371,4 +291,11 @@ fn question<'a>(
             })
         }
     }
+}
+
+/// The question for what `have` lacks of `moment`.
+fn increments(given: &Parameters<'_>, moment: Moment, have: VersionVector) -> Result<Question, ErrorReply> {
+    let max_bytes = given.limit("max_bytes", SERIES_BYTES)?;
+    let piece_bytes = given.text("piece_bytes").map(|_| given.limit("piece_bytes", SERIES_BYTES)).transpose()?;
+    Ok(Question::Increments { moment, have, max_bytes, piece_bytes, format: given.format(Format::Postcard)? })
 }

@@ -121,6 +121,17 @@ impl Zone {
         self.corners.iter().copied().zip(next.copied())
     }
 
+    /// Least area, square millimetres: a decimetre by a decimetre.
+    pub const MIN_AREA_MM2: f64 = 10_000.0;
+
+    /// Area within its border, if that does not cross itself, square millimetres.
+    #[must_use]
+    pub fn area_mm2(&self) -> f64 {
+        let wide = |p: FixedPoint| (i128::from(p.x_mm), i128::from(p.y_mm));
+        let doubled = self.sides().map(|(a, b)| wide(a).0 * wide(b).1 - wide(b).0 * wide(a).1).sum::<i128>();
+        0.5 * doubled.unsigned_abs() as f64
+    }
+
     /// Whether any two sides that do not follow each other cross (exact in whole millimetres).
     #[must_use]
     pub fn crosses_itself(&self) -> bool {

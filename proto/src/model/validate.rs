@@ -152,6 +152,24 @@ impl Validate for VersionVector {
     }
 }
 
+impl Zone {
+    /// Whether its border is that of a zone. Stored zones may have any border; servers take no new
+    /// ones that this refuses.
+    ///
+    /// # Errors
+    /// Fewer than three corners, a border that crosses itself, no area.
+    pub fn check_border(&self) -> Result<(), Invalid> {
+        check(self.corners.len() >= 3, || format!("a zone has three corners or more, not {}", self.corners.len()))?;
+        check(!self.crosses_itself(), || {
+            "the border of the zone crosses itself: give its corners in order".to_owned()
+        })?;
+        let area_mm2 = self.area_mm2();
+        check(area_mm2 >= Self::MIN_AREA_MM2, || {
+            format!("the zone has an area of {:.4} m², and less than 0.01 m² is none", area_mm2 * 1e-6)
+        })
+    }
+}
+
 impl Validate for Zone {
     fn validate(&self) -> Result<(), Invalid> {
         let corners = self.corners.len();

@@ -11,35 +11,16 @@ use crate::navmesh::free_space::FreeSpace;
 use crate::navmesh::free_space::closed_ground::ClosedZone;
 use crate::navmesh::free_space::visibility::Visibility;
 use crate::navmesh::mesh::Spot;
+use crate::navmesh::outside::{MeshEntry, PathEnd};
 use crate::navmesh::plane::{Corner, between, corner_of, distance};
 use fht_proto::FixedPoint;
 use pathfinding::directed::dijkstra::dijkstra_reach;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
-
-/// Which end of a path joins the mesh.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum PathEnd {
-    /// The robot stands there, whatever the map says.
-    Start,
-    /// It is to go there.
-    Goal,
-}
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 /// So many main nodes, the nearest, are asked what they saw.
 const MOST_VIEWS: usize = 256;
 /// Side of a cell of the grid, millimetres.
 const CELL_MM: f64 = 50.0;
-
-/// A way into the mesh.
-#[derive(Clone, Debug)]
-pub(crate) struct MeshEntry {
-    /// Where it ends.
-    pub(crate) joint: Spot,
-    /// From the place to before the joint.
-    pub(crate) way: Vec<Corner>,
-    /// Its length, millimetres; ground near walls and ground that nobody saw count more.
-    pub(crate) cost_mm: f64,
-}
 
 /// A cell, counted from the one around the place.
 type Cell = (i32, i32);
@@ -49,13 +30,19 @@ type Joints = HashMap<Cell, Vec<Spot>>;
 
 impl FreeSpace {
     /// Ways from a place into the mesh: to every part of it within `reach_mm`. None is needed for a
-    /// place that lies in it. If no way keeps away from what was seen, the straight one to the
-    /// nearest point; none if [`EntryConfig::is_strict`].
+    /// place that lies in it. If no way keeps away from what was seen: none to a goal; from a start
+    /// the straight one to the nearest point, which crosses no wall unless it is short
+    /// ([`EntryConfig::start_mm`]); none if [`EntryConfig::is_strict`].
     pub(crate) fn approaches(&self, point: FixedPoint, reach_mm: f64, end: PathEnd) -> Vec<MeshEntry> {
         let (place, config) = (corner_of(point), &self.approach);
         if let Some(triangle) = self.mesh.triangle_at(place) {
             return vec![MeshEntry { joint: self.mesh.spot(triangle, place), way: Vec::new(), cost_mm: 0.0 }];
         }
+        if end == PathEnd::Goal && self.is_in_wall(place) {
+            return Vec::new();
+        }
+        // Up to the corners of the square in which ways are looked for.
+        let lines = if end == PathEnd::Known { Vec::new() } else { self.wall_lines(place, 1.5 * reach_mm) };
         let zones: Vec<&ClosedZone> = self.screens_around(place, 2.0 * reach_mm).collect();
         let mut nearest: BTreeMap<u32, MeshEntry> = BTreeMap::new();
         let mut parts = BTreeSet::new();
@@ -76,12 +63,16 @@ impl FreeSpace {
             }
         }
         let is_straight = |way: &MeshEntry| {
-            way.cost_mm <= config.straight_mm && self.walls.is_clear([place, way.joint.place], config.straight_room_mm)
+            let ends = way.ends(place);
+            way.cost_mm <= config.straight_mm
+                && self.walls.is_clear(ends, config.straight_room_mm)
+                && !self.crosses(&lines, ends, end)
         };
         let is_joined = |part: &u32| nearest.get(part).is_some_and(is_straight);
         let mut others: BTreeSet<u32> = parts.into_iter().filter(|part| !is_joined(part)).collect();
         if !others.is_empty() {
             let mut ground = Ground::new(self, (place, end), reach_mm, zones);
+            ground.wall_up(&lines);
             let joints = ground.joints(&borders);
             for room_mm in config.room_mm.into_iter().take(if config.is_strict { 1 } else { 2 }) {
                 for way in ground.ways(&joints, others.clone(), room_mm) {
@@ -93,9 +84,13 @@ impl FreeSpace {
         // What is left leads past what was seen, or through it: as bad as any other way at its
         // worst.
         for part in others {
+            if nearest.get(&part).is_some_and(|way| end == PathEnd::Goal || self.crosses(&lines, way.ends(place), end))
+            {
+                nearest.remove(&part);
+            }
             nearest.entry(part).and_modify(|way| way.cost_mm *= 1.0 + config.near_factor + config.unseen_factor);
         }
-        nearest.into_values().collect()
+        nearest.into_values().filter(|way| end != PathEnd::Goal || self.may_end(way)).collect()
     }
 }
 
@@ -114,6 +109,8 @@ struct Ground<'a> {
     rectangles: Vec<[Corner; 2]>,
     /// What no way may lead over.
     zones: Vec<&'a ClosedZone>,
+    /// Where walls stand between what was seen of them.
+    walled: HashSet<Cell>,
     seen: HashMap<Cell, bool>,
     unseen_rows: HashMap<i32, Vec<u32>>,
     /// What a millimetre in a cell counts for; none where a wall is too near.
@@ -134,7 +131,24 @@ impl<'a> Ground<'a> {
         let rectangles = space.rectangles.iter().copied().filter(is_near).collect();
         let reach = (reach_mm / CELL_MM).ceil() as i32;
         let (seen, unseen_rows, factors) = (HashMap::new(), HashMap::new(), HashMap::new());
-        Self { space, place, end, reach, room_mm: 0.0, views, rectangles, zones, seen, unseen_rows, factors }
+        let walled = HashSet::new();
+        Self { space, place, end, reach, room_mm: 0.0, views, rectangles, zones, walled, seen, unseen_rows, factors }
+    }
+
+    /// Closes the cells along walls whose seen points leave room between them, and those beside
+    /// them; not those under the robot where it stands.
+    fn wall_up(&mut self, lines: &[[Corner; 2]]) {
+        let body_mm = if self.end == PathEnd::Start { self.space.approach.body_mm } else { 0.0 };
+        for line in lines.iter().filter(|line| distance(line[0], line[1]) > 2.0 * CELL_MM) {
+            let steps = (distance(line[0], line[1]) / (0.5 * CELL_MM)).ceil();
+            for step in 0..=steps as usize {
+                let (column, row) = self.cell_of(between(*line, step as f64 / steps));
+                let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (column + dx, row + dy)));
+                let closed = around.filter(|cell| distance(self.middle(*cell), self.place) > body_mm);
+                let closed: Vec<Cell> = closed.collect();
+                self.walled.extend(closed);
+            }
+        }
     }
 
     fn cell_of(&self, at: Corner) -> Cell {
@@ -168,7 +182,7 @@ impl<'a> Ground<'a> {
         let (is_strict, least_mm) = (config.is_strict, config.room_mm[1]);
         match (is_strict, cell == (0, 0)) {
             // The robot stands at the place itself, whatever the map says.
-            (false, is_place) => is_place || room_mm >= self.room_mm,
+            (false, is_place) => is_place || room_mm >= self.room_mm && !self.walled.contains(&cell),
             (true, true) if self.end == PathEnd::Start => room_mm >= least_mm,
             (true, _) => room_mm >= self.room_mm && self.is_body_seen(cell),
         }

@@ -55,3 +55,11 @@ pub(crate) fn from_segment_m(at: FixedPoint, a: FixedPoint, b: FixedPoint) -> f6
     let [at, a, b] = [at, a, b].map(corner_of);
     distance(nearest_on([a, b], at), at) * 1e-3
 }
+
+/// Whether two straight lines between places meet.
+pub(crate) fn meet([a, b]: [Corner; 2], [c, d]: [Corner; 2]) -> bool {
+    let are_apart = |p: f64, q: f64| (p > 0.0 && q > 0.0) || (p < 0.0 && q < 0.0);
+    let boxes_meet =
+        (0..2).all(|axis| a[axis].min(b[axis]) <= c[axis].max(d[axis]) && c[axis].min(d[axis]) <= a[axis].max(b[axis]));
+    boxes_meet && !are_apart(cross(a, b, c), cross(a, b, d)) && !are_apart(cross(c, d, a), cross(c, d, b))
+}

@@ -34,11 +34,29 @@ pub struct NodeRouteConfig {
     // The map and its robots say that, not a file.
     #[serde(skip)]
     pub blocked: BTreeSet<EdgeKey>,
+    /// What is known of the two places. Default: nothing.
+    // Who asks says that.
+    #[serde(skip)]
+    pub ends: PathEnds,
+}
+
+/// What is known of the two places that a path is to join, and what becomes of a goal that cannot
+/// be reached.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PathEnds {
+    /// A robot stands at the start. Nobody knows whether the goal can be reached: if free space
+    /// does not reach it, or only through a wall that a main node saw, there is no path.
+    #[default]
+    Unknown,
+    /// The same, but to a goal that cannot be reached the path leads as near as free space does.
+    ToNearest,
+    /// Robots were at both places, such as nodes: each is joined to free space as well as can be.
+    Known,
 }
 
 impl Default for NodeRouteConfig {
     fn default() -> Self {
-        Self { unmapped_factor: 10.0, max_detour_m: 2.0, blocked: BTreeSet::new() }
+        Self { unmapped_factor: 10.0, max_detour_m: 2.0, blocked: BTreeSet::new(), ends: PathEnds::Unknown }
     }
 }
 
@@ -58,21 +76,31 @@ pub struct NodeRoute {
     pub length_m: f64,
     /// From start to goal, both included; consecutive points differ.
     pub waypoints: Vec<RoutePoint>,
+    /// How much of it leads over ground that the map knows nothing of: no rectangle covers it, and
+    /// no main node saw it. Metres.
+    pub unmapped_m: f64,
+    /// How far the last point is from the goal that was asked for, metres; 0 but for
+    /// [`PathEnds::ToNearest`].
+    pub goal_moved_m: f64,
 }
 
 /// Why there is no route.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum RouteError {
     /// Nothing joins the two places.
-    #[error("no path joins ({:.2}, {:.2}) and ({:.2}, {:.2})", from.x(), from.y(), to.x(), to.y())]
+    #[error(
+        "no path joins ({:.2}, {:.2}) and ({:.2}, {:.2}){}", from.x(), from.y(), to.x(), to.y(), how_near(*nearest, *to)
+    )]
     NoPath {
         /// The start.
         from: FixedPoint,
         /// The goal.
         to: FixedPoint,
+        /// Where free space that can be reached is nearest to the goal; none if that is unknown.
+        nearest: Option<FixedPoint>,
     },
     /// A place is not in the mapped space, and not near it either.
-    #[error("({:.2}, {:.2}) is not on the map: {}", point.x(), point.y(), how_far(*nearest_m, *max_detour_m))]
+    #[error("({:.2}, {:.2}) is not on the map: {}", point.x(), point.y(), how_far(*nearest_m, *max_detour_m, *is_goal))]
     OutOfMap {
         /// The place.
         point: FixedPoint,
@@ -80,13 +108,29 @@ pub enum RouteError {
         nearest_m: Option<f64>,
         /// [`NodeRouteConfig::max_detour_m`].
         max_detour_m: f64,
+        /// Whether it is the goal.
+        is_goal: bool,
     },
 }
 
-fn how_far(nearest_m: Option<f64>, max_detour_m: f64) -> String {
+fn how_near(nearest: Option<FixedPoint>, goal: FixedPoint) -> String {
+    let near = |at: FixedPoint| {
+        let away_m = at.distance(goal);
+        let (x, y) = (at.x(), at.y());
+        format!(
+            "; the nearest point that can be reached is ({x:.2}, {y:.2}), {away_m:.2} m from the goal: to_nearest=true \
+             asks for the path there"
+        )
+    };
+    nearest.map(near).unwrap_or_default()
+}
+
+fn how_far(nearest_m: Option<f64>, max_detour_m: f64, is_goal: bool) -> String {
+    let hint =
+        if is_goal { "; to_nearest=true asks for the path to the nearest point that can be reached" } else { "" };
     match nearest_m {
         Some(nearest_m) => {
-            format!("the nearest mapped free space is {nearest_m:.1} m away, and {max_detour_m:.1} m are bridged")
+            format!("the nearest mapped free space is {nearest_m:.1} m away, and {max_detour_m:.1} m are bridged{hint}")
         }
         None => "it has no nodes".to_owned(),
     }
@@ -228,11 +272,12 @@ fn access(position: FixedPoint, rect: Rect, point: FixedPoint, config: &NodeRout
 fn accesses<G: RouteGraph>(
     graph: &G,
     point: FixedPoint,
+    is_goal: bool,
     config: &NodeRouteConfig,
 ) -> Result<BTreeMap<G::Node, Access>, RouteError> {
     let max_detour_m = config.max_detour_m;
     let near = graph.near(point, max_detour_m);
-    let near = near.map_err(|nearest_m| RouteError::OutOfMap { point, nearest_m, max_detour_m })?;
+    let near = near.map_err(|nearest_m| RouteError::OutOfMap { point, nearest_m, max_detour_m, is_goal })?;
     let all: BTreeMap<G::Node, Access> =
         near.into_iter().map(|(node, position, rect)| (node, access(position, rect, point, config))).collect();
     let is_inside = all.values().any(|access| access.entry.is_none());
@@ -256,14 +301,18 @@ pub fn plan<G: RouteGraph>(
     to: FixedPoint,
     config: &NodeRouteConfig,
 ) -> Result<NodeRoute, RouteError> {
-    let (starts, goals) = (accesses(&graph, from, config)?, accesses(&graph, to, config)?);
+    let (starts, goals) = (accesses(&graph, from, false, config)?, accesses(&graph, to, true, config)?);
     if share_rectangle(&starts, &goals) {
         return Ok(route_over([plain(from), plain(to)]));
     }
     let costs = |accesses: &BTreeMap<G::Node, Access>| -> Vec<(G::Node, u64)> {
         accesses.iter().map(|(node, access)| (*node, access.cost_um)).collect()
     };
-    let nodes = graph.way(&costs(&starts), &costs(&goals), &config.blocked).ok_or(RouteError::NoPath { from, to })?;
+    let nodes = graph.way(&costs(&starts), &costs(&goals), &config.blocked).ok_or(RouteError::NoPath {
+        from,
+        to,
+        nearest: None,
+    })?;
     let entry = |accesses: &BTreeMap<G::Node, Access>, node: Option<&G::Node>| {
         node.and_then(|node| accesses.get(node)).and_then(|access| access.entry).map(plain)
     };
@@ -272,7 +321,12 @@ pub fn plan<G: RouteGraph>(
         .chain(nodes.iter().filter_map(|&node| graph.point(node)))
         .chain(entry(&goals, nodes.last()))
         .chain(std::iter::once(plain(to)));
-    Ok(route_over(points))
+    let unmapped_m = |accesses: &BTreeMap<G::Node, Access>, node: Option<&G::Node>, place: FixedPoint| {
+        let entry = node.and_then(|node| accesses.get(node)).and_then(|access| access.entry);
+        entry.map_or(0.0, |entry| entry.distance(place))
+    };
+    let unmapped_m = unmapped_m(&starts, nodes.first(), from) + unmapped_m(&goals, nodes.last(), to);
+    Ok(NodeRoute { unmapped_m, ..route_over(points) })
 }
 
 fn plain(point: FixedPoint) -> RoutePoint {
@@ -289,5 +343,5 @@ fn route_over(points: impl IntoIterator<Item = RoutePoint>) -> NodeRoute {
         }
     }
     let length_m = waypoints.windows(2).map(|pair| pair[0].point.distance(pair[1].point)).sum();
-    NodeRoute { length_m, waypoints }
+    NodeRoute { length_m, waypoints, unmapped_m: 0.0, goal_moved_m: 0.0 }
 }

@@ -4,7 +4,7 @@
 use crate::crdt::state::MapState;
 use crate::navmesh::free_space::{FreeSpace, SpaceConfig};
 use crate::plan::blocked::BlockedBy;
-use crate::plan::node_route::{NodeRoute, NodeRouteConfig, RouteError, RouteGraph};
+use crate::plan::node_route::{NodeRoute, NodeRouteConfig, PathEnds, RouteError, RouteGraph};
 use crate::plan::shortest_path;
 use fht_proto::api::reply::{ErrorCode, Obeyed, SpeedLimit};
 use fht_proto::{EdgeKey, FixedPoint, Footprint, Label, Zone, ZoneRule};
@@ -167,15 +167,17 @@ impl Rules {
         to: FixedPoint,
         config: &NodeRouteConfig,
     ) -> Result<NodeRoute, PlanError> {
-        self.obeyed_by(to, || shortest_path::plan(graph, space, from, to, config))
+        self.obeyed_by(to, config.ends, || shortest_path::plan(graph, space, from, to, config))
     }
 
     fn obeyed_by(
         &self,
         to: FixedPoint,
+        ends: PathEnds,
         plan: impl FnOnce() -> Result<NodeRoute, RouteError>,
     ) -> Result<NodeRoute, PlanError> {
-        if let Some((zone, _)) = self.keep_out.iter().find(|(_, zone)| zone.contains(to)) {
+        let zone = self.keep_out.iter().find(|(_, zone)| zone.contains(to));
+        if let Some((zone, _)) = zone.filter(|_| ends != PathEnds::ToNearest) {
             return Err(PlanError::GoalKeptOut { goal: to, zone: zone.clone() });
         }
         plan().map_err(|route| {

@@ -34,7 +34,9 @@ pub(crate) fn carry(a: &MapState, b: &MapState, a_from_b: &Pose2, suffix: &str) 
         }
     }
     let mut taken: BTreeSet<Label> = a.annotations().zones().map(|(name, _)| name.clone()).collect();
-    for (name, zone) in b.annotations().zones() {
+    // Servers take no others, though a map may have some.
+    let drawn = b.annotations().zones().filter(|(_, zone)| zone.check_border().is_ok());
+    for (name, zone) in drawn {
         let corners = zone.corners.iter().map(|corner| {
             let at = a_from_b * Point2::new(corner.x(), corner.y());
             to_fixed(&Pose2::translation(at.x, at.y)).position

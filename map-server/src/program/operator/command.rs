@@ -15,7 +15,7 @@ use clap::{Args, Subcommand};
 use fht_merge::MergeConfig;
 use fht_proto::api::keys::{AdminAction, Key, Topic};
 use fht_proto::api::reply::{DiffReply, MapsReply};
-use fht_proto::{FixedPose, Label, MapName, NodeId, Op, ReleaseName, ZoneRule};
+use fht_proto::{FixedPose, Label, MapName, NodeId, Op, ReleaseName, Zone, ZoneRule};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -37,6 +37,14 @@ pub struct OperatorArgs {
     /// Print JSON.
     #[arg(long, global = true, help_heading = "Operators' commands")]
     json: bool,
+}
+
+impl OperatorArgs {
+    /// Whether JSON is to be printed.
+    #[must_use]
+    pub fn json(&self) -> bool {
+        self.json
+    }
 }
 
 /// What an operator can do.
@@ -86,6 +94,9 @@ pub enum Operation {
         /// Take the name away.
         #[arg(long, conflicts_with = "at")]
         remove: bool,
+        /// Also where no robot can be, as far as the map knows.
+        #[arg(long, conflicts_with = "remove")]
+        force: bool,
     },
     /// Draws a zone that robots keep out of, or are slow in.
     Zone {
@@ -103,6 +114,9 @@ pub enum Operation {
         /// Take the zone away.
         #[arg(long, conflicts_with_all = ["corners", "speed"])]
         remove: bool,
+        /// Also where the map is not.
+        #[arg(long, conflicts_with = "remove")]
+        force: bool,
     },
     /// Closes an edge: no path leads over it, until it is opened.
     Close {
@@ -260,22 +274,26 @@ impl Operation {
                 })
             }
             Self::Rules { map } => show(&rule::list(session, &map).await?, json, rules_in_words),
-            Self::Place { map, name, at, .. } => change(session, args, &map, Op::SetPlace { name, pose: at }).await,
-            Self::Zone { map, name, remove: true, .. } => {
-                change(session, args, &map, Op::SetZone { name, zone: None }).await
+            Self::Place { map, name, at, force, .. } => {
+                let op = match at {
+                    Some(at) => rule::place(session, &map, (name, at), force).await?,
+                    None => rule::no_place(session, &map, name).await?,
+                };
+                change(session, args, &map, op).await
             }
-            Self::Zone { map, name, corners, speed, .. } => {
+            Self::Zone { map, name, corners, speed, force, .. } => {
                 let rule = speed.map_or(ZoneRule::KeepOut, ZoneRule::SpeedLimit);
-                let corners = corners.map(|corners| corners.0).unwrap_or_default();
-                change(session, args, &map, rule::zone(name, rule, corners)?).await
+                let op = match corners {
+                    Some(Corners(corners)) => rule::zone(session, &map, name, Zone { rule, corners }, force).await?,
+                    None => rule::no_zone(session, &map, name).await?,
+                };
+                change(session, args, &map, op).await
             }
             Self::Close { map, a, b } => {
-                let edge = rule::edge(session, &map, a, b).await?;
-                change(session, args, &map, Op::SetClosed { edge, closed: true }).await
+                change(session, args, &map, rule::closing(session, &map, [a, b], true).await?).await
             }
             Self::Open { map, a, b } => {
-                let edge = rule::edge(session, &map, a, b).await?;
-                change(session, args, &map, Op::SetClosed { edge, closed: false }).await
+                change(session, args, &map, rule::closing(session, &map, [a, b], false).await?).await
             }
             Self::Retain { map, keep } => {
                 let key = Key::Admin { map, action: AdminAction::Retain };

@@ -2,12 +2,11 @@
 
 use crate::program::operator::asking::{ask_json, head};
 use crate::program::operator::error::OperatorError;
-use crate::program::operator::transfer::{fetch_whole, pieces, progress, put_series};
+use crate::program::operator::transfer::{fetch_state, pieces, put_series};
 use crate::program::operator::write::write;
-use fht_map::MapState;
 use fht_merge::{AlignmentFigures, MergeConfig, MergeFigures, MergeOptions, MergeRefusal, join, lay};
 use fht_proto::api::keys::Key;
-use fht_proto::api::reply::{MapsReply, Series};
+use fht_proto::api::reply::MapsReply;
 use fht_proto::{AuthorId, MapName};
 use serde::{Deserialize, Serialize};
 use zenoh::Session;
@@ -75,8 +74,8 @@ pub(super) async fn merge(session: &Session, order: &MergeOrder<'_>) -> Result<M
     {
         return Err(OperatorError::Usage(format!("there is a map {new} already: --into makes a new one")));
     }
-    let (series, a) = fetch(session, first, order.quiet).await?;
-    let (_, b) = fetch(session, second, order.quiet).await?;
+    let (series, a) = fetch_state(session, first, order.quiet).await?;
+    let (_, b) = fetch_state(session, second, order.quiet).await?;
     let (author, only_map) = (AuthorId::of_robot(order.operator), order.only_map);
     let config = order.config.clone();
     let suffix: String = second.as_str().chars().take(SUFFIX).collect();
@@ -109,23 +108,6 @@ pub(super) async fn merge(session: &Session, order: &MergeOrder<'_>) -> Result<M
         joined: Some(joined.figures),
         written,
     })
-}
-
-/// A map as it is now: its increments, and what they add up to.
-async fn fetch(session: &Session, map: &MapName, quiet: bool) -> Result<(Series, MapState), OperatorError> {
-    let head = head(session, map).await?;
-    let bar = progress(head.vector.version(), quiet);
-    bar.set_prefix(map.to_string());
-    let series = fetch_whole(session, map, &head.vector, &bar).await?;
-    bar.finish_and_clear();
-    let mut state = MapState::new();
-    series.folds.iter().for_each(|fold| state.apply_fold(fold));
-    series.increments.iter().for_each(|increment| state.apply(increment));
-    if state.digest() != head.digest {
-        let text = format!("the increments of {map} do not add up to what the server says: digest {}", state.digest());
-        return Err(OperatorError::Answer(text));
-    }
-    Ok((series, state))
 }
 
 pub(super) fn in_words(reply: &MergeReply) -> String {

@@ -24,7 +24,13 @@ fn find<'a>(releases: &'a ReleasesReply, text: &str) -> Result<&'a ReleaseView, 
     let found: Vec<&ReleaseView> = releases.releases.iter().filter(is_meant).collect();
     match found.as_slice() {
         [one] => Ok(one),
-        [] => Err(OperatorError::Usage(format!("map {} has no release {text}", releases.map))),
+        [] => {
+            let names: Vec<String> =
+                releases.releases.iter().map(|view| format!("{}@{}", view.name, view.author)).collect();
+            let known =
+                if names.is_empty() { "it has none".to_owned() } else { format!("there is: {}", names.join(", ")) };
+            Err(OperatorError::Usage(format!("map {} has no release {text} ({known})", releases.map)))
+        }
         several => {
             let names: Vec<String> = several.iter().map(|view| format!("{}@{}", view.name, view.author)).collect();
             Err(OperatorError::Usage(format!("more than one release is called {text}: {}", names.join(", "))))

@@ -2,9 +2,11 @@
 
 use crate::program::operator::asking::ask_json;
 use crate::program::operator::error::OperatorError;
+use crate::program::operator::transfer::fetch_state;
+use fht_map::{DoubtfulWords, check_place, check_zone};
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::{NodesReply, RulesReply, parse_point};
-use fht_proto::{EdgeKey, FixedPoint, FixedPose, Label, MapName, NodeId, Op, Zone, ZoneRule};
+use fht_proto::{EdgeKey, FixedPoint, FixedPose, Label, MapName, NodeId, Op, Zone};
 use zenoh::Session;
 
 pub(super) async fn list(session: &Session, map: &MapName) -> Result<RulesReply, OperatorError> {
@@ -15,8 +17,12 @@ pub(super) async fn list(session: &Session, map: &MapName) -> Result<RulesReply,
 pub(super) fn parse_pose(text: &str) -> Result<FixedPose, String> {
     let (place, yaw_deg) = match text.match_indices(',').nth(1) {
         Some((at, _)) => {
-            let yaw = text[at + 1..].trim().parse::<f64>().ok().filter(|yaw| yaw.is_finite());
-            (&text[..at], yaw.ok_or_else(|| format!("{text} is not x,y,yaw in metres and degrees"))?)
+            let yaw = text[at + 1..].trim().parse::<f64>().ok();
+            let yaw = yaw.ok_or_else(|| format!("{text} is not x,y,yaw in metres and degrees"))?;
+            if !(-360.0..=360.0).contains(&yaw) {
+                return Err(format!("a yaw of {yaw}° is none: it must be from -360 to 360 degrees"));
+            }
+            (&text[..at], yaw)
         }
         None => (text, 0.0),
     };
@@ -44,36 +50,116 @@ pub(super) fn parse_speed(text: &str) -> Result<u16, String> {
     speed.map(|mm| mm as u16).ok_or_else(|| format!("{text} is not a speed of 0.001 to 65 m/s"))
 }
 
-/// The operation that draws a zone, if its border is valid.
-pub(super) fn zone(name: Label, rule: ZoneRule, corners: Vec<FixedPoint>) -> Result<Op, OperatorError> {
-    let zone = Zone { rule, corners };
-    if zone.crosses_itself() {
-        return Err(OperatorError::Usage(format!(
-            "the border of zone {name} crosses itself: give its corners in order"
-        )));
+/// The operation that names a place, if a robot can be there. `is_sure`: also if not.
+pub(super) async fn place(
+    session: &Session,
+    map: &MapName,
+    (name, pose): (Label, FixedPose),
+    is_sure: bool,
+) -> Result<Op, OperatorError> {
+    if !is_sure {
+        let (_, state) = fetch_state(session, map, true).await?;
+        let check = move || check_place(&state, pose.position);
+        tokio::task::spawn_blocking(check).await.map_err(OperatorError::Lost)?.map_err(doubted)?;
+    }
+    Ok(Op::SetPlace { name, pose: Some(pose) })
+}
+
+/// The operation that draws a zone, if its border is valid and it lies where the map is. `is_sure`:
+/// also if it lies elsewhere.
+pub(super) async fn zone(
+    session: &Session,
+    map: &MapName,
+    name: Label,
+    zone: Zone,
+    is_sure: bool,
+) -> Result<Op, OperatorError> {
+    zone.check_border().map_err(|reason| OperatorError::Usage(format!("zone {name}: {reason}")))?;
+    if !is_sure {
+        let (_, state) = fetch_state(session, map, true).await?;
+        check_zone(&state, &zone).map_err(doubted)?;
     }
     Ok(Op::SetZone { name, zone: Some(zone) })
 }
 
-/// The edge between two nodes, if the map has it.
-pub(super) async fn edge(session: &Session, map: &MapName, a: NodeId, b: NodeId) -> Result<EdgeKey, OperatorError> {
-    /// Larger than any building, metres.
-    const EVERYWHERE: &str = "near=0,0;radius=100000;limit=1000";
-    if a == b {
-        return Err(OperatorError::Usage("an edge has two ends".to_owned()));
+fn doubted(doubt: DoubtfulWords) -> OperatorError {
+    OperatorError::Usage(format!("{doubt}; --force writes it all the same"))
+}
+
+/// The operation that takes a place's name away, if there is one.
+pub(super) async fn no_place(session: &Session, map: &MapName, name: Label) -> Result<Op, OperatorError> {
+    let places = list(session, map).await?.places;
+    is_there(map, "place", &name, places.iter().map(|place| place.name.as_str()))?;
+    Ok(Op::SetPlace { name, pose: None })
+}
+
+/// The operation that takes a zone away, if there is one.
+pub(super) async fn no_zone(session: &Session, map: &MapName, name: Label) -> Result<Op, OperatorError> {
+    let zones = list(session, map).await?.zones;
+    is_there(map, "zone", &name, zones.iter().map(|zone| zone.name.as_str()))?;
+    Ok(Op::SetZone { name, zone: None })
+}
+
+fn is_there<'a>(
+    map: &MapName,
+    what: &str,
+    name: &Label,
+    known: impl Iterator<Item = &'a str>,
+) -> Result<(), OperatorError> {
+    let known: Vec<&str> = known.collect();
+    if known.contains(&name.as_str()) {
+        return Ok(());
     }
-    // Asking for the nodes is cheaper than asking for the whole map; on large maps the edge is not
-    // checked.
-    let selector = format!("{}?{EVERYWHERE}", Key::topic(map, Topic::Nodes));
-    let nodes: NodesReply = ask_json(session, &selector).await?;
-    let (a_text, b_text) = (a.to_string(), b.to_string());
-    match nodes.nodes.iter().find(|node| node.id == a_text) {
-        Some(node) if !node.neighbours.contains(&b_text) => {
-            let known = node.neighbours.join(", ");
-            Err(OperatorError::Usage(format!("no edge joins {a} and {b}; {a} is joined to: {known}")))
+    let known = if known.is_empty() { "it has none".to_owned() } else { format!("there is: {}", known.join(", ")) };
+    Err(OperatorError::Usage(format!("map {map} has no {what} {name} ({known})")))
+}
+
+/// The operation that closes or opens the edge between two nodes, if the map has it, and if that
+/// changes anything.
+pub(super) async fn closing(
+    session: &Session,
+    map: &MapName,
+    [a, b]: [NodeId; 2],
+    closed: bool,
+) -> Result<Op, OperatorError> {
+    let usage = |text: String| Err(OperatorError::Usage(text));
+    if a == b {
+        return usage("an edge has two ends".to_owned());
+    }
+    let edge = EdgeKey::new(a, b);
+    let rules = list(session, map).await?;
+    let is_closed = rules.closed_edges.contains(&edge.to_texts());
+    if !closed && !is_closed {
+        let known: Vec<String> = rules.closed_edges.iter().map(|[a, b]| format!("{a} {b}")).collect();
+        let known = if known.is_empty() { "none is".to_owned() } else { format!("closed: {}", known.join(", ")) };
+        return usage(format!("the edge {a} {b} of map {map} is not closed ({known})"));
+    }
+    // One that was closed while it was there can be opened when it is not.
+    let known = neighbours(session, map, a).await?;
+    match known {
+        None if !is_closed => usage(format!("map {map} has no node {a}")),
+        Some(known) if !is_closed && !known.contains(&b.to_string()) => {
+            let known = known.join(", ");
+            usage(format!("no edge joins {a} and {b}; {a} is joined to: {known}"))
         }
-        None if nodes.nodes.len() < 1000 => Err(OperatorError::Usage(format!("map {map} has no node {a}"))),
-        _ => Ok(EdgeKey::new(a, b)),
+        _ => Ok(Op::SetClosed { edge, closed }),
+    }
+}
+
+/// The nodes that edges join to a node; none if the map has no such node.
+async fn neighbours(session: &Session, map: &MapName, node: NodeId) -> Result<Option<Vec<String>>, OperatorError> {
+    let (text, key) = (node.to_string(), Key::topic(map, Topic::Nodes));
+    let mut after = String::new();
+    loop {
+        let selector = format!("{key}?near=0,0;radius=100000;limit=1000;after={after}");
+        let page: NodesReply = ask_json(session, &selector).await?;
+        if let Some(found) = page.nodes.into_iter().find(|found| found.id == text) {
+            return Ok(Some(found.neighbours));
+        }
+        match page.next {
+            Some(next) if next != after => after = next,
+            _ => return Ok(None),
+        }
     }
 }
 
@@ -82,15 +168,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn borders_that_cross_themselves_are_refused() {
-        let draw = |corners: &str| {
-            let corners = parse_corners(corners);
-            let name = "z".parse().map_err(|error| format!("{error}"));
-            name.and_then(|name| zone(name, ZoneRule::KeepOut, corners?.0).map_err(|error| error.to_string()))
-        };
-        assert!(draw("0,0 1,0 1,1 0,1").is_ok() && draw("0,0;1,0; -1,1").is_ok());
-        assert!(draw("0,0 1,1 1,0 0,1").is_err_and(|text| text.contains("crosses itself")));
-        assert!(draw("0,0 1,1").is_err_and(|text| text.contains("three corners")));
+    fn corners_are_read() {
+        assert!(parse_corners("0,0 1,0 1,1 0,1").is_ok() && parse_corners("0,0;1,0; -1,1").is_ok());
+        assert!(parse_corners("0,0 1,1").is_err_and(|text| text.contains("three corners")));
+        assert!(parse_corners("0,0 1,1 nan,0").is_err() && parse_corners("0,0 1,1 2e5,0").is_err());
     }
 
     #[test]
@@ -98,6 +179,9 @@ mod tests {
         assert_eq!(parse_pose("1.5,-2"), Ok(FixedPose::from_metres(1.5, -2.0, 0.0)));
         assert_eq!(parse_pose("1.5,-2,90"), Ok(FixedPose::from_metres(1.5, -2.0, std::f64::consts::FRAC_PI_2)));
         assert!(parse_pose("1.5").is_err() && parse_pose("1,2,north").is_err() && parse_pose("1,2,3,4").is_err());
+        for yaw in ["900", "-361", "nan", "inf"] {
+            assert!(parse_pose(&format!("1,2,{yaw}")).is_err_and(|text| text.contains("degrees")), "{yaw}");
+        }
         assert_eq!((parse_speed("0.3"), parse_speed("0").is_err(), parse_speed("nan").is_err()), (Ok(300), true, true));
     }
 }

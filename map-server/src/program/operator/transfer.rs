@@ -1,7 +1,8 @@
 //! Maps to files and back.
 
-use crate::program::operator::asking::{ask, state_of};
+use crate::program::operator::asking::{ask, head, state_of};
 use crate::program::operator::error::OperatorError;
+use fht_map::MapState;
 use fht_proto::api::keys::{AdminAction, Key, Topic};
 use fht_proto::api::reply::{Head, Series, StateView};
 use fht_proto::codec::archive::{Archive, ArchiveHeader, header_line};
@@ -83,6 +84,27 @@ pub(super) async fn fetch_whole(
         whole.increments.extend(series.increments);
     }
     Ok(whole)
+}
+
+/// A map as it is now: its increments, and what they add up to.
+pub(super) async fn fetch_state(
+    session: &Session,
+    map: &MapName,
+    quiet: bool,
+) -> Result<(Series, MapState), OperatorError> {
+    let head = head(session, map).await?;
+    let bar = progress(head.vector.version(), quiet);
+    bar.set_prefix(map.to_string());
+    let series = fetch_whole(session, map, &head.vector, &bar).await?;
+    bar.finish_and_clear();
+    let mut state = MapState::new();
+    series.folds.iter().for_each(|fold| state.apply_fold(fold));
+    series.increments.iter().for_each(|increment| state.apply(increment));
+    if state.digest() != head.digest {
+        let text = format!("the increments of {map} do not add up to what the server says: digest {}", state.digest());
+        return Err(OperatorError::Answer(text));
+    }
+    Ok((series, state))
 }
 
 async fn fetch(

@@ -7,10 +7,10 @@ use crate::query::answer::reply::{Answer, error, internal, json, postcard};
 use crate::query::answer::sources::AnswerSources;
 use fht_map::graph::astar::Workspace;
 use fht_map::plan::node_route::{IndexedGraph, NodeRoute};
-use fht_map::{FreeSpace, MapIndex, MapState, PlanError, Rules};
-use fht_proto::api::compact::{CompactPath, CompactWaypoint};
+use fht_map::{FreeSpace, MapIndex, MapState, NodeRouteConfig, PathEnds, PlanError, Rules};
+use fht_proto::api::compact::{CompactPath, CompactPathToNearest, CompactWaypoint};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, PathReply, PlaceRef, Waypoint};
-use fht_proto::api::request::{Format, PathOn};
+use fht_proto::api::request::{Format, PathOn, Question};
 use fht_proto::{FixedPoint, Footprint, Label, MapName, ReleaseId};
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -21,11 +21,22 @@ pub(super) struct PathQuestion<'a> {
     to: &'a PlaceRef,
     on: &'a PathOn,
     footprint: Footprint,
+    /// Whether the goal may be moved, if the asker said so or the contrary.
+    to_nearest: Option<bool>,
+    format: Format,
 }
 
 impl<'a> PathQuestion<'a> {
-    pub(super) fn of(from: &'a PlaceRef, to: &'a PlaceRef, on: &'a PathOn, footprint: Option<&Footprint>) -> Self {
-        Self { from, to, on, footprint: footprint.cloned().unwrap_or_default() }
+    /// None for other questions.
+    pub(super) fn of(question: &'a Question) -> Option<Self> {
+        let Question::Path { from, to, on, footprint, to_nearest, format } = question else { return None };
+        let footprint = footprint.clone().unwrap_or_default();
+        Some(Self { from, to, on, footprint, to_nearest: *to_nearest, format: *format })
+    }
+
+    fn route_config(&self, usual: &NodeRouteConfig) -> NodeRouteConfig {
+        let ends = if self.to_nearest == Some(true) { PathEnds::ToNearest } else { PathEnds::Unknown };
+        NodeRouteConfig { ends, ..usual.clone() }
     }
 }
 
@@ -33,7 +44,6 @@ pub(super) fn path(
     view: &MapView,
     sources: &AnswerSources,
     asked: &PathQuestion<'_>,
-    format: Format,
     now_us: u64,
 ) -> Result<Answer, ErrorReply> {
     let planning = planning_state(view, sources, asked.on)?;
@@ -41,11 +51,12 @@ pub(super) fn path(
     let (from, to) = (place(asked.from)?, place(asked.to)?);
     let rules = sources.active_rules.rules(view, now_us);
     let space = planning.free_space(&rules, &asked.footprint);
+    let config = asked.route_config(&sources.config.route);
     let route = match space.over_budget() {
-        None => rules.plan(planning.state().as_ref(), &space, from, to, &sources.config.route),
-        Some(_) => over_nodes(sources, &planning, &view.head.map, &rules, &space, (from, to)),
+        None => rules.plan(planning.state().as_ref(), &space, from, to, &config),
+        Some(_) => over_nodes(sources, &planning, &view.head.map, &rules, &space, (from, to), &config),
     };
-    reply(view, &planning, &rules, &route.map_err(|cause| no_route(&cause, &asked.footprint))?, format)
+    reply(view, &planning, &rules, &route.map_err(|cause| no_route(&cause, &asked.footprint))?, asked)
 }
 
 /// The same, if it blocks on nothing, nothing has to be built first, and the search is short: both
@@ -54,7 +65,6 @@ pub(super) fn at_once(
     view: &MapView,
     sources: &AnswerSources,
     asked: &PathQuestion<'_>,
-    format: Format,
     now_us: u64,
 ) -> Option<Result<Answer, ErrorReply>> {
     let planning = &view.running;
@@ -74,9 +84,10 @@ pub(super) fn at_once(
     if !is_short || !space.contains(from) || !space.contains(to) {
         return None;
     }
-    let route = rules.plan(planning.state().as_ref(), &space, from, to, &sources.config.route);
+    let config = asked.route_config(&sources.config.route);
+    let route = rules.plan(planning.state().as_ref(), &space, from, to, &config);
     let route = route.map_err(|cause| no_route(&cause, &asked.footprint));
-    Some(route.and_then(|route| reply(view, planning, &rules, &route, format)))
+    Some(route.and_then(|route| reply(view, planning, &rules, &route, asked)))
 }
 
 /// Rules of so many edges are derived in some ten microseconds.
@@ -95,8 +106,8 @@ fn over_nodes(
     rules: &Rules,
     space: &FreeSpace,
     ends: (FixedPoint, FixedPoint),
+    config: &NodeRouteConfig,
 ) -> Result<NodeRoute, PlanError> {
-    let config = &sources.config.route;
     let over = |index: &MapIndex| {
         WORK.with_borrow_mut(|work| rules.plan(IndexedGraph { index, work }, space, ends.0, ends.1, config))
     };
@@ -174,10 +185,12 @@ fn reply(
     planning: &PlanningState,
     rules: &Rules,
     route: &NodeRoute,
-    format: Format,
+    asked: &PathQuestion<'_>,
 ) -> Result<Answer, ErrorReply> {
     let (map, version) = (view.head.map.clone(), planning.version());
-    match format {
+    // To the millimetre, like everything else.
+    let in_mm = |metres: f64| (metres * 1000.0).round();
+    match asked.format {
         Format::Json => {
             let waypoints = route.waypoints.iter().map(|waypoint| Waypoint {
                 x: waypoint.point.x(),
@@ -188,9 +201,10 @@ fn reply(
                 map,
                 version,
                 release: planning.release().map(ToString::to_string),
-                // To the millimetre, like everything else.
-                length_m: (route.length_m * 1000.0).round() / 1000.0,
+                length_m: in_mm(route.length_m) / 1000.0,
                 waypoints: waypoints.collect(),
+                goal_moved_m: in_mm(route.goal_moved_m) / 1000.0,
+                unmapped_m: in_mm(route.unmapped_m) / 1000.0,
                 obeyed: rules.obeyed(),
                 speed_limits: rules.speed_limits(route),
             })
@@ -198,7 +212,12 @@ fn reply(
         Format::Postcard => {
             let waypoints = route.waypoints.iter();
             let waypoints = waypoints.map(|waypoint| CompactWaypoint { point: waypoint.point, node: waypoint.node });
-            postcard(&CompactPath { map, version, waypoints: waypoints.collect() })
+            let path = CompactPath { map, version, waypoints: waypoints.collect() };
+            if asked.to_nearest.is_none() {
+                return postcard(&path);
+            }
+            let (goal_moved_mm, unmapped_mm) = (in_mm(route.goal_moved_m) as u32, in_mm(route.unmapped_m) as u32);
+            postcard(&CompactPathToNearest { path, goal_moved_mm, unmapped_mm })
         }
     }
 }

@@ -10,17 +10,18 @@ use fht_proto::ReleaseId;
 /// A sentence, if there is no such release, or more than one.
 pub(super) fn find_release(state: &MapState, text: &str) -> Result<ReleaseId, String> {
     let releases = || state.annotations().releases().map(|release| release.id);
+    let unknown = || {
+        let known: Vec<String> = releases().take(10).map(ToString::to_string).collect();
+        let known = if known.is_empty() { "there are none".to_owned() } else { known.join(", ") };
+        format!("there is no release {text} ({known})")
+    };
     if let Ok(id) = text.parse::<ReleaseId>() {
-        return if releases().any(|known| *known == id) { Ok(id) } else { Err(format!("there is no release {id}")) };
+        return if releases().any(|known| *known == id) { Ok(id) } else { Err(unknown()) };
     }
     let named: Vec<&ReleaseId> = releases().filter(|id| id.name.as_str() == text).collect();
     match named.as_slice() {
         [id] => Ok((*id).clone()),
-        [] => {
-            let known: Vec<String> = releases().take(10).map(ToString::to_string).collect();
-            let known = if known.is_empty() { "there are none".to_owned() } else { known.join(", ") };
-            Err(format!("there is no release {text} ({known})"))
-        }
+        [] => Err(unknown()),
         several => {
             let several: Vec<String> = several.iter().map(ToString::to_string).collect();
             Err(format!("more than one release is called {text}: {}", several.join(", ")))

@@ -1,9 +1,11 @@
 //! The replies to `nodes` and `match`.
 
 use crate::model::geometry::{FixedPoint, Rect};
-use crate::model::ids::MapName;
+use crate::model::ids::{MapName, NodeId};
 use crate::model::increment::NodeKind;
 use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
 
 /// One node as `nodes` and `match` show it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,6 +43,63 @@ impl NodeView {
     }
 }
 
+/// Where a page of nodes begins: nodes are ordered by their distance from the place asked for, and
+/// then by their ids. As text the square of the distance in millimetres, `_`, and the id; empty for
+/// the first page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NodesCursor {
+    /// At the first node.
+    First,
+    /// Behind a node at this distance and of this id.
+    Behind(u64, NodeId),
+}
+
+impl NodesCursor {
+    /// How far two places are apart, square millimetres: exactly, so that no two nodes change
+    /// places between pages.
+    #[must_use]
+    pub fn square_mm(a: FixedPoint, b: FixedPoint) -> u64 {
+        let square = |a: i32, b: i32| u64::from(a.abs_diff(b)).pow(2);
+        square(a.x_mm, b.x_mm).saturating_add(square(a.y_mm, b.y_mm))
+    }
+
+    /// Whether a node comes behind it.
+    #[must_use]
+    pub fn is_before(self, square_mm: u64, id: NodeId) -> bool {
+        match self {
+            Self::First => true,
+            Self::Behind(last_mm, last) => (square_mm, id) > (last_mm, last),
+        }
+    }
+}
+
+impl fmt::Display for NodesCursor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::First => Ok(()),
+            Self::Behind(square_mm, id) => write!(f, "{square_mm}_{id}"),
+        }
+    }
+}
+
+/// A text that says no place in a row of nodes.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0} is not what a reply gave as next")]
+pub struct ParseCursorError(String);
+
+impl FromStr for NodesCursor {
+    type Err = ParseCursorError;
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        if text.is_empty() {
+            return Ok(Self::First);
+        }
+        let error = || ParseCursorError(text.chars().take(80).collect());
+        let (square_mm, id) = text.split_once('_').ok_or_else(error)?;
+        let square_mm = square_mm.parse().map_err(|_| error())?;
+        Ok(Self::Behind(square_mm, id.parse().map_err(|_| error())?))
+    }
+}
+
 /// The reply to `nodes`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -49,6 +108,12 @@ pub struct NodesReply {
     pub map: MapName,
     /// Its version.
     pub version: u64,
-    /// Nearest first.
+    /// Nearest first, those equally near by their ids.
     pub nodes: Vec<NodeView>,
+    /// Whether there are more nodes within the radius than `limit` let through.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub truncated: bool,
+    /// What to ask as `after` for those that follow; absent unless truncated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub next: Option<String>,
 }

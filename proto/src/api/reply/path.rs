@@ -50,6 +50,10 @@ pub struct SpeedLimit {
     pub along_m: [f64; 2],
 }
 
+fn is_zero(metres: &f64) -> bool {
+    *metres == 0.0
+}
+
 /// The reply to `path`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -65,6 +69,15 @@ pub struct PathReply {
     pub length_m: f64,
     /// From start to goal.
     pub waypoints: Vec<Waypoint>,
+    /// How far the last waypoint is from the goal that was asked for, metres. Absent when it is the
+    /// goal: only `to_nearest=true` moves it.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub goal_moved_m: f64,
+    /// How much of the path leads over ground that the map knows nothing of, metres: no rectangle
+    /// covers it and no main node's scan saw it. Absent when there is none. Such ground is at the
+    /// start or at the goal.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub unmapped_m: f64,
     /// What operators and robots have closed, and the path keeps out of.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub obeyed: Vec<Obeyed>,

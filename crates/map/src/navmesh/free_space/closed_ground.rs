@@ -1,7 +1,7 @@
 //! Ground that no way may lead over, whatever the map says: what operators keep out, and barriers
 //! across edges that they closed.
 
-use crate::navmesh::plane::{Corner, between, corner_of, cross, distance};
+use crate::navmesh::plane::{Corner, between, corner_of, cross, distance, meet};
 use fht_proto::FixedPoint;
 use i_overlay::i_float::int::point::IntPoint;
 use i_overlay::i_shape::int::shape::{IntContour, IntShapes};
@@ -66,13 +66,6 @@ impl ClosedZone {
         });
         !is_apart && (self.contains(ends[0]) || self.sides().any(|side| meet(side, ends)))
     }
-}
-
-fn meet([a, b]: [Corner; 2], [c, d]: [Corner; 2]) -> bool {
-    let are_apart = |p: f64, q: f64| (p > 0.0 && q > 0.0) || (p < 0.0 && q < 0.0);
-    let boxes_meet =
-        (0..2).all(|axis| a[axis].min(b[axis]) <= c[axis].max(d[axis]) && c[axis].min(d[axis]) <= a[axis].max(b[axis]));
-    boxes_meet && !are_apart(cross(a, b, c), cross(a, b, d)) && !are_apart(cross(c, d, a), cross(c, d, b))
 }
 
 /// A passage is looked for at places this far apart along an edge, millimetres.

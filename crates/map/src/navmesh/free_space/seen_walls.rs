@@ -1,9 +1,9 @@
 //! Where main nodes saw walls: what a way into the mesh must keep away from, and what stands in
 //! free space after all.
 
-use crate::navmesh::free_space::visibility::Visibility;
+use crate::navmesh::free_space::visibility::{ONE_THING_MM, Visibility, WALL_GAP_MM};
 use crate::navmesh::limits::{Looks, OverBudget};
-use crate::navmesh::plane::{Corner, between, distance, foot_share};
+use crate::navmesh::plane::{Corner, between, distance, foot_share, nearest_on};
 use std::collections::{BTreeMap, HashMap};
 
 /// Side of a square in which points are gathered, millimetres.
@@ -18,6 +18,14 @@ const THIN_MM: f64 = 5.0;
 
 /// A square in which more was seen than this keeps one place of each cell of `THIN_MM`.
 const CROWD: usize = 2_500;
+
+/// So many lines of walls around a place are looked at.
+const MOST_LINES: usize = 4096;
+/// A node's beam that passes within this of the middle of a line says that no wall is there,
+/// millimetres.
+const THROUGH_MM: f64 = 50.0;
+/// Only nodes this near to it are asked, millimetres.
+const ASKED_MM: f64 = 8_000.0;
 
 /// End points of all main nodes' scans, millimetres in the map frame.
 #[derive(Clone, Debug, Default)]
@@ -151,6 +159,26 @@ impl SeenWalls {
     fn around(&self, place: Corner, rings: i32) -> impl Iterator<Item = &Sighting> {
         let squares = squares_around(square_of(place), rings).filter_map(|square| self.squares.get(&square));
         squares.flatten().map(|&index| &self.sightings[index as usize])
+    }
+
+    /// The walls that `views`, of which these are the ends, saw within `reach_mm` of a place: lines
+    /// between ends of beams side by side. Where they are far apart and another node saw through
+    /// between them there is none. In a fixed order.
+    pub(crate) fn lines_around(&self, views: &[Visibility], place: Corner, reach_mm: f64) -> Vec<[Corner; 2]> {
+        let is_open = |sighting: &Sighting, line: [Corner; 2]| {
+            let middle = between(line, 0.5);
+            let sees_through = |(node, view): (usize, &Visibility)| {
+                node != sighting.node as usize
+                    && distance(view.from, middle) < ASKED_MM
+                    && view.denies(middle, THROUGH_MM)
+            };
+            distance(line[0], line[1]) > ONE_THING_MM && views.iter().enumerate().any(sees_through)
+        };
+        let line = |sighting: &Sighting| {
+            let line = views.get(sighting.node as usize)?.wall_after(sighting.beam as usize)?;
+            (distance(nearest_on(line, place), place) <= reach_mm && !is_open(sighting, line)).then_some(line)
+        };
+        self.around(place, rings_of(reach_mm + WALL_GAP_MM)).filter_map(line).take(MOST_LINES).collect()
     }
 
     /// How near the nearest point is, millimetres, if it is within `reach_mm`; else what is farther

@@ -2,7 +2,7 @@
 //! they passed over.
 
 use crate::crdt::state::NodeRef;
-use crate::navmesh::plane::{Corner, between, corner_of, distance};
+use crate::navmesh::plane::{Corner, between, corner_of, cross, distance, nearest_on};
 
 /// A beam passed over ground that is this much nearer than its end, millimetres.
 const BEFORE_END_MM: f64 = 50.0;
@@ -11,6 +11,15 @@ const BEFORE_END_MM: f64 = 50.0;
 const BESIDE_MM: f64 = 100.0;
 /// Beams side by side hit one thing if their ranges differ by less, millimetres.
 const DEPTH_MM: f64 = 100.0;
+
+/// Between ends of beams side by side that are nearer than this there is no way for a robot,
+/// millimetres.
+pub(crate) const ONE_THING_MM: f64 = 150.0;
+/// Between ends of beams that are farther apart than this no wall is supposed, millimetres: less
+/// than the width of a door.
+pub(crate) const WALL_GAP_MM: f64 = 600.0;
+/// A wall goes straight on if the next end lies this near to its line, millimetres.
+const BENT_MM: f64 = 40.0;
 
 /// A node's position, millimetres, and heading, radians, may be off by this much: whether a beam
 /// hit a chair's leg or went past it can be told from near only.
@@ -83,9 +92,35 @@ impl Visibility {
             }
             reach_mm
         };
-        let before = |beam: usize| if beam == 0 && self.is_full() { Some(count - 1) } else { beam.checked_sub(1) };
-        let after = |beam: usize| if beam + 1 == count && self.is_full() { Some(0) } else { Some(beam + 1) };
-        reach(&before) + reach(&after) + self.spacing_mm(at)
+        reach(&|beam| self.before(beam)) + reach(&|beam| self.after(beam)) + self.spacing_mm(at)
+    }
+
+    /// The beam before one, and after one; of a full turn the last and the first stand side by
+    /// side.
+    fn before(&self, beam: usize) -> Option<usize> {
+        if beam == 0 && self.is_full() { self.ranges_mm.len().checked_sub(1) } else { beam.checked_sub(1) }
+    }
+
+    fn after(&self, beam: usize) -> Option<usize> {
+        Some(if beam + 1 == self.ranges_mm.len() && self.is_full() { 0 } else { beam + 1 })
+    }
+
+    /// The wall that a beam and the one after it ended on, from end to end: they are near together,
+    /// or on one straight line with a beam beside them. None where either ended elsewhere, or
+    /// nowhere.
+    pub(crate) fn wall_after(&self, beam: usize) -> Option<[Corner; 2]> {
+        let next = self.after(beam)?;
+        let line = [self.end(beam)?, self.end(next)?];
+        let length_mm = distance(line[0], line[1]);
+        let goes_on = |beside: Option<usize>| {
+            beside.and_then(|beside| self.end(beside)).is_some_and(|end| {
+                let beside_mm = cross(line[0], line[1], end).abs() / length_mm.max(1.0);
+                beside_mm <= BENT_MM && distance(nearest_on(line, end), end) <= WALL_GAP_MM
+            })
+        };
+        let is_wall = length_mm <= ONE_THING_MM
+            || length_mm <= WALL_GAP_MM && (goes_on(self.before(beam)) || goes_on(self.after(next)));
+        is_wall.then_some(line)
     }
 
     /// Whether the last beam of a full turn has the first one after it.

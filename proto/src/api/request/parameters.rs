@@ -1,0 +1,94 @@
+//! The parameters of a query: each is known, given once, and read as what it should be.
+
+use crate::api::reply::{ErrorCode, ErrorReply};
+use crate::{Footprint, VersionVector};
+use std::collections::BTreeMap;
+use std::str::FromStr;
+
+/// How a reply is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// For people and tools.
+    Json,
+    /// Compact, in an envelope.
+    Postcard,
+}
+
+/// A complaint about a request.
+#[must_use]
+pub fn bad_request(message: String) -> ErrorReply {
+    ErrorReply::new(ErrorCode::BadRequest, &message)
+}
+
+/// Text from outside, cut to a sensible length for a message.
+#[must_use]
+pub fn shown(text: &str) -> String {
+    text.chars().take(80).collect()
+}
+
+/// The parameters of a query, checked against those that the topic knows.
+pub(super) struct Parameters<'a> {
+    values: BTreeMap<&'a str, &'a str>,
+}
+
+impl<'a> Parameters<'a> {
+    pub(super) fn of(pairs: impl Iterator<Item = (&'a str, &'a str)>, known: &[&str]) -> Result<Self, ErrorReply> {
+        let mut values = BTreeMap::new();
+        // Names with an underscore are Zenoh's own.
+        for (name, value) in pairs.filter(|(name, _)| !name.is_empty() && !name.starts_with('_')) {
+            if !known.contains(&name) {
+                let hint = if known.is_empty() { "there are none here".to_owned() } else { known.join(", ") };
+                return Err(bad_request(format!("unknown parameter {}; known: {hint}", shown(name))));
+            }
+            if value.contains('&') {
+                return Err(bad_request(format!("{name}={}: parameters are joined by ; and not by &", shown(value))));
+            }
+            if values.insert(name, value).is_some() {
+                return Err(bad_request(format!("parameter {name} is given twice")));
+            }
+        }
+        Ok(Self { values })
+    }
+
+    pub(super) fn required(&self, name: &str, example: &str) -> Result<&'a str, ErrorReply> {
+        let missing = || bad_request(format!("parameter {name} is missing; for example: {example}"));
+        self.values.get(name).copied().filter(|value| !value.is_empty()).ok_or_else(missing)
+    }
+
+    pub(super) fn text(&self, name: &str) -> Option<&'a str> {
+        self.values.get(name).copied().filter(|value| !value.is_empty())
+    }
+
+    pub(super) fn parsed<T: FromStr>(&self, name: &str, expected: &str) -> Result<Option<T>, ErrorReply> {
+        let parse = |value: &&str| {
+            value.trim().parse().map_err(|_| bad_request(format!("{name}={} is not {expected}", shown(value))))
+        };
+        self.values.get(name).map(parse).transpose()
+    }
+
+    pub(super) fn limit(&self, name: &str, (default, most): (usize, usize)) -> Result<usize, ErrorReply> {
+        let limit = self.parsed(name, &format!("a number from 1 to {most}"))?.unwrap_or(default);
+        if (1..=most).contains(&limit) { Ok(limit) } else { Err(bad_request(format!("{name} must be 1 to {most}"))) }
+    }
+
+    pub(super) fn format(&self, default: Format) -> Result<Format, ErrorReply> {
+        match self.values.get("fmt").copied() {
+            None => Ok(default),
+            Some("json") => Ok(Format::Json),
+            Some("postcard") => Ok(Format::Postcard),
+            Some(other) => Err(bad_request(format!("fmt={} is neither json nor postcard", shown(other)))),
+        }
+    }
+
+    pub(super) fn footprint(&self) -> Result<Option<Footprint>, ErrorReply> {
+        let parse = |text: &str| {
+            text.parse().map_err(|error| bad_request(format!("footprint={} cannot be used: {error}", shown(text))))
+        };
+        self.values.get("footprint").copied().map(parse).transpose()
+    }
+
+    pub(super) fn vector(&self, name: &str) -> Result<Option<VersionVector>, ErrorReply> {
+        let parse = |value: &&str| value.parse().map_err(|error| bad_request(format!("{name}: {error}")));
+        self.values.get(name).map(parse).transpose()
+    }
+}
