@@ -2,13 +2,13 @@
 //! whatever robot stands behind the port. With a simulated robot and [`Taking::AfterFrames`] the
 //! same map, world and seeds give the same run.
 
-use crate::pilot::{Failure, Pilot, PilotConfig, PilotStep, Task, TaskOutcome};
+use crate::pilot::{DriveGoal, Failure, Pilot, PilotConfig, PilotStep, Task, TaskOutcome};
 use fht_client::{LiveReplica, PathSource};
 use fht_localization::landmarks::Landmarks;
 use fht_localization::preparation::Preparation;
 use fht_map::{MapState, NodeRef};
 use fht_perception::frame::{Panorama, SensorFrame};
-use fht_perception::pose::Point2;
+use fht_perception::pose::{Point2, Pose2, from_fixed};
 use fht_perception::robot::{Robot, RobotError, SilenceConfig, Supervised};
 use fht_proto::api::reply::{ErrorCode, ErrorReply};
 use fht_proto::{Descriptor, Label, NodeId};
@@ -23,9 +23,9 @@ pub trait MapSource {
     fn changes(&self) -> u64;
     /// Looks at the map.
     fn view(&self, look: &mut dyn FnMut(&MapState));
-    /// Where the place of this name is, map frame, metres. Names hold at once, whatever release is
-    /// run.
-    fn place(&self, name: &Label) -> Option<Point2>;
+    /// Where the place of this name is: its pose in the map frame. Names hold at once, whatever
+    /// release is run.
+    fn place(&self, name: &Label) -> Option<Pose2>;
 }
 
 impl MapSource for LiveReplica {
@@ -35,7 +35,7 @@ impl MapSource for LiveReplica {
     fn view(&self, look: &mut dyn FnMut(&MapState)) {
         look(&self.running());
     }
-    fn place(&self, name: &Label) -> Option<Point2> {
+    fn place(&self, name: &Label) -> Option<Pose2> {
         MapSource::place(self.read().state(), name)
     }
 }
@@ -47,8 +47,8 @@ impl MapSource for MapState {
     fn view(&self, look: &mut dyn FnMut(&MapState)) {
         look(self);
     }
-    fn place(&self, name: &Label) -> Option<Point2> {
-        self.annotations().place(name).map(|pose| Point2::new(pose.position.x(), pose.position.y()))
+    fn place(&self, name: &Label) -> Option<Pose2> {
+        self.annotations().place(name).map(from_fixed)
     }
 }
 
@@ -59,9 +59,11 @@ pub enum MissionGoal {
     None,
     /// A point of the map frame, metres.
     Point(Point2),
+    /// A pose of the map frame: the robot turns to its heading, too.
+    Pose(Pose2),
     /// A node of the map.
     Node(NodeId),
-    /// A place that an operator has named.
+    /// A place that an operator has named, and its heading.
     Named(Label),
     /// A node far from the robot, drawn by this seed.
     FarNode(u64),
@@ -113,8 +115,8 @@ pub trait MissionObserver {
     /// robot and ends the mission.
     fn on_frame(&mut self, frame: &SensorFrame, step: &PilotStep, pilot: &Pilot) -> ControlFlow<()>;
 
-    /// The robot knows its place and now drives to `goal`, map frame.
-    fn on_goal(&mut self, goal: Point2) {
+    /// The robot knows its place and now drives to `goal`.
+    fn on_goal(&mut self, goal: DriveGoal) {
         let _ = goal;
     }
 }
@@ -134,7 +136,7 @@ impl<A: MissionObserver, B: MissionObserver> MissionObserver for (A, B) {
         if first.is_break() { first } else { second }
     }
 
-    fn on_goal(&mut self, goal: Point2) {
+    fn on_goal(&mut self, goal: DriveGoal) {
         self.0.on_goal(goal);
         self.1.on_goal(goal);
     }
@@ -145,7 +147,7 @@ impl<O: MissionObserver> MissionObserver for &mut O {
         (**self).on_frame(frame, step, pilot)
     }
 
-    fn on_goal(&mut self, goal: Point2) {
+    fn on_goal(&mut self, goal: DriveGoal) {
         (**self).on_goal(goal);
     }
 }
@@ -207,9 +209,9 @@ async fn carry_out<R: Robot>(
         let flow = observer.on_frame(&frame, &step, pilot);
         match &step.outcome {
             Some(TaskOutcome::Localized) if *goal != MissionGoal::None => match choose(goal, services.map, &step) {
-                Ok(point) => {
-                    observer.on_goal(point);
-                    pilot.set_task(Task::GoTo(point));
+                Ok(place) => {
+                    observer.on_goal(place);
+                    pilot.set_task(Task::GoTo(place));
                 }
                 Err(unknown) => return Ok(TaskOutcome::Failed(Failure::NoPath(unknown))),
             },
@@ -223,22 +225,26 @@ async fn carry_out<R: Robot>(
     }
 }
 
-/// The point to go to, now that the robot knows where it is; or why there is none.
-fn choose(goal: &MissionGoal, map: &dyn MapSource, step: &PilotStep) -> Result<Point2, ErrorReply> {
+/// Where to go, now that the robot knows where it is; or why there is no such place.
+fn choose(goal: &MissionGoal, map: &dyn MapSource, step: &PilotStep) -> Result<DriveGoal, ErrorReply> {
     let unknown = |code, what: String| ErrorReply::new(code, &format!("the map has no {what}"));
     match goal {
-        MissionGoal::Point(point) => Ok(*point),
+        MissionGoal::Point(point) => Ok((*point).into()),
+        MissionGoal::Pose(pose) => Ok((*pose).into()),
         MissionGoal::Named(name) => {
-            map.place(name).ok_or_else(|| unknown(ErrorCode::UnknownPlace, format!("place called {name}")))
+            let found = map.place(name).map(DriveGoal::from);
+            found.ok_or_else(|| unknown(ErrorCode::UnknownPlace, format!("place called {name}")))
         }
         MissionGoal::Node(id) => {
             let mut found = None;
             map.view(&mut |map| found = map.node(*id).map(position));
+            let found = found.map(DriveGoal::from);
             found.ok_or_else(|| unknown(ErrorCode::UnknownNode, format!("node {id}")))
         }
         MissionGoal::None => Err(unknown(ErrorCode::UnknownPlace, "place for no goal".to_owned())),
         MissionGoal::FarNode(seed) => {
-            far_node(map, step, *seed).ok_or_else(|| unknown(ErrorCode::UnknownNode, "node to drive to".to_owned()))
+            let found = far_node(map, step, *seed).map(DriveGoal::from);
+            found.ok_or_else(|| unknown(ErrorCode::UnknownNode, "node to drive to".to_owned()))
         }
     }
 }

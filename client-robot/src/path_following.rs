@@ -121,6 +121,15 @@ impl FollowedPath {
         Some(Target { in_odom: at, distance_m, is_goal })
     }
 
+    /// What is left of the path from `here` (odometry frame), metres: to the point to head for, and
+    /// on along the path.
+    #[must_use]
+    pub fn left_m(&self, map_from_odom: &Pose2, here: Point2) -> f64 {
+        let ahead = self.path.points.get(self.next..).unwrap_or_default();
+        let to_next = ahead.first().map_or(0.0, |point| (point.position - map_from_odom * here).norm());
+        to_next + ahead.windows(2).map(|pair| (pair[1].position - pair[0].position).norm()).sum::<f64>()
+    }
+
     /// Heads for the point after the next one, as when the next one itself cannot be reached. False
     /// at the path's end.
     pub fn skip(&mut self) -> bool {
@@ -191,6 +200,16 @@ mod tests {
             FollowedPath::new(PathFollowingConfig::default(), path(&[(0.0, 0.0), (1.0, 0.0)]), Pose2::identity());
         assert!(route.target(&Pose2::identity(), &pose(0.5, 0.0, 0.0), &room()).is_some_and(|t| t.is_goal));
         assert!(route.target(&Pose2::identity(), &pose(0.95, 0.0, 0.0), &room()).is_none());
+    }
+
+    #[test]
+    fn what_is_left_goes_by_way_of_the_points_ahead() {
+        let map_from_odom = pose(1.0, 0.0, 0.0);
+        let way = path(&[(1.0, 0.0), (3.0, 0.0), (3.0, 4.0)]);
+        let route = FollowedPath::new(PathFollowingConfig::default(), way, map_from_odom);
+        assert!((route.left_m(&map_from_odom, Point2::new(0.5, 0.0)) - 5.5).abs() < 1e-9);
+        let nothing = FollowedPath::new(PathFollowingConfig::default(), path(&[]), map_from_odom);
+        assert_eq!(nothing.left_m(&map_from_odom, Point2::origin()), 0.0);
     }
 
     #[test]

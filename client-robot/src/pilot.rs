@@ -3,10 +3,17 @@
 //! here: frames come in, commands go out.
 
 mod config;
+mod final_turn;
+mod progress;
 mod task;
 
 pub use config::PilotConfig;
-pub use task::{Failure, PilotStep, Task, TaskOutcome};
+pub use final_turn::FinalTurnConfig;
+pub use progress::ProgressConfig;
+pub use task::{DriveGoal, Failure, PilotStep, Task, TaskOutcome};
+
+use self::final_turn::{FinalTurn, Turn};
+use self::progress::ProgressWatch;
 
 use crate::blockages::Blockages;
 use crate::path_following::{FollowedPath, Target};
@@ -35,6 +42,26 @@ fn went_back() -> String {
     "it is older than the one before".to_owned()
 }
 
+/// Where the robot is at a frame, and where it goes.
+#[derive(Clone, Copy)]
+struct Situation {
+    map_from_odom: Pose2,
+    odom_from_base: Pose2,
+    now_us: u64,
+    goal: DriveGoal,
+}
+
+impl Situation {
+    /// The robot's place, odometry frame.
+    fn here(&self) -> Point2 {
+        Point2::from(self.odom_from_base.translation.vector)
+    }
+
+    fn map_from_base(&self) -> Pose2 {
+        self.map_from_odom * self.odom_from_base
+    }
+}
+
 /// Carries out one task.
 pub struct Pilot {
     config: PilotConfig,
@@ -48,6 +75,8 @@ pub struct Pilot {
     /// The refusal of a path, while a better answer may still come.
     refusal: Option<ErrorReply>,
     no_way: usize,
+    progress: ProgressWatch,
+    final_turn: FinalTurn,
     plans: usize,
     started_us: Option<u64>,
     /// Time of the last frame taken in.
@@ -69,6 +98,8 @@ impl Pilot {
             blockages: Blockages::default(),
             refusal: None,
             no_way: 0,
+            progress: ProgressWatch::default(),
+            final_turn: FinalTurn::default(),
             plans: 0,
             started_us: None,
             last_us: None,
@@ -83,6 +114,8 @@ impl Pilot {
         self.route = None;
         self.refusal = None;
         self.no_way = 0;
+        self.progress = ProgressWatch::default();
+        self.final_turn.end();
     }
 
     /// The path being driven.
@@ -139,8 +172,10 @@ impl Pilot {
                     match self.task {
                         Task::Relocalize => (Twist::default(), Some(TaskOutcome::Localized)),
                         Task::GoTo(goal) => {
-                            let (command, outcome) = self.drive(frame, &localization, &map_from_odom, goal, paths);
-                            (slowed(command, &(map_from_odom * localization.odometry.odom_from_base), paths), outcome)
+                            let odom_from_base = localization.odometry.odom_from_base;
+                            let now = Situation { map_from_odom, odom_from_base, now_us: frame.time_us, goal };
+                            let (command, outcome) = self.drive(frame, localization.is_new_fix, &now, paths);
+                            (slowed(command, &now.map_from_base(), paths), outcome)
                         }
                     }
                 }
@@ -154,6 +189,8 @@ impl Pilot {
     fn search(&mut self, frame: &SensorFrame, localization: &Localization) -> (Twist, Option<TaskOutcome>) {
         self.route = None;
         self.refusal = None;
+        self.progress.restart();
+        self.final_turn.end();
         let odometry = &localization.odometry;
         let driven_m = odometry.odometer_m - self.search_began_m;
         if driven_m > self.config.max_search_m {
@@ -162,19 +199,23 @@ impl Pilot {
         (self.searcher.step(&self.local_map, &odometry.odom_from_base, &frame.scan), None)
     }
 
-    /// Drives along the path to the goal.
+    /// Drives along the path to the goal, and turns there.
     fn drive(
         &mut self,
         frame: &SensorFrame,
-        localization: &Localization,
-        map_from_odom: &Pose2,
-        goal: Point2,
+        is_new_fix: bool,
+        now: &Situation,
         paths: &mut dyn PathSource,
     ) -> (Twist, Option<TaskOutcome>) {
-        let odom_from_base = localization.odometry.odom_from_base;
-        let here = Point2::from(odom_from_base.translation.vector);
-        let now_us = frame.time_us;
-        if self.blockages.is_waiting(now_us) {
+        if self.final_turn.has_begun() {
+            let strayed_m = (now.map_from_odom * now.here() - now.goal.position).norm();
+            let reach_m = self.config.goal_slack_m.max(self.config.route.goal_reach_m);
+            if strayed_m <= reach_m + self.config.final_turn.stray_m {
+                return self.at_goal(now);
+            }
+            self.final_turn.end();
+        }
+        if self.blockages.is_waiting(now.now_us) {
             return (LOOK_AROUND, None);
         }
         let revised = paths.revised();
@@ -183,30 +224,38 @@ impl Pilot {
         } else if let Some(Ok(path)) = revised {
             tracing::info!(length_m = path.length_m, points = path.points.len(), planner = ?path.planner, "path revised");
             self.refusal = None;
-            self.route = Some(FollowedPath::new(self.config.route.clone(), path, *map_from_odom));
+            self.follow(path, now);
         }
         if let Some(refusal) = self.refusal.take() {
-            return self.refused(refusal, now_us, paths);
+            return self.refused(refusal, now.now_us, paths);
         }
-        let is_outdated =
-            self.route.as_ref().is_none_or(|route| route.is_outdated(map_from_odom, here)) || paths.is_outdated();
-        if (localization.is_new_fix || is_outdated)
-            && let Err(refusal) = self.plan(map_from_odom, here, goal, now_us, paths)
+        let is_outdated = self.route.as_ref().is_none_or(|route| route.is_outdated(&now.map_from_odom, now.here()));
+        if is_new_fix {
+            self.progress.restart();
+        }
+        if (is_new_fix || is_outdated || paths.is_outdated())
+            && let Err(refusal) = self.plan(now, paths)
         {
-            return self.refused(refusal, now_us, paths);
+            return self.refused(refusal, now.now_us, paths);
         }
         let Some(route) = &mut self.route else { return (Twist::default(), None) };
-        let Some(target) = route.target(map_from_odom, &odom_from_base, self.local_map.grid()) else {
-            return (Twist::default(), Some(TaskOutcome::Arrived));
+        let Some(target) = route.target(&now.map_from_odom, &now.odom_from_base, self.local_map.grid()) else {
+            return self.at_goal(now);
         };
-        match self.steersman.steer(&self.local_map, &odom_from_base, &frame.scan, target.in_odom) {
+        let left_m = route.left_m(&now.map_from_odom, now.here());
+        if let Some(stall) = self.progress.observe(now.here(), left_m, now.now_us, &self.config.progress) {
+            if stall.is_final {
+                let failure = Failure::NoProgress { left_m: stall.left_m, seconds: stall.seconds };
+                return (Twist::default(), Some(TaskOutcome::Failed(failure)));
+            }
+            return self.blocked(stall.at, now, &target, paths);
+        }
+        match self.steersman.steer(&self.local_map, &now.odom_from_base, &frame.scan, target.in_odom) {
             Steering::Drive(command) => {
                 self.no_way = 0;
                 (command, None)
             }
-            Steering::AtEnd { left_m } if target.is_goal && left_m <= self.config.goal_slack_m => {
-                (Twist::default(), Some(TaskOutcome::Arrived))
-            }
+            Steering::AtEnd { left_m } if target.is_goal && left_m <= self.config.goal_slack_m => self.at_goal(now),
             Steering::AtEnd { left_m } if target.is_goal => {
                 (Twist::default(), Some(TaskOutcome::Failed(Failure::GoalBlocked { left_m })))
             }
@@ -214,7 +263,24 @@ impl Pilot {
                 route.skip();
                 (Twist::default(), None)
             }
-            Steering::NoWay => self.no_way(map_from_odom, here, goal, &target, now_us, paths),
+            Steering::NoWay => self.no_way(now, &target, left_m, paths),
+        }
+    }
+
+    /// The robot stands at its goal: it turns to the heading there, if there is one.
+    fn at_goal(&mut self, now: &Situation) -> (Twist, Option<TaskOutcome>) {
+        let arrived = (Twist::default(), Some(TaskOutcome::Arrived));
+        let Some(wanted) = now.goal.yaw else { return arrived };
+        let (follow, config) = (&self.config.steering.follow, &self.config.final_turn);
+        let limits = (follow.max_angular_radps, follow.period_s);
+        let heading = now.map_from_base().rotation.angle();
+        match self.final_turn.step((heading, wanted), now.now_us, limits, config) {
+            Turn::On(command) => (command, None),
+            Turn::Done => arrived,
+            Turn::Failed(left_rad) => {
+                let failure = Failure::NotTurned { left_deg: left_rad.to_degrees().abs() };
+                (Twist::default(), Some(TaskOutcome::Failed(failure)))
+            }
         }
     }
 
@@ -222,11 +288,9 @@ impl Pilot {
     /// in the way.
     fn no_way(
         &mut self,
-        map_from_odom: &Pose2,
-        here: Point2,
-        goal: Point2,
+        now: &Situation,
         target: &Target,
-        now_us: u64,
+        left_m: f64,
         paths: &mut dyn PathSource,
     ) -> (Twist, Option<TaskOutcome>) {
         self.no_way += 1;
@@ -234,16 +298,31 @@ impl Pilot {
             return (LOOK_AROUND, None);
         }
         self.no_way = 0;
-        let place = map_from_odom * self.obstacle_on_the_way(here, target.in_odom);
-        let goal_m = (place - goal).norm();
+        if let Some(ways) = self.progress.blocked(left_m, &self.config.progress) {
+            return (Twist::default(), Some(TaskOutcome::Failed(Failure::WaysBlocked { ways })));
+        }
+        self.blocked(now.here(), now, target, paths)
+    }
+
+    /// Something is in the way from a place (odometry frame) to the next point: asks for a path
+    /// around it.
+    fn blocked(
+        &mut self,
+        from: Point2,
+        now: &Situation,
+        target: &Target,
+        paths: &mut dyn PathSource,
+    ) -> (Twist, Option<TaskOutcome>) {
+        let place = now.map_from_odom * self.obstacle_on_the_way(from, target.in_odom);
+        let goal_m = (place - now.goal.position).norm();
         if target.is_goal && goal_m <= self.config.goal_slack_m {
-            return self.wait_or(Failure::GoalBlocked { left_m: target.distance_m }, now_us);
+            return self.wait_or(Failure::GoalBlocked { left_m: target.distance_m }, now.now_us);
         }
         tracing::info!(x = place.x, y = place.y, "way blocked, planning another");
-        self.blockages.block(FixedPoint::from_metres(place.x, place.y), now_us, &self.config.blockages);
-        match self.plan(map_from_odom, here, goal, now_us, paths) {
+        self.blockages.block(FixedPoint::from_metres(place.x, place.y), now.now_us, &self.config.blockages);
+        match self.plan(now, paths) {
             Ok(()) => (LOOK_AROUND, None),
-            Err(refusal) => self.refused(refusal, now_us, paths),
+            Err(refusal) => self.refused(refusal, now.now_us, paths),
         }
     }
 
@@ -282,20 +361,25 @@ impl Pilot {
         (LOOK_AROUND, None)
     }
 
-    fn plan(
-        &mut self,
-        map_from_odom: &Pose2,
-        here: Point2,
-        goal: Point2,
-        now_us: u64,
-        paths: &mut dyn PathSource,
-    ) -> Result<(), ErrorReply> {
+    fn plan(&mut self, now: &Situation, paths: &mut dyn PathSource) -> Result<(), ErrorReply> {
         self.plans += 1;
         self.steersman.reset();
-        let path = paths.plan(map_from_odom * here, goal, &self.blockages.places(now_us))?;
+        let from = now.map_from_odom * now.here();
+        let path = paths.plan(from, now.goal.position, &self.blockages.places(now.now_us))?;
         tracing::info!(length_m = path.length_m, points = path.points.len(), planner = ?path.planner, "path planned");
-        self.route = Some(FollowedPath::new(self.config.route.clone(), path, *map_from_odom));
+        self.follow(path, now);
         Ok(())
+    }
+
+    /// Drives along this path from now on.
+    fn follow(&mut self, path: PlannedPath, now: &Situation) {
+        let route = FollowedPath::new(self.config.route.clone(), path, now.map_from_odom);
+        let left_m = |route: &FollowedPath| route.left_m(&now.map_from_odom, now.here());
+        match &self.route {
+            Some(before) => self.progress.replanned(left_m(before), left_m(&route)),
+            None => self.progress.restart(),
+        }
+        self.route = Some(route);
     }
 }
 

@@ -13,7 +13,7 @@ mod scoring;
 mod settings;
 
 pub use report::MissionReport;
-pub use scoring::MissionScore;
+pub use scoring::{AT_GOAL_DEG, AT_GOAL_M, MissionScore};
 
 use self::arguments::{Cli, Command};
 use self::mission::mission;

@@ -94,7 +94,7 @@ pub fn hand_off(config: &HandoffConfig) -> Result<(HandoffReport, Process), Hand
         final_error_m: client.final_error_m,
         path_length_m: client.path_length_m,
         shortest_length_m: client.shortest_length_m,
-        arrived: client.arrived && client.goal_distance_m.is_some_and(|metres| metres < 0.5),
+        arrived: client.arrived,
         goal_distance_m: client.goal_distance_m,
         collisions: explored.collisions + client.collisions,
         failure: client.failure,

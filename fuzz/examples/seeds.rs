@@ -4,7 +4,7 @@
 use fht_bag::cdr;
 use fht_bag::msg::{HeaderMsg, Image, LaserScanMsg, OdometryMsg, Pose, TfMessage, Time, TransformStamped};
 use fht_proto::api::compact::{
-    CompactNode, CompactNodes, CompactNodesPage, CompactPath, CompactPathToNearest, CompactWaypoint,
+    CompactNode, CompactNodes, CompactNodesPage, CompactPath, CompactPathWithGoal, CompactWaypoint,
 };
 use fht_proto::api::reply::Series;
 use fht_proto::codec::archive::{ArchiveHeader, header_line};
@@ -139,8 +139,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (map, point) = ("museum".parse()?, FixedPoint { x_mm: 5, y_mm: -7 });
     let path = CompactPath { map, version: 3, waypoints: vec![CompactWaypoint { point, node: Some(node(1)) }] };
     write("replies", "seed-path", &body(&path)?)?;
-    let moved = CompactPathToNearest { path: path.clone(), goal_moved_mm: 1660, unmapped_mm: 0 };
-    write("replies", "seed-path-to-nearest", &body(&moved)?)?;
+    let with_goal = CompactPathWithGoal {
+        path: path.clone(),
+        goal_moved_mm: 1660,
+        unmapped_mm: 0,
+        goal_yaw_e4: Some(15_708),
+    };
+    write("replies", "seed-path-with-goal", &body(&with_goal)?)?;
     let compact = CompactNode {
         id: node(1),
         kind: NodeKind::Main,

@@ -2,7 +2,7 @@
 //! The other binary messages: descriptors, compact paths and nodes, what explorers have seen.
 
 use fht_fuzz::decode_all;
-use fht_proto::api::compact::{CompactNodes, CompactNodesPage, CompactPath, CompactPathToNearest};
+use fht_proto::api::compact::{CompactNodes, CompactNodesPage, CompactPath, CompactPathWithGoal};
 use fht_proto::api::reply::NodesCursor;
 use fht_proto::{Descriptor, SeenArea, Square};
 use libfuzzer_sys::fuzz_target;
@@ -12,8 +12,8 @@ fuzz_target!(|bytes: &[u8]| {
         let _ = descriptor.similarity(&descriptor);
     }
     decode_all::<CompactPath>(bytes);
+    decode_all::<CompactPathWithGoal>(bytes);
     decode_all::<CompactNodes>(bytes);
-    decode_all::<CompactPathToNearest>(bytes);
     for page in decode_all::<CompactNodesPage>(bytes) {
         let _ = page.next.map(|next| next.parse::<NodesCursor>());
     }

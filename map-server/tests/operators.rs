@@ -5,10 +5,11 @@
 
 mod support;
 
+use fht_proto::api::compact::{CompactPath, CompactPathWithGoal};
 use fht_proto::api::fleet::{FleetReply, LocalizationState, RobotRole, RobotStatus};
 use fht_proto::api::keys::{Key, RobotTopic};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Obeyed, PathReply, ReleasesReply};
-use fht_proto::{FixedPoint, Increment, Op, Zone, ZoneRule, encode};
+use fht_proto::{FixedPoint, Increment, Op, Zone, ZoneRule, decode, encode};
 use serde_json::Value;
 use std::process::Command;
 use std::time::Duration;
@@ -79,6 +80,8 @@ async fn paths_obey_what_operators_write() {
     let free = site.path("from=0,0;to=dock").await.unwrap();
     assert!((free.length_m - 9.0).abs() < 0.01 && free.obeyed.is_empty(), "{free:?}");
 
+    assert_eq!(free.goal_yaw.map(|yaw| (yaw * 1e4).round()), Some(31_416.0));
+
     // Half of the corridor is closed: the path goes around.
     site.run(&["zone", "museum", "wet", "3,-1.5 4,-1.5 4,0.3 3,0.3"]);
     let round = site.path("from=0,0;to=dock").await.unwrap();
@@ -148,6 +151,32 @@ async fn paths_obey_what_operators_write() {
         assert!(told.code == ErrorCode::BadRequest && told.message.starts_with("zone bad: "), "{told}");
         tokio::time::sleep(Duration::from_millis(1100)).await; // it is told each reason once a second
     }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_path_to_a_named_place_tells_the_heading_there() {
+    let site = Site::with(12).await;
+    site.run(&["place", "museum", "north", "9,0,90"]);
+    site.run(&["place", "museum", "south", "9,0,-90"]);
+    let binary = async |parameters: &str| {
+        let mut replies = ask(&site.session, &format!("fht/museum/path?from=0,0;{parameters};fmt=postcard")).await;
+        replies.remove(0).unwrap()
+    };
+    for (place, yaw_e4) in [("north", 15_708), ("south", -15_708)] {
+        let path = site.path(&format!("from=0,0;to={place}")).await.unwrap();
+        assert_eq!(path.goal_yaw, Some(f64::from(yaw_e4) / 10_000.0), "{place}");
+        // Readers of before get what they know; who asks for the heading gets another message.
+        let before: CompactPath = decode(&binary(&format!("to={place}")).await).unwrap();
+        let turned: CompactPathWithGoal = decode(&binary(&format!("to={place};goal_yaw=true")).await).unwrap();
+        assert_eq!((&turned.path, turned.goal_yaw_e4), (&before, Some(yaw_e4)));
+    }
+    for elsewhere in ["to=9,0", "to=0000000a.9"] {
+        assert_eq!(site.path(&format!("from=0,0;{elsewhere}")).await.unwrap().goal_yaw, None);
+        let turned: CompactPathWithGoal = decode(&binary(&format!("{elsewhere};goal_yaw=true")).await).unwrap();
+        assert_eq!(turned.goal_yaw_e4, None);
+    }
+    let refused = site.refused("from=0,0;to=north;goal_yaw=90").await;
+    assert!(refused.message.contains("true or false"), "{refused}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -249,6 +278,7 @@ async fn what_robots_report_is_obeyed_for_as_long_as_they_say_and_shown() {
         release: None,
         state: LocalizationState::Localized,
         map_from_base: Some([1.0, 2.0, 0.5]),
+        stamp_us: None,
     };
     let key = Key::robot(&museum(), "r1", RobotTopic::Status).to_string();
     site.session.put(&key, serde_json::to_vec(&status).unwrap()).await.unwrap();

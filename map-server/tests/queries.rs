@@ -4,7 +4,7 @@
 mod support;
 
 use fht_map::Replica;
-use fht_proto::api::compact::{CompactNodes, CompactNodesPage, CompactPath, CompactPathToNearest};
+use fht_proto::api::compact::{CompactNodes, CompactNodesPage, CompactPath, CompactPathWithGoal};
 use fht_proto::api::keys::Key;
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Head, MapsReply, NodesReply, PathReply, Series, SeriesReply};
 use fht_proto::{Descriptor, ModelId, VersionVector, decode, encode};
@@ -348,7 +348,7 @@ async fn a_goal_that_cannot_be_reached_is_refused_or_moved() {
     assert_eq!((moved.goal_moved_m, moved.waypoints.last().map(|it| (it.x, it.y))), (44.56, Some((5.44, 0.0))));
     // The compact form tells of it to those who ask for it.
     let selector = "fht/museum/path?from=0,0;to=50,0;fmt=postcard;to_nearest=true";
-    let compact: CompactPathToNearest = decode(&server.payload(selector).await).unwrap();
+    let compact: CompactPathWithGoal = decode(&server.payload(selector).await).unwrap();
     assert_eq!((compact.goal_moved_mm, compact.unmapped_mm, compact.path.waypoints.len()), (44_560, 0, 2));
     let compact: CompactPath = decode(&server.payload("fht/room/path?from=1,0;to=3,-2;fmt=postcard").await).unwrap();
     assert_eq!(compact.waypoints.len(), unseen.waypoints.len());

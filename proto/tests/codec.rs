@@ -6,7 +6,7 @@ mod arbitrary;
 
 use arbitrary::{descriptor, fold, increment, scan};
 use fht_proto::api::compact::{
-    CompactNode, CompactNodes, CompactNodesPage, CompactPath, CompactPathToNearest, CompactWaypoint,
+    CompactNode, CompactNodes, CompactNodesPage, CompactPath, CompactPathWithGoal, CompactWaypoint,
 };
 use fht_proto::api::reply::{NodesCursor, Series};
 use fht_proto::codec::envelope::{
@@ -26,8 +26,8 @@ fn decode_all(bytes: &[u8]) {
     let _ = decode::<Series>(bytes);
     let _ = decode::<CompactedSeries>(bytes);
     let _ = decode::<CompactPath>(bytes);
+    let _ = decode::<CompactPathWithGoal>(bytes);
     let _ = decode::<CompactNodes>(bytes);
-    let _ = decode::<CompactPathToNearest>(bytes);
     let _ = decode::<CompactNodesPage>(bytes);
 }
 
@@ -82,10 +82,18 @@ proptest! {
         let point = FixedPoint { x_mm: x, y_mm: -x };
         let node = number.map(|number| NodeId { author: AuthorId(7), number });
         let path = CompactPath { map, version: 3, waypoints: vec![CompactWaypoint { point, node }] };
-        prop_assert_eq!(&decode::<CompactPath>(&encode(&path).unwrap()).unwrap(), &path);
-        let moved = CompactPathToNearest { path: path.clone(), goal_moved_mm: 1_660, unmapped_mm: x.unsigned_abs() };
-        prop_assert_eq!(&decode::<CompactPathToNearest>(&encode(&moved).unwrap()).unwrap(), &moved);
-        prop_assert!(decode::<CompactPath>(&encode(&moved).unwrap()).is_err(), "another kind");
+        let alone = encode(&path).unwrap();
+        prop_assert_eq!(&decode::<CompactPath>(&alone).unwrap(), &path);
+        let (goal_moved_mm, unmapped_mm) = (1_660, x.unsigned_abs());
+        let with_goal =
+            |goal_yaw_e4| CompactPathWithGoal { path: path.clone(), goal_moved_mm, unmapped_mm, goal_yaw_e4 };
+        for turned in [with_goal(None), with_goal(Some(-15_708))] {
+            let bytes = encode(&turned).unwrap();
+            prop_assert_eq!(&decode::<CompactPathWithGoal>(&bytes).unwrap(), &turned);
+            // Either is refused where the other is expected, and not misread.
+            prop_assert!(decode::<CompactPath>(&bytes).is_err() && decode::<CompactPathWithGoal>(&alone).is_err());
+        }
+        prop_assert!(encode(&with_goal(Some(31_417))).is_err());
         let node = CompactNode {
             id: node.unwrap_or(NodeId { author: AuthorId(0), number: 0 }),
             kind: NodeKind::Main,
@@ -448,6 +456,10 @@ fn a_stated_length_reserves_no_memory() {
         refused("beams in a byte", decode::<Increment>(&envelope(Increment::KIND, &beams)).err());
         let name = [1, b'm', 1];
         refused("waypoints", decode::<CompactPath>(&envelope(CompactPath::KIND, &with(&[&name]))).err());
+        refused(
+            "waypoints",
+            decode::<CompactPathWithGoal>(&envelope(CompactPathWithGoal::KIND, &with(&[&name]))).err(),
+        );
         refused("nodes", decode::<CompactNodes>(&envelope(CompactNodes::KIND, &with(&[&name]))).err());
     }
     // That the bodies are right up to the count shows when the count is.

@@ -70,6 +70,16 @@ fn compare(bag: &Path, others: &Value) {
         assert!((frame.odom_from_base.translation.vector - nalgebra::Vector2::new(x, y)).norm() < 1e-12);
         assert!((2.0 * z.atan2(w) - frame.odom_from_base.rotation.angle()).abs() < 1e-12);
     }
+    // The velocities, put together, are the way.
+    let twists = rosbags["twists"].as_array().unwrap();
+    for (pair, twist) in frames.windows(2).zip(&twists[1..]) {
+        let moved = pair[0].odom_from_base.inverse() * pair[1].odom_from_base;
+        let seconds = (pair[1].time_us - pair[0].time_us) as f64 * 1e-6;
+        let [mps, radps] = [0, 1].map(|index| twist[index].as_f64().unwrap());
+        assert!((mps * seconds - moved.translation.vector.norm().copysign(mps)).abs() < 1e-3, "{twist}, {moved}");
+        assert!((radps * seconds - moved.rotation.angle()).abs() < 1e-9, "{twist}, {moved}");
+    }
+    assert!(twists.iter().any(|twist| twist[0].as_f64().unwrap() > 0.1), "it drives");
     for (frame, scan) in frames.iter().zip(rosbags["scans"].as_array().unwrap()) {
         assert_eq!(scan["ns"], frame.time_us * 1000);
         for (range, theirs) in frame.scan.ranges_m.iter().zip(scan["ranges"].as_array().unwrap()) {

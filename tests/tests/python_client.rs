@@ -103,6 +103,7 @@ fn pose_of_robot() -> RobotPose {
         confidence: 0.97,
         candidates: Vec::new(),
         map_from_base: Some([1.0, 0.5, -1.25]),
+        stamp_us: None,
     }
 }
 
@@ -206,6 +207,7 @@ fn what_the_server_says_is_as_the_schemas_have_it() {
         release: None,
         state: LocalizationState::Localized,
         map_from_base: Some([1.0, 0.5, -1.25]),
+        stamp_us: None,
     };
     let report = BlockedReport { for_s: 60.0, edges: Vec::new(), places: vec![[2.5, 1.0]] };
     site.say(RobotTopic::Status, &status);

@@ -1,5 +1,7 @@
 //! Parameters of the pilot, put together.
 
+use super::final_turn::FinalTurnConfig;
+use super::progress::ProgressConfig;
 use crate::blockages::BlockageConfig;
 use crate::path_following::PathFollowingConfig;
 use fht_localization::localizer::LocalizerConfig;
@@ -29,6 +31,10 @@ pub struct PilotConfig {
     pub blocked_after: usize,
     /// What is done about blocked places.
     pub blockages: BlockageConfig,
+    /// When the robot does not get anywhere.
+    pub progress: ProgressConfig,
+    /// Turning to the goal's heading.
+    pub final_turn: FinalTurnConfig,
     /// A goal that cannot be entered counts as reached this near to it, metres. Default 0.3.
     pub goal_slack_m: f64,
     /// Greatest distance driven without knowing the place, metres. Default 150.
@@ -60,6 +66,8 @@ impl PilotConfig {
             steering: SteeringConfig::of(footprint),
             blocked_after: 10,
             blockages: BlockageConfig::default(),
+            progress: ProgressConfig::default(),
+            final_turn: FinalTurnConfig::default(),
             goal_slack_m: 0.3,
             max_search_m: 150.0,
             max_time_s: 1500.0,

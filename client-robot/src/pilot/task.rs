@@ -5,13 +5,35 @@ use fht_perception::frame::Twist;
 use fht_perception::pose::{Point2, Pose2};
 use fht_proto::api::reply::ErrorReply;
 
+/// Where to drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriveGoal {
+    /// A point of the map frame, metres.
+    pub position: Point2,
+    /// The heading that the robot turns to there, map frame, radians; none: it stays as it came.
+    pub yaw: Option<f64>,
+}
+
+impl From<Point2> for DriveGoal {
+    fn from(position: Point2) -> Self {
+        Self { position, yaw: None }
+    }
+}
+
+impl From<Pose2> for DriveGoal {
+    fn from(map_from_goal: Pose2) -> Self {
+        let position = Point2::from(map_from_goal.translation.vector);
+        Self { position, yaw: Some(map_from_goal.rotation.angle()) }
+    }
+}
+
 /// What the robot is to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Task {
     /// Find out where it is.
     Relocalize,
-    /// Then drive to a point of the map frame, metres.
-    GoTo(Point2),
+    /// Then drive to a place.
+    GoTo(DriveGoal),
 }
 
 /// Why a task failed.
@@ -31,6 +53,26 @@ pub enum Failure {
     GoalBlocked {
         /// Distance to the goal, metres.
         left_m: f64,
+    },
+    /// The robot drives and comes no nearer.
+    #[error("the goal cannot be reached: the robot came no nearer than {left_m:.2} m in {seconds:.0} s")]
+    NoProgress {
+        /// Left of the path where the robot was nearest, metres.
+        left_m: f64,
+        /// Time since then, seconds.
+        seconds: f64,
+    },
+    /// Everything that was tried is blocked.
+    #[error("the goal cannot be reached: {ways} times the way to it was blocked, and the robot is no nearer")]
+    WaysBlocked {
+        /// How often.
+        ways: u32,
+    },
+    /// It stands at the goal and does not get round.
+    #[error("at the goal the robot did not turn to its heading; {left_deg:.0}° are left")]
+    NotTurned {
+        /// Angle to the heading, degrees.
+        left_deg: f64,
     },
     /// The time is up.
     #[error("out of time after {seconds:.0} s")]

@@ -3,7 +3,7 @@
 use fht_client::{AskError, InvalidRobotName, ReplicaError, UnusablePath};
 use fht_proto::MapName;
 use fht_session::SessionError;
-use fht_sim::WorldError;
+use fht_sim::{StartError, WorldError};
 
 /// Why a command could not be carried out.
 #[derive(Debug, thiserror::Error)]
@@ -18,6 +18,8 @@ pub(crate) enum CliError {
     Refused(#[from] fht_proto::api::reply::ErrorReply),
     #[error(transparent)]
     World(#[from] WorldError),
+    #[error(transparent)]
+    Start(#[from] StartError),
     #[error("the descriptor network cannot be loaded: {0}")]
     Descriptor(#[from] fht_descriptor::DescriptorError),
     #[error("the server's answer cannot be used: {0}")]

@@ -16,8 +16,8 @@ use fht_descriptor::DescriptorNet;
 use fht_localization::landmarks::check_usable;
 use fht_perception::frame::Panorama;
 use fht_perception::pose::Pose2;
-use fht_proto::Descriptor;
 use fht_proto::api::fleet::RobotRole;
+use fht_proto::{Descriptor, Footprint};
 use fht_sim::{SimConfig, SimSetup, Simulator};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -35,7 +35,7 @@ pub(super) fn mission(file: ClientFile, args: &RobotArgs, goal: &MissionGoal) ->
     let (map, name) = (file.map(), file.name().to_owned());
     check_robot_name(&map, &name)?;
     let mut net = DescriptorNet::load(file.robot.model.as_deref())?;
-    let (simulator, world_from_map) = robot(&args.setup, &file.sim)?;
+    let (simulator, world_from_map) = robot(&args.setup, &file.sim, &file.robot.footprint)?;
 
     let session = connect(&file.connect)?;
     let presence = Presence::new(&session, &map, &name, RobotRole::Client)?;
@@ -60,7 +60,8 @@ pub(super) fn mission(file: ClientFile, args: &RobotArgs, goal: &MissionGoal) ->
     let config = MissionConfig { pilot, silence, walls };
     let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe };
     let outcome = runtime()?.block_on(run(simulator, config, goal, &mut services, &mut observer));
-    let (recording, ((_, display), score)) = observer;
+    let (recording, ((publisher, display), score)) = observer;
+    publisher.finish();
     display.finish();
     recording.finish()?;
     let outcome = match outcome {
@@ -80,14 +81,17 @@ pub(super) fn mission(file: ClientFile, args: &RobotArgs, goal: &MissionGoal) ->
         }
     };
     args.report.give(&report, in_words).map_err(CliError::Report)?;
-    let is_done = if *goal == MissionGoal::None { report.localized_at_end } else { report.arrived };
+    let is_done =
+        if *goal == MissionGoal::None { report.localized_at_end && report.failure.is_none() } else { report.arrived };
     Ok(if is_done { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 /// The simulated robot at its start, and where the map's frame truly lies.
-fn robot(setup: &SimSetup, sim: &SimConfig) -> Result<(Simulator, Pose2), CliError> {
+fn robot(setup: &SimSetup, sim: &SimConfig, footprint: &Footprint) -> Result<(Simulator, Pose2), CliError> {
     let world = Arc::new(setup.load()?);
-    let start = setup.start.unwrap_or_else(|| world.random_free_pose(setup.seed, START_CLEARANCE_M));
+    let radius_m = sim.radius_m.max(footprint.circumscribed_radius_m());
+    let start =
+        setup.start_in(&world, radius_m)?.unwrap_or_else(|| world.random_free_pose(setup.seed, START_CLEARANCE_M));
     let world_from_map = setup.map_origin.unwrap_or_else(|| world.start());
     Ok((Simulator::new(world, sim.clone(), start, setup.seed), world_from_map))
 }

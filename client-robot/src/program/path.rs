@@ -17,23 +17,26 @@ pub(super) fn path(file: &ClientFile, way: &WayArgs, json: bool) -> Result<ExitC
     wait_for_server(&session, &map)?;
     let question =
         PathQuestion { from, to, footprint: &file.client.paths.footprint, release: None, to_nearest: *to_nearest };
-    let path = match ask_path(&session, &map, &question, TIMEOUT) {
+    let (path, goal_yaw) = match ask_path(&session, &map, &question, TIMEOUT) {
         Ok(reply) if json => {
             println!("{}", serde_json::to_string_pretty(&reply)?);
             return Ok(ExitCode::SUCCESS);
         }
-        Ok(reply) => planned(reply)?,
+        Ok(reply) => {
+            let goal_yaw = reply.goal_yaw;
+            (planned(reply)?, goal_yaw)
+        }
         Err(AskError::Refused(refusal)) => {
             eprintln!("client-robot: {:?}: {}", refusal.code, refusal.message);
             return Ok(ExitCode::from(1));
         }
         Err(error) => return Err(error.into()),
     };
-    print_path(&path);
+    print_path(&path, goal_yaw);
     Ok(ExitCode::SUCCESS)
 }
 
-fn print_path(path: &PlannedPath) {
+fn print_path(path: &PlannedPath, goal_yaw: Option<f64>) {
     println!("{:.2} m, {} points", path.length_m, path.points.len());
     if path.goal_moved_m > 0.0 {
         println!("it ends {:.2} m from the goal, at the nearest point that can be reached", path.goal_moved_m);
@@ -44,5 +47,8 @@ fn print_path(path: &PlannedPath) {
     for point in &path.points {
         let node = point.node.map(|id| id.to_string()).unwrap_or_default();
         println!("{:9.3} {:9.3}  {node}", point.position.x, point.position.y);
+    }
+    if let Some(yaw) = goal_yaw {
+        println!("heading there: {:.1} degrees", yaw.to_degrees());
     }
 }

@@ -16,6 +16,9 @@ pub struct MissionReport {
     /// Where it was to go, map frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub goal: Option<[f64; 2]>,
+    /// The heading that it was to have there, map frame, radians.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub goal_yaw: Option<f64>,
     /// Whether it declared to know where it is at all.
     pub localized: bool,
     /// Whether it knew at the end.
@@ -34,11 +37,15 @@ pub struct MissionReport {
     pub final_error_m: Option<f64>,
     /// Error of the heading at the end, degrees.
     pub final_error_deg: Option<f64>,
-    /// Whether it says that it arrived.
+    /// Whether it arrived: it says so, and it is truly at the goal
+    /// ([`AT_GOAL_M`](super::AT_GOAL_M), [`AT_GOAL_DEG`](super::AT_GOAL_DEG)).
     pub arrived: bool,
     /// True distance to the goal at the end, metres.
     pub goal_distance_m: Option<f64>,
-    /// Why it failed, if it did.
+    /// True angle to the goal's heading at the end, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub goal_turn_deg: Option<f64>,
+    /// Why it failed, if it did: the robot's own reason, or that it is not where it believes to be.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failure: Option<String>,
     /// Truly driven from the fix to the end, metres.
@@ -81,7 +88,8 @@ pub(super) fn print_report(report: &MissionReport) {
         && let (Some(driven), Some(left)) = (report.path_length_m, report.goal_distance_m)
     {
         let shortest = report.shortest_length_m.map(|m| format!(" (shortest {m:.1} m)")).unwrap_or_default();
-        println!("arrived after {driven:.1} m{shortest}, {left:.2} m from the goal");
+        let turn = report.goal_turn_deg.map(|degrees| format!(" and {degrees:.1} degrees")).unwrap_or_default();
+        println!("arrived after {driven:.1} m{shortest}, {left:.2} m{turn} from the goal");
     }
     if let Some(failure) = &report.failure {
         println!("failed: {failure}");

@@ -2,10 +2,10 @@
 
 use super::report::MissionReport;
 use crate::mission::{MissionObserver, MissionOutcome};
-use crate::pilot::{Pilot, PilotStep, TaskOutcome};
+use crate::pilot::{DriveGoal, Pilot, PilotStep, TaskOutcome};
 use fht_client::Planner;
 use fht_perception::frame::SensorFrame;
-use fht_perception::pose::{Point2, Pose2};
+use fht_perception::pose::{Point2, Pose2, wrap_angle};
 use fht_sim::Simulator;
 use fht_sim::scoring::pose_error;
 use fht_sim::{Truth, World};
@@ -13,6 +13,14 @@ use nalgebra::Vector2;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+/// A robot is at its goal if it truly is less far from it, metres. Its own tolerance is at most
+/// [`PilotConfig::goal_slack_m`](crate::pilot::PilotConfig::goal_slack_m); the rest is its error.
+pub const AT_GOAL_M: f64 = 0.5;
+/// It has the goal's heading if it truly is less far from it, degrees.
+pub const AT_GOAL_DEG: f64 = 5.0;
+/// A robot that knows where it is is less far from there, metres and degrees: the paper's test of
+/// success.
+const KNOWS_PLACE: (f64, f64) = (1.0, 5.0);
 /// Frames between points of the trajectories: 0.6 s.
 const TRAJECTORY_EVERY: usize = 3;
 
@@ -55,16 +63,15 @@ impl MissionScore {
     #[must_use]
     pub fn finish(mut self, outcome: &MissionOutcome) -> MissionReport {
         let report = &mut self.report;
-        report.arrived = outcome.task == TaskOutcome::Arrived;
-        if let TaskOutcome::Failed(failure) = &outcome.task {
-            report.failure = Some(failure.to_string());
-        }
         if let Some((metres, degrees)) = self.last.map(|(estimate, truth)| pose_error(&estimate, &truth)) {
             report.final_error_m = Some(metres);
             report.final_error_deg = Some(degrees);
         }
         let truth = self.map_from_world * self.truth.world_from_base();
         report.goal_distance_m = report.goal.map(|goal| (truth.translation.vector - Vector2::from(goal)).norm());
+        report.goal_turn_deg = report.goal_yaw.map(|yaw| wrap_angle(yaw - truth.rotation.angle()).abs().to_degrees());
+        report.failure = failure(report, &outcome.task);
+        report.arrived = outcome.task == TaskOutcome::Arrived && report.failure.is_none();
         if report.goal.is_some() {
             report.path_length_m = self.driven_at_fix_m.map(|at| self.truth.driven_m() - at);
         }
@@ -97,6 +104,32 @@ impl MissionScore {
     }
 }
 
+/// Why the task is not done: what the robot says, or else what the truth does.
+fn failure(report: &MissionReport, task: &TaskOutcome) -> Option<String> {
+    /// What may be wrong instead.
+    const HINT: &str = "(where the map does not begin at the world's own start, --map-origin says where it does)";
+    match task {
+        TaskOutcome::Failed(failure) => Some(failure.to_string()),
+        TaskOutcome::Localized => {
+            let (metres, degrees) = report.final_error_m.zip(report.final_error_deg)?;
+            let is_right = metres < KNOWS_PLACE.0 && degrees < KNOWS_PLACE.1;
+            (!is_right).then(|| {
+                format!("the robot says that it knows its place, but it is {metres:.2} m and {degrees:.1} degrees off {HINT}")
+            })
+        }
+        TaskOutcome::Arrived => {
+            let left_m = report.goal_distance_m?;
+            if left_m >= AT_GOAL_M {
+                return Some(format!(
+                    "the robot says that it arrived, but it stands {left_m:.2} m from the goal {HINT}"
+                ));
+            }
+            let off = report.goal_turn_deg.filter(|degrees| *degrees >= AT_GOAL_DEG)?;
+            Some(format!("the robot says that it arrived, but it is turned {off:.1} degrees from the goal's heading"))
+        }
+    }
+}
+
 impl MissionObserver for MissionScore {
     fn on_frame(&mut self, frame: &SensorFrame, step: &PilotStep, pilot: &Pilot) -> ControlFlow<()> {
         let truth = self.map_from_world * self.truth.world_from_base();
@@ -119,7 +152,9 @@ impl MissionObserver for MissionScore {
         ControlFlow::Continue(())
     }
 
-    fn on_goal(&mut self, goal: Point2) {
+    fn on_goal(&mut self, goal: DriveGoal) {
+        self.report.goal_yaw = goal.yaw;
+        let goal = goal.position;
         self.report.goal = Some([goal.x, goal.y]);
         let from = Point2::from(self.truth.world_from_base().translation.vector);
         let to = self.map_from_world.inverse() * goal;

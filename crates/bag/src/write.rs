@@ -3,11 +3,13 @@
 //! | module | idea |
 //! | --- | --- |
 //! | `recording` | frames as messages |
+//! | `odometry` | poses as odometry with velocities and covariances |
 //! | `writer` | messages as a bag |
 //! | `metadata` | what rosbag2 wants to know about a bag |
 //! | `recorder` | a bag that a thread of its own writes |
 
 pub(crate) mod metadata;
+mod odometry;
 pub(crate) mod recorder;
 pub(crate) mod recording;
 pub(crate) mod writer;

@@ -104,6 +104,7 @@ mod tests {
             waypoints,
             goal_moved_m: 0.0,
             unmapped_m: 0.0,
+            goal_yaw: None,
             obeyed: Vec::new(),
             speed_limits: Vec::new(),
         }

@@ -6,8 +6,10 @@ use fht_proto::MapName;
 use fht_proto::api::fleet::{BlockedReport, LocalizationState, RobotPose, RobotRole, RobotStatus};
 use fht_proto::api::keys::{Key, RobotTopic};
 use fht_proto::model::version::VersionVector;
+use std::time::{SystemTime, UNIX_EPOCH};
 use zenoh::bytes::Encoding;
 use zenoh::liveliness::LivelinessToken;
+use zenoh::qos::CongestionControl;
 use zenoh::{Session, Wait};
 
 /// The text is not the name of a robot.
@@ -88,31 +90,47 @@ impl Presence {
     /// Publishes where the robot is, and what it runs: the increments in `vector`, and the release
     /// if it runs one.
     pub fn publish(&self, pose: &PoseReport, vector: VersionVector, release: Option<String>) {
+        self.publish_by(pose, vector, release, CongestionControl::Drop);
+    }
+
+    /// The same for the last time: no later message makes up for this one, so it waits for its turn
+    /// on a slow link.
+    pub fn publish_last(&self, pose: &PoseReport, vector: VersionVector, release: Option<String>) {
+        self.publish_by(pose, vector, release, CongestionControl::Block);
+    }
+
+    fn publish_by(
+        &self,
+        pose: &PoseReport,
+        vector: VersionVector,
+        release: Option<String>,
+        congestion: CongestionControl,
+    ) {
         let map_from_base = pose.map_from_base.as_ref().map(x_y_yaw);
-        self.put_json(
-            RobotTopic::Pose,
-            &RobotPose {
-                robot: self.robot.clone(),
-                localized: map_from_base.is_some(),
-                state: pose.state,
-                confidence: pose.confidence,
-                candidates: pose.candidates.iter().map(x_y_yaw).collect(),
-                map_from_base,
-            },
-        );
-        self.put_json(
-            RobotTopic::Status,
-            &RobotStatus {
-                robot: self.robot.clone(),
-                role: self.role,
-                map: self.map.clone(),
-                version: vector.version(),
-                vector,
-                release,
-                state: pose.state,
-                map_from_base,
-            },
-        );
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).ok();
+        let stamp_us = now.and_then(|now| u64::try_from(now.as_micros()).ok());
+        let pose_message = RobotPose {
+            robot: self.robot.clone(),
+            localized: map_from_base.is_some(),
+            state: pose.state,
+            confidence: pose.confidence,
+            candidates: pose.candidates.iter().map(x_y_yaw).collect(),
+            map_from_base,
+            stamp_us,
+        };
+        let status = RobotStatus {
+            robot: self.robot.clone(),
+            role: self.role,
+            map: self.map.clone(),
+            version: vector.version(),
+            vector,
+            release,
+            state: pose.state,
+            map_from_base,
+            stamp_us,
+        };
+        self.put_json_by(RobotTopic::Pose, &pose_message, congestion);
+        self.put_json_by(RobotTopic::Status, &status, congestion);
     }
 
     /// Reports what the robot could not pass. A report without edges and places takes the earlier
@@ -123,15 +141,24 @@ impl Presence {
 
     /// Publishes a message of one topic as JSON.
     pub fn put_json<T: serde::Serialize>(&self, topic: RobotTopic, message: &T) {
-        if let Ok(json) = serde_json::to_vec(message) {
-            self.put(topic, json, Encoding::APPLICATION_JSON);
-        }
+        self.put_json_by(topic, message, CongestionControl::Drop);
     }
 
     /// Publishes a message of one topic.
     pub fn put(&self, topic: RobotTopic, bytes: Vec<u8>, encoding: Encoding) {
+        self.put_by(topic, bytes, encoding, CongestionControl::Drop);
+    }
+
+    fn put_json_by<T: serde::Serialize>(&self, topic: RobotTopic, message: &T, congestion: CongestionControl) {
+        if let Ok(json) = serde_json::to_vec(message) {
+            self.put_by(topic, json, Encoding::APPLICATION_JSON, congestion);
+        }
+    }
+
+    fn put_by(&self, topic: RobotTopic, bytes: Vec<u8>, encoding: Encoding, congestion: CongestionControl) {
         let key = Key::robot(&self.map, &self.robot, topic).to_string();
-        if let Err(error) = self.session.put(&key, bytes).encoding(encoding).wait() {
+        let put = self.session.put(&key, bytes).encoding(encoding).congestion_control(congestion);
+        if let Err(error) = put.wait() {
             tracing::debug!(%error, key, "not published");
         }
     }

@@ -3,12 +3,12 @@
 use crate::map::Map;
 use crate::place::{Place, locate};
 use client_robot::mission::{MissionConfig, MissionError, MissionGoal, MissionObserver, Services, run};
-use client_robot::pilot::{Failure, Pilot, PilotConfig, PilotStep, TaskOutcome};
+use client_robot::pilot::{DriveGoal, Failure, Pilot, PilotConfig, PilotStep, TaskOutcome};
 use fht_client::{PoseReport, ServerPaths, ServerPathsConfig};
 #[cfg(feature = "descriptor")]
 use fht_descriptor::DescriptorNet;
 use fht_perception::frame::{Panorama, SensorFrame};
-use fht_perception::pose::{Point2, Pose2};
+use fht_perception::pose::{Point2, Pose2, pose};
 use fht_perception::robot::{Robot, RobotError};
 use fht_proto::Descriptor;
 use fht_proto::api::reply::{ErrorReply, PlaceRef};
@@ -19,8 +19,8 @@ use std::pin::Pin;
 
 impl Map {
     /// Drives `robot` to a place: finds out where it is if need be, asks for a path, follows it,
-    /// drives around what is in the way. It does not turn to a place's heading. Await what this
-    /// returns, or spawn it:
+    /// drives around what is in the way. At a named place, and at a pose, it turns to the heading
+    /// there. Await what this returns, or spawn it:
     ///
     /// ```no_run
     /// # use fht::{Map, Robot};
@@ -82,6 +82,8 @@ pub struct Arrived {
     pub pose: Pose2,
     /// Where the goal is, map frame, metres.
     pub goal: Point2,
+    /// The heading there that the robot has turned to, map frame, radians; `None`: it has none.
+    pub goal_yaw: Option<f64>,
     /// How often a path was asked for.
     pub plans: usize,
 }
@@ -146,7 +148,10 @@ impl<'a, R: Robot + Send> Drive<'a, R> {
         let now = inner.replica.read().state().clone();
         locate(&now, &inner.replica.running(), &goal).map_err(DriveError::Goal)?;
         let goal = match goal {
-            PlaceRef::Point(point) => MissionGoal::Point(Point2::new(point.x(), point.y())),
+            PlaceRef::Point(point) => match self.goal.yaw() {
+                Some(yaw) => MissionGoal::Pose(pose(point.x(), point.y(), yaw)),
+                None => MissionGoal::Point(Point2::new(point.x(), point.y())),
+            },
             PlaceRef::Node(id) => MissionGoal::Node(id),
             PlaceRef::Named(name) => MissionGoal::Named(name),
         };
@@ -165,6 +170,8 @@ impl<'a, R: Robot + Send> Drive<'a, R> {
         let mut services = Services { map: &inner.replica, paths: &mut paths, describe: &mut describe };
         let mut observer = Observer { map: self.map, watcher: self.watcher.take(), pose: None, goal: None };
         let outcome = run(&mut *self.robot, self.config, &goal, &mut services, &mut observer).await;
+        // Others learn where it ended at once, also if the program ends with the drive.
+        inner.publish_pose();
         let outcome = outcome.map_err(|error| match error {
             MissionError::Robot(error) => DriveError::Robot(error),
             MissionError::Interrupted => DriveError::Interrupted,
@@ -173,7 +180,8 @@ impl<'a, R: Robot + Send> Drive<'a, R> {
             TaskOutcome::Failed(failure) => Err(DriveError::Failed(failure)),
             TaskOutcome::Arrived | TaskOutcome::Localized => Ok(Arrived {
                 pose: observer.pose.unwrap_or_else(Pose2::identity),
-                goal: observer.goal.unwrap_or_else(Point2::origin),
+                goal: observer.goal.map_or_else(Point2::origin, |goal| goal.position),
+                goal_yaw: observer.goal.and_then(|goal| goal.yaw),
                 plans: outcome.plans,
             }),
         }
@@ -194,7 +202,7 @@ struct Observer<'a> {
     map: &'a Map,
     watcher: Option<Watcher<'a>>,
     pose: Option<Pose2>,
-    goal: Option<Point2>,
+    goal: Option<DriveGoal>,
 }
 
 impl MissionObserver for Observer<'_> {
@@ -210,7 +218,7 @@ impl MissionObserver for Observer<'_> {
         self.watcher.as_mut().map_or(ControlFlow::Continue(()), |watcher| watcher(frame, step))
     }
 
-    fn on_goal(&mut self, goal: Point2) {
+    fn on_goal(&mut self, goal: DriveGoal) {
         self.goal = Some(goal);
     }
 }

@@ -92,9 +92,9 @@
 //! Look at what [`Drive::watch`] or [`MapLocalizer::update`] tells of each frame, and at the log:
 //! the library logs by `tracing`, so a subscriber such as `tracing_subscriber::fmt` shows it.
 //!
-//! * **It turns on the spot, `CANDIDATES` for ever.** Look at the ranges: a beam that met nothing is
-//!   infinity. 0 says that something is too near, and with many of them the robot stands in a box.
-//!   Where a scanner says 0 for any failure, give NaN.
+//! * **It turns on the spot, `CANDIDATES` for ever.** Look at the ranges: a beam that met nothing
+//!   is infinity. 0 says that something is too near, and with many of them the robot stands in a
+//!   box. Where a scanner says 0 for any failure, give NaN.
 //! * **It drives, and nothing fits.** Beams run counter-clockwise from `angle_min`;
 //!   `base_from_sensor` is where the scanner is mounted; odometry turns counter-clockwise, in
 //!   radians.

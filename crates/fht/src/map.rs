@@ -8,7 +8,7 @@ use fht_proto::api::fleet::{BlockedReport, FleetReply, LocalizationState, RobotV
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::Head;
 use fht_proto::model::validate::Validate;
-use fht_proto::{EdgeKey, Footprint, Invalid, MapName, NodeId, NodeKind, ReleaseId};
+use fht_proto::{EdgeKey, Footprint, Invalid, MapName, NodeId, NodeKind, ReleaseId, VersionVector};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::watch;
@@ -38,11 +38,22 @@ impl Inner {
     }
 
     pub(crate) fn publish_pose(&self) {
+        self.say(Presence::publish);
+    }
+
+    fn say(&self, publish: impl FnOnce(&Presence, &PoseReport, VersionVector, Option<String>)) {
         if let Some(presence) = &self.presence {
             let pose = self.pose.lock().unwrap_or_else(PoisonError::into_inner).clone();
             let release = self.replica.release().map(|release| release.to_string());
-            presence.publish(&pose, self.replica.read().vector().clone(), release);
+            publish(presence, &pose, self.replica.read().vector().clone(), release);
         }
+    }
+}
+
+/// The robot's last word: where it is when the last handle of its map goes.
+impl Drop for Inner {
+    fn drop(&mut self) {
+        self.say(Presence::publish_last);
     }
 }
 

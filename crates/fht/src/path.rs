@@ -41,6 +41,8 @@ pub struct Path {
     pub points: Vec<PathPoint>,
     /// Its length, metres.
     pub length_m: f64,
+    /// The heading at the goal if that is a pose or a named place, map frame, radians.
+    pub goal_yaw: Option<f64>,
     /// Who planned it: the server, or this program on its own copy of the map.
     pub planner: Planner,
     /// The release that it was planned on, as `name@author`; `None`: the newest state.
@@ -127,7 +129,7 @@ impl PathRequest {
     fn ask_blocking(&self) -> Result<Path, PathError> {
         let (from, to) =
             (self.from.to_ref().map_err(PathError::Refused)?, self.to.to_ref().map_err(PathError::Refused)?);
-        match self.ask_server(&from, &to) {
+        let path = match self.ask_server(&from, &to) {
             Ok(path) => Ok(path),
             Err(AskError::Refused(reply)) if reply.code != ErrorCode::Internal => Err(PathError::Refused(reply)),
             Err(error) if self.release.is_some() => Err(PathError::Server(error)),
@@ -135,7 +137,8 @@ impl PathRequest {
                 tracing::warn!(%error, "no path from the server: planning on the own copy of the map");
                 self.plan_here(&from, &to).map_err(PathError::Refused)
             }
-        }
+        }?;
+        Ok(Path { goal_yaw: self.to.yaw().or(path.goal_yaw), ..path })
     }
 
     fn ask_server(&self, from: &PlaceRef, to: &PlaceRef) -> Result<Path, AskError> {
@@ -185,7 +188,7 @@ impl PathRequest {
         let changes = inner.replica.changes();
         let running = inner.replica.running();
         let now = inner.replica.read().state().clone();
-        let (from, to) = (locate(&now, &running, from)?, locate(&now, &running, to)?);
+        let ((from, _), (to, goal_yaw)) = (locate(&now, &running, from)?, locate(&now, &running, to)?);
         let rules = inner.replica.rules();
         let mut cache = inner.free_space.lock().unwrap_or_else(PoisonError::into_inner);
         if cache.footprint() != footprint {
@@ -200,6 +203,7 @@ impl PathRequest {
             release: inner.replica.release().map(|release| release.to_string()),
             points: path.points,
             length_m: path.length_m,
+            goal_yaw,
             planner: path.planner,
             goal_moved_m: path.goal_moved_m,
             unmapped_m: path.unmapped_m,
@@ -238,6 +242,7 @@ fn answered(path: PlannedPath, reply: PathReply) -> Path {
     Path {
         points: path.points,
         length_m: path.length_m,
+        goal_yaw: reply.goal_yaw,
         planner: path.planner,
         release: reply.release,
         obeyed: reply.obeyed,

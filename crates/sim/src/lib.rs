@@ -15,7 +15,7 @@
 //! | `simulator` | a [`Simulator`]: one robot that drives and senses in a world, and implements the port for robots |
 //! | `photographer` | panoramas of a recorded drive, rendered only where they are wanted |
 //! | `setup` | a [`SimSetup`]: which world, where in it, by which seeds; with the feature `cli`, as flags |
-//! | `starts` | where robots begin |
+//! | `starts` | where robots begin, and where they cannot |
 //! | `plan` | the true [`FloorPlan`], for scoring only |
 //! | [`scoring`] | how good a result is, measured against the [`Truth`] of where a robot really is |
 //!
@@ -53,5 +53,5 @@ pub use plan::{FloorPlan, Mask, path_length_m};
 pub use scoring::truth::Truth;
 pub use setup::SimSetup;
 pub use simulator::{SimConfig, Simulator};
-pub use starts::start_near;
+pub use starts::{StartError, StartTrouble, check_start, start_near};
 pub use world::{Changes, MapError, PhotographError, SdfError, World, WorldError, load, load_with};

@@ -1,5 +1,6 @@
 //! Where a simulated robot is, and by which seeds.
 
+use crate::starts::{StartError, check_start};
 use crate::world::{World, WorldError, load};
 use fht_perception::pose::Pose2;
 use std::path::PathBuf;
@@ -18,8 +19,9 @@ pub struct SimSetup {
     /// Seed of the building's drawing.
     #[cfg_attr(feature = "cli", arg(long, default_value_t = 1))]
     pub world_seed: u64,
-    /// Where the robot begins: x,y,yaw in the world frame, metres and radians. Default: the world's
-    /// own start for an explorer; anywhere free, by the seed, for a robot that uses a map.
+    /// Where the robot begins: x,y,yaw in the world frame, metres and radians. It must fit there.
+    /// Default: the world's own start for an explorer; anywhere free, by the seed, for a robot that
+    /// uses a map.
     #[cfg_attr(feature = "cli", arg(long, value_parser = fht_perception::pose::parse, allow_hyphen_values = true))]
     pub start: Option<Pose2>,
     /// Where the frame of a map that is joined or used truly lies: x,y,yaw in the world frame. For
@@ -44,5 +46,16 @@ impl SimSetup {
     /// [`WorldError`].
     pub fn load(&self) -> Result<World, WorldError> {
         load(&self.world, self.textures.as_deref(), self.world_seed)
+    }
+
+    /// The start that was asked for, if there is one: a place of `world` where a robot of
+    /// `radius_m` (metres) can stand.
+    ///
+    /// # Errors
+    /// [`StartError`].
+    pub fn start_in(&self, world: &World, radius_m: f64) -> Result<Option<Pose2>, StartError> {
+        let Some(start) = &self.start else { return Ok(None) };
+        check_start(world, start, radius_m)?;
+        Ok(Some(*start))
     }
 }

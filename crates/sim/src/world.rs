@@ -149,6 +149,11 @@ impl World {
         }
     }
 
+    /// Distance from a place to the nearest thing that a robot's body would touch, metres.
+    pub(crate) fn body_clearance_m(&self, place: Point2) -> f64 {
+        self.scene.nearest(place, BODY_HEIGHT_M).1
+    }
+
     /// Number of triangles.
     #[must_use]
     pub fn triangle_count(&self) -> usize {

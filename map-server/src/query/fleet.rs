@@ -139,6 +139,7 @@ mod tests {
             release: at.enabled.clone(),
             state: LocalizationState::Localized,
             map_from_base: None,
+            stamp_us: None,
         }
     }
 

@@ -109,6 +109,13 @@ impl Mapper {
         })
     }
 
+    /// The number of the newest increment that this robot has written, those of earlier runs
+    /// included.
+    #[must_use]
+    pub fn written(&self) -> u64 {
+        self.journal.written()
+    }
+
     /// What the robot has seen, for others; nothing before it knows where in the map it is.
     #[must_use]
     pub fn seen(&self) -> Option<SeenArea> {

@@ -29,7 +29,7 @@ pub(super) enum Command {
     #[command(after_help = "Examples:
   map-server --data maps &
   mapper explore --world museum --map museum
-  mapper explore --world museum --map museum --robot second --start 2,1,0   # a second robot, at the same time or later
+  mapper explore --world museum --map museum --robot second --start 1,0,0   # a second robot, at the same time or later
   mapper explore --world museum --map museum --robot third --again          # after the building has changed
   mapper explore --world museum --map museum --spool /var/lib/mapper        # what is not acknowledged survives the program
   mapper explore --world floor/map.yaml --textures pictures/ --map floor --seed 3

@@ -9,7 +9,7 @@ use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask
 use fht_bag::WriteError;
 use fht_perception::robot::{RobotError, SilenceConfig};
 use fht_program::stop::Stop;
-use fht_sim::{SimConfig, SimSetup, Simulator, WorldError};
+use fht_sim::{SimConfig, SimSetup, Simulator, StartError, WorldError};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -45,6 +45,9 @@ pub enum ExploreError {
     /// The world cannot be loaded.
     #[error(transparent)]
     World(#[from] WorldError),
+    /// The robot cannot start there.
+    #[error(transparent)]
+    Start(#[from] StartError),
     /// The recording failed.
     #[error("the recording failed: {0}")]
     Record(#[from] WriteError),
@@ -114,8 +117,8 @@ pub async fn explore(
 ) -> Result<ExploreReport, ExploreError> {
     let ExploreTask { setup, sim, mapping, .. } = task;
     let world = Arc::new(setup.load()?);
+    let start = setup.start_in(&world, sim.radius_m)?.unwrap_or_else(|| world.start());
     let recorder = RunRecorder::start(task.record.as_deref())?;
-    let start = setup.start.unwrap_or_else(|| world.start());
     let camera_every = if mapping.cameras { sim.camera_every } else { 0 };
     let simulator = Simulator::new(world, SimConfig { camera_every, ..sim }, start, setup.seed);
     let score = ExplorationScore::new(&simulator, setup.map_origin);

@@ -9,7 +9,7 @@ use fht_proto::api::fleet::{ExplorerGoal, RobotRole};
 use fht_proto::api::keys::{Key, RobotTopic, robots_of};
 use fht_proto::api::reply::Head;
 use fht_proto::model::validate::Validate;
-use fht_proto::{AuthorId, MapName, SeenArea, decode, encode};
+use fht_proto::{AuthorId, MapName, SeenArea, VersionVector, decode, encode};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -315,7 +315,17 @@ impl Peers {
     /// After the last frame: the others learn that this robot has nothing left to see.
     pub fn finish(&mut self, mapper: &Mapper) {
         self.tell_seen(mapper);
-        self.publish_whereabouts(mapper);
+        self.presence.publish_last(&mapper.whereabouts(), self.vector(mapper), None);
+        self.tell_goal(mapper);
+    }
+
+    /// The increments that this robot has: its copy's, and all that it has written, of which some
+    /// may be on their way to the server and back.
+    fn vector(&self, mapper: &Mapper) -> VersionVector {
+        let mut vector = self.replica.read().vector().clone();
+        let author = AuthorId::of_robot(&self.robot);
+        vector.set(author, mapper.written().max(vector.get(author)));
+        vector
     }
 
     /// The others, and what they have seen if there is news of that.
@@ -346,7 +356,11 @@ impl Peers {
     }
 
     fn publish_whereabouts(&self, mapper: &Mapper) {
-        self.presence.publish(&mapper.whereabouts(), self.replica.read().vector().clone(), None);
+        self.presence.publish(&mapper.whereabouts(), self.vector(mapper), None);
+        self.tell_goal(mapper);
+    }
+
+    fn tell_goal(&self, mapper: &Mapper) {
         if let Some(goal) = mapper.goal() {
             self.presence.put_json(RobotTopic::Goal, &goal);
         }

@@ -29,16 +29,18 @@ pub struct CompactPath {
     pub waypoints: Vec<CompactWaypoint>,
 }
 
-/// The reply to `path` when `to_nearest` is given, whatever it says: what readers of
-/// [`CompactPath`] would not expect stands behind its fields.
+/// The reply to `path` for who gives `to_nearest`, or `goal_yaw=true`: with what became of the goal.
+/// A message of its own: a reader of [`CompactPath`] refuses what it does not know.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct CompactPathToNearest {
+pub struct CompactPathWithGoal {
     /// The path.
     pub path: CompactPath,
     /// How far its last point is from the goal that was asked for, millimetres.
     pub goal_moved_mm: u32,
     /// How much of it leads over ground that the map knows nothing of, millimetres.
     pub unmapped_mm: u32,
+    /// The heading at the goal in units of 1e-4 rad; there if the goal is a named place.
+    pub goal_yaw_e4: Option<i16>,
 }
 
 /// One node, whole.
@@ -96,7 +98,7 @@ impl Validate for CompactPath {
     }
 }
 
-impl Message for CompactPathToNearest {
+impl Message for CompactPathWithGoal {
     const KIND: u8 = 9;
     type Wire = Self;
     fn to_wire(&self) -> Self {
@@ -107,9 +109,11 @@ impl Message for CompactPathToNearest {
     }
 }
 
-impl Validate for CompactPathToNearest {
+impl Validate for CompactPathWithGoal {
     fn validate(&self) -> Result<(), Invalid> {
-        self.path.validate()
+        let goal = self.path.waypoints.last();
+        let pose = goal.zip(self.goal_yaw_e4).map(|(goal, yaw_e4)| FixedPose { position: goal.point, yaw_e4 });
+        self.path.validate().and(pose.map_or(Ok(()), |pose| pose.validate()))
     }
 }
 

@@ -55,6 +55,9 @@ pub struct RobotPose {
     /// `[x, y, yaw]` in the map frame, metres and radians.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map_from_base: Option<[f64; 3]>,
+    /// When that was, by the robot's clock: microseconds since 1970. Absent if it has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stamp_us: Option<u64>,
 }
 
 /// What a robot does with the map.
@@ -90,6 +93,9 @@ pub struct RobotStatus {
     /// `[x, y, yaw]` in the map frame, metres and radians, if it knows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map_from_base: Option<[f64; 3]>,
+    /// When that was, by the robot's clock: microseconds since 1970. Absent if it has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stamp_us: Option<u64>,
 }
 
 /// What a robot puts under its `blocked` key: what it could not pass. Everybody avoids it for the

@@ -94,6 +94,8 @@ pub enum Question {
         /// `to_nearest=true`. None if nothing was said, which means no; then the compact form is
         /// the one without what it says.
         to_nearest: Option<bool>,
+        /// Whether the compact reply tells the heading at the goal, too. JSON does anyway.
+        goal_yaw: bool,
         /// Of the reply.
         format: Format,
     },
@@ -244,7 +246,8 @@ fn question<'a>(
             increments(&given, moment, have)
         }
         Topic::Path => {
-            let given = Parameters::of(parameters, &["from", "to", "to_nearest", "release", "footprint", "fmt"])?;
+            let known = ["from", "to", "to_nearest", "release", "footprint", "goal_yaw", "fmt"];
+            let given = Parameters::of(parameters, &known)?;
             let place = |name| given.required(name, "path?from=0,0;to=5,3").and_then(str::parse);
             let on = match given.text("release") {
                 None => PathOn::Enabled,
@@ -253,7 +256,9 @@ fn question<'a>(
             };
             let (from, to, footprint) = (place("from")?, place("to")?, given.footprint()?);
             let to_nearest = given.parsed("to_nearest", "true or false")?;
-            Ok(Question::Path { from, to, on, footprint, to_nearest, format: given.format(Format::Json)? })
+            let goal_yaw = given.parsed("goal_yaw", "true or false")?.unwrap_or(false);
+            let format = given.format(Format::Json)?;
+            Ok(Question::Path { from, to, on, footprint, to_nearest, goal_yaw, format })
         }
         Topic::Nodes => {
             let given = Parameters::of(parameters, &["near", "radius", "limit", "after", "fmt"])?;

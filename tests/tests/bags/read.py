@@ -16,7 +16,7 @@ def stamp(header):
 
 def with_rosbags(path):
     store = get_typestore(Stores.ROS2_HUMBLE)
-    counts, scans, odometry, statics, grids, pictures = {}, [], [], [], [], []
+    counts, scans, odometry, twists, statics, grids, pictures = {}, [], [], [], [], [], []
     with Reader(path) as reader:
         for connection in reader.connections:
             # The definition in the file is the type that ROS has under this name.
@@ -36,6 +36,11 @@ def with_rosbags(path):
             elif topic == "/odom":
                 pose = message.pose.pose
                 odometry.append([pose.position.x, pose.position.y, pose.orientation.z, pose.orientation.w])
+                twists.append([message.twist.twist.linear.x, message.twist.twist.angular.z])
+                for covariance in (message.pose.covariance, message.twist.covariance):
+                    variances = [float(covariance[7 * axis]) for axis in range(6)]
+                    assert all(variance > 0 for variance in variances), variances
+                    assert min(variances[2:5]) >= 1e6, "z, roll and pitch are not measured"
             elif topic == "/tf_static":
                 statics += [[t.header.frame_id, t.child_frame_id] for t in message.transforms]
             elif topic == "/map":
@@ -50,6 +55,7 @@ def with_rosbags(path):
         "qos": qos,
         "scans": scans[:3],
         "odometry": odometry,
+        "twists": twists,
         "statics": statics,
         "grids": grids,
         "pictures": len(pictures),

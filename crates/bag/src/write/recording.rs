@@ -1,38 +1,22 @@
 //! A robot's sensor frames as the topics of a bag.
 
 use super::metadata::Durability;
+use super::odometry::OdometryMessages;
 use super::writer::{BagWriter, WriteError};
 use crate::read::topics::CAMERAS;
-use crate::ros::msg::{
-    CompressedImage, HeaderMsg, LaserScanMsg, OdometryMsg, Pose, PoseWithCovariance, Quaternion, TfMessage, Time,
-    TransformStamped, TwistWithCovariance, Vector3,
-};
+use crate::ros::msg::{CompressedImage, LaserScanMsg, Pose, Quaternion, TfMessage, TransformStamped};
+use crate::ros::plane::{header_message, pose_message};
 use crate::ros::scan::scan_message;
-use crate::ros::yaw::{heading_of, quaternion_of};
 use fht_perception::frame::{Panorama, SensorFrame};
 use fht_perception::pose::Pose2;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, RgbImage};
 use std::f64::consts::FRAC_PI_2;
 
-/// A plane pose as a message; REP-103 axes.
-#[must_use]
-pub fn pose_message(pose: &Pose2) -> Pose {
-    Pose {
-        position: Vector3 { x: pose.translation.x, y: pose.translation.y, z: 0.0 },
-        orientation: quaternion_of(heading_of(&pose.rotation)),
-    }
-}
-
-/// A header at `time_us` microseconds since the epoch.
-#[must_use]
-pub fn header_message(time_us: u64, frame_id: &str) -> HeaderMsg {
-    HeaderMsg { stamp: Time::from_us(time_us), frame_id: frame_id.to_owned() }
-}
-
 /// Writes frames: `/scan`, `/odom`, `/tf` (`odom → base_link`, and `map → odom` if it is known),
 /// `/tf_static`, and the cameras' pictures as lossless PNG on
-/// `/camera_{front,left,back,right}/image/compressed`.
+/// `/camera_{front,left,back,right}/image/compressed`. The odometry has the velocity between
+/// frames, in `base_link`, and covariances that wheels deserve; z, roll and pitch are unknown.
 ///
 /// What is read back is the same, bit for bit, if the scanner's angles divide a turn, its limits
 /// are decimal, and the odometry's heading is an angle in double precision. So a recorded run of
@@ -43,6 +27,7 @@ pub struct FrameRecording {
     mount: Option<Pose2>,
     has_cameras: bool,
     last_us: Option<u64>,
+    odometry: OdometryMessages,
 }
 
 impl FrameRecording {
@@ -63,12 +48,7 @@ impl FrameRecording {
             child_frame_id: child.to_owned(),
             transform: pose_message(pose),
         };
-        let odometry = OdometryMsg {
-            header: header_message(time_us, "odom"),
-            child_frame_id: "base_link".to_owned(),
-            pose: PoseWithCovariance { pose: pose_message(&frame.odom_from_base), ..PoseWithCovariance::default() },
-            twist: TwistWithCovariance::default(),
-        };
+        let odometry = self.odometry.next(time_us, &frame.odom_from_base);
         bag.write("/odom", Durability::Volatile, time_us, &odometry)?;
         let mut transforms = vec![link("odom", "base_link", &frame.odom_from_base)];
         if let Some(map_from_base) = map_from_base {

@@ -8,35 +8,45 @@ use crate::query::answer::sources::AnswerSources;
 use fht_map::graph::astar::Workspace;
 use fht_map::plan::node_route::{IndexedGraph, NodeRoute};
 use fht_map::{FreeSpace, MapIndex, MapState, NodeRouteConfig, PathEnds, PlanError, Rules};
-use fht_proto::api::compact::{CompactPath, CompactPathToNearest, CompactWaypoint};
+use fht_proto::api::compact::{CompactPath, CompactPathWithGoal, CompactWaypoint};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, PathReply, PlaceRef, Waypoint};
 use fht_proto::api::request::{Format, PathOn, Question};
-use fht_proto::{FixedPoint, Footprint, Label, MapName, ReleaseId};
+use fht_proto::{FixedPoint, FixedPose, Footprint, Label, MapName, ReleaseId};
 use std::cell::RefCell;
 use std::sync::Arc;
 
-/// Which path is asked for.
+/// Which path is asked for, and how the answer is to be written.
 pub(super) struct PathQuestion<'a> {
     from: &'a PlaceRef,
     to: &'a PlaceRef,
     on: &'a PathOn,
     footprint: Footprint,
-    /// Whether the goal may be moved, if the asker said so or the contrary.
-    to_nearest: Option<bool>,
+    /// Whether the goal may be moved.
+    to_nearest: bool,
+    /// Whether the compact form tells what became of the goal.
+    tells_goal: bool,
     format: Format,
 }
 
 impl<'a> PathQuestion<'a> {
     /// None for other questions.
     pub(super) fn of(question: &'a Question) -> Option<Self> {
-        let Question::Path { from, to, on, footprint, to_nearest, format } = question else { return None };
-        let footprint = footprint.clone().unwrap_or_default();
-        Some(Self { from, to, on, footprint, to_nearest: *to_nearest, format: *format })
+        let Question::Path { from, to, on, footprint, to_nearest, goal_yaw, format } = question else { return None };
+        let (footprint, tells_goal) = (footprint.clone().unwrap_or_default(), to_nearest.is_some() || *goal_yaw);
+        Some(Self { from, to, on, footprint, to_nearest: *to_nearest == Some(true), tells_goal, format: *format })
     }
 
     fn route_config(&self, usual: &NodeRouteConfig) -> NodeRouteConfig {
-        let ends = if self.to_nearest == Some(true) { PathEnds::ToNearest } else { PathEnds::Unknown };
+        let ends = if self.to_nearest { PathEnds::ToNearest } else { PathEnds::Unknown };
         NodeRouteConfig { ends, ..usual.clone() }
+    }
+
+    /// The heading at the goal, 1e-4 rad, if that is a named place.
+    fn goal_yaw_e4(&self, view: &MapView) -> Option<i16> {
+        match self.to {
+            PlaceRef::Named(name) => view.state.annotations().place(name).map(|pose| pose.yaw_e4),
+            PlaceRef::Point(_) | PlaceRef::Node(_) => None,
+        }
     }
 }
 
@@ -190,6 +200,7 @@ fn reply(
     let (map, version) = (view.head.map.clone(), planning.version());
     // To the millimetre, like everything else.
     let in_mm = |metres: f64| (metres * 1000.0).round();
+    let goal_yaw_e4 = asked.goal_yaw_e4(view);
     match asked.format {
         Format::Json => {
             let waypoints = route.waypoints.iter().map(|waypoint| Waypoint {
@@ -205,6 +216,7 @@ fn reply(
                 waypoints: waypoints.collect(),
                 goal_moved_m: in_mm(route.goal_moved_m) / 1000.0,
                 unmapped_m: in_mm(route.unmapped_m) / 1000.0,
+                goal_yaw: goal_yaw_e4.map(|yaw_e4| FixedPose { position: FixedPoint::default(), yaw_e4 }.yaw()),
                 obeyed: rules.obeyed(),
                 speed_limits: rules.speed_limits(route),
             })
@@ -213,11 +225,11 @@ fn reply(
             let waypoints = route.waypoints.iter();
             let waypoints = waypoints.map(|waypoint| CompactWaypoint { point: waypoint.point, node: waypoint.node });
             let path = CompactPath { map, version, waypoints: waypoints.collect() };
-            if asked.to_nearest.is_none() {
+            if !asked.tells_goal {
                 return postcard(&path);
             }
             let (goal_moved_mm, unmapped_mm) = (in_mm(route.goal_moved_m) as u32, in_mm(route.unmapped_m) as u32);
-            postcard(&CompactPathToNearest { path, goal_moved_mm, unmapped_mm })
+            postcard(&CompactPathWithGoal { path, goal_moved_mm, unmapped_mm, goal_yaw_e4 })
         }
     }
 }

@@ -78,6 +78,9 @@ pub struct PathReply {
     /// start or at the goal.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub unmapped_m: f64,
+    /// The heading at the goal, radians; there if the goal is a named place.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub goal_yaw: Option<f64>,
     /// What operators and robots have closed, and the path keeps out of.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub obeyed: Vec<Obeyed>,

@@ -1,0 +1,142 @@
+//! Odometry as ROS 2 filters and controllers need it: with the velocity in the robot's frame, and
+//! with how uncertain pose and velocity are.
+
+use crate::ros::msg::{Covariance, OdometryMsg, PoseWithCovariance, TwistWithCovariance, Vector3};
+use crate::ros::plane::{header_message, pose_message};
+use fht_perception::pose::{Pose2, wrap_angle};
+
+/// Error of wheels in distance and in rotation, a fraction: the standard deviation that the
+/// simulator's robot has, and more than a calibrated one.
+const SCALE_SIGMA: f64 = 0.02;
+/// Random walk of the heading, radians per √metre: 0.5°.
+const HEADING_WALK: f64 = 0.5 * std::f64::consts::PI / 180.0;
+/// Least standard deviation of a position, metres.
+const POSITION_SIGMA_M: f64 = 0.01;
+/// Least standard deviation of a heading, radians: 0.5°.
+const HEADING_SIGMA_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
+/// Least standard deviation of a speed along either axis, metres per second.
+const SPEED_SIGMA_MPS: f64 = 0.02;
+/// Least standard deviation of a turning rate, radians per second.
+const TURN_SIGMA_RADPS: f64 = 0.02;
+/// Variance of what nothing was measured of.
+const UNKNOWN: f64 = 1e6;
+
+/// Makes messages of poses, one after the other.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct OdometryMessages {
+    last: Option<(u64, Pose2)>,
+    /// Way driven so far, metres.
+    driven_m: f64,
+    /// Angles turned so far, left or right, radians.
+    turned_rad: f64,
+}
+
+impl OdometryMessages {
+    /// The message of a pose at `time_us`. Its velocity is that of the way since the pose before:
+    /// on a circle's arc. At the first pose it is unknown.
+    pub(crate) fn next(&mut self, time_us: u64, odom_from_base: &Pose2) -> OdometryMsg {
+        let before = self.last.replace((time_us, *odom_from_base));
+        let since = before.and_then(|(before_us, before)| {
+            let seconds = time_us.checked_sub(before_us).filter(|micros| *micros > 0)? as f64 * 1e-6;
+            Some((before.inverse() * odom_from_base, seconds))
+        });
+        if let Some((moved, _)) = &since {
+            self.driven_m += moved.translation.vector.norm();
+            self.turned_rad += moved.rotation.angle().abs();
+        }
+        OdometryMsg {
+            header: header_message(time_us, "odom"),
+            child_frame_id: "base_link".to_owned(),
+            pose: PoseWithCovariance { pose: pose_message(odom_from_base), covariance: self.pose_covariance() },
+            twist: since.map_or_else(unknown_twist, |(moved, seconds)| twist(&moved, seconds)),
+        }
+    }
+
+    /// Grows with the way, as odometry is never corrected. In the frame `odom`.
+    fn pose_covariance(&self) -> Covariance {
+        let yaw =
+            HEADING_SIGMA_RAD.powi(2) + HEADING_WALK.powi(2) * self.driven_m + (SCALE_SIGMA * self.turned_rad).powi(2);
+        let position = POSITION_SIGMA_M.powi(2) + self.driven_m.powi(2) * (SCALE_SIGMA.powi(2) + yaw);
+        diagonal([position, position, yaw])
+    }
+}
+
+/// The constant velocity that moves a robot so in this time: the logarithm of the motion.
+fn twist(moved: &Pose2, seconds: f64) -> TwistWithCovariance {
+    let half = wrap_angle(moved.rotation.angle()) / 2.0;
+    // Half an angle over its tangent; near zero both are the same.
+    let along = if half.abs() < 1e-6 { 1.0 } else { half / half.tan() };
+    let (x, y) = (moved.translation.x, moved.translation.y);
+    let linear = Vector3 { x: (along * x + half * y) / seconds, y: (along * y - half * x) / seconds, z: 0.0 };
+    let angular = Vector3 { z: 2.0 * half / seconds, ..Vector3::default() };
+    let speed = |mps: f64| SPEED_SIGMA_MPS.powi(2) + (SCALE_SIGMA * mps).powi(2);
+    let turn = TURN_SIGMA_RADPS.powi(2) + (SCALE_SIGMA * angular.z).powi(2);
+    TwistWithCovariance { linear, angular, covariance: diagonal([speed(linear.x), speed(linear.y), turn]) }
+}
+
+fn unknown_twist() -> TwistWithCovariance {
+    TwistWithCovariance { covariance: diagonal([UNKNOWN; 3]), ..TwistWithCovariance::default() }
+}
+
+/// Variances of x, y and yaw; nothing is known of the rest.
+fn diagonal([x, y, yaw]: [f64; 3]) -> Covariance {
+    let mut covariance = Covariance::default();
+    for (axis, variance) in [x, y, UNKNOWN, UNKNOWN, UNKNOWN, yaw].into_iter().enumerate() {
+        covariance[axis][axis] = variance;
+    }
+    covariance
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fht_perception::pose::pose;
+
+    /// A robot at 0.4 m/s and 0.5 rad/s on its circle, from wherever.
+    fn on_a_circle(begin: Pose2, seconds: f64) -> Pose2 {
+        let (turned, radius_m) = (0.5 * seconds, 0.8);
+        begin * pose(radius_m * turned.sin(), radius_m * (1.0 - turned.cos()), turned)
+    }
+
+    #[test]
+    fn the_velocity_is_that_of_the_robot_in_its_own_frame() {
+        let begin = pose(3.0, -2.0, 2.9);
+        let mut messages = OdometryMessages::default();
+        let first = messages.next(7_000_000, &begin).twist;
+        assert_eq!((first.linear, first.angular), (Vector3::default(), Vector3::default()));
+        assert!(first.covariance[0][0] >= UNKNOWN, "nothing was measured yet");
+        for frame in 1..20 {
+            let message = messages.next(7_000_000 + frame * 200_000, &on_a_circle(begin, 0.2 * frame as f64));
+            let (linear, angular) = (message.twist.linear, message.twist.angular);
+            assert!((linear.x - 0.4).abs() < 1e-9 && linear.y.abs() < 1e-9, "{linear:?}");
+            assert!((angular.z - 0.5).abs() < 1e-9, "{angular:?}");
+        }
+        // Straight on, and standing.
+        let mut messages = OdometryMessages::default();
+        let at = |x: f64| pose(x, 0.0, 0.0);
+        let speeds = [(0, 0.0), (100_000, 0.05), (200_000, 0.05), (200_000, 0.05)]
+            .map(|(time_us, x)| messages.next(time_us, &at(x)).twist.linear.x);
+        assert!(speeds.iter().zip([0.0, 0.5, 0.0, 0.0]).all(|(speed, wanted)| (speed - wanted).abs() < 1e-9));
+    }
+
+    #[test]
+    fn what_is_not_measured_is_unknown_and_the_pose_becomes_less_certain() {
+        let mut messages = OdometryMessages::default();
+        let mut last: Option<Covariance> = None;
+        for frame in 0..50_u64 {
+            let message = messages.next(frame * 200_000, &on_a_circle(Pose2::identity(), 0.2 * frame as f64));
+            let covariance = message.pose.covariance;
+            for axes in [covariance, message.twist.covariance] {
+                assert!((0..6).all(|axis| axes[axis][axis] > 0.0), "{axes:?}");
+                assert!((2..5).all(|axis| axes[axis][axis] >= UNKNOWN), "z, roll and pitch");
+            }
+            if let Some(last) = last {
+                assert!([0, 1, 5].iter().all(|&axis| covariance[axis][axis] > last[axis][axis]));
+            }
+            last = Some(covariance);
+        }
+        let last = last.unwrap_or_default();
+        assert!((0.05..0.5).contains(&last[0][0].sqrt()), "after 4 m: {} m", last[0][0].sqrt());
+        assert!((0.01..0.2).contains(&last[5][5].sqrt()), "after 5 rad: {} rad", last[5][5].sqrt());
+    }
+}
