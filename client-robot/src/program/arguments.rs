@@ -46,8 +46,8 @@ pub(super) enum Command {
         link: LinkArgs,
         #[command(flatten)]
         robot: RobotArgs,
-        /// Where to: x,y in metres (map frame), a node id, the name of a place, where the robot turns
-        /// to its heading, or 'random'.
+        /// Where to: x,y in metres (map frame), a node id, the name of a place, where the robot
+        /// turns to its heading, or 'random'.
         #[arg(long, allow_hyphen_values = true)]
         to: String,
     },
