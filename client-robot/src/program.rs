@@ -15,24 +15,40 @@ mod settings;
 pub use report::MissionReport;
 pub use scoring::{AT_GOAL_DEG, AT_GOAL_M, MissionScore};
 
-use self::arguments::{Cli, Command};
+use self::arguments::{Cli, Command, LinkArgs};
 use self::mission::mission;
 use self::path::path;
 use self::settings::ClientFile;
 use crate::mission::MissionGoal;
 use fht_perception::pose::Point2;
 use fht_program::flags::{missing_command, parse_args};
-use fht_program::logging;
+use fht_program::{Stop, Waiting, logging};
 use fht_proto::api::reply::PlaceRef;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
+/// The program's name.
+const NAME: &str = "client-robot";
+
+/// The command line, for whoever documents it.
+#[must_use]
+pub fn command() -> clap::Command {
+    <Cli as clap::CommandFactory>::command()
+}
+
 /// Runs the program. Exit code 0: the task is done; 1: it failed, and the robot said why; 2: it
-/// could not be tried.
+/// could not be tried; 130 or 143: it was interrupted.
 pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli: Cli = match parse_args(args) {
         Ok(cli) => cli,
         Err(code) => return code,
+    };
+    let stop = match Stop::on_signal("client-robot") {
+        Ok(stop) => stop,
+        Err(error) => {
+            eprintln!("client-robot: signals cannot be handled: {error}");
+            return ExitCode::from(2);
+        }
     };
     logging::init(logging::ROBOT);
     let file = match cli.config.settle("client-robot", ClientFile::read(&cli.config, cli.footprint.as_ref())) {
@@ -40,20 +56,34 @@ pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Err(code) => return code,
     };
     let outcome = match cli.command {
-        Some(Command::Path { link, way, json }) => path(&file.with_link(&link), &way, json),
+        Some(Command::Path { link, way, json }) => {
+            let waiting = Waiting::new(NAME, link.server.wait, Some(Waiting::USUAL));
+            path(&file.with_link(&link), &way, json, &waiting, &stop)
+        }
         Some(Command::Relocalize { link, robot }) => {
-            mission(file.with_link(&link).with_robot(&robot), &robot, &MissionGoal::None)
+            mission(file.with_link(&link).with_robot(&robot), &robot, &MissionGoal::None, &link.waiting(), &stop)
         }
         Some(Command::Go { link, robot, to }) => match parse_goal(&to, robot.setup.seed) {
-            Ok(goal) => mission(file.with_link(&link).with_robot(&robot), &robot, &goal),
+            Ok(goal) => mission(file.with_link(&link).with_robot(&robot), &robot, &goal, &link.waiting(), &stop),
             Err(refusal) => Err(refusal.into()),
         },
+        Some(Command::Completions(shell)) => {
+            shell.print::<Cli>();
+            Ok(ExitCode::SUCCESS)
+        }
         None => return missing_command::<Cli>(),
     };
     outcome.unwrap_or_else(|error| {
         eprintln!("client-robot: {error}");
-        ExitCode::from(2)
+        stop.exit_code().unwrap_or(ExitCode::from(2))
     })
+}
+
+impl LinkArgs {
+    /// A robot waits for ever to be connected.
+    fn waiting(&self) -> Waiting {
+        Waiting::new(NAME, self.server.wait, None)
+    }
 }
 
 fn parse_goal(text: &str, seed: u64) -> Result<MissionGoal, fht_proto::api::reply::ErrorReply> {

@@ -111,7 +111,7 @@ fn client(config: &HandoffConfig, map: &MapName, explored: &Explored) -> Result<
     let [x, y, yaw] = explored.world_from_map;
     // Another day: other noise, other wheels, other light.
     let (seed, light) = ((1000 + config.seed).to_string(), (1 + config.seed).to_string());
-    let origin = format!("{x},{y},{yaw}");
+    let origin = format!("{x},{y},{yaw}rad");
     args.extend(["--seed", &seed, "--light-seed", &light, "--map-origin", &origin].map(Into::into));
     args.extend(["--to", "random", "--quiet"].map(Into::into));
     let bar = bar(config, "client");

@@ -13,6 +13,7 @@
 //!
 //! | module | idea |
 //! | --- | --- |
+//! | `command_line` | what `handoff` takes: [`HandoffArgs`] |
 //! | `handoff` | the demo: [`hand_off`], its configuration and its figures |
 //! | `process` | programs as child processes that end with their parent: [`Process`] |
 //! | `roles` | the `main` of each program: [`run_role`] |
@@ -26,12 +27,14 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod command_line;
 mod handoff;
 mod picture;
 mod process;
 mod roles;
 
+pub use command_line::{HandoffArgs, HandoffCommand};
 pub use handoff::{Crew, ExplorerFigures, HandoffConfig, HandoffError, HandoffReport, hand_off, map_name};
 pub use picture::{MapPicture, PictureConfig, PictureError, save_picture};
-pub use process::{Process, ProcessError, Role, free_endpoint, this_executable};
+pub use process::{Process, ProcessError, Role, free_endpoint, leave_nothing_behind, this_executable};
 pub use roles::run_role;

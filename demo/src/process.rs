@@ -1,10 +1,17 @@
 //! The programs as child processes. All of them are in one executable
 //! (`handoff role NAME -- ARGS`), so that one build makes everything that a scenario starts.
 
+mod children;
+
+pub use children::leave_nothing_behind;
+
+use children::lock;
+use fht_program::stop::PARENT_VARIABLE;
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// One of the programs.
@@ -92,10 +99,13 @@ fn tail(stderr: &str) -> String {
     if text.is_empty() { String::new() } else { format!(": {text}") }
 }
 
-/// A running program. It is killed when this is dropped.
+/// A running program. It is killed when this is dropped; one of the roles ends with its parent,
+/// too, however that ends.
 pub struct Process {
     role: &'static str,
-    child: Child,
+    child: Arc<Mutex<Child>>,
+    id: u32,
+    stdout: Option<ChildStdout>,
     stderr: Option<std::thread::JoinHandle<String>>,
 }
 
@@ -138,10 +148,13 @@ impl Process {
     /// [`ProcessError::Start`].
     pub fn run(role: &'static str, mut command: Command) -> Result<Self, ProcessError> {
         let start_error = |source| ProcessError::Start { role, source };
-        let mut child =
-            command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().map_err(start_error)?;
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.env(PARENT_VARIABLE, std::process::id().to_string());
+        let (child, id) = children::spawn(&mut command).map_err(start_error)?;
+        let mut running = lock(&child);
+        let stdout = running.stdout.take();
         // Read continuously, or a talkative child would block; keep the last lines.
-        let stderr = child.stderr.take().map(|mut pipe| {
+        let stderr = running.stderr.take().map(|mut pipe| {
             std::thread::spawn(move || {
                 let mut kept = Vec::new();
                 let mut buffer = [0; 4096];
@@ -153,13 +166,14 @@ impl Process {
                 String::from_utf8_lossy(&kept).into_owned()
             })
         });
-        Ok(Self { role, child, stderr })
+        drop(running);
+        Ok(Self { role, child, id, stdout, stderr })
     }
 
     /// The process id.
     #[must_use]
     pub fn id(&self) -> u32 {
-        self.child.id()
+        self.id
     }
 
     /// Kills it, as a power cut would (SIGKILL).
@@ -168,8 +182,9 @@ impl Process {
     /// [`ProcessError::Wait`].
     pub fn kill(&mut self) -> Result<(), ProcessError> {
         let wait_error = |source| ProcessError::Wait { role: self.role, source };
-        self.child.kill().map_err(wait_error)?;
-        self.child.wait().map_err(wait_error)?;
+        let mut child = lock(&self.child);
+        child.kill().map_err(wait_error)?;
+        child.wait().map_err(wait_error)?;
         Ok(())
     }
 
@@ -182,8 +197,7 @@ impl Process {
         let address = endpoint.strip_prefix("tcp/").unwrap_or(endpoint);
         let deadline = Instant::now() + patience;
         while std::net::TcpStream::connect(address).is_err() {
-            let wait_error = |source| ProcessError::Wait { role: self.role, source };
-            if let Some(status) = self.child.try_wait().map_err(wait_error)? {
+            if let Some(status) = self.ended()? {
                 return Err(self.failure(status));
             }
             if Instant::now() > deadline {
@@ -197,7 +211,7 @@ impl Process {
 
     /// Reads its standard output line by line until it ends or `goes_on` says no.
     pub fn listen(&mut self, mut goes_on: impl FnMut(&str) -> bool) {
-        if let Some(stdout) = self.child.stdout.take() {
+        if let Some(stdout) = self.stdout.take() {
             let lines = BufReader::new(stdout).lines().map_while(Result::ok);
             let _ = lines.take_while(|line| goes_on(line)).last();
         }
@@ -208,11 +222,15 @@ impl Process {
     /// # Errors
     /// [`ProcessError::Failed`].
     pub fn follow(mut self, mut each_line: impl FnMut(&str)) -> Result<(), ProcessError> {
-        if let Some(stdout) = self.child.stdout.take() {
+        if let Some(stdout) = self.stdout.take() {
             BufReader::new(stdout).lines().map_while(Result::ok).for_each(|line| each_line(&line));
         }
-        let wait_error = |source| ProcessError::Wait { role: self.role, source };
-        let status = self.child.wait().map_err(wait_error)?;
+        let status = loop {
+            match self.ended()? {
+                Some(status) => break status,
+                None => std::thread::sleep(Duration::from_millis(10)),
+            }
+        };
         if status.success() { Ok(()) } else { Err(self.failure(status)) }
     }
 
@@ -222,7 +240,7 @@ impl Process {
     /// [`ProcessError::Failed`], [`ProcessError::Late`] if it takes longer than `patience`.
     pub fn finish(mut self, patience: Duration) -> Result<String, ProcessError> {
         // Read continuously, or a talkative child would block.
-        let printed = self.child.stdout.take().map(|mut pipe| {
+        let printed = self.stdout.take().map(|mut pipe| {
             std::thread::spawn(move || {
                 let mut bytes = Vec::new();
                 // What was printed before the failure is worth reading, too.
@@ -232,8 +250,7 @@ impl Process {
         });
         let deadline = Instant::now() + patience;
         let status = loop {
-            let wait_error = |source| ProcessError::Wait { role: self.role, source };
-            if let Some(status) = self.child.try_wait().map_err(wait_error)? {
+            if let Some(status) = self.ended()? {
                 break status;
             }
             if Instant::now() > deadline {
@@ -253,8 +270,12 @@ impl Process {
     /// # Errors
     /// [`ProcessError::Wait`].
     pub fn is_running(&mut self) -> Result<bool, ProcessError> {
-        let wait_error = |source| ProcessError::Wait { role: self.role, source };
-        Ok(self.child.try_wait().map_err(wait_error)?.is_none())
+        Ok(self.ended()?.is_none())
+    }
+
+    /// Its exit status, if it has ended.
+    fn ended(&mut self) -> Result<Option<ExitStatus>, ProcessError> {
+        lock(&self.child).try_wait().map_err(|source| ProcessError::Wait { role: self.role, source })
     }
 
     /// The last lines of its output; it must have ended.
@@ -270,8 +291,9 @@ impl Process {
 impl Drop for Process {
     fn drop(&mut self) {
         // It may have ended already; there is nobody to report to.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        let mut child = lock(&self.child);
+        let _ = child.kill();
+        let _ = child.wait();
     }
 }
 

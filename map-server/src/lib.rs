@@ -100,5 +100,5 @@ mod throttle;
 pub use config::{QuorumConfig, ServerConfig, ServerEndpoints};
 pub use network::ServerSessionError;
 #[cfg(feature = "program")]
-pub use program::{main_with_args, serve_until_signal};
+pub use program::{command, main_with_args, serve_until_signal};
 pub use server::{ServerError, run, run_beside};

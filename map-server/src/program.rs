@@ -16,17 +16,15 @@ use self::settings::{ServerFile, ServerSection};
 use crate::access::{AccessArgs, denials_layer};
 use crate::config::{DEFAULT_LISTEN, Limits, QuorumConfig, ServerConfig, ServerEndpoints};
 use crate::server::{ServerError, run_beside};
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use fht_merge::MergeConfig;
-use fht_program::flags::{ConfigArgs, ConnectArgs, parse_args};
-use fht_program::logging;
-use fht_program::stop::stop_requested;
+use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, parse_args};
+use fht_program::{Stop, Waiting, logging};
 use fht_session::SessionConfig;
 use std::ffi::OsString;
-use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use tracing_subscriber::Layer;
+use std::time::Duration;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
@@ -57,6 +55,8 @@ enum Command {
     AccessControl(AccessArgs),
     #[command(flatten)]
     Repair(Repair),
+    /// Writes completions for a shell to standard output.
+    Completions(CompletionsArgs),
 }
 
 #[derive(Debug, clap::Args)]
@@ -213,10 +213,7 @@ fn log(verbose: u8) {
         _ => "info,map_server=debug",
     };
     // Fails only if the calling program has set up its own.
-    let lines =
-        tracing_subscriber::fmt::layer().with_ansi(std::io::stderr().is_terminal()).with_writer(std::io::stderr);
-    let lines = lines.with_filter(logging::filter(default));
-    let _ = tracing_subscriber::registry().with(lines).with(denials_layer()).try_init();
+    let _ = tracing_subscriber::registry().with(logging::lines(default)).with(denials_layer()).try_init();
 }
 
 /// Runs a server on threads of its own until it is told to end (SIGTERM, Ctrl-C); `beside` as for
@@ -228,14 +225,29 @@ pub fn serve_until_signal<T>(
     config: ServerConfig,
     beside: impl FnOnce(&zenoh::Session) -> Result<T, zenoh::Error>,
 ) -> Result<(), ServerError> {
+    let stop = Stop::on_signal("map-server").map_err(ServerError::Runtime)?;
+    stop.doing("starting");
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(1)
         .max_blocking_threads(config.answers.threads.max(1))
         .enable_all()
         .build()
         .map_err(ServerError::Runtime)?;
-    runtime.block_on(run_beside(config, stop_requested(), beside))
+    let mut order = None;
+    // Waited for once it serves: until then there is nothing to put in order.
+    let shutdown = async {
+        order = Some(stop.in_order());
+        stop.requested().await;
+    };
+    let outcome = runtime.block_on(run_beside(config, shutdown, beside));
+    // Nobody waits for an answer that is still computed.
+    runtime.shutdown_timeout(LAST_ANSWERS);
+    drop(order);
+    outcome
 }
+
+/// How long computing answers may go on after a server was told to end.
+const LAST_ANSWERS: Duration = Duration::from_millis(300);
 
 /// Zenoh has its own threads but wants to be opened from a multi-threaded runtime.
 fn operate(
@@ -245,10 +257,20 @@ fn operate(
     merge: MergeConfig,
 ) -> Result<(), OperatorError> {
     let runtime = fht_program::runtime(1).map_err(OperatorError::Runtime)?;
+    let stop = Stop::on_signal("map-server").map_err(OperatorError::Runtime)?;
+    stop.doing(format!("talking to the server at {}; what it was told may be done", link.places()));
     let link = ServerEndpoints { connect: link.connect, zenoh_config: link.zenoh_config, ..ServerEndpoints::default() };
-    let outcome = runtime.block_on(operation.carry_out(args, link, merge));
+    let usual = if matches!(operation, Operation::Health) { Duration::from_secs(1) } else { Waiting::USUAL };
+    let waiting = Waiting::new("map-server", args.wait(), Some(usual));
+    let outcome = runtime.block_on(operation.carry_out(args, link, &waiting, merge));
     runtime.shutdown_background(); // an attempt to connect may hang
     outcome
+}
+
+/// The command line, for whoever documents it.
+#[must_use]
+pub fn command() -> clap::Command {
+    Cli::command()
 }
 
 /// Runs the program with the given arguments, the program's name first.
@@ -267,16 +289,21 @@ where
         Err(code) => return code,
     };
     let config = cli.server(file.server);
-    let link = ConnectArgs { connect: cli.link.connect, zenoh_config: cli.link.zenoh_config }.over(&file.connect);
+    let link = ConnectArgs { connect: cli.link.connect, zenoh_config: cli.link.zenoh_config, wait: None };
+    let link = link.over(&file.connect);
     let outcome = match cli.command {
         None => serve_until_signal(config, |_| Ok(())).map_err(|error| error.to_string()),
         Some(Command::Operate(operation)) => {
             operate(operation, &cli.operator, link, file.merge).map_err(|error| error.to_string())
         }
+        Some(Command::Completions(shell)) => {
+            shell.print::<Cli>();
+            Ok(())
+        }
         Some(Command::AccessControl(access)) => {
             access.run().map(|text| print!("{text}")).map_err(|error| error.to_string())
         }
-        Some(Command::Repair(repair)) => repair.run(&config.data, cli.operator.json()),
+        Some(Command::Repair(repair)) => repair.run(&config.data, cli.operator.json),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -47,7 +47,7 @@ pub enum Ending {
     Stuck,
     /// The time allowed was up.
     OutOfTime,
-    /// Nobody took the map any more.
+    /// It was asked to end, or nobody took the map any more.
     Interrupted,
     /// A robot that was to join a map saw all that it could reach, and did not find its place in
     /// the map.
@@ -62,7 +62,7 @@ impl fmt::Display for Ending {
             Self::Complete => "complete",
             Self::Stuck => "the robot is stuck: it tried to get free and did not move",
             Self::OutOfTime => "out of time (--max-sim)",
-            Self::Interrupted => "nobody takes the map any more",
+            Self::Interrupted => "interrupted",
             Self::Unplaced => {
                 "the robot saw all that it can reach and did not find its place in the map that it was to join"
             }

@@ -20,9 +20,15 @@ pub use scoring::main_node_errors;
 use self::arguments::{Cli, Command};
 use self::settings::MapperFile;
 use fht_program::flags::{missing_command, parse_args};
-use fht_program::logging;
+use fht_program::{Stop, logging};
 use std::ffi::OsString;
 use std::process::ExitCode;
+
+/// The command line, for whoever documents it.
+#[must_use]
+pub fn command() -> clap::Command {
+    <Cli as clap::CommandFactory>::command()
+}
 
 /// Runs the program with `args` (the first is its name).
 pub fn main_with_args<I, T>(args: I) -> ExitCode
@@ -34,23 +40,37 @@ where
         Ok(cli) => cli,
         Err(code) => return code,
     };
+    let stop = match Stop::on_signal("mapper") {
+        Ok(stop) => stop,
+        Err(error) => return fail(&format!("signals cannot be handled: {error}")),
+    };
     logging::init(logging::ROBOT);
     let file = match cli.config.settle("mapper", cli.config.over(MapperFile::default())) {
         Ok(file) => file,
         Err(code) => return code,
     };
     let outcome = match cli.command {
-        Some(Command::Explore(args)) => explore_command::explore_world(&args, file),
-        Some(Command::Replay(args)) => replay_command::replay_bag(&args, file),
+        Some(Command::Explore(args)) => explore_command::explore_world(&args, file, stop.clone()),
+        Some(Command::Replay(args)) => replay_command::replay_bag(&args, file, stop.clone()),
         Some(Command::Info(args)) => replay_command::info(&args),
+        Some(Command::Completions(shell)) => {
+            shell.print::<Cli>();
+            Ok(true)
+        }
         None => return missing_command::<Cli>(),
     };
+    let failed = stop.exit_code().unwrap_or(ExitCode::FAILURE);
     match outcome {
         Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::FAILURE,
+        Ok(false) => failed,
         Err(message) => {
-            eprintln!("mapper: {message}");
-            ExitCode::FAILURE
+            fail(&message);
+            failed
         }
     }
+}
+
+fn fail(message: &str) -> ExitCode {
+    eprintln!("mapper: {message}");
+    ExitCode::FAILURE
 }

@@ -16,6 +16,7 @@ use crate::team::{MapEntry, Peers};
 use fht_descriptor::{DescriptorError, DescriptorNet};
 use fht_perception::frame::SensorFrame;
 use fht_perception::robot::{Robot, RobotError, Sensors, SilenceConfig, Supervised};
+use fht_program::Stop;
 use fht_proto::{AuthorId, MapName};
 use fht_session::SessionConfig;
 use std::ops::ControlFlow;
@@ -43,10 +44,15 @@ pub struct MappingTask {
     pub cameras: bool,
     /// Give up after this much time of the sensors' clock, seconds.
     pub max_s: f64,
+    /// How long to wait for a server; none: for ever.
+    pub wait: Option<Duration>,
     /// How long to wait for the server's last acknowledgement, seconds.
     pub linger_s: f64,
     /// How long the sensors may be silent.
     pub silence: SilenceConfig,
+    /// Ends the run early: the map is finished as it is, and what the server has not acknowledged
+    /// within a moment is left in the spool. Default never.
+    pub stop: Stop,
     /// Algorithm parameters. A live robot sets [`pace`](MapperConfig::pace) to real time.
     pub mapper: MapperConfig,
 }
@@ -64,8 +70,10 @@ impl MappingTask {
             model: None,
             cameras: true,
             max_s: 14_400.0,
+            wait: None,
             linger_s: 60.0,
             silence: SilenceConfig::default(),
+            stop: Stop::default(),
             mapper: MapperConfig::default(),
         }
     }
@@ -159,8 +167,8 @@ where
 fn publication(task: &MappingTask, link: SessionConfig) -> Publication {
     // What is no duration is for ever.
     let linger = Duration::try_from_secs_f64(task.linger_s.max(0.0)).unwrap_or(Duration::MAX);
-    let MappingTask { map, robot, spool, window, .. } = task.clone();
-    Publication { link, map, robot, spool, window, linger }
+    let MappingTask { map, robot, spool, window, wait, stop, .. } = task.clone();
+    Publication { link, wait, map, robot, spool, window, linger, stop }
 }
 
 /// A run in progress.
@@ -190,6 +198,7 @@ impl<'a> Run<'a> {
         mut observer: O,
         mut peers: Option<Peers>,
     ) -> Result<MappingOutcome<R, O>, RunError> {
+        let _order = self.task.stop.in_order();
         observer.on_start(&self.mapper);
         let mut robot = Supervised::new(robot, self.task.silence.clone());
         let end = self.drive(&mut robot, &mut observer, peers.as_mut()).await;
@@ -205,9 +214,13 @@ impl<'a> Run<'a> {
         mut peers: Option<&mut Peers>,
     ) -> LoopEnd {
         loop {
-            let frame = match robot.sense().await {
-                Ok(frame) => frame,
-                Err(error) => return Ok(Err(error)),
+            let frame = tokio::select! {
+                biased;
+                () = self.task.stop.requested() => return Ok(Ok(Ending::Interrupted)),
+                frame = robot.sense() => match frame {
+                    Ok(frame) => frame,
+                    Err(error) => return Ok(Err(error)),
+                },
             };
             let thinking = Instant::now();
             if let Some(peers) = &mut peers {
@@ -238,6 +251,7 @@ impl<'a> Run<'a> {
         mut sensors: S,
         mut observer: O,
     ) -> Result<MappingOutcome<S, O>, RunError> {
+        let _order = self.task.stop.in_order();
         observer.on_start(&self.mapper);
         let end = self.listen(&mut sensors, &mut observer).await?;
         self.finish(end, None, sensors, observer).await
@@ -247,7 +261,12 @@ impl<'a> Run<'a> {
     async fn listen<S: Sensors>(&mut self, sensors: &mut S, observer: &mut impl MappingObserver) -> LoopEnd {
         let patience = self.task.silence.end_after();
         loop {
-            let frame = match timeout(patience, sensors.sense()).await {
+            let sensed = tokio::select! {
+                biased;
+                () = self.task.stop.requested() => return Ok(Ok(Ending::Interrupted)),
+                sensed = timeout(patience, sensors.sense()) => sensed,
+            };
+            let frame = match sensed {
                 Ok(Ok(frame)) => frame,
                 Ok(Err(RobotError::Ended)) => return Ok(Ok(Ending::Complete)),
                 Ok(Err(error)) => return Ok(Err(error)),

@@ -147,7 +147,7 @@ pub enum FleetError {
     #[error(transparent)]
     Ask(#[from] AskError),
     /// Zenoh refuses.
-    #[error("Zenoh refuses: {0}")]
+    #[error("Zenoh refuses: {}", fht_session::in_words(.0))]
     Zenoh(#[from] zenoh::Error),
     /// The map is not on the server.
     #[error(transparent)]

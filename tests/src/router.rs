@@ -2,10 +2,10 @@
 //! a process that tests can kill.
 
 use clap::Parser;
+use fht_program::stop::end_with_parent;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use tracing_subscriber::EnvFilter;
 use zenoh::config::Config;
 use zenoh::internal::plugins::PluginsManager;
 use zenoh::internal::runtime::RuntimeBuilder;
@@ -59,16 +59,17 @@ where
     T: Into<OsString> + Clone,
 {
     let cli = Cli::parse_from(args);
-    let _ = tracing_subscriber::fmt()
-        .with_env_filter(EnvFilter::from_default_env())
-        .with_writer(std::io::stderr)
-        .try_init();
+    if let Err(error) = end_with_parent(NAME) {
+        eprintln!("router: {error}");
+        return ExitCode::FAILURE;
+    }
+    fht_program::logging::init("error");
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build();
     let outcome = config(&cli).and_then(|config| runtime?.block_on(run(config)));
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("router: {error}");
+            eprintln!("router: {}", fht_session::in_words(&error));
             ExitCode::FAILURE
         }
     }

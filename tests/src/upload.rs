@@ -16,7 +16,7 @@ const PART: usize = 500;
 #[derive(Debug, thiserror::Error)]
 pub enum UploadError {
     /// Zenoh refuses.
-    #[error("Zenoh refuses: {0}")]
+    #[error("Zenoh refuses: {}", fht_session::in_words(.0))]
     Zenoh(#[from] zenoh::Error),
     /// An increment cannot be written.
     #[error(transparent)]

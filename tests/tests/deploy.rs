@@ -257,21 +257,34 @@ fn the_compose_files_name_what_they_run() {
 }
 
 #[test]
-fn the_health_checks_see_a_listener_and_a_connection() {
-    let compose: Value = serde_saphyr::from_str(&read("compose.yaml")).unwrap();
-    let of = |service: &str| compose["services"][service]["healthcheck"]["test"][1].as_str().unwrap().to_owned();
+fn the_health_checks_see_a_listener_a_connection_and_an_answer() {
+    let compose = |file: &str| serde_saphyr::from_str::<Value>(&read(file)).unwrap();
+    let (site, stateless) = (compose("compose.yaml"), compose("compose-stateless.yaml"));
+    let of = |compose: &Value, service: &str| compose["services"][service]["healthcheck"]["test"].clone();
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
-    let healthy = |test: &str| {
+    let healthy = |test: Value| {
+        let test = test[1].as_str().unwrap();
         assert!(test.contains("1D17"), "7447");
         let test = test.replace("1D17", &format!("{:04X}", address.port()));
         Command::new("sh").args(["-c", &test]).status().unwrap().success()
     };
-    assert!(healthy(&of("router-a")) && !healthy(&of("maps")));
+    assert!(healthy(of(&site, "router-a")) && !healthy(of(&stateless, "maps-1")));
     let connection = std::net::TcpStream::connect(address).unwrap();
-    assert!(healthy(&of("maps")));
+    assert!(healthy(of(&stateless, "maps-1")));
     drop((listener, connection));
-    assert!(!healthy(&of("router-a")));
+    assert!(!healthy(of(&site, "router-a")));
+    // The server itself is asked.
+    let asked: Vec<String> = serde_json::from_value(of(&site, "maps")).unwrap();
+    assert_eq!((asked[0].as_str(), asked[1].as_str()), ("CMD", "map-server"));
+    assert!(map_server::command().try_get_matches_from(&asked[1..]).is_ok(), "{asked:?}");
+    let folder = tempfile::tempdir().unwrap();
+    let endpoint = fht_demo::free_endpoint().unwrap();
+    let health = || map_server(&["health", "--wait", "4", "--connect", &endpoint]).status.success();
+    assert!(!health(), "nobody is there");
+    let patience = std::time::Duration::from_secs(30);
+    let _server = fht_demo::Process::map_server(Path::new(PROGRAMS), folder.path(), &endpoint, patience).unwrap();
+    assert!(health());
 }
 
 #[test]

@@ -91,8 +91,10 @@ impl Site {
 #[test]
 fn two_maps_of_one_museum_become_one_and_another_building_is_refused() {
     let site = Site::new();
-    let explorers =
-        [site.explorer("west", &["--seed", "1"]), site.explorer("east", &["--seed", "2", "--start", "13.9,1.5,2.39"])];
+    let explorers = [
+        site.explorer("west", &["--seed", "1"]),
+        site.explorer("east", &["--seed", "2", "--start", "13.9,1.5,2.39rad"]),
+    ];
     explorers.into_iter().for_each(|explorer| explorer.follow(|_| ()).unwrap());
     // A part of the office is enough; an explorer that does not finish says so.
     let office = site.explorer("office", &["--world", "office", "--max-sim", "150"]).follow(|_| ());

@@ -167,7 +167,7 @@ fn the_readmes_steps_lead_from_nothing_to_a_robot_that_arrives() {
 /// Where the map begins, but turned: world frame.
 fn near_the_start() -> String {
     let start = fht_sim::load("museum", None, 1).unwrap().start();
-    format!("{},{},{}", start.translation.x, start.translation.y, start.rotation.angle() + 2.0)
+    format!("{},{},{}rad", start.translation.x, start.translation.y, start.rotation.angle() + 2.0)
 }
 
 #[test]

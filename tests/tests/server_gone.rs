@@ -239,11 +239,11 @@ fn driven(mut is_time: impl FnMut(&RobotPose) -> bool) -> Value {
     let start_pose = fht_sim::load("museum", None, 1).unwrap().start();
     let (x, y) = (start_pose.translation.x, start_pose.translation.y);
     // Where the map begins, but turned.
-    let begin = format!("{x},{y},{}", start_pose.rotation.angle() + 2.0);
+    let begin = format!("{x},{y},{}rad", start_pose.rotation.angle() + 2.0);
     let report = site.folder.path().join("report.json");
     let [to, at, report_arg] = ["--to", "--start", report.to_str().unwrap()];
     let args =
-        ["go", to, "random", at, &begin, "--no-camera", "--robot", "tug", "--quiet", "--connect", &site.endpoint];
+        ["go", to, "random", at, &begin, "--no-cameras", "--robot", "tug", "--quiet", "--connect", &site.endpoint];
     let mut robot = start(Role::ClientRobot, &[&args[..], &["--report", report_arg]].concat());
     loop {
         let sample = poses.recv_timeout(PATIENCE).unwrap().expect("the robot says nothing of itself");

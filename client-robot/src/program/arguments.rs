@@ -1,14 +1,28 @@
 //! The command line.
 
 use clap::{Args, Parser, Subcommand};
-use fht_program::flags::{ConfigArgs, ConnectArgs, ReportArgs, seconds};
-use fht_proto::{Footprint, MapName};
+use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, ReportArgs, seconds};
+use fht_proto::{Footprint, MapName, RobotName};
 use fht_sim::SimSetup;
 use std::path::PathBuf;
 
 /// A robot that finds its place on a map and drives there.
 #[derive(Debug, Parser)]
-#[command(name = "client-robot", version, arg_required_else_help = true)]
+#[command(
+    name = "client-robot",
+    version,
+    max_term_width = 100,
+    arg_required_else_help = true,
+    after_help = "Examples:
+  client-robot relocalize --map museum              where am I?
+  client-robot go --map museum --to dock            … and drive there
+  client-robot path --map museum --from 0,0 --to 5,3
+  client-robot --print-config > robot.toml          every parameter, with what it means
+  client-robot --config robot.toml go --to dock
+
+Exit code 0: the task is done; 1: it failed, and the robot said why; 2: it could not be tried; 130 or 143: it was
+interrupted by Ctrl-C or SIGTERM."
+)]
 pub(super) struct Cli {
     #[command(flatten)]
     pub(super) config: ConfigArgs,
@@ -23,14 +37,22 @@ pub(super) struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
-    /// Move about until the robot knows where it is.
+    /// Moves about until the robot knows where it is.
+    #[command(after_help = "Examples:
+  client-robot relocalize --map museum
+  client-robot relocalize --map museum --start 3,2,90 --seed 7     dropped there, unknown to the robot
+  client-robot relocalize --map museum --no-cameras                in the dark: by the scanner alone")]
     Relocalize {
         #[command(flatten)]
         link: LinkArgs,
         #[command(flatten)]
         robot: RobotArgs,
     },
-    /// Ask for a path between two places of the map.
+    /// Asks for a path between two places of the map.
+    #[command(after_help = "Examples:
+  client-robot path --map museum --from 0,0 --to 5,3
+  client-robot path --map museum --from dock --to Küche --json
+  client-robot path --map museum --from 1a2b3c4d.0 --to dock --wait 60     waits for the server, the map and the places")]
     Path {
         #[command(flatten)]
         link: LinkArgs,
@@ -40,7 +62,12 @@ pub(super) enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Find the place, then drive to a goal.
+    /// Finds its place, then drives to a goal.
+    #[command(after_help = "Examples:
+  client-robot go --map museum --to 5,3
+  client-robot go --map museum --to dock --robot tug-1
+  client-robot go --map museum --to random --footprint 0.3         a larger robot
+  client-robot go --map museum --to 5,3 --record drive.mcap        look at it in Foxglove")]
     Go {
         #[command(flatten)]
         link: LinkArgs,
@@ -51,6 +78,8 @@ pub(super) enum Command {
         #[arg(long, allow_hyphen_values = true)]
         to: String,
     },
+    /// Writes completions for a shell to standard output.
+    Completions(CompletionsArgs),
 }
 
 /// Which path is asked for.
@@ -83,19 +112,20 @@ pub(super) struct RobotArgs {
     /// Seed of light and camera gain: another day than the mapping [default: 1].
     #[arg(long)]
     pub(super) light_seed: Option<u64>,
-    /// The robot's name [default: client].
+    /// The robot's name: 1 to 64 of the letters a to z and A to Z, digits, _ or - [default:
+    /// client].
     #[arg(long)]
-    pub(super) robot: Option<String>,
+    pub(super) robot: Option<RobotName>,
     /// A descriptor model to use in place of the built-in one: an ONNX file with its description
     /// beside it, the one that the map was made with.
     #[arg(long)]
     pub(super) model: Option<PathBuf>,
     /// Drive without cameras, as in the dark: the place is found by the scanner alone.
-    #[arg(long)]
-    pub(super) no_camera: bool,
-    /// Give up after this many seconds of simulated time [default: 1500].
-    #[arg(long, value_parser = seconds)]
-    pub(super) max_time_s: Option<f64>,
+    #[arg(long, alias = "no-camera")]
+    pub(super) no_cameras: bool,
+    /// Give up after this much simulated time, seconds [default: 1500].
+    #[arg(long, alias = "max-time-s", value_parser = seconds)]
+    pub(super) max_sim: Option<f64>,
     /// Write the run as a bag for ROS 2 and Foxglove: a file (FILE.mcap) or a rosbag2 folder.
     #[arg(long, value_name = "FILE")]
     pub(super) record: Option<PathBuf>,
@@ -112,7 +142,7 @@ mod tests {
 
     #[test]
     fn a_time_that_never_comes_is_refused() {
-        let parse = |value: &str| Cli::try_parse_from(["client-robot", "relocalize", "--max-time-s", value]);
+        let parse = |value: &str| Cli::try_parse_from(["client-robot", "relocalize", "--max-sim", value]);
         assert!(parse("60").is_ok());
         for value in ["nan", "inf", "-1", "1e300", "soon"] {
             assert!(parse(value).is_err(), "{value}");

@@ -2,14 +2,19 @@
 
 use super::error::CliError;
 use fht_client::{AskError, ask_head};
+use fht_program::{Stop, Waiting};
 use fht_proto::MapName;
-use fht_session::{SessionConfig, open};
-use std::time::{Duration, Instant};
+use fht_proto::api::reply::{ErrorCode, Head};
+use fht_session::{SessionConfig, open_within};
+use std::time::Duration;
 use tokio::runtime::Runtime;
 use zenoh::Session;
 
 /// How long questions to the server may take.
 pub(super) const TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Between two questions for what is not there yet.
+pub(super) const ASK_AGAIN: Duration = Duration::from_millis(200);
 
 /// Zenoh brings its own threads but wants to be opened, and waited for, from a multi-threaded
 /// runtime.
@@ -18,18 +23,24 @@ pub(super) fn runtime() -> Result<Runtime, CliError> {
 }
 
 /// Opens a session.
-pub(super) fn connect(config: &SessionConfig) -> Result<Session, CliError> {
-    Ok(runtime()?.block_on(open(config))?)
+pub(super) fn connect(config: &SessionConfig, waiting: &Waiting, stop: &Stop) -> Result<Session, CliError> {
+    stop.doing(format!("waiting for a server at {}", config.places()));
+    Ok(runtime()?.block_on(open_within(config, waiting.for_session()))?)
 }
 
-/// A client session connects in the background: asks until the server answers, for as long as a
-/// question may take.
-pub(super) fn wait_for_server(session: &Session, map: &MapName) -> Result<fht_proto::api::reply::Head, AskError> {
-    let deadline = Instant::now() + TIMEOUT;
+/// A client session connects in the background, and the map may be made later: asks until the
+/// server answers with it, for as long as that is waited for.
+pub(super) fn wait_for_map(session: &Session, map: &MapName, waiting: &Waiting, stop: &Stop) -> Result<Head, AskError> {
+    stop.doing(format!("asking the server about map '{map}'"));
+    let (mut answer, mut content) = (waiting.for_answer(), waiting.for_content());
     loop {
         match ask_head(session, map, Duration::from_secs(1)) {
-            Err(AskError::Silent) if Instant::now() < deadline => std::thread::sleep(Duration::from_millis(100)),
+            Err(AskError::Silent) if answer.goes_on("a map-server to answer") => {}
+            Err(AskError::Refused(reply))
+                if reply.code == ErrorCode::UnknownMap
+                    && content.goes_on(format!("map '{map}': {}", reply.message)) => {}
             outcome => return outcome,
         }
+        std::thread::sleep(ASK_AGAIN);
     }
 }

@@ -1,8 +1,8 @@
 //! Why the program ends early.
 
-use fht_client::{AskError, InvalidRobotName, ReplicaError, UnusablePath};
-use fht_proto::MapName;
-use fht_session::SessionError;
+use fht_client::{AskError, ReplicaError, UnusablePath};
+use fht_proto::{MapName, ParseIdError};
+use fht_session::{SessionError, in_words};
 use fht_sim::{StartError, WorldError};
 
 /// Why a command could not be carried out.
@@ -25,16 +25,18 @@ pub(crate) enum CliError {
     #[error("the server's answer cannot be used: {0}")]
     Path(#[from] UnusablePath),
     #[error(transparent)]
-    RobotName(#[from] InvalidRobotName),
+    RobotName(#[from] ParseIdError),
     #[error("the map '{0}' has no main nodes yet; nothing to relocalize at")]
     EmptyMap(MapName),
+    #[error("map '{map}' has no {what}; {known}")]
+    UnknownGoal { map: MapName, what: String, known: String },
     #[error("{0}")]
     Report(String),
     #[error("a thread cannot be started: {0}")]
     Thread(#[source] std::io::Error),
     #[error("no runtime: {0}")]
     Runtime(#[source] std::io::Error),
-    #[error("zenoh: {0}")]
+    #[error("Zenoh refuses: {}", in_words(.0))]
     Zenoh(#[from] zenoh::Error),
     #[error("the recording failed: {0}")]
     Record(#[from] fht_bag::WriteError),

@@ -2,7 +2,7 @@
 //! map of a real server.
 
 use super::arguments::RobotArgs;
-use super::connection::{TIMEOUT, connect, runtime, wait_for_server};
+use super::connection::{ASK_AGAIN, TIMEOUT, connect, runtime, wait_for_map};
 use super::display::Display;
 use super::error::CliError;
 use super::pose_publisher::PosePublisher;
@@ -10,15 +10,19 @@ use super::recording::Recording;
 use super::report::{MissionReport, print_report};
 use super::scoring::MissionScore;
 use super::settings::{ClientFile, ClientSection};
-use crate::mission::{MissionConfig, MissionError, MissionGoal, Services, run};
-use fht_client::{LiveReplica, Presence, ServerPaths, check_robot_name};
+use crate::mission::{MapSource, MissionConfig, MissionError, MissionGoal, MissionObserver, Services, run};
+use crate::pilot::{Pilot, PilotStep};
+use fht_client::{LiveReplica, Presence, ServerPaths};
 use fht_descriptor::DescriptorNet;
 use fht_localization::landmarks::check_usable;
-use fht_perception::frame::Panorama;
+use fht_perception::frame::{Panorama, SensorFrame};
 use fht_perception::pose::Pose2;
+use fht_program::{Stop, Waiting};
 use fht_proto::api::fleet::RobotRole;
-use fht_proto::{Descriptor, Footprint};
+use fht_proto::api::reply::Head;
+use fht_proto::{Descriptor, Footprint, MapName};
 use fht_sim::{SimConfig, SimSetup, Simulator};
+use std::ops::ControlFlow;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
@@ -26,21 +30,27 @@ use zenoh::Session;
 
 /// Room that a random start has around it, metres.
 const START_CLEARANCE_M: f64 = 0.4;
-/// What a program ends with that was interrupted by Ctrl-C.
-const INTERRUPTED: u8 = 130;
 
 /// Carries out the mission, and writes its figures.
-pub(super) fn mission(file: ClientFile, args: &RobotArgs, goal: &MissionGoal) -> Result<ExitCode, CliError> {
+pub(super) fn mission(
+    file: ClientFile,
+    args: &RobotArgs,
+    goal: &MissionGoal,
+    waiting: &Waiting,
+    stop: &Stop,
+) -> Result<ExitCode, CliError> {
     let began = Instant::now();
     let (map, name) = (file.map(), file.name().to_owned());
-    check_robot_name(&map, &name)?;
+    tracing::info!(%map, robot = name, "looks for its place");
     let mut net = DescriptorNet::load(file.robot.model.as_deref())?;
     let (simulator, world_from_map) = robot(&args.setup, &file.sim, &file.robot.footprint)?;
 
-    let session = connect(&file.connect)?;
+    let session = connect(&file.connect, waiting, stop)?;
     let presence = Presence::new(&session, &map, &name, RobotRole::Client)?;
     let _alive = presence.declare()?;
-    let replica = copy_of_map(&session, &file, &net)?;
+    let head = wait_for_map(&session, &map, waiting, stop)?;
+    let replica = copy_of_map(&session, &file, &net, &head)?;
+    require(goal, &map, &replica, waiting)?;
     let mut paths =
         ServerPaths::new(&session, map.clone(), &name, &replica, &file.client.paths).map_err(CliError::Thread)?;
     let model = net.model().id;
@@ -53,19 +63,24 @@ pub(super) fn mission(file: ClientFile, args: &RobotArgs, goal: &MissionGoal) ->
     };
     let display = Display::new(args, &name);
     let publisher = PosePublisher::new(presence, &replica);
+    // The robot stands and its bag is whole before the program ends.
+    let _order = stop.in_order();
     let recording = Recording::start(args.record.as_deref())?;
     let score = MissionScore::new(&simulator, &world_from_map);
-    let mut observer = (recording, ((publisher, display), score));
+    let mut observer = (recording, (UntilAsked(stop.clone()), ((publisher, display), score)));
     let ClientSection { pilot, silence, walls, .. } = file.client;
     let config = MissionConfig { pilot, silence, walls };
     let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe };
     let outcome = runtime()?.block_on(run(simulator, config, goal, &mut services, &mut observer));
-    let (recording, ((publisher, display), score)) = observer;
+    let (recording, (_, ((publisher, display), score))) = observer;
     publisher.finish();
     display.finish();
     recording.finish()?;
     let outcome = match outcome {
-        Err(MissionError::Interrupted) => return Ok(ExitCode::from(INTERRUPTED)),
+        Err(MissionError::Interrupted) => {
+            eprintln!("client-robot: interrupted on the way: the robot stands");
+            return Ok(stop.exit_code().unwrap_or(ExitCode::FAILURE));
+        }
         outcome => outcome?,
     };
     let report = MissionReport {
@@ -86,6 +101,15 @@ pub(super) fn mission(file: ClientFile, args: &RobotArgs, goal: &MissionGoal) ->
     Ok(if is_done { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
+/// Ends the mission when the program is asked to end.
+struct UntilAsked(Stop);
+
+impl MissionObserver for UntilAsked {
+    fn on_frame(&mut self, _: &SensorFrame, _: &PilotStep, _: &Pilot) -> ControlFlow<()> {
+        if self.0.is_set() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
 /// The simulated robot at its start, and where the map's frame truly lies.
 fn robot(setup: &SimSetup, sim: &SimConfig, footprint: &Footprint) -> Result<(Simulator, Pose2), CliError> {
     let world = Arc::new(setup.load()?);
@@ -96,11 +120,39 @@ fn robot(setup: &SimSetup, sim: &SimConfig, footprint: &Footprint) -> Result<(Si
     Ok((Simulator::new(world, sim.clone(), start, setup.seed), world_from_map))
 }
 
+/// Before the robot drives: that the map has the goal.
+fn require(goal: &MissionGoal, map: &MapName, replica: &LiveReplica, waiting: &Waiting) -> Result<(), CliError> {
+    let mut content = waiting.for_content();
+    loop {
+        let (is_there, what) = match goal {
+            MissionGoal::Named(name) => (MapSource::place(replica, name).is_some(), format!("place called {name}")),
+            MissionGoal::Node(id) => (replica.running().node(*id).is_some(), format!("node {id}")),
+            MissionGoal::None | MissionGoal::Point(_) | MissionGoal::Pose(_) | MissionGoal::FarNode(_) => return Ok(()),
+        };
+        if is_there {
+            return Ok(());
+        }
+        let names: Vec<String> =
+            replica.read().state().annotations().places().map(|(name, _)| name.to_string()).collect();
+        let known =
+            if names.is_empty() { "it has no places".to_owned() } else { format!("its places: {}", names.join(", ")) };
+        let unknown = CliError::UnknownGoal { map: map.clone(), what, known };
+        if !content.goes_on(&unknown) {
+            return Err(unknown);
+        }
+        std::thread::sleep(ASK_AGAIN);
+    }
+}
+
 /// A copy of the map that is complete and of use.
-fn copy_of_map(session: &Session, file: &ClientFile, net: &DescriptorNet) -> Result<LiveReplica, CliError> {
+fn copy_of_map(
+    session: &Session,
+    file: &ClientFile,
+    net: &DescriptorNet,
+    head: &Head,
+) -> Result<LiveReplica, CliError> {
     let map = file.map();
     let replica = LiveReplica::start(session, &map, file.name(), file.client.replica.clone())?;
-    let head = wait_for_server(session, &map)?;
     if !replica.wait_for(&head.vector, TIMEOUT) {
         tracing::warn!("the copy of the map is not complete yet");
     }

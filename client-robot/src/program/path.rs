@@ -1,36 +1,52 @@
 //! `client-robot path`: a path between two places, asked of the server.
 
 use super::arguments::WayArgs;
-use super::connection::{TIMEOUT, connect, wait_for_server};
+use super::connection::{ASK_AGAIN, TIMEOUT, connect, wait_for_map};
 use super::error::CliError;
 use super::settings::ClientFile;
 use fht_client::{AskError, PathQuestion, PlannedPath, ask_path, planned};
-use fht_proto::api::reply::PlaceRef;
+use fht_program::{Stop, Waiting};
+use fht_proto::api::reply::{ErrorCode, PlaceRef};
 use std::process::ExitCode;
 
 /// Asks, and prints the answer.
-pub(super) fn path(file: &ClientFile, way: &WayArgs, json: bool) -> Result<ExitCode, CliError> {
+pub(super) fn path(
+    file: &ClientFile,
+    way: &WayArgs,
+    json: bool,
+    waiting: &Waiting,
+    stop: &Stop,
+) -> Result<ExitCode, CliError> {
     let WayArgs { from, to, to_nearest } = way;
     from.parse::<PlaceRef>()?;
     to.parse::<PlaceRef>()?;
-    let (session, map) = (connect(&file.connect)?, file.map());
-    wait_for_server(&session, &map)?;
+    let (session, map) = (connect(&file.connect, waiting, stop)?, file.map());
+    wait_for_map(&session, &map, waiting, stop)?;
     let question =
         PathQuestion { from, to, footprint: &file.client.paths.footprint, release: None, to_nearest: *to_nearest };
-    let (path, goal_yaw) = match ask_path(&session, &map, &question, TIMEOUT) {
-        Ok(reply) if json => {
-            println!("{}", serde_json::to_string_pretty(&reply)?);
-            return Ok(ExitCode::SUCCESS);
+    let mut content = waiting.for_content();
+    let (path, goal_yaw) = loop {
+        match ask_path(&session, &map, &question, TIMEOUT) {
+            Ok(reply) if json => {
+                println!("{}", serde_json::to_string_pretty(&reply)?);
+                return Ok(ExitCode::SUCCESS);
+            }
+            Ok(reply) => {
+                let goal_yaw = reply.goal_yaw;
+                break (planned(reply)?, goal_yaw);
+            }
+            Err(AskError::Refused(refusal))
+                if refusal.code == ErrorCode::UnknownPlace
+                    && content.goes_on(format!("the place: {}", refusal.message)) =>
+            {
+                std::thread::sleep(ASK_AGAIN);
+            }
+            Err(AskError::Refused(refusal)) => {
+                eprintln!("client-robot: {:?}: {}", refusal.code, refusal.message);
+                return Ok(ExitCode::from(1));
+            }
+            Err(error) => return Err(error.into()),
         }
-        Ok(reply) => {
-            let goal_yaw = reply.goal_yaw;
-            (planned(reply)?, goal_yaw)
-        }
-        Err(AskError::Refused(refusal)) => {
-            eprintln!("client-robot: {:?}: {}", refusal.code, refusal.message);
-            return Ok(ExitCode::from(1));
-        }
-        Err(error) => return Err(error.into()),
     };
     print_path(&path, goal_yaw);
     Ok(ExitCode::SUCCESS)

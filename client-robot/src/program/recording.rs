@@ -4,7 +4,6 @@ use crate::mission::MissionObserver;
 use crate::pilot::{Pilot, PilotStep};
 use fht_bag::{FrameRecording, Recorder, WriteError};
 use fht_perception::frame::SensorFrame;
-use fht_program::stop::Stop;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -16,19 +15,16 @@ pub(super) struct Recording(Option<Bag>);
 struct Bag {
     recorder: Recorder,
     frames: Arc<Mutex<FrameRecording>>,
-    stop: Stop,
 }
 
 impl Recording {
-    /// Begins a bag at `path`, if one is given: an `.mcap` file, or else a folder. Ctrl-C then ends
-    /// the mission, so that the bag can be ended in order.
+    /// Begins a bag at `path`, if one is given: an `.mcap` file, or else a folder.
     ///
     /// # Errors
     /// [`WriteError`] when something is there already or cannot be made.
     pub(super) fn start(path: Option<&Path>) -> Result<Self, WriteError> {
         let Some(path) = path else { return Ok(Self(None)) };
-        let stop = Stop::on_signal().map_err(|source| WriteError::Create { path: path.to_owned(), source })?;
-        Ok(Self(Some(Bag { recorder: Recorder::start(path)?, frames: Arc::default(), stop })))
+        Ok(Self(Some(Bag { recorder: Recorder::start(path)?, frames: Arc::default() })))
     }
 
     /// Ends the bag.
@@ -50,6 +46,6 @@ impl MissionObserver for Recording {
             let mut frames = frames.lock().unwrap_or_else(PoisonError::into_inner);
             frames.write(file, &frame, map_from_base.as_ref())
         });
-        if bag.stop.is_set() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        ControlFlow::Continue(())
     }
 }

@@ -7,7 +7,7 @@ use fht_client::{ReplicaConfig, ServerPathsConfig};
 use fht_perception::robot::SilenceConfig;
 use fht_program::flags::ConfigArgs;
 use fht_program::{ConfigError, RobotConfig};
-use fht_proto::{Footprint, MapName};
+use fht_proto::{Footprint, MapName, RobotName};
 use fht_session::SessionConfig;
 use fht_sim::SimConfig;
 use fht_worker::Taking;
@@ -76,12 +76,12 @@ impl ClientFile {
     pub(super) fn with_robot(mut self, args: &RobotArgs) -> Self {
         self.robot.name = args.robot.clone().or(self.robot.name);
         self.robot.model = args.model.clone().or(self.robot.model);
-        self.robot.cameras &= !args.no_camera;
+        self.robot.cameras &= !args.no_cameras;
         self.sim.light_seed = args.light_seed.unwrap_or(self.sim.light_seed);
         if !self.robot.cameras {
             self.sim.camera_every = 0;
         }
-        self.client.pilot.max_time_s = args.max_time_s.unwrap_or(self.client.pilot.max_time_s);
+        self.client.pilot.max_time_s = args.max_sim.unwrap_or(self.client.pilot.max_time_s);
         self.client.pilot.seed = args.setup.seed;
         self
     }
@@ -93,7 +93,7 @@ impl ClientFile {
 
     /// The robot's name.
     pub(super) fn name(&self) -> &str {
-        self.robot.name.as_deref().unwrap_or(DEFAULT_ROBOT)
+        self.robot.name.as_ref().map_or(DEFAULT_ROBOT, RobotName::as_str)
     }
 }
 
@@ -211,6 +211,6 @@ mod tests {
     fn the_example_loads() {
         let example = concat!(env!("CARGO_MANIFEST_DIR"), "/../deploy/robot.toml");
         let file: ClientFile = fht_program::load(Path::new(example)).unwrap();
-        assert_eq!(file.robot.name.as_deref(), Some("amr-7"));
+        assert_eq!(file.robot.name.as_ref().map(RobotName::as_str), Some("amr-7"));
     }
 }

@@ -3,7 +3,10 @@
 use crate::queries::{AskError, ask_async, ask_head_async};
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Head, Series};
-use fht_proto::{AuthorId, CodecError, Digest, Increment, MapName, Op, VersionVector, decode, encode};
+use fht_proto::{
+    AuthorId, CodecError, Digest, Increment, MapName, Op, ParseIdError, RobotName, VersionVector, decode, encode,
+};
+use fht_session::in_words;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use zenoh::Session;
 use zenoh::bytes::Encoding;
@@ -22,8 +25,11 @@ const TRIES: usize = 5;
 #[non_exhaustive]
 pub enum NotWritten {
     /// Zenoh refused.
-    #[error("Zenoh refuses: {0}")]
+    #[error("Zenoh refuses: {}", in_words(.0))]
     Zenoh(#[from] zenoh::Error),
+    /// The author's name is none.
+    #[error(transparent)]
+    Name(#[from] ParseIdError),
     /// The server did not say what it has.
     #[error(transparent)]
     Ask(#[from] AskError),
@@ -95,7 +101,7 @@ async fn head_of(session: &Session, map: &MapName, author: &Authorship<'_>) -> R
 /// # Errors
 /// [`NotWritten`].
 pub async fn write(session: &Session, map: &MapName, by: Authorship<'_>, ops: Vec<Op>) -> Result<Head, NotWritten> {
-    let author = AuthorId::of_robot(by.name);
+    let author = AuthorId::of_robot(by.name.parse::<RobotName>()?.as_str());
     let refused = Key::refused(map, author).to_string();
     let refusals = session.declare_subscriber(refused).with(RingChannel::new(4)).await?;
     for _ in 0..TRIES {

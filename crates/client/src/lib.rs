@@ -53,7 +53,7 @@ pub use own_paths::{entry_node, rules_of_own, with_entry};
 pub use path_reply::{UnusablePath, planned, planned_between};
 pub use paths::{PathQuestion, ServerPaths, ServerPathsConfig, ask_path};
 pub use planned_path::{PathPoint, PathSource, PlannedPath, Planner};
-pub use presence::{InvalidRobotName, PoseReport, Presence, check_robot_name};
+pub use presence::{PoseReport, Presence};
 pub use queries::{AskError, ask, ask_async, ask_head, ask_head_async, ask_json_async, read_head};
 pub use replica::{LiveReplica, ReplicaConfig, ReplicaError};
 pub use staleness::{Staleness, StalenessConfig, StalenessStep};

@@ -2,32 +2,18 @@
 //! pass.
 
 use fht_perception::pose::Pose2;
-use fht_proto::MapName;
 use fht_proto::api::fleet::{BlockedReport, LocalizationState, RobotPose, RobotRole, RobotStatus};
 use fht_proto::api::keys::{Key, RobotTopic};
 use fht_proto::model::version::VersionVector;
+use fht_proto::{MapName, ParseIdError, RobotName};
 use std::time::{SystemTime, UNIX_EPOCH};
 use zenoh::bytes::Encoding;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::qos::CongestionControl;
 use zenoh::{Session, Wait};
 
-/// The text is not the name of a robot.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("robot name '{0}' is not 1 to 64 letters, digits, '_' or '-'")]
-pub struct InvalidRobotName(pub String);
-
 fn token_key(map: &MapName, robot: &str) -> String {
     Key::Robot { map: map.clone(), robot: robot.to_owned() }.to_string()
-}
-
-/// Checks that a robot of this name can say something on `map`.
-///
-/// # Errors
-/// [`InvalidRobotName`].
-pub fn check_robot_name(map: &MapName, robot: &str) -> Result<(), InvalidRobotName> {
-    let is_name = token_key(map, robot).parse::<Key>().is_ok();
-    if is_name { Ok(()) } else { Err(InvalidRobotName(robot.to_owned())) }
 }
 
 /// Where a robot is, as far as it knows.
@@ -67,10 +53,10 @@ impl Presence {
     /// Checks the name; says nothing yet.
     ///
     /// # Errors
-    /// [`InvalidRobotName`].
-    pub fn new(session: &Session, map: &MapName, robot: &str, role: RobotRole) -> Result<Self, InvalidRobotName> {
-        check_robot_name(map, robot)?;
-        Ok(Self { session: session.clone(), map: map.clone(), robot: robot.to_owned(), role })
+    /// When it is no [`RobotName`].
+    pub fn new(session: &Session, map: &MapName, robot: &str, role: RobotRole) -> Result<Self, ParseIdError> {
+        let name: RobotName = robot.parse()?;
+        Ok(Self { session: session.clone(), map: map.clone(), robot: name.into(), role })
     }
 
     /// The robot's name.

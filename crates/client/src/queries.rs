@@ -12,7 +12,7 @@ use zenoh::{Session, Wait};
 #[derive(Debug, thiserror::Error)]
 pub enum AskError {
     /// Zenoh refused.
-    #[error("the question cannot be put: {0}")]
+    #[error("the question cannot be put: {}", fht_session::in_words(.0))]
     Zenoh(#[from] zenoh::Error),
     /// Nobody answered in time.
     #[error("no map-server answered")]

@@ -29,7 +29,7 @@ use zenoh::{Session, Wait};
 #[derive(Debug, thiserror::Error)]
 pub enum ReplicaError {
     /// Zenoh refused.
-    #[error("the map cannot be subscribed: {0}")]
+    #[error("the map cannot be subscribed: {}", fht_session::in_words(.0))]
     Zenoh(#[from] zenoh::Error),
     /// The thread could not be started.
     #[error("no thread for the replica: {0}")]

@@ -1,14 +1,11 @@
 //! From an endpoint and a name to a map.
 
 use crate::map::{Inner, Map};
-use fht_client::{
-    AskError, FreeSpaceCache, InvalidRobotName, LiveReplica, Presence, ReplicaConfig, ReplicaError, ask_head_async,
-    check_robot_name,
-};
+use fht_client::{AskError, FreeSpaceCache, LiveReplica, Presence, ReplicaConfig, ReplicaError, ask_head_async};
 use fht_proto::api::fleet::RobotRole;
 use fht_proto::api::reply::{ErrorCode, Head};
-use fht_proto::{Footprint, MapName};
-use fht_session::{SessionConfig, SessionError, open_within};
+use fht_proto::{Footprint, MapName, ParseIdError, RobotName};
+use fht_session::{SessionConfig, SessionError, in_words, open_within};
 use std::future::{Future, IntoFuture};
 use std::path::PathBuf;
 use std::pin::Pin;
@@ -62,7 +59,7 @@ pub enum OpenError {
     MapName(String),
     /// The text is not the name of a robot.
     #[error(transparent)]
-    RobotName(#[from] InvalidRobotName),
+    RobotName(#[from] ParseIdError),
     /// The runtime has one thread only, which Zenoh would block.
     #[error("Zenoh needs a multi-threaded Tokio runtime: #[tokio::main(flavor = \"multi_thread\")]")]
     Runtime,
@@ -98,7 +95,7 @@ pub enum OpenError {
         waited: Duration,
     },
     /// Zenoh refused.
-    #[error("Zenoh refuses: {0}")]
+    #[error("Zenoh refuses: {}", in_words(.0))]
     Zenoh(#[from] zenoh::Error),
 }
 
@@ -117,9 +114,9 @@ pub struct Connect {
 }
 
 impl Connect {
-    /// Connects as the robot of this name: 1 to 64 letters, digits, `_` or `-`, and no other
-    /// robot's. The others see that it is there for as long as the [`Map`] lives; once a second it
-    /// publishes where it is and which state of the map it has.
+    /// Connects as the robot of this name: 1 to 64 of `a-z A-Z 0-9 _ -`, and no other robot's. The
+    /// others see that it is there for as long as the [`Map`] lives; once a second it publishes
+    /// where it is and which state of the map it has.
     pub fn robot(mut self, name: impl Into<String>) -> Self {
         self.robot = Some(name.into());
         self
@@ -170,7 +167,7 @@ impl Connect {
         }
         let name: MapName = self.map.parse().map_err(|error| OpenError::MapName(format!("{error}")))?;
         if let Some(robot) = &self.robot {
-            check_robot_name(&name, robot)?;
+            robot.parse::<RobotName>()?;
         }
         let deadline = Instant::now() + self.timeout;
         let link = SessionConfig::from_options(self.endpoints, self.zenoh_config);

@@ -36,7 +36,7 @@ impl Map {
 
 /// The robots cannot be watched.
 #[derive(Debug, thiserror::Error)]
-#[error("the robots cannot be watched: {0}")]
+#[error("the robots cannot be watched: {}", fht_session::in_words(.0))]
 pub struct WatchError(#[from] zenoh::Error);
 
 /// What happened to a robot, or what it said.

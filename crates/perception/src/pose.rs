@@ -1,6 +1,7 @@
 //! SE(2) poses. A name `a_from_b` transforms coordinates in frame `b` to frame `a`; frames are
 //! REP-105's `map`, `odom` and `base` (base_link), and `sensor`.
 
+use fht_proto::api::reply::parse_angle;
 use fht_proto::{FixedPoint, FixedPose};
 use nalgebra::{Isometry2, Vector2};
 
@@ -39,19 +40,18 @@ pub fn from_fixed(fixed: FixedPose) -> Pose2 {
     pose(fixed.position.x(), fixed.position.y(), fixed.yaw())
 }
 
-/// Reads `x,y,yaw` or `x,y`: metres and radians.
+/// Reads `x,y,yaw` or `x,y`: metres, and an angle as [`parse_angle`] reads it. People write poses
+/// so; programs write radians, as `{x},{y},{yaw}rad`.
 ///
 /// # Errors
 /// A sentence with the text.
 pub fn parse(text: &str) -> Result<Pose2, String> {
-    let numbers: Vec<f64> = text
-        .split(',')
-        .map(|part| part.trim().parse::<f64>().ok().filter(|value| value.is_finite()))
-        .collect::<Option<_>>()
-        .ok_or_else(|| format!("'{text}' is not x,y,yaw"))?;
-    match *numbers.as_slice() {
-        [x, y, yaw] => Ok(pose(x, y, yaw)),
-        [x, y] => Ok(pose(x, y, 0.0)),
-        _ => Err(format!("'{text}' is not x,y,yaw")),
-    }
+    let number = |part: &str| part.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+    let parts: Vec<&str> = text.split(',').collect();
+    let read = match *parts.as_slice() {
+        [x, y, yaw] => number(x).zip(number(y)).zip(parse_angle(yaw)).map(|((x, y), yaw)| pose(x, y, yaw)),
+        [x, y] => number(x).zip(number(y)).map(|(x, y)| pose(x, y, 0.0)),
+        _ => None,
+    };
+    read.ok_or_else(|| format!("'{text}' is not x,y,yaw in metres and degrees (or radians: 1.57rad)"))
 }

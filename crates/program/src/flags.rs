@@ -90,6 +90,12 @@ pub struct ConnectArgs {
     /// it says.
     #[arg(long, value_name = "FILE")]
     pub zenoh_config: Option<PathBuf>,
+    /// Wait so long, from the start on, for the server, and for the map and the place that it is
+    /// asked for; 'inf' is for ever. What is waited for is said every five seconds [default: a
+    /// robot that maps or drives waits for ever to be connected, and everything else 10 seconds for
+    /// the server; what the server does not have is not waited for].
+    #[arg(long, value_name = "SECONDS", value_parser = wait)]
+    pub wait: Option<f64>,
 }
 
 impl ConnectArgs {
@@ -98,7 +104,7 @@ impl ConnectArgs {
     /// own.
     #[must_use]
     pub fn over(&self, file: &SessionConfig) -> SessionConfig {
-        let Self { connect, zenoh_config } = self.clone();
+        let Self { connect, zenoh_config, .. } = self.clone();
         match (connect.is_empty(), zenoh_config) {
             (true, None) => file.clone(),
             (true, given) => SessionConfig { connect, zenoh_config: given },
@@ -138,6 +144,31 @@ impl ReportArgs {
     }
 }
 
+/// Completions for a shell.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = COMPLETIONS)]
+pub struct CompletionsArgs {
+    /// The shell.
+    shell: clap_complete::Shell,
+}
+
+/// All programs have this subcommand; the examples are those of one.
+const COMPLETIONS: &str = "\
+Examples:
+  map-server completions bash > /etc/bash_completion.d/map-server
+  mapper completions zsh > ~/.zfunc/_mapper
+  client-robot completions fish > ~/.config/fish/completions/client-robot.fish
+  handoff completions bash";
+
+impl CompletionsArgs {
+    /// Prints the completions of a program.
+    pub fn print<C: CommandFactory>(&self) {
+        let mut command = C::command();
+        let name = command.get_name().to_owned();
+        clap_complete::generate(self.shell, &mut command, name, &mut std::io::stdout());
+    }
+}
+
 /// `text` as a number within `range`.
 ///
 /// # Errors
@@ -145,6 +176,14 @@ impl ReportArgs {
 pub fn number(text: &str, range: RangeInclusive<f64>) -> Result<f64, String> {
     let value = text.parse::<f64>().ok().filter(|value| range.contains(value));
     value.ok_or_else(|| format!("'{text}' is not a number from {} to {}", range.start(), range.end()))
+}
+
+/// `text` as seconds to wait: from 0 to 10⁷, or `inf`.
+///
+/// # Errors
+/// A sentence that names both.
+pub fn wait(text: &str) -> Result<f64, String> {
+    if text == "inf" { Ok(f64::INFINITY) } else { seconds(text).map_err(|error| format!("{error}, nor inf")) }
 }
 
 /// `text` as seconds, from 0 to 10⁷.
@@ -163,7 +202,7 @@ mod tests {
         let file = SessionConfig { connect: vec!["tcp/file:1".to_owned()], zenoh_config: Some("file.json5".into()) };
         let connect = connect.iter().map(ToString::to_string).collect();
         let SessionConfig { connect, zenoh_config } =
-            ConnectArgs { connect, zenoh_config: zenoh_config.map(Into::into) }.over(&file);
+            ConnectArgs { connect, zenoh_config: zenoh_config.map(Into::into), wait: None }.over(&file);
         (connect, zenoh_config)
     }
 
@@ -177,6 +216,7 @@ mod tests {
 
     #[test]
     fn numbers_that_make_no_sense_are_refused() {
+        assert_eq!((wait("inf"), wait("2"), wait("-1").is_err()), (Ok(f64::INFINITY), Ok(2.0), true));
         assert_eq!(seconds("1.5"), Ok(1.5));
         for text in ["nan", "inf", "-1", "1e300", "soon"] {
             assert_eq!(seconds(text), Err(format!("'{text}' is not a number from 0 to 10000000")));

@@ -6,7 +6,8 @@
 //! | `sections` | `cli` | sections of that file that several programs read |
 //! | `flags` | `cli` | flags that several programs have, and what a wrong one ends in |
 //! | `logging` | `cli` | logs on standard error |
-//! | [`Stop`] | – | ending when asked to, with files in order |
+//! | [`Waiting`] | – | how long a server, a map or a place is waited for |
+//! | [`Stop`] | – | ending soon when asked to, with files in order |
 //!
 //! A configuration is an ordinary structure:
 //!
@@ -50,6 +51,7 @@ pub mod logging;
 #[cfg(feature = "cli")]
 mod sections;
 pub mod stop;
+mod waiting;
 
 #[cfg(feature = "config")]
 pub use config::{
@@ -57,7 +59,8 @@ pub use config::{
 };
 #[cfg(feature = "cli")]
 pub use sections::RobotConfig;
-pub use stop::Stop;
+pub use stop::{Order, Stop, StopSignal};
+pub use waiting::{Patience, Waiting};
 
 /// A runtime for a program, of `threads` threads. Zenoh brings its own threads but wants to be
 /// opened from a multi-threaded runtime.

@@ -1,6 +1,6 @@
 //! Sections of the configuration file that several programs read.
 
-use fht_proto::{Footprint, MapName};
+use fht_proto::{Footprint, MapName, RobotName};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -9,9 +9,10 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RobotConfig {
-    /// The robot's name (`--robot`): 1 to 64 letters, digits, `_` or `-`, for each robot another
-    /// one. Default `explorer` for `mapper`, `client` for `client-robot`.
-    pub name: Option<String>,
+    /// The robot's name (`--robot`): 1 to 64 of the letters a to z and A to Z, digits, `_` or `-`,
+    /// for each robot another one. Default `explorer` for `mapper`, `client` for `client-robot`.
+    #[schemars(with = "Option<String>")]
+    pub name: Option<RobotName>,
     /// The map's name (`--map`). Default: that of the world or bag for `mapper`, `museum` for
     /// `client-robot`.
     #[schemars(with = "Option<String>")]
@@ -22,7 +23,7 @@ pub struct RobotConfig {
     /// The ground that the robot covers. The clearances of `client-robot` follow from it, unless
     /// the file states them. Default: the paper's robot, of 0.105 m radius.
     pub footprint: Footprint,
-    /// Whether the robot uses its cameras (`--no-cameras`, `--no-camera`). Default true.
+    /// Whether the robot uses its cameras (`--no-cameras`). Default true.
     pub cameras: bool,
 }
 

@@ -1,56 +1,268 @@
-//! Ending a program when it is asked to, with its files in order.
+//! Ending a program when it is asked to: soon, and with its files in order.
+//!
+//! A program installs [`Stop::on_signal`] first of all. Until it holds an [`Order`], the first
+//! signal ends it at once: it has nothing that must be put in order. While it holds one, the signal
+//! sets the flag, and the program ends itself; it is ended when that takes too long, or when it is
+//! asked again.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+mod parent;
+
+pub use parent::{PARENT_VARIABLE, end_with_parent};
+
+use std::io::{IsTerminal, Write};
+use std::process::ExitCode;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::Duration;
+use tokio::sync::watch;
+
+/// How long a program may take to put its files in order after it was asked to end.
+const GRACE: Duration = Duration::from_secs(5);
+
+/// What asks a program to end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopSignal {
+    /// Ctrl-C (SIGINT).
+    Interrupt,
+    /// A polite `kill` (SIGTERM), or the end of the program that has started this one.
+    Terminate,
+}
+
+impl StopSignal {
+    /// What an interrupted program ends with: 128 and the signal's number, as shells have it.
+    #[must_use]
+    pub fn exit_code(self) -> u8 {
+        match self {
+            Self::Interrupt => 130,
+            Self::Terminate => 143,
+        }
+    }
+}
+
+type LastAct = Box<dyn FnOnce() + Send>;
+
+#[derive(Default)]
+struct Work {
+    /// What the program is doing, to be said when it is interrupted.
+    doing: String,
+    orders: usize,
+    last_acts: Vec<LastAct>,
+}
 
 /// Whether the program was asked to end. Copies are one flag.
-#[derive(Clone, Debug, Default)]
-pub struct Stop(Arc<AtomicBool>);
+#[derive(Clone)]
+pub struct Stop {
+    asked: Arc<watch::Sender<Option<StopSignal>>>,
+    work: Arc<Mutex<Work>>,
+}
+
+impl Default for Stop {
+    fn default() -> Self {
+        Self { asked: Arc::new(watch::Sender::new(None)), work: Arc::default() }
+    }
+}
+
+impl std::fmt::Debug for Stop {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Stop").field(&self.asked()).finish()
+    }
+}
+
+/// Says something on standard error, if anybody still reads that.
+fn say(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+/// Held while a program has something to put in order before it ends.
+#[must_use]
+#[derive(Debug)]
+pub struct Order(Stop);
+
+impl Drop for Order {
+    fn drop(&mut self) {
+        self.0.work().orders -= 1;
+    }
+}
 
 impl Stop {
-    /// A flag that Ctrl-C (and a polite `kill`) sets. Whoever asks twice ends the program at once.
+    /// The flag of this process, which Ctrl-C (and a polite `kill`) sets. It is made once; later
+    /// calls return the same one. `program` says its name when it is interrupted.
     ///
     /// # Errors
     /// When the system gives no thread or no signal handler.
-    pub fn on_signal() -> std::io::Result<Self> {
-        let stop = Self::default();
-        let flag = stop.clone();
+    pub fn on_signal(program: &str) -> std::io::Result<Self> {
+        static MADE: OnceLock<Stop> = OnceLock::new();
+        if let Some(made) = MADE.get() {
+            return Ok(made.clone());
+        }
+        let (stop, program) = (Self::default(), program.to_owned());
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-            runtime.block_on(async {
-                stop_requested().await;
-                flag.set();
-                stop_requested().await;
-                std::process::exit(130);
-            });
-        })?;
-        Ok(stop)
+        let mut signals = runtime.block_on(async { Signals::new() })?;
+        let watched = stop.clone();
+        std::thread::Builder::new()
+            .name("signals".to_owned())
+            .spawn(move || runtime.block_on(watched.obey(&program, &mut signals)))?;
+        Ok(MADE.get_or_init(|| stop).clone())
     }
 
-    /// Asks the program to end.
+    /// Waits for the first request, and sees to it that the program ends.
+    async fn obey(&self, program: &str, signals: &mut Signals) {
+        let by_others = self.requested();
+        tokio::select! {
+            signal = signals.next() => self.request(signal),
+            () = by_others => {}
+        }
+        if self.work().orders == 0 {
+            self.say_interrupted(program);
+        } else {
+            tokio::select! {
+                _ = signals.next() => say(&format!("{program}: asked twice: it ends at once")),
+                () = tokio::time::sleep(GRACE) => {
+                    say(&format!("{program}: its files are not in order after {} s: it ends", GRACE.as_secs()));
+                }
+            }
+        }
+        self.leave();
+    }
+
+    fn say_interrupted(&self, program: &str) {
+        // There may be a progress bar.
+        let break_line = if std::io::stderr().is_terminal() { "\n" } else { "" };
+        let doing = self.work().doing.clone();
+        let during = if doing.is_empty() { String::new() } else { format!(" while {doing}") };
+        say(&format!("{break_line}{program}: interrupted{during}"));
+    }
+
+    fn work(&self) -> MutexGuard<'_, Work> {
+        self.work.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Says what the program is doing, such as `waiting for a server`: what it was interrupted
+    /// while it did.
+    pub fn doing(&self, what: impl Into<String>) {
+        self.work().doing = what.into();
+    }
+
+    /// From here on, until what is returned is dropped, the program ends itself when the flag is
+    /// set.
+    pub fn in_order(&self) -> Order {
+        self.work().orders += 1;
+        Order(self.clone())
+    }
+
+    /// Has `act` carried out when the program is interrupted: a temporary folder is removed, a
+    /// child is ended. A program that ends otherwise sees to that itself.
+    pub fn finally(&self, act: impl FnOnce() + Send + 'static) {
+        self.work().last_acts.push(Box::new(act));
+    }
+
+    /// Carries out the last acts and ends the process, with the signal's code. Whoever comes second
+    /// waits for the first.
+    pub fn leave(&self) -> ! {
+        let mut work = self.work();
+        let acts = std::mem::take(&mut work.last_acts);
+        acts.into_iter().rev().for_each(|act| act());
+        std::process::exit(self.asked().unwrap_or(StopSignal::Interrupt).exit_code().into());
+    }
+
+    /// Asks the program to end, as `signal` would. The first request counts.
+    pub fn request(&self, signal: StopSignal) {
+        self.asked.send_if_modified(|asked| {
+            let is_first = asked.is_none();
+            asked.get_or_insert(signal);
+            is_first
+        });
+    }
+
+    /// Asks the program to end, as Ctrl-C would.
     pub fn set(&self) {
-        self.0.store(true, Ordering::Relaxed);
+        self.request(StopSignal::Interrupt);
+    }
+
+    /// What has asked the program to end.
+    #[must_use]
+    pub fn asked(&self) -> Option<StopSignal> {
+        *self.asked.borrow()
     }
 
     /// Whether the program was asked to end.
     #[must_use]
     pub fn is_set(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        self.asked().is_some()
+    }
+
+    /// Waits until the program is asked to end.
+    pub async fn requested(&self) {
+        // The sender is alive as long as this is.
+        let _ = self.asked.subscribe().wait_for(Option::is_some).await;
+    }
+
+    /// What the program ends with if it was asked to end.
+    #[must_use]
+    pub fn exit_code(&self) -> Option<ExitCode> {
+        self.asked().map(|signal| ExitCode::from(signal.exit_code()))
     }
 }
 
-/// Waits until the program is asked to end: by Ctrl-C or SIGTERM.
-pub async fn stop_requested() {
+/// The signals that ask a program to end.
+struct Signals {
     #[cfg(unix)]
-    {
+    interrupt: tokio::signal::unix::Signal,
+    #[cfg(unix)]
+    terminate: tokio::signal::unix::Signal,
+}
+
+#[cfg(unix)]
+impl Signals {
+    fn new() -> std::io::Result<Self> {
         use tokio::signal::unix::{SignalKind, signal};
-        if let Ok(mut terminate) = signal(SignalKind::terminate()) {
-            tokio::select! {
-                _ = terminate.recv() => {}
-                _ = tokio::signal::ctrl_c() => {}
-            }
-            return;
+        Ok(Self { interrupt: signal(SignalKind::interrupt())?, terminate: signal(SignalKind::terminate())? })
+    }
+
+    async fn next(&mut self) -> StopSignal {
+        tokio::select! {
+            _ = self.interrupt.recv() => StopSignal::Interrupt,
+            _ = self.terminate.recv() => StopSignal::Terminate,
         }
     }
-    let _ = tokio::signal::ctrl_c().await;
+}
+
+#[cfg(not(unix))]
+impl Signals {
+    fn new() -> std::io::Result<Self> {
+        Ok(Self {})
+    }
+
+    async fn next(&mut self) -> StopSignal {
+        let _ = tokio::signal::ctrl_c().await;
+        StopSignal::Interrupt
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    #[test]
+    fn the_first_request_counts() {
+        let stop = Stop::default();
+        assert_eq!((stop.is_set(), stop.asked()), (false, None));
+        stop.clone().request(StopSignal::Terminate);
+        stop.set();
+        assert_eq!((stop.is_set(), stop.asked()), (true, Some(StopSignal::Terminate)));
+        let runtime = tokio::runtime::Builder::new_current_thread().build();
+        runtime.unwrap_or_else(|error| panic!("{error}")).block_on(stop.requested());
+    }
+
+    #[test]
+    fn what_must_be_put_in_order_is_counted() {
+        static ACTS: AtomicUsize = AtomicUsize::new(0);
+        let stop = Stop::default();
+        stop.finally(|| _ = ACTS.fetch_add(1, Ordering::Relaxed));
+        let (one, two) = (stop.in_order(), stop.in_order());
+        assert_eq!(stop.work().orders, 2);
+        drop(one);
+        drop(two);
+        assert_eq!((stop.work().orders, ACTS.load(Ordering::Relaxed)), (0, 0), "a last act is for interrupts");
+    }
 }

@@ -40,10 +40,8 @@ pub enum ConfigurationError {
 /// [`ConfigurationError::File`].
 pub fn read_config(file: Option<&Path>) -> Result<Config, ConfigurationError> {
     let Some(file) = file else { return Ok(Config::default()) };
-    Config::from_file(file).map_err(|error| ConfigurationError::File {
-        file: file.to_owned(),
-        reason: trouble::without_source_paths(&error.to_string()),
-    })
+    Config::from_file(file)
+        .map_err(|error| ConfigurationError::File { file: file.to_owned(), reason: trouble::in_words(&error) })
 }
 
 /// Sets a list of endpoints (`connect/endpoints`, `listen/endpoints`). `HOST:PORT` is
@@ -74,7 +72,7 @@ pub fn set(config: &mut Config, key: &'static str, value: &str) -> Result<(), Co
     config.insert_json5(key, value).map_err(|error| ConfigurationError::Refused {
         key,
         value: value.to_owned(),
-        reason: trouble::without_source_paths(&error.to_string()),
+        reason: trouble::in_words(&error),
     })
 }
 

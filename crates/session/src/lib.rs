@@ -37,5 +37,5 @@ mod waiting;
 pub use configuration::{ConfigurationError, read_config, set, set_default, set_endpoints};
 pub use credentials::CredentialError;
 pub use robot_session::{SessionConfig, SessionError, open, open_within};
-pub use trouble::without_source_paths;
+pub use trouble::{in_words, without_source_paths};
 pub use waiting::{ConnectError, open_configured};

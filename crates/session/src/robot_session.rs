@@ -37,6 +37,16 @@ impl SessionConfig {
     pub fn from_options(connect: Vec<String>, zenoh_config: Option<PathBuf>) -> Self {
         Self { connect, zenoh_config }
     }
+
+    /// Where the server is looked for, to be told to people: endpoints, or the file that says it.
+    #[must_use]
+    pub fn places(&self) -> String {
+        match &self.zenoh_config {
+            _ if !self.connect.is_empty() => self.connect.join(", "),
+            Some(file) => format!("what {} says", file.display()),
+            None => DEFAULT_ENDPOINT.to_owned(),
+        }
+    }
 }
 
 /// Why there is no session.
@@ -55,7 +65,7 @@ pub enum SessionError {
 
 /// Opens the session of a robot or tool: a client of the server or router that `link` names.
 ///
-/// It waits until a server is there, for as long as that takes, and logs every half minute why it
+/// It waits until a server is there, for as long as that takes, and logs every five seconds why it
 /// still waits. A Zenoh client can do nothing without its router; a peer would not wait, but would
 /// not hear other robots through the router either. Only a file whose `connect.timeout_ms` is not
 /// −1 ends the wait.
@@ -119,6 +129,7 @@ mod tests {
     #[test]
     fn without_options_the_server_is_on_this_machine() {
         assert_eq!(endpoints(&config(&SessionConfig::default()).unwrap()), [DEFAULT_ENDPOINT]);
+        assert_eq!(SessionConfig::default().places(), DEFAULT_ENDPOINT);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! trial session that does not wait does.
 
 use crate::attempt::attempt;
+use std::borrow::Cow;
 use zenoh::Config;
 
 /// Why a session with `config` cannot be opened at each of `endpoints`, tried one after the other.
@@ -10,7 +11,7 @@ pub async fn reasons(config: &Config, endpoints: &[String]) -> String {
     for endpoint in endpoints {
         let reason = match trial(config, endpoint).await {
             Ok(()) => "there is one now".to_owned(),
-            Err(error) => without_source_paths(&error.to_string()),
+            Err(error) => in_words(&error),
         };
         reasons.push(match hint(&reason) {
             Some(hint) => format!("{endpoint}: {hint} ({reason})"),
@@ -50,8 +51,52 @@ fn hint(reason: &str) -> Option<&'static str> {
     kinds.iter().find(|(texts, _)| texts.iter().any(|text| reason.contains(text))).map(|(_, hint)| *hint)
 }
 
-/// `text` without the source location that Zenoh's errors end in.
+/// What Zenoh says went wrong, for people: without the places in its source, which its errors name.
 #[must_use]
-pub fn without_source_paths(text: &str) -> String {
-    text.split(" at /").next().unwrap_or(text).trim_end_matches(['.', ' ']).to_owned()
+pub fn in_words(error: &zenoh::Error) -> String {
+    let text = error.to_string();
+    let end = place(&text).map_or(text.len(), |(begin, _)| begin);
+    text.get(..end).unwrap_or(&text).trim_end_matches(['.', ' ']).to_owned()
+}
+
+/// A text, such as a line of a log, without the places in Zenoh's source that stand in it.
+#[must_use]
+pub fn without_source_paths(text: &str) -> Cow<'_, str> {
+    let (mut rest, mut cleaned) = (text, String::new());
+    while let Some((begin, end)) = place(rest) {
+        cleaned.push_str(rest.get(..begin).unwrap_or_default());
+        rest = rest.get(end..).unwrap_or_default();
+    }
+    if rest.len() == text.len() { Cow::Borrowed(text) } else { Cow::Owned(cleaned + rest) }
+}
+
+/// Where the first ` at FILE.rs:LINE` begins and ends in a text, bytes.
+fn place(text: &str) -> Option<(usize, usize)> {
+    const AT: &str = " at ";
+    text.match_indices(AT).find_map(|(begin, _)| {
+        let rest = text.get(begin + AT.len()..)?;
+        let word = rest.split([' ', '\n', ']', ')', ';', ',']).next()?;
+        let line = word.split_once(".rs:").map(|(_, line)| line.chars().take_while(char::is_ascii_digit).count())?;
+        let end = word.find(".rs:")? + ".rs:".len() + line;
+        (line > 0).then_some((begin, begin + AT.len() + end))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_in_the_source_are_not_for_people() {
+        let said = "No link at /home/ci/.cargo/registry/src/zenoh-1.10.2/src/link.rs:123. - Caused by refused \
+                    at C:\\src\\a.rs:7.";
+        assert_eq!(without_source_paths(said), "No link. - Caused by refused.");
+        let error: zenoh::Error = said.into();
+        assert_eq!(in_words(&error), "No link");
+        for plain in ["nobody listens at tcp/hall:7447", "at home.rs: nothing", ""] {
+            assert_eq!(without_source_paths(plain), plain);
+        }
+        let listed = "[refused at /src/a.rs:1., at rest] at src/b.rs:22.\n";
+        assert_eq!(without_source_paths(listed), "[refused., at rest].\n");
+    }
 }

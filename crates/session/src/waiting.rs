@@ -9,7 +9,7 @@ use zenoh::{Config, Session};
 /// If opening takes longer than this, the reason is logged.
 const REMARK_AFTER: Duration = Duration::from_secs(3);
 /// … and again after each such time, until the session is open.
-const REMARK_EVERY: Duration = Duration::from_secs(30);
+const REMARK_EVERY: Duration = Duration::from_secs(5);
 
 /// Between two attempts to open a session, at first and at most.
 const FIRST_DELAY: Duration = Duration::from_millis(100);
@@ -36,7 +36,7 @@ pub enum ConnectError {
 /// Opens a session.
 ///
 /// A client that `config` lets wait (`connect.timeout_ms` of −1) tries all endpoints again and
-/// again, and logs every half minute why it still waits (`WARN`). With `patience`, any client does
+/// again, and logs every five seconds why it still waits (`WARN`). With `patience`, any client does
 /// so, and gives up after that time. A certificate that is refused is waited out as well, since the
 /// router may be given another authority; one that cannot be read is an error.
 ///
@@ -49,13 +49,12 @@ pub async fn open_configured(mut config: Config, patience: Option<Duration>) -> 
     let is = |key: &str, value: &str| config.get_json(key).is_ok_and(|set| set == value);
     let waits = is("mode", "\"client\"") && (patience.is_some() || is("connect/timeout_ms", FOREVER));
     let refused = |reason: String| ConnectError::Refused { endpoints: endpoints.clone(), reason };
-    let in_words = |error: zenoh::Error| trouble::without_source_paths(&error.to_string());
     if !waits || endpoints.is_empty() {
-        return attempt(config).await.map_err(|error| refused(in_words(error)));
+        return attempt(config).await.map_err(|error| refused(trouble::in_words(&error)));
     }
     // A client that Zenoh lets wait asks the first endpoint for ever and no other; one that does
     // not wait asks each once.
-    config.insert_json5("connect/timeout_ms", "0").map_err(|error| refused(in_words(error)))?;
+    config.insert_json5("connect/timeout_ms", "0").map_err(|error| refused(trouble::in_words(&error)))?;
     let begin = Instant::now();
     let trying = try_until_open(&config, &endpoints, begin + REMARK_AFTER);
     let Some(patience) = patience else { return Ok(trying.await) };
@@ -74,7 +73,7 @@ async fn try_until_open(config: &Config, endpoints: &[String], mut remark_at: In
             Ok(session) => return session,
             Err(error) => error,
         };
-        tracing::debug!("no session yet: {error}");
+        tracing::debug!("no session yet: {}", trouble::in_words(&error));
         if Instant::now() >= remark_at {
             tracing::warn!("waiting for a server: {}", trouble::reasons(config, endpoints).await);
             remark_at = Instant::now() + REMARK_EVERY;

@@ -19,14 +19,15 @@ pub struct SimSetup {
     /// Seed of the building's drawing.
     #[cfg_attr(feature = "cli", arg(long, default_value_t = 1))]
     pub world_seed: u64,
-    /// Where the robot begins: x,y,yaw in the world frame, metres and radians. It must fit there.
-    /// Default: the world's own start for an explorer; anywhere free, by the seed, for a robot that
-    /// uses a map.
-    #[cfg_attr(feature = "cli", arg(long, value_parser = fht_perception::pose::parse, allow_hyphen_values = true))]
+    /// Where the robot begins, in the world frame: x,y or x,y,yaw, metres and degrees (or radians:
+    /// 1.57rad). It must fit there. Default: the world's own start for an explorer; anywhere free,
+    /// by the seed, for a robot that uses a map.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "X,Y,YAW", value_parser = fht_perception::pose::parse, allow_hyphen_values = true))]
     pub start: Option<Pose2>,
-    /// Where the frame of a map that is joined or used truly lies: x,y,yaw in the world frame. For
-    /// scoring only. Default: the world's own start, where explorers begin.
-    #[cfg_attr(feature = "cli", arg(long, value_parser = fht_perception::pose::parse, allow_hyphen_values = true))]
+    /// Where the frame of a map that is joined or used truly lies, in the world frame: x,y,yaw,
+    /// metres and degrees (or radians: 1.57rad). For scoring only. Default: the world's own start,
+    /// where explorers begin.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "X,Y,YAW", value_parser = fht_perception::pose::parse, allow_hyphen_values = true))]
     pub map_origin: Option<Pose2>,
     /// Seed of the sensors' noise, of the wheels' errors, and of what the robot draws by lot.
     #[cfg_attr(feature = "cli", arg(long, default_value_t = 1))]

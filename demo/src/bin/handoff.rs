@@ -1,86 +1,34 @@
 //! The handoff demo, and the programs that it starts (`handoff role NAME -- ARGS`).
 
-use clap::{Parser, Subcommand};
+use clap::Parser;
 use fht_demo::run_role;
 use fht_demo::{Crew, HandoffConfig, HandoffReport, hand_off, map_name};
-use fht_demo::{Role, this_executable};
-use std::ffi::OsString;
-use std::path::PathBuf;
+use fht_demo::{HandoffArgs, HandoffCommand, leave_nothing_behind, this_executable};
+use fht_program::Stop;
 use std::process::ExitCode;
 
-/// Shows the whole loop: a robot maps a building, a server keeps the map, and a second robot,
-/// dropped somewhere unknown, finds out where it is and drives to a goal on a path that the server
-/// gave it.
-///
-/// Server, explorer and client are processes of their own that talk over Zenoh on this machine.
-#[derive(Debug, Parser)]
-#[command(
-    name = "handoff",
-    version,
-    args_conflicts_with_subcommands = true,
-    after_help = "Examples:
-  handoff                                  the built-in museum
-  handoff --world office --seed 3
-  handoff --explorers 2                    two explorers at once
-  handoff --succeed                        an explorer dies half-way, another one finishes the job
-  handoff --world floor/map.yaml --textures pictures/
-  handoff --keep                           the server stays up, for `zenoh get`"
-)]
-struct Cli {
-    #[command(subcommand)]
-    role: Option<RoleCommand>,
-    /// museum, office, or the path of a Nav2 map.yaml or a Gazebo .world.
-    #[arg(long, default_value = "museum")]
-    world: String,
-    /// Folder of pictures to paint the walls of a Nav2 map with.
-    #[arg(long)]
-    textures: Option<PathBuf>,
-    /// Seed of the drawing, the noise, the light, start and goal.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// So many explorers at once: they begin in one room, and divide the building among them.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=8), conflicts_with = "succeed")]
-    explorers: u8,
-    /// The explorer dies half-way (SIGKILL), and another one finishes the job.
-    #[arg(long)]
-    succeed: bool,
-    /// Where the server listens.
-    #[arg(long, default_value = "tcp/127.0.0.1:7447")]
-    listen: String,
-    /// Leave the server running at the end, until Ctrl-C.
-    #[arg(long)]
-    keep: bool,
-    /// Where the picture goes [default: handoff-WORLD-SEED.png].
-    #[arg(long)]
-    picture: Option<PathBuf>,
-    /// Write the figures to this file as JSON.
-    #[arg(long)]
-    json: Option<PathBuf>,
-    /// No progress bars.
-    #[arg(long, short)]
-    quiet: bool,
-}
-
-#[derive(Debug, Subcommand)]
-enum RoleCommand {
-    /// Runs one of the programs: map-server, mapper or client-robot.
-    Role {
-        /// Which.
-        role: Role,
-        /// Its arguments.
-        #[arg(last = true)]
-        args: Vec<OsString>,
-    },
-}
-
 fn main() -> ExitCode {
-    let cli = Cli::parse();
-    if let Some(RoleCommand::Role { role, args }) = cli.role {
-        return run_role(role, args);
+    let cli = HandoffArgs::parse();
+    match cli.command {
+        Some(HandoffCommand::Role { role, args }) => return run_role(role, args),
+        Some(HandoffCommand::Completions(shell)) => {
+            shell.print::<HandoffArgs>();
+            return ExitCode::SUCCESS;
+        }
+        None => {}
     }
-    match demo(&cli) {
+    let stop = match Stop::on_signal("handoff") {
+        Ok(stop) => stop,
+        Err(error) => {
+            eprintln!("handoff: signals cannot be handled: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    match demo(&cli, &stop) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
+        // What was killed failed.
+        Err(_) if stop.is_set() => stop.leave(),
         Err(message) => {
             eprintln!("handoff: {message}");
             ExitCode::FAILURE
@@ -88,12 +36,13 @@ fn main() -> ExitCode {
     }
 }
 
-fn demo(cli: &Cli) -> Result<bool, String> {
+fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, String> {
     let text = |error: &dyn std::fmt::Display| error.to_string();
     if std::net::TcpStream::connect(cli.listen.trim_start_matches("tcp/")).is_ok() {
         return Err(format!("something listens on {} already; choose another --listen", cli.listen));
     }
     let folder = tempfile::tempdir().map_err(|error| text(&error))?;
+    leave_nothing_behind(stop, folder.path());
     let map = map_name(&cli.world).map_err(|error| text(&error))?;
     let picture = cli.picture.clone().unwrap_or_else(|| format!("handoff-{map}-{}.png", cli.seed).into());
     let config = HandoffConfig {
@@ -112,9 +61,11 @@ fn demo(cli: &Cli) -> Result<bool, String> {
         progress: !cli.quiet,
     };
     let (report, server) = hand_off(&config).map_err(|error| text(&error))?;
+    // From here on only the server still runs, and it ends below.
+    let _order = stop.in_order();
     print_report(&report);
     println!("picture       {}", picture.display());
-    if let Some(file) = &cli.json {
+    if let Some(file) = &cli.report {
         let json = serde_json::to_string_pretty(&report).map_err(|error| text(&error))?;
         std::fs::write(file, json).map_err(|error| format!("{} cannot be written: {error}", file.display()))?;
     }
@@ -127,7 +78,7 @@ fn demo(cli: &Cli) -> Result<bool, String> {
         println!("Ctrl-C ends it.");
         let runtime =
             tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|error| text(&error))?;
-        runtime.block_on(tokio::signal::ctrl_c()).map_err(|error| text(&error))?;
+        runtime.block_on(stop.requested());
     }
     drop(server);
     Ok(report.is_success())
@@ -191,5 +142,8 @@ fn print_report(report: &HandoffReport) {
         metres(report.path_length_m),
         metres(report.shortest_length_m)
     );
-    println!("time          {:.0} s, of which {:.0} s exploring", report.wall_s, report.explore_wall_s);
+    println!(
+        "time          {:.0} s, of which {:.0} s exploring, {:.0} s of robot time",
+        report.wall_s, report.explore_wall_s, report.explore_sim_s
+    );
 }

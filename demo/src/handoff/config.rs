@@ -74,7 +74,7 @@ pub enum HandoffError {
     #[error(transparent)]
     Picture(#[from] PictureError),
     /// Zenoh failed.
-    #[error("zenoh: {0}")]
+    #[error("zenoh: {}", fht_session::in_words(.0))]
     Zenoh(#[from] zenoh::Error),
     /// A thread that followed an explorer failed: a defect.
     #[error("an explorer was not followed to its end")]

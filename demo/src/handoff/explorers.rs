@@ -129,7 +129,7 @@ fn args(
     args.extend(["--seed", &seed, "--light-seed", "0", "--progress-json", "--robot", &name(number)].map(Into::into));
     if number > 0 {
         let start = start_near(world, &world.start(), APART_M, config.seed + number as u64);
-        let start = format!("{},{},{}", start.translation.x, start.translation.y, start.rotation.angle());
+        let start = format!("{},{},{}rad", start.translation.x, start.translation.y, start.rotation.angle());
         args.extend(["--start", &start].map(Into::into));
     }
     if is_paced {

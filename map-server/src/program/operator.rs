@@ -3,7 +3,8 @@
 //!
 //! | module | idea |
 //! | --- | --- |
-//! | `command` | the subcommands |
+//! | `arguments` | the subcommands, as they are written |
+//! | `command` | … and carried out |
 //! | `words` | replies as text |
 //! | `asking` | the operator's session, and questions over it |
 //! | `write` | the operator's increments |
@@ -14,6 +15,7 @@
 //! | `merge` | two maps become one |
 //! | `error` | why a command failed |
 
+mod arguments;
 mod asking;
 mod command;
 mod error;
@@ -25,5 +27,5 @@ mod transfer;
 mod words;
 mod write;
 
-pub(super) use command::{Operation, OperatorArgs};
+pub(super) use arguments::{Operation, OperatorArgs};
 pub(super) use error::OperatorError;

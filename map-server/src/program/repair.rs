@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 pub(super) enum Repair {
     /// Says whether a store is whole, and if not, what of it still reads. Nothing is changed; a
     /// copy is looked at, which takes as much room on the disk for a moment.
+    #[command(after_help = "Examples:
+  map-server check fht-data")]
     Check {
         /// The data directory of a server that does not run [default: that of --config, or
         /// fht-data].
@@ -17,8 +19,8 @@ pub(super) enum Repair {
     },
     /// Copies everything that still reads of a damaged store into a new one, and says how many
     /// increments of which map and author are lost.
-    #[command(after_help = "Example:
-  map-server rescue fht-data fht-rescued && map-server --data fht-rescued
+    #[command(after_help = "Examples:
+  map-server rescue fht-data fht-rescued        then: map-server --data fht-rescued
 
 The source stays as it is. Explorers and operators write on with the numbers that they had; robots notice that the map
 differs from their copies, and fetch it anew.")]

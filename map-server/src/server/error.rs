@@ -13,7 +13,7 @@ pub enum ServerError {
     #[error(transparent)]
     Session(#[from] ServerSessionError),
     /// A subscription was refused.
-    #[error("Zenoh refuses: {0}")]
+    #[error("Zenoh refuses: {}", fht_session::in_words(.0))]
     Zenoh(#[from] zenoh::Error),
     /// The system gives no threads.
     #[error("no threads: {0}")]

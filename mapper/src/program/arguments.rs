@@ -3,13 +3,24 @@
 use super::replay_command::{InfoArgs, ReplayArgs};
 use super::running::RunArgs;
 use clap::{Args, Parser, Subcommand};
-use fht_program::flags::{ConfigArgs, number, seconds};
+use fht_program::flags::{CompletionsArgs, ConfigArgs, number, seconds};
 use fht_sim::SimSetup;
 use std::path::PathBuf;
 
 /// Builds maps of buildings and publishes them over Zenoh.
 #[derive(Debug, Parser)]
-#[command(name = "mapper", version, max_term_width = 100, arg_required_else_help = true)]
+#[command(
+    name = "mapper",
+    version,
+    max_term_width = 100,
+    arg_required_else_help = true,
+    after_help = "Examples:
+  mapper explore --world museum --map museum        explores a simulated building, and publishes its map
+  mapper replay run.mcap --map lab                  makes a map from a recorded run
+  mapper info run.mcap                              what is in a recording?
+  mapper --print-config > robot.toml                every parameter, with what it means
+  mapper --config robot.toml explore"
+)]
 pub(super) struct Cli {
     #[command(flatten)]
     pub(super) config: ConfigArgs,
@@ -36,8 +47,9 @@ pub(super) enum Command {
   mapper explore --world office --offline --json        # no server: how good is the map?
   mapper explore --world museum --offline --record run.mcap   # look at it in Foxglove, or replay it
 
-Exit code 0: the map is complete and delivered; 1: it is not, or it failed; 2: a wrong argument.
-Ctrl-C ends the exploration and finishes the map as it is; a second one ends the program. Set RUST_LOG=info (or debug) for logs.")]
+Exit code 0: the map is complete and delivered; 1: it is not, or it failed; 2: a wrong argument; 130 or 143: it was
+interrupted. Ctrl-C (or SIGTERM) ends the exploration within a second, finishes the map as it is, and says what the
+server has not acknowledged; a second one ends the program at once. Set RUST_LOG=info (or debug) for logs.")]
     Explore(Box<ExploreArgs>),
     /// Builds the map from a recorded run: a rosbag2 folder or an MCAP file with scans and
     /// odometry.
@@ -52,11 +64,16 @@ Needed are sensor_msgs/LaserScan and nav_msgs/Odometry (or odom → base in /tf)
 from /tf_static. Four cameras ahead, left, behind and right (90° each, square pictures) give nodes their appearance;
 without them the map has scans only. 'mapper info BAG' says what a bag has.
 
-Ctrl-C ends the replay and finishes the map as it is; a second one ends the program. Set RUST_LOG=info (or debug) for
-logs.")]
+Ctrl-C (or SIGTERM) ends the replay within a second and finishes the map as it is (exit code 130 or 143); a second one
+ends the program at once. Set RUST_LOG=info (or debug) for logs.")]
     Replay(Box<ReplayArgs>),
     /// Says what is in a bag: topics, types, counts, times, and whether it can be read to its end.
+    #[command(after_help = "Examples:
+  mapper info run.mcap
+  mapper info run/ --json")]
     Info(InfoArgs),
+    /// Writes completions for a shell to standard output.
+    Completions(CompletionsArgs),
 }
 
 #[derive(Debug, Args)]

@@ -79,11 +79,10 @@ pub struct ExploreProgress {
 /// Time between two looks at the progress, microseconds.
 const WATCH_EVERY_US: u64 = 1_000_000;
 
-/// Tells `watch` about once a simulated second, and ends the run when `stop` says so.
+/// Tells `watch` about once a simulated second.
 struct Watcher<W> {
     watch: W,
     next_us: u64,
-    stop: Stop,
 }
 
 impl<W: FnMut(ExploreProgress)> MappingObserver for Watcher<W> {
@@ -101,7 +100,7 @@ impl<W: FnMut(ExploreProgress)> MappingObserver for Watcher<W> {
                 placed: mapper.is_placed(),
             });
         }
-        if self.stop.is_set() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        ControlFlow::Continue(())
     }
 }
 
@@ -118,13 +117,13 @@ pub async fn explore(
     let ExploreTask { setup, sim, mapping, .. } = task;
     let world = Arc::new(setup.load()?);
     let start = setup.start_in(&world, sim.radius_m)?.unwrap_or_else(|| world.start());
-    let recorder = RunRecorder::start(task.record.as_deref())?;
+    let recorder = RunRecorder::new(task.record.as_deref())?;
     let camera_every = if mapping.cameras { sim.camera_every } else { 0 };
     let simulator = Simulator::new(world, SimConfig { camera_every, ..sim }, start, setup.seed);
     let score = ExplorationScore::new(&simulator, setup.map_origin);
-    let watcher = Watcher { watch, next_us: 0, stop: task.stop };
+    let watcher = Watcher { watch, next_us: 0 };
     // Its sensors are never silent, however slow the simulated time.
-    let mapping = MappingTask { silence: SilenceConfig::patient(), ..mapping };
+    let mapping = MappingTask { silence: SilenceConfig::patient(), stop: task.stop, ..mapping };
     let observer = (recorder, (watcher, score));
     let outcome = run::explore(mapping, Paced::new(simulator, task.rate), observer).await?;
     let MappingOutcome { mut summary, mapper, observer: (mut recorder, (_, score)), .. } = outcome;

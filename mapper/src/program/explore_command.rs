@@ -3,9 +3,9 @@
 use super::arguments::ExploreArgs;
 use super::explore::{ExploreProgress, ExploreTask, explore};
 use super::report::ExploreReport;
-use super::running::{complain_of_undelivered, runtime, stop_on_signal};
+use super::running::{RunEnd, runtime};
 use super::settings::MapperFile;
-use crate::explore::Ending;
+use fht_program::Stop;
 use fht_sim::SimConfig;
 use fht_worker::Pace;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -13,7 +13,7 @@ use std::path::Path;
 
 impl ExploreArgs {
     /// These flags over what the file says.
-    fn task(&self, file: MapperFile) -> Result<ExploreTask, String> {
+    fn task(&self, file: MapperFile, stop: Stop) -> Result<ExploreTask, String> {
         let mut mapping = self.run.over(&file, Path::new(&self.setup.world))?;
         mapping.cameras &= !self.no_cameras;
         mapping.spool = self.spool.clone().or(mapping.spool);
@@ -32,17 +32,18 @@ impl ExploreArgs {
             },
             rate: self.run.rate.or(file.mapper.rate).or(usual_rate),
             record: self.run.record.clone(),
-            stop: stop_on_signal()?,
+            stop,
             mapping,
         })
     }
 }
 
 /// Runs `mapper explore`; `false` if the map is not complete, or the server did not take all of it.
-pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile) -> Result<bool, String> {
-    let task = args.task(file)?;
+pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) -> Result<bool, String> {
+    let task = args.task(file, stop)?;
     let (linger_s, spool) = (task.mapping.linger_s, task.mapping.spool.clone());
     let runtime = runtime()?;
+    tracing::info!(map = %task.mapping.map, robot = task.mapping.robot, world = args.setup.world, "explores");
     let bar = if args.run.quiet || args.progress_json { ProgressBar::hidden() } else { spinner() };
     let progress_json = args.progress_json;
     let watched = bar.clone();
@@ -75,15 +76,16 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile) -> Result<bool
         }
     };
     args.run.report.give(&report, in_words)?;
-    if !args.run.offline && !report.delivered {
-        complain_of_undelivered(linger_s, spool.as_deref());
-        return Ok(false);
-    }
-    if report.ending != Ending::Complete {
-        eprintln!("mapper: the map is not complete: {}", report.ending);
-        return Ok(false);
-    }
-    Ok(true)
+    let end = RunEnd {
+        ending: report.ending,
+        is_offline: args.run.offline,
+        delivered: report.delivered,
+        written: report.version,
+        acknowledged: report.acknowledged,
+        linger_s,
+        spool: spool.as_deref(),
+    };
+    Ok(end.tell())
 }
 
 fn spinner() -> ProgressBar {
@@ -142,7 +144,7 @@ mod tests {
         let file = fht_program::parse(text, Path::new("robot.toml")).unwrap();
         let cli = Cli::try_parse_from(["mapper", "explore"].iter().chain(flags)).unwrap();
         let Some(Command::Explore(args)) = cli.command else { panic!("another command") };
-        args.task(file).unwrap()
+        args.task(file, Stop::default()).unwrap()
     }
 
     #[test]

@@ -15,7 +15,7 @@ use fht_perception::grid::{Cell, CellState, OccupancyGrid};
 use fht_perception::pose::Pose2;
 use fht_proto::{NodeId, NodeKind};
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Time between two grids, paths and pictures of the map, microseconds.
@@ -94,19 +94,24 @@ impl MapRecorder {
     }
 }
 
-/// Records a run, if it is to be recorded.
+/// Records a run, if it is to be recorded. The bag is made when the loop begins: a run that is
+/// interrupted while it waits for a server leaves none.
 pub(super) struct RunRecorder {
+    path: Option<PathBuf>,
     recorder: Option<MapRecorder>,
     outcome: Option<Result<WriteReport, WriteError>>,
 }
 
 impl RunRecorder {
-    /// Begins a bag at `path`, if one is given.
+    /// A bag at `path`, if one is given.
     ///
     /// # Errors
-    /// [`WriteError`] when something is there already or cannot be made.
-    pub(super) fn start(path: Option<&Path>) -> Result<Self, WriteError> {
-        Ok(Self { recorder: path.map(MapRecorder::start).transpose()?, outcome: None })
+    /// [`WriteError`] when something is there already.
+    pub(super) fn new(path: Option<&Path>) -> Result<Self, WriteError> {
+        if let Some(path) = path.filter(|path| path.exists()) {
+            return Err(WriteError::Exists { path: path.to_owned() });
+        }
+        Ok(Self { path: path.map(Path::to_owned), recorder: None, outcome: None })
     }
 
     /// Whether all was written, after the run's end.
@@ -119,15 +124,24 @@ impl RunRecorder {
 }
 
 impl MappingObserver for RunRecorder {
+    fn on_start(&mut self, _: &Mapper) {
+        match self.path.as_deref().map(MapRecorder::start).transpose() {
+            Ok(recorder) => self.recorder = recorder,
+            Err(error) => self.outcome = Some(Err(error)),
+        }
+    }
+
     fn on_frame(&mut self, mapped: &MappedFrame<'_>) -> ControlFlow<()> {
         if let Some(recorder) = &mut self.recorder {
             recorder.record(mapped.frame, mapped.mapper);
         }
-        ControlFlow::Continue(())
+        if self.outcome.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
     fn on_end(&mut self, mapper: &Mapper) {
-        self.outcome = self.recorder.take().map(|recorder| recorder.finish(mapper));
+        if let Some(recorder) = self.recorder.take() {
+            self.outcome = Some(recorder.finish(mapper));
+        }
     }
 }
 

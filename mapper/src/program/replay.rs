@@ -2,6 +2,7 @@
 
 use super::pace::Paced;
 use super::record::RunRecorder;
+use crate::explore::Ending;
 use crate::mapping::Mapper;
 use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask, RunError};
 use fht_bag::{BagError, BagReport, FrameConfig, Frames, WriteError};
@@ -107,6 +108,10 @@ pub struct ReplayReport {
     pub map_bytes: u64,
     /// Bytes put on the wire, repetitions included.
     pub wire_bytes: u64,
+    /// Why the replay ended: `complete`, or `interrupted`.
+    pub ending: Ending,
+    /// Increments that the server has acknowledged.
+    pub acknowledged: u64,
     /// Whether the server has acknowledged everything.
     pub delivered: bool,
     /// Frames that nothing could be made of.
@@ -146,7 +151,6 @@ impl Sensors for RecordedRun {
 /// Collects the figures of a replay, and tells `watch` about once a recorded second.
 struct Figures<W> {
     watch: W,
-    stop: Stop,
     read: ReadSoFar,
     began: Instant,
     took: Duration,
@@ -182,7 +186,7 @@ impl<W: FnMut(ReplaySnapshot)> MappingObserver for Figures<W> {
                 acknowledged: mapped.acknowledged,
             });
         }
-        if self.stop.is_set() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        ControlFlow::Continue(())
     }
 
     fn on_end(&mut self, _: &Mapper) {
@@ -201,11 +205,10 @@ pub async fn replay(
     watch: impl FnMut(ReplaySnapshot) + Send + 'static,
 ) -> Result<ReplayReport, ReplayError> {
     let frames = Frames::open(&task.bag, task.frames)?;
-    let recorder = RunRecorder::start(task.record.as_deref())?;
+    let recorder = RunRecorder::new(task.record.as_deref())?;
     let read = ReadSoFar::default();
     let figures = Figures {
         watch,
-        stop: task.stop,
         read: Arc::clone(&read),
         began: Instant::now(),
         took: Duration::ZERO,
@@ -222,6 +225,7 @@ pub async fn replay(
         max_s: f64::INFINITY,
         // What the sensors did not say then, nobody waits for.
         silence: SilenceConfig::patient(),
+        stop: task.stop,
         ..task.mapping
     };
     let sensors = Paced::new(RecordedRun { frames, read }, task.rate);
@@ -237,7 +241,7 @@ fn report_of<W>(
     }
     let frames = robot.into_inner().frames;
     let bag = frames.report();
-    if summary.frames + summary.frames_refused == 0 {
+    if summary.frames + summary.frames_refused == 0 && summary.ending != Ending::Interrupted {
         return Err(ReplayError::NoFrames(Box::new(bag)));
     }
     recorder.finish()?;
@@ -255,6 +259,8 @@ fn report_of<W>(
         digest: mapper.map().digest(),
         map_bytes: published.map_bytes,
         wire_bytes: published.wire_bytes,
+        ending: summary.ending,
+        acknowledged: published.acknowledged,
         delivered,
         frames_refused: summary.frames_refused,
         closures: [mapper.closures().near, mapper.closures().far],

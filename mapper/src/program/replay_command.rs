@@ -1,10 +1,11 @@
 //! `mapper replay` and `mapper info`: bags on the command line.
 
 use super::replay::{ReplayReport, ReplaySnapshot, ReplayTask, replay};
-use super::running::{RunArgs, complain_of_undelivered, runtime, stop_on_signal};
+use super::running::{RunArgs, RunEnd, runtime};
 use super::settings::MapperFile;
 use clap::Args;
 use fht_bag::{BagInfo, FrameConfig, TopicConfig, survey};
+use fht_program::Stop;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 
@@ -97,19 +98,20 @@ impl FrameArgs {
 
 impl ReplayArgs {
     /// These flags over what the file says.
-    fn task(&self, file: MapperFile) -> Result<ReplayTask, String> {
+    fn task(&self, file: MapperFile, stop: Stop) -> Result<ReplayTask, String> {
         let mapping = self.run.over(&file, &self.bag)?;
         let mut frames = self.frames.over(file.bag)?;
         frames.topics.cameras = frames.topics.cameras.filter(|_| mapping.cameras);
         let (rate, record) = (self.run.rate.or(file.mapper.rate), self.run.record.clone());
-        Ok(ReplayTask { bag: self.bag.clone(), frames, mapping, rate, record, stop: stop_on_signal()? })
+        Ok(ReplayTask { bag: self.bag.clone(), frames, mapping, rate, record, stop })
     }
 }
 
 /// Runs `mapper replay`; `false` if the server did not take the whole map.
-pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile) -> Result<bool, String> {
-    let task = args.task(file)?;
+pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Result<bool, String> {
+    let task = args.task(file, stop)?;
     let linger_s = task.mapping.linger_s;
+    tracing::info!(map = %task.mapping.map, robot = task.mapping.robot, bag = %task.bag.display(), "replays");
     let bar = if args.run.quiet || args.run.report.json { ProgressBar::hidden() } else { progress_bar() };
     let watched = bar.clone();
     let watch = move |snapshot: ReplaySnapshot| {
@@ -126,11 +128,16 @@ pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile) -> Result<bool, St
     if report.has_cameras && report.bag.panoramas == 0 {
         eprintln!("mapper: none of the pictures could be used, so the map has no main nodes; try --no-cameras");
     }
-    if !args.run.offline && !report.delivered {
-        complain_of_undelivered(linger_s, None);
-        return Ok(false);
-    }
-    Ok(true)
+    let end = RunEnd {
+        ending: report.ending,
+        is_offline: args.run.offline,
+        delivered: report.delivered,
+        written: report.version,
+        acknowledged: report.acknowledged,
+        linger_s,
+        spool: None,
+    };
+    Ok(end.tell())
 }
 
 fn progress_bar() -> ProgressBar {

@@ -35,6 +35,9 @@ pub struct ExploreReport {
     pub map_bytes: u64,
     /// Bytes put on the wire, repetitions included.
     pub wire_bytes: u64,
+    /// Increments that the server has acknowledged.
+    #[serde(default)]
+    pub acknowledged: u64,
     /// Whether the server has acknowledged everything.
     pub delivered: bool,
     /// Distance truly driven, metres.

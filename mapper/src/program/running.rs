@@ -1,11 +1,12 @@
 //! What exploring and replaying have in common on the command line.
 
 use super::settings::MapperFile;
+use crate::explore::Ending;
 use crate::run::MappingTask;
 use clap::Args;
-use fht_program::Stop;
+use fht_program::Waiting;
 use fht_program::flags::{ConnectArgs, ReportArgs, number, seconds};
-use fht_proto::MapName;
+use fht_proto::{MapName, RobotName};
 use std::path::{Path, PathBuf};
 
 /// The robot's name if neither a flag nor the file says one.
@@ -16,9 +17,10 @@ pub(super) struct RunArgs {
     /// Name of the map; by default that of the world or bag.
     #[arg(long)]
     map: Option<MapName>,
-    /// Name of the robot [default: explorer].
+    /// Name of the robot: 1 to 64 of the letters a to z and A to Z, digits, _ or - [default:
+    /// explorer].
     #[arg(long)]
-    robot: Option<String>,
+    robot: Option<RobotName>,
     #[command(flatten)]
     link: ConnectArgs,
     /// Map without a server.
@@ -56,7 +58,7 @@ impl RunArgs {
                 name.parse().map_err(|error| format!("{error}; give the map a name with --map"))?
             }
         };
-        let name = self.robot.as_deref().or(robot.name.as_deref()).unwrap_or(DEFAULT_ROBOT);
+        let name = self.robot.as_ref().or(robot.name.as_ref()).map_or(DEFAULT_ROBOT, RobotName::as_str);
         Ok(MappingTask {
             link: (!self.offline).then(|| self.link.over(connect)),
             spool: section.spool.clone().filter(|_| !self.offline),
@@ -64,6 +66,7 @@ impl RunArgs {
             model: self.model.as_ref().or(robot.model.as_ref()).cloned(),
             cameras: robot.cameras,
             max_s: section.max_sim_s,
+            wait: Waiting::new("mapper", self.link.wait, None).for_session(),
             linger_s: self.linger.unwrap_or(section.linger_s),
             mapper: section.config.clone(),
             ..MappingTask::new(map, name)
@@ -71,23 +74,53 @@ impl RunArgs {
     }
 }
 
-/// A flag that Ctrl-C sets.
-pub(super) fn stop_on_signal() -> Result<Stop, String> {
-    Stop::on_signal().map_err(|error| format!("signals cannot be handled: {error}"))
-}
-
 /// A runtime for the loop's thread, the publisher and the session.
 pub(super) fn runtime() -> Result<tokio::runtime::Runtime, String> {
     fht_program::runtime(2).map_err(|error| format!("the async runtime cannot be started: {error}"))
 }
 
-/// Says that the server has not taken all of the map.
-pub(super) fn complain_of_undelivered(linger_s: f64, spool: Option<&Path>) {
-    eprintln!(
-        "mapper: the server did not acknowledge the whole map within {linger_s} s; may this robot write? (access control drops silently)"
-    );
-    if let Some(dir) = spool {
-        eprintln!("mapper: the rest waits in {} for the next run of this robot", dir.display());
+/// How a run ended, for the words that tell it.
+pub(super) struct RunEnd<'a> {
+    pub(super) ending: Ending,
+    pub(super) is_offline: bool,
+    pub(super) delivered: bool,
+    pub(super) written: u64,
+    pub(super) acknowledged: u64,
+    pub(super) linger_s: f64,
+    pub(super) spool: Option<&'a Path>,
+}
+
+impl RunEnd<'_> {
+    /// Says what the server has not taken, and why the map is not complete; true if neither is so.
+    pub(super) fn tell(&self) -> bool {
+        let is_taken = self.is_offline || self.delivered;
+        if self.ending == Ending::Interrupted {
+            let stored = match (self.is_offline, self.delivered) {
+                (true, _) => "it was not sent anywhere (--offline)".to_owned(),
+                (_, true) => format!("the server has all of its {} increments", self.written),
+                _ => self.not_taken(),
+            };
+            eprintln!("mapper: interrupted: the map is not complete; {stored}");
+        } else if !is_taken {
+            eprintln!(
+                "mapper: the server did not acknowledge the whole map within {} s; may this robot write? (access control drops \
+                 silently); {}",
+                self.linger_s,
+                self.not_taken()
+            );
+        } else if self.ending != Ending::Complete {
+            eprintln!("mapper: the map is not complete: {}", self.ending);
+        }
+        is_taken && self.ending == Ending::Complete
+    }
+
+    fn not_taken(&self) -> String {
+        let count = self.written.saturating_sub(self.acknowledged);
+        let fate = self.spool.map_or_else(
+            || "lost (--spool DIR keeps them)".to_owned(),
+            |dir| format!("kept in {} for the next run of this robot", dir.display()),
+        );
+        format!("{count} of {} increments not acknowledged, {fate}", self.written)
     }
 }
 

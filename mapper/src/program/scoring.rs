@@ -85,6 +85,7 @@ impl ExplorationScore {
             digest: mapper.map().digest(),
             map_bytes: published.map_or(0, |published| published.map_bytes),
             wire_bytes: published.map_or(0, |published| published.wire_bytes),
+            acknowledged: published.map_or(0, |published| published.acknowledged),
             delivered: summary.is_delivered(),
             driven_m: self.truth.driven_m(),
             collisions: self.truth.collisions(),

@@ -142,7 +142,7 @@ mod tests {
     fn the_example_loads() {
         let example = concat!(env!("CARGO_MANIFEST_DIR"), "/../deploy/robot.toml");
         let file: MapperFile = fht_program::load(Path::new(example)).unwrap();
-        assert_eq!(file.robot.name.as_deref(), Some("amr-7"));
+        assert_eq!(file.robot.name.as_ref().map(fht_proto::RobotName::as_str), Some("amr-7"));
         assert!(file.mapper.spool.is_some());
     }
 }

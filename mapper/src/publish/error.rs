@@ -10,7 +10,7 @@ use fht_proto::{CodecError, MapName};
 #[derive(Debug, thiserror::Error)]
 pub enum PublishError {
     /// The session failed for good.
-    #[error("the connection to the map server failed: {0}")]
+    #[error("the connection to the map server failed: {}", fht_session::in_words(.0))]
     Session(#[from] zenoh::Error),
     /// An increment that the server would refuse: a defect of this program.
     #[error("an increment cannot be sent: {0}")]

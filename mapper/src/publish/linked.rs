@@ -7,9 +7,10 @@ use crate::publish::{
 };
 use crate::team::{EnterError, MapEntry, Peers};
 use fht_client::{Presence, ReplicaError};
+use fht_program::Stop;
 use fht_proto::api::fleet::RobotRole;
 use fht_proto::api::reply::Head;
-use fht_proto::{AuthorId, Increment, MapName};
+use fht_proto::{AuthorId, Increment, MapName, ParseIdError, RobotName};
 use fht_session::{SessionConfig, SessionError};
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -22,12 +23,17 @@ use zenoh::liveliness::LivelinessToken;
 const SERVER_PATIENCE: Duration = Duration::from_secs(30);
 /// How long it may take to put into the spool what is not acknowledged in the end.
 const LEAVE_TIME: Duration = Duration::from_secs(10);
+/// How long a run that was interrupted waits for acknowledgements that are under way, and for its
+/// goodbye.
+const PARTING_TIME: Duration = Duration::from_millis(200);
 
 /// Where a run is published.
 #[derive(Clone, Debug)]
 pub struct Publication {
     /// The server.
     pub link: SessionConfig,
+    /// How long to wait for it; none: for ever.
+    pub wait: Option<Duration>,
     /// The map.
     pub map: MapName,
     /// The robot; its author id follows from it.
@@ -38,6 +44,8 @@ pub struct Publication {
     pub window: WindowConfig,
     /// How long to wait for the server's last acknowledgement.
     pub linger: Duration,
+    /// Ends the wait.
+    pub stop: Stop,
 }
 
 /// Why a run cannot be published.
@@ -46,6 +54,9 @@ pub enum LinkedError {
     /// The session cannot be opened.
     #[error(transparent)]
     Link(#[from] SessionError),
+    /// The robot's name is none.
+    #[error(transparent)]
+    RobotName(#[from] ParseIdError),
     /// Publishing failed.
     #[error(transparent)]
     Publish(#[from] PublishError),
@@ -93,15 +104,23 @@ impl Linked {
     /// # Errors
     /// [`LinkedError`].
     pub async fn open(publication: Publication) -> Result<Self, LinkedError> {
-        let Publication { link, map, robot, spool, window, .. } = &publication;
+        let Publication { link, wait, map, robot, spool, window, stop, .. } = &publication;
+        robot.parse::<RobotName>()?;
         let spool = spool.as_deref().map(|dir| Spool::open(dir, map, AuthorId::of_robot(robot))).transpose()?;
-        let session = fht_session::open(link).await?;
+        stop.doing(format!("waiting for a server at {}", link.places()));
+        let session = fht_session::open_within(link, *wait).await?;
+        stop.doing(match &spool {
+            Some(spool) => format!(
+                "asking the server about map '{map}'; what the last run has left, if anything, stays in {}",
+                spool.file().display()
+            ),
+            None => format!("asking the server about map '{map}'"),
+        });
         let head = match &spool {
             Some(spool) => deliver(&session, map, robot, spool, window, SERVER_PATIENCE).await?,
             None => find_head(&session, map, SERVER_PATIENCE).await?,
         };
-        let presence = Presence::new(&session, map, robot, RobotRole::Explorer)
-            .map_err(|error| PublishError::Session(error.into()))?;
+        let presence = Presence::new(&session, map, robot, RobotRole::Explorer)?;
         let token = presence.declare().map_err(PublishError::from)?;
         Ok(Self { head, session, spool, token, publication })
     }
@@ -146,7 +165,9 @@ impl Linked {
         entry: MapEntry,
         work: impl FnOnce(&Outbox) -> R + Send + 'static,
     ) -> Result<(R, Progress), LinkedError> {
-        let Self { publication: Publication { map, robot, window, linger, .. }, session, head, spool, token } = self;
+        let Self { publication, session, head, spool, token } = self;
+        let Publication { map, robot, window, linger, stop, .. } = publication;
+        let _order = stop.in_order();
         let (MapEntry::Found { stored } | MapEntry::Join { stored }) = entry;
         if let Some(spool) = &spool {
             let basis = head.map(|head| head.vector).unwrap_or_default();
@@ -157,9 +178,17 @@ impl Linked {
         // Once the outbox is closed, the publisher ends when everything is acknowledged.
         let run = tokio::task::spawn_blocking(move || (work(&outbox), outbox.close()));
         let (outcome, closed) = run.await?;
-        let published = match tokio::time::timeout(linger, &mut publisher).await {
-            Ok(published) => published??,
-            Err(_) => {
+        let enough = async {
+            let asked = async {
+                stop.requested().await;
+                tokio::time::sleep(PARTING_TIME).await;
+            };
+            _ = tokio::time::timeout(linger, asked).await;
+        };
+        let published = tokio::select! {
+            biased;
+            published = &mut publisher => published??,
+            () = enough => {
                 closed.leave();
                 match tokio::time::timeout(LEAVE_TIME, &mut publisher).await {
                     Ok(published) => published??,
@@ -170,8 +199,18 @@ impl Linked {
                 }
             }
         };
-        token.undeclare().await.map_err(PublishError::from)?;
-        session.close().await.map_err(PublishError::from)?;
+        let goodbye = async {
+            token.undeclare().await.map_err(PublishError::from)?;
+            session.close().await.map_err(PublishError::from)
+        };
+        let hurried = async {
+            stop.requested().await;
+            tokio::time::sleep(PARTING_TIME).await;
+        };
+        tokio::select! {
+            said = goodbye => said?,
+            () = hurried => {}
+        }
         Ok((outcome, published))
     }
 }

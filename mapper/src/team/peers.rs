@@ -72,7 +72,7 @@ pub enum EnterError {
         nodes: usize,
     },
     /// Zenoh refused a question.
-    #[error("who else explores is not known: {0}")]
+    #[error("who else explores is not known: {}", fht_session::in_words(.0))]
     Zenoh(#[from] zenoh::Error),
 }
 

@@ -18,7 +18,7 @@ pub use error::{ErrorCode, ErrorReply};
 pub use head::{Head, MapsReply};
 pub use nodes::{NodeView, NodesCursor, NodesReply, ParseCursorError};
 pub use path::{Obeyed, PathReply, SpeedLimit, Waypoint};
-pub use place::{PlaceRef, parse_point};
+pub use place::{PlaceRef, parse_angle, parse_point};
 pub use release::{ReleaseView, ReleasesReply};
 pub use rules::{BlockedView, PlaceView, RulesReply, ZoneView};
 pub use series::{

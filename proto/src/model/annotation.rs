@@ -2,14 +2,15 @@
 //! increments like everything else.
 
 use crate::model::geometry::FixedPoint;
-use crate::model::ids::{AuthorId, ParseIdError, is_name};
+use crate::model::ids::{AuthorId, ParseIdError, is_name, name_of};
 use crate::model::version::{Digest, VersionVector};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// The name of a place or a zone: a letter and up to 63 more of `a-z A-Z 0-9 _ -`, so that it is
-/// neither coordinates nor a node id in a query.
+/// The name of a place or a zone: a letter, then letters, digits, `_` or `-`, 64 characters at
+/// most, so that it is neither coordinates nor a node id in a query. Letters and digits are those
+/// of all scripts (`Küche`, `倉庫`). It is in no key.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Label(String);
@@ -20,46 +21,9 @@ pub struct Label(String);
 #[serde(try_from = "String", into = "String")]
 pub struct ReleaseName(String);
 
-macro_rules! name_of {
-    ($name:ident, $is_valid:expr, $expected:expr) => {
-        impl $name {
-            /// The name as text.
-            #[must_use]
-            pub fn as_str(&self) -> &str {
-                &self.0
-            }
-        }
-
-        impl fmt::Display for $name {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str(&self.0)
-            }
-        }
-
-        impl FromStr for $name {
-            type Err = ParseIdError;
-            fn from_str(text: &str) -> Result<Self, Self::Err> {
-                if $is_valid(text) { Ok(Self(text.to_owned())) } else { Err(ParseIdError::new(text, $expected)) }
-            }
-        }
-
-        impl TryFrom<String> for $name {
-            type Error = ParseIdError;
-            fn try_from(text: String) -> Result<Self, Self::Error> {
-                text.parse()
-            }
-        }
-
-        impl From<$name> for String {
-            fn from(name: $name) -> Self {
-                name.0
-            }
-        }
-    };
-}
-
 fn is_label(text: &str) -> bool {
-    is_name(text) && text.starts_with(|first: char| first.is_ascii_alphabetic())
+    let is_inner = |letter: char| letter.is_alphanumeric() || letter == '_' || letter == '-';
+    text.starts_with(char::is_alphabetic) && text.chars().all(is_inner) && text.chars().count() <= 64
 }
 
 fn is_release_name(text: &str) -> bool {
@@ -67,7 +31,11 @@ fn is_release_name(text: &str) -> bool {
     text.len() <= 64 && text.split('.').all(is_name) && !is_taken
 }
 
-name_of!(Label, is_label, "a name (a letter, then letters, digits, _ or -; 64 at most)");
+name_of!(
+    Label,
+    is_label,
+    "a name of a place or zone (a letter, then letters and digits of any script, _ or -; 64 characters at most)"
+);
 name_of!(
     ReleaseName,
     is_release_name,
@@ -206,7 +174,13 @@ mod tests {
     #[test]
     fn names_are_told_apart_from_places() {
         assert!("dock-1".parse::<Label>().is_ok());
-        for bad in ["", "1", "-a", "1,2", "1a2b3c4d.17", "a/b", "a b"] {
+        let longest = "ä".repeat(64);
+        for good in ["Küche", "倉庫", "Лифт-2", "ß", longest.as_str()] {
+            assert!(good.parse::<Label>().is_ok(), "{good}");
+        }
+        let too_long = "ä".repeat(65);
+        for bad in ["", "1", "-a", "1,2", "1a2b3c4d.17", "a/b", "a b", "a;to=b", "a=b", "a*", "😀", too_long.as_str()]
+        {
             assert!(bad.parse::<Label>().is_err(), "{bad}");
         }
         assert!("2026-11-21.1".parse::<ReleaseName>().is_ok());

@@ -45,7 +45,7 @@ impl fmt::Display for AuthorId {
 
 /// A text that is not an id of the expected form.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{text} is not {expected}")]
+#[error("'{text}' is not {expected}")]
 pub struct ParseIdError {
     text: String,
     expected: &'static str,
@@ -96,50 +96,66 @@ impl FromStr for NodeId {
     }
 }
 
+/// A name: a text of a certain form, checked when it is made.
+macro_rules! name_of {
+    ($name:ident, $is_valid:expr, $expected:expr) => {
+        impl $name {
+            /// The name as text.
+            #[must_use]
+            pub fn as_str(&self) -> &str {
+                &self.0
+            }
+        }
+
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(&self.0)
+            }
+        }
+
+        impl FromStr for $name {
+            type Err = ParseIdError;
+            fn from_str(text: &str) -> Result<Self, Self::Err> {
+                if $is_valid(text) { Ok(Self(text.to_owned())) } else { Err(ParseIdError::new(text, $expected)) }
+            }
+        }
+
+        impl TryFrom<String> for $name {
+            type Error = ParseIdError;
+            fn try_from(text: String) -> Result<Self, Self::Error> {
+                text.parse()
+            }
+        }
+
+        impl From<$name> for String {
+            fn from(name: $name) -> Self {
+                name.0
+            }
+        }
+    };
+}
+
+pub(crate) use name_of;
+
 /// The name of a map: 1 to 64 of `a-z A-Z 0-9 _ -`, so that it is one chunk of a key expression.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct MapName(String);
 
-impl MapName {
-    /// The name as text.
-    #[must_use]
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-}
+/// The name of a robot, or of an operator: 1 to 64 of `a-z A-Z 0-9 _ -`, so that it is one chunk of
+/// a key expression.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct RobotName(String);
 
-impl fmt::Display for MapName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
+name_of!(MapName, is_name, "a map name (1 to 64 of the letters a to z and A to Z, digits, _ or -)");
+name_of!(
+    RobotName,
+    is_name,
+    "a name of a robot or operator (1 to 64 of the letters a to z and A to Z, digits, _ or -)"
+);
 
 /// Whether `text` can be one chunk of a key: 1 to 64 of `a-z A-Z 0-9 _ -`.
 pub(crate) fn is_name(text: &str) -> bool {
     (1..=64).contains(&text.len()) && text.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_' || b == b'-')
-}
-
-impl FromStr for MapName {
-    type Err = ParseIdError;
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        if is_name(text) {
-            Ok(Self(text.to_owned()))
-        } else {
-            Err(ParseIdError::new(text, "a map name (1 to 64 letters, digits, _ or -)"))
-        }
-    }
-}
-
-impl TryFrom<String> for MapName {
-    type Error = ParseIdError;
-    fn try_from(text: String) -> Result<Self, Self::Error> {
-        text.parse()
-    }
-}
-
-impl From<MapName> for String {
-    fn from(name: MapName) -> Self {
-        name.0
-    }
 }

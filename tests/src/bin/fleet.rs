@@ -1,8 +1,10 @@
 //! A fleet on one server, beside bare Zenoh queries: see `fht_tests::fleet`.
 
 use clap::{Parser, Subcommand};
-use fht_demo::map_name;
 use fht_demo::this_executable;
+use fht_demo::{leave_nothing_behind, map_name};
+use fht_program::Stop;
+use fht_program::stop::end_with_parent;
 use fht_tests::fleet::clients::{self, ClientsConfig, Outcome};
 use fht_tests::fleet::{Computed, FleetReport, FleetTrialConfig, run, server};
 use fht_tests::maps::{explored, hall};
@@ -97,8 +99,9 @@ struct ClientsArgs {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    let _ = tracing_subscriber::fmt().with_env_filter("warn,zenoh=error").with_writer(std::io::stderr).try_init();
+    fht_program::logging::init("warn,zenoh=error");
     let outcome = match cli.role {
+        Some(_) if end_with_parent("fleet").is_err() => Err("no thread can be started".to_owned()),
         Some(RoleCommand::Server { data, listen }) => {
             server::serve(data, listen).map(|()| true).map_err(|error| error.to_string())
         }
@@ -138,6 +141,7 @@ fn fleet(args: &FleetArgs) -> Result<bool, String> {
     let text = |error: &dyn std::fmt::Display| error.to_string();
     let increments = if args.world == "hall" { hall(20, 20) } else { explored(&args.world)? };
     let folder = tempfile::tempdir().map_err(|error| text(&error))?;
+    leave_nothing_behind(&Stop::on_signal("fleet").map_err(|error| text(&error))?, folder.path());
     let config = FleetTrialConfig {
         executable: this_executable().map_err(|error| text(&error))?,
         data: folder.path().join("data"),

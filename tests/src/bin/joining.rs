@@ -1,6 +1,8 @@
 //! A client joins over a thin link that breaks: see `fht_tests::slow_join`.
 
 use clap::Parser;
+use fht_demo::leave_nothing_behind;
+use fht_program::Stop;
 use fht_tests::maps::{explored, office};
 use fht_tests::slow_join::{SlowJoin, SlowJoinConfig, run};
 use fht_tests::thin_link::LinkShape;
@@ -66,6 +68,7 @@ fn joining(args: &Args) -> Result<bool, String> {
         Some(world) => explored(world)?,
     };
     let folder = tempfile::tempdir().map_err(|error| text(&error))?;
+    leave_nothing_behind(&Stop::on_signal("joining").map_err(|error| text(&error))?, folder.path());
     let config = SlowJoinConfig {
         executable: args.handoff.clone(),
         data: folder.path().join("data"),

@@ -1,7 +1,8 @@
 //! Three routers, three servers, and one of each killed every so often: see `fht_tests::site`.
 
 use clap::Parser;
-use fht_demo::this_executable;
+use fht_demo::{Role, leave_nothing_behind, run_role, this_executable};
+use fht_program::Stop;
 use fht_tests::site::{SiteConfig, SiteReport, run};
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -70,11 +71,13 @@ fn main() -> ExitCode {
         let program = std::iter::once(role).chain(rest.iter().filter(|arg| *arg != "--")).cloned();
         return match role.to_str() {
             Some("router") => fht_tests::router::main_with_args(program),
-            _ => map_server::main_with_args(program),
+            _ => run_role(Role::MapServer, program.skip(1).collect()),
         };
     }
     let args = Args::parse();
+    let stop = Stop::on_signal("site");
     let outcome = tempfile::tempdir().map_err(Into::into).and_then(|folder| {
+        leave_nothing_behind(&stop?, folder.path());
         let seconds = Duration::from_secs_f64;
         let config = SiteConfig {
             duration: seconds(args.minutes * 60.0),

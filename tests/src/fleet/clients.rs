@@ -128,7 +128,7 @@ pub enum ClientsError {
     #[error(transparent)]
     Ask(#[from] AskError),
     /// Zenoh refuses.
-    #[error("Zenoh refuses: {0}")]
+    #[error("Zenoh refuses: {}", fht_session::in_words(.0))]
     Zenoh(#[from] zenoh::Error),
     /// The system gives no threads.
     #[error("no threads: {0}")]

@@ -55,7 +55,7 @@ pub enum SiteError {
     #[error(transparent)]
     Link(#[from] SessionError),
     /// Zenoh refused.
-    #[error("Zenoh refuses: {0}")]
+    #[error("Zenoh refuses: {}", fht_session::in_words(.0))]
     Zenoh(#[from] zenoh::Error),
     /// A file or a port.
     #[error(transparent)]

@@ -36,9 +36,10 @@ pub fn read(file: &str) -> String {
     std::fs::read_to_string(deploy(file)).unwrap_or_else(|error| panic!("{file}: {error}"))
 }
 
-/// The words after `command` of the README's command that begins with it.
+/// The words after `command` of the README's command that begins with it. It may go on in the next
+/// line.
 pub fn readme_command(command: &str) -> Vec<String> {
-    let readme = read("README.md");
+    let readme = read("README.md").replace("\\\n", " ");
     let found = readme.lines().find_map(|line| line.strip_prefix(command));
     let words = found.unwrap_or_else(|| panic!("the README has no command {command}"));
     words.split_whitespace().map(str::to_owned).collect()

@@ -88,8 +88,7 @@ pose of the scan taken at t2 in the frame of the scan taken at t1, metres and ra
 }
 
 fn main() -> ExitCode {
-    let filter = tracing_subscriber::EnvFilter::from_default_env();
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    fht_program::logging::init("error");
     let cli = Cli::parse();
     let outcome = match cli.part {
         Part::Slam(args) => slam::run(&args),

@@ -2,10 +2,12 @@
 
 use crate::config::ServerEndpoints;
 use crate::network::{self, ServerSessionError};
-use crate::program::operator::error::{CONNECT_TIMEOUT, OperatorError};
+use crate::program::operator::error::OperatorError;
+use fht_client::AskError;
+use fht_program::Waiting;
 use fht_proto::MapName;
 use fht_proto::api::keys::{Key, Topic};
-use fht_proto::api::reply::{DiffReply, Head, StateView};
+use fht_proto::api::reply::{DiffReply, ErrorCode, Head, StateView};
 use serde::de::DeserializeOwned;
 use std::time::Duration;
 use zenoh::Session;
@@ -13,17 +15,45 @@ use zenoh::Session;
 /// How long an answer may take. Compacting a large map takes a while.
 pub(super) const ANSWER_TIMEOUT: Duration = Duration::from_secs(60);
 
+/// Between two questions for what is not there yet.
+const ASK_AGAIN: Duration = Duration::from_millis(200);
+
 /// Opens a session as a client.
-pub(super) async fn connect(link: &ServerEndpoints) -> Result<Session, OperatorError> {
-    let link = ServerEndpoints { patience: Some(CONNECT_TIMEOUT), ..link.clone() };
+pub(super) async fn connect(link: &ServerEndpoints, waiting: &Waiting) -> Result<Session, OperatorError> {
+    /// Longer than anybody waits.
+    const FOR_EVER: Duration = Duration::from_secs(10_000_000);
+    let patience = waiting.for_session().unwrap_or(FOR_EVER);
+    let link = ServerEndpoints { patience: Some(patience), ..link.clone() };
     network::open(&link).await.map_err(|error| match error {
         ServerSessionError::Open { reason, .. } => {
             let file = link.zenoh_config.iter().map(|file| file.display().to_string());
             let endpoints = link.connect.iter().cloned().chain(file).collect::<Vec<_>>().join(", ");
-            OperatorError::NoRouter { endpoints, reason }
+            OperatorError::NoRouter { endpoints, seconds: patience.as_secs_f64(), reason }
         }
         other => OperatorError::Session(other),
     })
+}
+
+/// A server listens before it answers, and a map may be made later: asks until there is an answer,
+/// and the map if one is needed, for as long as that is waited for. A map that is not there is left
+/// to the command itself to tell.
+pub(super) async fn until_there(
+    session: &Session,
+    map: Option<&MapName>,
+    waiting: &Waiting,
+) -> Result<(), OperatorError> {
+    let (mut answer, mut content) = (waiting.for_answer(), waiting.for_content());
+    let key = map.map_or(Key::Maps, |map| Key::topic(map, Topic::Head)).to_string();
+    loop {
+        match fht_client::ask_async(session, &key, None, ANSWER_TIMEOUT).await {
+            Err(AskError::Silent) if answer.goes_on("a map-server to answer") => {}
+            Err(AskError::Silent) => return Err(OperatorError::Silent),
+            Err(AskError::Refused(reply))
+                if reply.code == ErrorCode::UnknownMap && content.goes_on(format!("the map: {}", reply.message)) => {}
+            _ => return Ok(()),
+        }
+        tokio::time::sleep(ASK_AGAIN).await;
+    }
 }
 
 /// Asks, with a payload if there is one; the first answer counts.

@@ -5,10 +5,6 @@ use fht_client::AskError;
 use fht_client::author::NotWritten;
 use fht_proto::api::reply::ErrorReply;
 use std::path::PathBuf;
-use std::time::Duration;
-
-/// How long the connection may take.
-pub(super) const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Why an operator's command failed.
 #[derive(Debug, thiserror::Error)]
@@ -17,15 +13,17 @@ pub enum OperatorError {
     #[error(transparent)]
     Session(#[from] ServerSessionError),
     /// No server or router is there.
-    #[error("no server or router at {endpoints} within {} s: {reason}", CONNECT_TIMEOUT.as_secs())]
+    #[error("no server or router at {endpoints} within {seconds:.0} s: {reason}")]
     NoRouter {
         /// The endpoints.
         endpoints: String,
+        /// How long was waited, seconds.
+        seconds: f64,
         /// What Zenoh says.
         reason: String,
     },
     /// Zenoh refused.
-    #[error("Zenoh refuses: {0}")]
+    #[error("Zenoh refuses: {}", fht_session::in_words(.0))]
     Zenoh(#[from] zenoh::Error),
     /// Nobody answered in time.
     #[error("no map-server answered; is it up, and may this operator ask it? (access control drops silently)")]
@@ -96,6 +94,7 @@ impl From<NotWritten> for OperatorError {
         match error {
             NotWritten::Zenoh(error) => Self::Zenoh(error),
             NotWritten::Ask(error) => error.into(),
+            NotWritten::Name(error) => Self::Usage(error.to_string()),
             NotWritten::Refused(reply) => Self::Refused(reply),
             NotWritten::NotStored { seconds } => Self::NotStored { seconds },
             NotWritten::Contended { author } => {

@@ -5,29 +5,31 @@ use crate::program::operator::error::OperatorError;
 use crate::program::operator::transfer::fetch_state;
 use fht_map::{DoubtfulWords, check_place, check_zone};
 use fht_proto::api::keys::{Key, Topic};
-use fht_proto::api::reply::{NodesReply, RulesReply, parse_point};
+use fht_proto::api::reply::{NodesReply, RulesReply, parse_angle, parse_point};
 use fht_proto::{EdgeKey, FixedPoint, FixedPose, Label, MapName, NodeId, Op, Zone};
+use std::f64::consts::TAU;
 use zenoh::Session;
 
 pub(super) async fn list(session: &Session, map: &MapName) -> Result<RulesReply, OperatorError> {
     ask_json(session, &Key::topic(map, Topic::Rules).to_string()).await
 }
 
-/// `x,y` or `x,y,yaw` in metres and degrees.
+/// `x,y` or `x,y,yaw` in metres and degrees (or radians: `1.57rad`).
 pub(super) fn parse_pose(text: &str) -> Result<FixedPose, String> {
-    let (place, yaw_deg) = match text.match_indices(',').nth(1) {
+    let (place, yaw) = match text.match_indices(',').nth(1) {
         Some((at, _)) => {
-            let yaw = text[at + 1..].trim().parse::<f64>().ok();
-            let yaw = yaw.ok_or_else(|| format!("{text} is not x,y,yaw in metres and degrees"))?;
-            if !(-360.0..=360.0).contains(&yaw) {
-                return Err(format!("a yaw of {yaw}° is none: it must be from -360 to 360 degrees"));
+            let wrong = || format!("'{text}' is not x,y,yaw in metres and degrees (or radians: 1.57rad)");
+            let yaw_rad = parse_angle(&text[at + 1..]).ok_or_else(wrong)?;
+            if yaw_rad.abs() > TAU {
+                let yaw_deg = yaw_rad.to_degrees();
+                return Err(format!("a yaw of {yaw_deg}° is none: it must be from -360 to 360 degrees"));
             }
-            (&text[..at], yaw)
+            (&text[..at], yaw_rad)
         }
         None => (text, 0.0),
     };
     let position = parse_point(place).map_err(|error| error.message)?;
-    Ok(FixedPose { position, ..FixedPose::from_metres(0.0, 0.0, yaw_deg.to_radians()) })
+    Ok(FixedPose { position, ..FixedPose::from_metres(0.0, 0.0, yaw) })
 }
 
 /// The corners of a zone.
@@ -177,6 +179,8 @@ mod tests {
     #[test]
     fn poses_and_speeds_are_read() {
         assert_eq!(parse_pose("1.5,-2"), Ok(FixedPose::from_metres(1.5, -2.0, 0.0)));
+        assert_eq!(parse_pose("1.5,-2,90deg"), parse_pose("1.5,-2,90"));
+        assert_eq!(parse_pose("1.5,-2,1.5707963267948966rad"), parse_pose("1.5,-2,90"));
         assert_eq!(parse_pose("1.5,-2,90"), Ok(FixedPose::from_metres(1.5, -2.0, std::f64::consts::FRAC_PI_2)));
         assert!(parse_pose("1.5").is_err() && parse_pose("1,2,north").is_err() && parse_pose("1,2,3,4").is_err());
         for yaw in ["900", "-361", "nan", "inf"] {

@@ -29,15 +29,16 @@ pub struct Transferred {
     pub bytes: u64,
 }
 
-pub(super) fn progress(length: u64, quiet: bool) -> ProgressBar {
+/// A bar that counts `what`: increments, bytes.
+pub(super) fn progress(length: u64, what: &'static str, quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();
     }
     let bar = ProgressBar::new(length);
-    if let Ok(style) = ProgressStyle::with_template("{prefix} [{bar:40}] {pos}/{len}") {
+    if let Ok(style) = ProgressStyle::with_template("{prefix} [{bar:40}] {pos} of {len} {msg}") {
         bar.set_style(style);
     }
-    bar
+    bar.with_message(what)
 }
 
 /// Writes a map, or a release of it, to a file. The file appears when it is complete.
@@ -49,7 +50,7 @@ pub(super) async fn export(
     quiet: bool,
 ) -> Result<Transferred, OperatorError> {
     let StateView { vector, digest, .. } = state_of(session, map, release).await?;
-    let bar = progress(vector.version(), quiet);
+    let bar = progress(vector.version(), "increments", quiet);
     bar.set_prefix("export");
     let whole = fetch_whole(session, map, &vector, &bar).await?;
     let header = ArchiveHeader::new(map.clone(), vector, digest);
@@ -93,7 +94,7 @@ pub(super) async fn fetch_state(
     quiet: bool,
 ) -> Result<(Series, MapState), OperatorError> {
     let head = head(session, map).await?;
-    let bar = progress(head.vector.version(), quiet);
+    let bar = progress(head.vector.version(), "increments", quiet);
     bar.set_prefix(map.to_string());
     let series = fetch_whole(session, map, &head.vector, &bar).await?;
     bar.finish_and_clear();
@@ -174,7 +175,7 @@ pub(super) async fn import(
     }
     let header = archive.header.clone();
     let map = name.unwrap_or_else(|| header.map.clone());
-    let bar = progress(bytes.len() as u64, quiet);
+    let bar = progress(bytes.len() as u64, "bytes", quiet);
     bar.set_prefix("import");
     let mut archive = archive;
     let mut head: Option<Head> = None;

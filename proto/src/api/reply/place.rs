@@ -31,6 +31,17 @@ impl FromStr for PlaceRef {
     }
 }
 
+/// Reads an angle, to radians: degrees, such as `90` or `90deg`, or radians, such as `1.57rad`.
+#[must_use]
+pub fn parse_angle(text: &str) -> Option<f64> {
+    let text = text.trim();
+    let number = |text: &str| text.trim_end().parse::<f64>().ok().filter(|value| value.is_finite());
+    match text.strip_suffix("rad") {
+        Some(radians) => number(radians),
+        None => number(text.strip_suffix("deg").unwrap_or(text)).map(f64::to_radians),
+    }
+}
+
 /// Parses `x,y` (metres).
 ///
 /// # Errors

@@ -1,0 +1,81 @@
+//! The command line of `handoff`.
+
+use crate::process::Role;
+use clap::{Parser, Subcommand};
+use fht_program::flags::CompletionsArgs;
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+/// Shows the whole loop: a robot maps a building, a server keeps the map, and a second robot,
+/// dropped somewhere unknown, finds out where it is and drives to a goal on a path that the server
+/// gave it.
+///
+/// Server, explorer and client are processes of their own that talk over Zenoh on this machine.
+#[derive(Debug, Parser)]
+#[command(
+    name = "handoff",
+    version,
+    args_conflicts_with_subcommands = true,
+    after_help = "Examples:
+  handoff                                  the built-in museum
+  handoff --world office --seed 3
+  handoff --explorers 2                    two explorers at once
+  handoff --succeed                        an explorer dies half-way, another one finishes the job
+  handoff --world floor/map.yaml --textures pictures/
+  handoff --keep                           the server stays up, for `zenoh get`
+
+Ctrl-C ends all programs that it has started, and removes their folder."
+)]
+pub struct HandoffArgs {
+    /// Something else than the demo.
+    #[command(subcommand)]
+    pub command: Option<HandoffCommand>,
+    /// museum, office, or the path of a Nav2 map.yaml or a Gazebo .world.
+    #[arg(long, default_value = "museum")]
+    pub world: String,
+    /// Folder of pictures to paint the walls of a Nav2 map with.
+    #[arg(long)]
+    pub textures: Option<PathBuf>,
+    /// Seed of the drawing, the noise, the light, start and goal.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// So many explorers at once: they begin in one room, and divide the building among them.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=8), conflicts_with = "succeed")]
+    pub explorers: u8,
+    /// The explorer dies half-way (SIGKILL), and another one finishes the job.
+    #[arg(long)]
+    pub succeed: bool,
+    /// Where the server listens.
+    #[arg(long, default_value = "tcp/127.0.0.1:7447")]
+    pub listen: String,
+    /// Leave the server running at the end, until Ctrl-C.
+    #[arg(long)]
+    pub keep: bool,
+    /// Where the picture goes [default: handoff-WORLD-SEED.png].
+    #[arg(long)]
+    pub picture: Option<PathBuf>,
+    /// Write the figures to this file as JSON.
+    #[arg(long, alias = "json", value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// No progress bars.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Something else than the demo.
+#[derive(Debug, Subcommand)]
+pub enum HandoffCommand {
+    /// Runs one of the programs: map-server, mapper or client-robot.
+    #[command(after_help = "Examples:
+  handoff role map-server -- --data maps
+  handoff role mapper -- explore --world museum")]
+    Role {
+        /// Which.
+        role: Role,
+        /// Its arguments.
+        #[arg(last = true)]
+        args: Vec<OsString>,
+    },
+    /// Writes completions for a shell to standard output.
+    Completions(CompletionsArgs),
+}

@@ -1,0 +1,169 @@
+//! What people and other programs get wrong is refused by all programs with a sentence that says
+//! what is allowed, and no message names a place in somebody's source.
+#![allow(clippy::unwrap_used)] // tests may panic
+
+use fht_demo::{Process, free_endpoint};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+const HANDOFF: &str = env!("CARGO_BIN_EXE_handoff");
+
+/// Runs a program; its exit code and what it said on standard error.
+fn run(program: &str, args: &[&str]) -> (i32, String) {
+    let mut command = Command::new(HANDOFF);
+    command.args(["role", program, "--"]).args(args).stdout(Stdio::null());
+    let output = command.output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(!said.contains(".rs:") && !said.contains("registry"), "{program} {args:?}: {said}");
+    assert!(!said.contains('\u{1b}'), "colours where nobody sees them: {program} {args:?}: {said}");
+    (output.status.code().unwrap(), said)
+}
+
+const KEY_SEGMENT: &str = "1 to 64 of the letters a to z and A to Z, digits, _ or -";
+
+#[test]
+fn names_that_are_none_are_refused_by_all_programs() {
+    let long = "x".repeat(100);
+    let bad = ["R 2", "a/b", "*", "**", "$*", "", "ü", "a.b", "a?b", "a#b", "a\nb", long.as_str()];
+    let takers: [(&str, &[&str], &str); 13] = [
+        ("mapper", &["explore", "--offline", "--robot"], "robot"),
+        ("mapper", &["explore", "--offline", "--map"], "map"),
+        ("mapper", &["replay", "run.mcap", "--robot"], "robot"),
+        ("mapper", &["replay", "run.mcap", "--map"], "map"),
+        ("client-robot", &["relocalize", "--robot"], "robot"),
+        ("client-robot", &["go", "--to", "1,1", "--robot"], "robot"),
+        ("client-robot", &["go", "--to", "1,1", "--map"], "map"),
+        ("client-robot", &["path", "--from", "0,0", "--to", "1,1", "--map"], "map"),
+        ("map-server", &["maps", "--operator"], "operator"),
+        ("map-server", &["robots"], "map"),
+        ("map-server", &["place", "museum", "dock", "1,1", "--operator"], "operator"),
+        ("map-server", &["release", "create"], "map"),
+        ("map-server", &["import", "museum.fht", "--map"], "map"),
+    ];
+    for name in bad {
+        for (program, args, kind) in takers {
+            let (code, said) = run(program, &[args, &[name]].concat());
+            assert_eq!(code, 2, "{program} {args:?} {name:?}: {said}");
+            assert!(said.contains(KEY_SEGMENT) && said.contains(kind), "{program} {args:?} {name:?}: {said}");
+        }
+    }
+    let (code, said) = run("map-server", &["place", "museum", "1st", "1,1"]);
+    assert!(code == 2 && said.contains("a letter, then letters and digits of any script, _ or -"), "{said}");
+}
+
+#[test]
+fn names_in_a_configuration_file_are_refused_as_well() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("robot.toml");
+    for name in ["R 2", "a/b", "*", ""] {
+        std::fs::write(&file, format!("[robot]\nname = '{name}'\n")).unwrap();
+        for (program, args) in [("mapper", &["explore", "--offline"][..]), ("client-robot", &["relocalize"])] {
+            let (code, said) = run(program, &[&["--config", file.to_str().unwrap()], args].concat());
+            assert!(code == 2 && said.contains("robot.toml:2") && said.contains(KEY_SEGMENT), "{program}: {said}");
+        }
+    }
+}
+
+#[test]
+fn failures_name_no_place_in_the_source() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let (nobody, endpoint) = (free_endpoint().unwrap(), free_endpoint().unwrap());
+    std::fs::write(at("wrong.json5"), "{mode: 'captain'}").unwrap();
+    std::fs::write(at("tls.json5"), "{transport: {link: {tls: {root_ca_certificate: 'gone.pem'}}}}").unwrap();
+    let _server =
+        Process::map_server(Path::new(HANDOFF), Path::new(&at("data")), &endpoint, Duration::from_secs(30)).unwrap();
+    let (wrong, tls) = (at("wrong.json5"), at("tls.json5"));
+    let places: [&[&str]; 7] = [
+        &["--connect", &nobody, "--wait", "1"],
+        &["--connect", "tcp/256.1.1.1:7447", "--wait", "1"],
+        &["--connect", "nonsense", "--wait", "1"],
+        &["--connect", "tls/localhost:1", "--zenoh-config", &tls, "--wait", "1"],
+        &["--zenoh-config", &wrong, "--wait", "1"],
+        &["--zenoh-config", "nowhere.json5", "--wait", "1"],
+        &["--connect", &endpoint, "--wait", "1"],
+    ];
+    let commands: [(&str, &[&str]); 5] = [
+        ("mapper", &["explore", "--no-cameras", "--quiet", "--max-sim", "1", "--linger", "1"]),
+        ("client-robot", &["path", "--from", "0,0", "--to", "dock"]),
+        ("client-robot", &["go", "--to", "dock", "--no-cameras"]),
+        ("map-server", &["robots", "elsewhere"]),
+        ("map-server", &["place", "elsewhere", "dock", "1,1"]),
+    ];
+    for place in places {
+        for (program, args) in commands {
+            let (code, said) = run(program, &[args, place].concat());
+            assert!(code != 0 && !said.trim().is_empty(), "{program} {args:?} {place:?}: {code} {said}");
+        }
+    }
+    for args in [
+        &["--data", &at("data"), "--listen", "tcp/127.0.0.1:0"][..],
+        &["--data", &at("other"), "--listen", &endpoint],
+        &["--data", &at("other"), "--listen", "nonsense"],
+        &["--data", &at("other"), "--listen", "tcp/256.1.1.1:1"],
+        &["--data", &at("other"), "--listen", "tls/127.0.0.1:0"],
+    ] {
+        let (code, said) = run("map-server", args);
+        assert!(code != 0 && !said.trim().is_empty(), "{args:?}: {code} {said}");
+    }
+}
+
+#[test]
+fn what_is_waited_for_is_said_and_the_wait_ends() {
+    let (nobody, folder) = (free_endpoint().unwrap(), tempfile::tempdir().unwrap());
+    let endpoint = free_endpoint().unwrap();
+    let _server = Process::map_server(Path::new(HANDOFF), folder.path(), &endpoint, Duration::from_secs(30)).unwrap();
+    let ask: [(&str, &[&str]); 4] = [
+        ("client-robot", &["path", "--from", "0,0", "--to", "1,1"]),
+        ("client-robot", &["go", "--to", "1,1", "--no-cameras"]),
+        ("map-server", &["rules", "museum"]),
+        ("mapper", &["explore", "--no-cameras"]),
+    ];
+    for (program, args) in ask {
+        // A robot first gets ready, which takes its time on a busy machine.
+        let wait = if args[0] == "go" { "20" } else { "7" };
+        let (code, said) = run(program, &[args, &["--connect", &nobody, "--wait", wait]].concat());
+        assert!(code != 0 && said.contains("waiting for a server"), "{program}: {said}");
+        if program == "mapper" {
+            continue; // it makes the map that is not there
+        }
+        let began = std::time::Instant::now();
+        let (code, said) = run(program, &[args, &["--connect", &endpoint]].concat());
+        assert!(code != 0 && said.contains("there is no map museum"), "{program}: {said}");
+        assert!(!said.contains("waiting for"), "it was not asked to wait for the map: {said}");
+        let at_once = began.elapsed();
+        let (code, said) = run(program, &[args, &["--connect", &endpoint, "--wait", wait]].concat());
+        assert!(code != 0 && said.contains("waiting for") && said.contains("museum"), "{program}: {said}");
+        println!("{program}: {at_once:?} without --wait");
+    }
+}
+
+#[test]
+fn a_goal_that_the_map_does_not_have_is_refused_before_the_robot_drives() {
+    let (folder, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint().unwrap());
+    let _server = Process::map_server(Path::new(HANDOFF), folder.path(), &endpoint, Duration::from_secs(30)).unwrap();
+    let at = |program: &str, args: &[&str]| run(program, &[args, &["--connect", &endpoint]].concat());
+    at("mapper", &["explore", "--no-cameras", "--quiet", "--max-sim", "20"]);
+    for place in ["dock", "Küche"] {
+        let (code, said) = at("map-server", &["place", "museum", place, "0.5,0,90"]);
+        assert_eq!(code, 0, "{said}");
+    }
+    let (code, said) = at("client-robot", &["path", "--from", "dock", "--to", "Küche"]);
+    assert_eq!(code, 0, "{said}");
+    let (code, said) = at("client-robot", &["go", "--to", "kitchen", "--no-cameras"]);
+    assert!(
+        code == 2 && said.contains("map 'museum' has no place called kitchen; its places: ") && said.contains("Küche"),
+        "{said}"
+    );
+    let (code, said) = at("client-robot", &["go", "--to", "00000000.7", "--no-cameras"]);
+    assert!(code == 2 && said.contains("has no node 00000000.7"), "{said}");
+    // A place that comes while it is waited for.
+    let late = std::thread::scope(|scope| {
+        let asked = scope.spawn(|| at("client-robot", &["path", "--from", "dock", "--to", "late", "--wait", "60"]));
+        std::thread::sleep(Duration::from_secs(7));
+        assert_eq!(at("map-server", &["place", "museum", "late", "0.2,0"]).0, 0);
+        asked.join().unwrap()
+    });
+    assert!(late.0 == 0 && late.1.contains("waiting for the place"), "{late:?}");
+}

@@ -1,0 +1,310 @@
+//! The operators' subcommands, as they are written.
+
+use crate::program::operator::rule::{Corners, parse_corners, parse_pose, parse_speed};
+use clap::{Args, Subcommand};
+use fht_program::flags::wait;
+use fht_proto::{FixedPose, Label, MapName, NodeId, ReleaseName, RobotName};
+use std::path::PathBuf;
+
+/// What all operators' commands share.
+#[derive(Clone, Debug, Args)]
+pub struct OperatorArgs {
+    /// The operator's name: 1 to 64 of the letters a to z and A to Z, digits, _ or -. What is
+    /// written is written under it.
+    #[arg(
+        long,
+        global = true,
+        help_heading = "Operators' commands",
+        default_value = "operator",
+        env = "FHT_OPERATOR",
+        value_name = "NAME"
+    )]
+    pub(super) operator: RobotName,
+    /// Print JSON.
+    #[arg(long, global = true, help_heading = "Operators' commands")]
+    pub(in crate::program) json: bool,
+    /// Wait so long, from the start on, for the server and for the map; 'inf' is for ever. What is
+    /// waited for is said every five seconds [default: 10 for the server; a map that it does not
+    /// have is not waited for].
+    #[arg(long, global = true, help_heading = "Operators' commands", value_name = "SECONDS", value_parser = wait)]
+    wait: Option<f64>,
+}
+
+impl OperatorArgs {
+    /// What `--wait` says.
+    #[must_use]
+    pub fn wait(&self) -> Option<f64> {
+        self.wait
+    }
+}
+
+/// What an operator can do.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Operation {
+    /// The maps that the server has.
+    #[command(after_help = "Examples:
+  map-server maps
+  map-server maps --connect tcp/10.0.0.5:7447 --json")]
+    Maps,
+    /// Whether the server answers, for health checks: exit code 0 if it does. It waits a second,
+    /// unless --wait says otherwise.
+    #[command(after_help = "Examples:
+  map-server health
+  map-server health --connect tcp/10.0.0.5:7447 --wait 5")]
+    Health,
+    /// The robots of a map: what they run, where they are, who is behind.
+    #[command(after_help = "Examples:
+  map-server robots museum
+  map-server robots museum --watch")]
+    Robots {
+        /// The map.
+        map: MapName,
+        /// Show them again every second, until interrupted.
+        #[arg(long)]
+        watch: bool,
+    },
+    /// Releases: states of the map with a name, which never change, and which robots can be told to
+    /// use.
+    #[command(after_help = "Examples:
+  map-server release create museum              a name for the state as it is now
+  map-server release enable museum 2026-11-21.1
+  map-server release rollback museum")]
+    Release {
+        /// What to do.
+        #[command(subcommand)]
+        action: ReleaseAction,
+    },
+    /// What has changed between two states of a map.
+    #[command(after_help = "Examples:
+  map-server diff museum 2026-11-21.1           from the release to the newest state
+  map-server diff museum 100 2026-11-21.1       from version 100 to the release")]
+    Diff {
+        /// The map.
+        map: MapName,
+        /// From: a release, a version, a vector, or head.
+        from: String,
+        /// To: the same.
+        #[arg(default_value = "head")]
+        to: String,
+    },
+    /// Named places, zones, closed edges, and what robots found blocked.
+    #[command(after_help = "Examples:
+  map-server rules museum
+  map-server rules museum --json")]
+    Rules {
+        /// The map.
+        map: MapName,
+    },
+    /// Names a place, so that robots and queries can go there by name.
+    #[command(after_help = "Examples:
+  map-server place museum dock 1.5,-2,90        1.5 m ahead of the map's origin, 2 m right of it, facing left
+  map-server place museum Küche 4,1
+  map-server place museum dock --remove")]
+    Place {
+        /// The map.
+        map: MapName,
+        /// Its name: a letter, then letters and digits of any script, _ or -; 64 characters at
+        /// most.
+        name: Label,
+        /// Where, in the map frame: x,y or x,y,yaw, metres and degrees (or radians: 1.57rad).
+        #[arg(value_parser = parse_pose, allow_hyphen_values = true, required_unless_present = "remove")]
+        at: Option<FixedPose>,
+        /// Take the name away.
+        #[arg(long, conflicts_with = "at")]
+        remove: bool,
+        /// Also where no robot can be, as far as the map knows.
+        #[arg(long, conflicts_with = "remove")]
+        force: bool,
+    },
+    /// Draws a zone that robots keep out of, or are slow in.
+    #[command(after_help = "Examples:
+  map-server zone museum wet-floor '1,1 3,1 3,2 1,2'                     robots keep out
+  map-server zone museum ramp '5,0 8,0 8,1 5,1' --speed-limit 0.3        … or drive slowly
+  map-server zone museum wet-floor --remove")]
+    Zone {
+        /// The map.
+        map: MapName,
+        /// Its name: a letter, then letters and digits of any script, _ or -; 64 characters at
+        /// most.
+        name: Label,
+        /// Its corners in order, three or more, as one text: 'x,y x,y x,y' (map frame, metres).
+        #[arg(value_parser = parse_corners, allow_hyphen_values = true, required_unless_present = "remove")]
+        corners: Option<Corners>,
+        /// Robots may enter, and drive at most so fast, metres per second. Without this they keep
+        /// out.
+        #[arg(long, alias = "speed", value_parser = parse_speed, value_name = "M/S")]
+        speed_limit: Option<u16>,
+        /// Take the zone away.
+        #[arg(long, conflicts_with_all = ["corners", "speed_limit"])]
+        remove: bool,
+        /// Also where the map is not.
+        #[arg(long, conflicts_with = "remove")]
+        force: bool,
+    },
+    /// Closes an edge: no path leads over it, until it is opened.
+    #[command(after_help = "Examples:
+  map-server close museum 1a2b3c4d.5 1a2b3c4d.6")]
+    Close {
+        /// The map.
+        map: MapName,
+        /// One end.
+        a: NodeId,
+        /// The other end.
+        b: NodeId,
+    },
+    /// Opens an edge again.
+    #[command(after_help = "Examples:
+  map-server open museum 1a2b3c4d.5 1a2b3c4d.6")]
+    Open {
+        /// The map.
+        map: MapName,
+        /// One end.
+        a: NodeId,
+        /// The other end.
+        b: NodeId,
+    },
+    /// Folds old increments: the newest versions and all releases stay what they are, what only
+    /// older versions needed goes.
+    #[command(after_help = "Examples:
+  map-server retain museum --keep 1000")]
+    Retain {
+        /// The map.
+        map: MapName,
+        /// How many of the newest versions stay.
+        #[arg(long, value_name = "VERSIONS")]
+        keep: u64,
+    },
+    /// Writes a map to a file, with all its releases.
+    #[command(after_help = "Examples:
+  map-server export museum museum.fht
+  map-server export museum museum.fht --release 2026-11-21.1")]
+    Export {
+        /// The map.
+        map: MapName,
+        /// The file.
+        file: PathBuf,
+        /// This release instead of the newest state.
+        #[arg(long)]
+        release: Option<ReleaseName>,
+    },
+    /// Takes a map in from a file.
+    #[command(after_help = "Examples:
+  map-server import museum.fht
+  map-server import museum.fht --map copy")]
+    Import {
+        /// The file.
+        file: PathBuf,
+        /// Under this name instead of the one that it had.
+        #[arg(long)]
+        map: Option<MapName>,
+    },
+    /// Merges two maps of one building that were made apart: finds out where the second lies in the
+    /// first, and brings over what the first lacks. Refused, with the reason, when they are not
+    /// surely of one building.
+    #[command(after_help = "Examples:
+  map-server merge museum museum-2 --dry-run        do they fit?
+  map-server merge museum museum-2                  museum grows by what museum-2 has and it has not
+  map-server merge museum museum-2 --into whole     both stay as they are
+
+What is written is the operator's, like places and zones. A release before is the way back.")]
+    Merge {
+        /// The map whose frame stays.
+        first: MapName,
+        /// The map that is brought over. It stays as it is.
+        second: MapName,
+        /// Write to a new map of this name, which begins with all of the first, instead of into the
+        /// first.
+        #[arg(long, value_name = "MAP")]
+        into: Option<MapName>,
+        /// Only say how they fit.
+        #[arg(long)]
+        dry_run: bool,
+        /// Leave out what operators wrote of the second: places, zones, closed edges.
+        #[arg(long)]
+        only_map: bool,
+    },
+}
+
+/// What an operator can do with releases.
+#[derive(Clone, Debug, Subcommand)]
+pub enum ReleaseAction {
+    /// Show them.
+    #[command(after_help = "Examples:
+  map-server release list museum")]
+    List {
+        /// The map.
+        map: MapName,
+    },
+    /// Make one of the newest state, or of an older version.
+    #[command(after_help = "Examples:
+  map-server release create museum              named by the day, such as 2026-11-21.1
+  map-server release create museum spring --version 100")]
+    Create {
+        /// The map.
+        map: MapName,
+        /// Its name [default: the day and a number, such as 2026-11-21.1].
+        name: Option<ReleaseName>,
+        /// Of this version.
+        #[arg(long)]
+        version: Option<u64>,
+    },
+    /// Tell robots to use one; 'head': the newest state, as it grows.
+    #[command(after_help = "Examples:
+  map-server release enable museum 2026-11-21.1
+  map-server release enable museum head         the newest state, as it grows")]
+    Enable {
+        /// The map.
+        map: MapName,
+        /// Its name, or name@author.
+        name: String,
+    },
+    /// Tell robots to use the one that was made before the one that they use.
+    #[command(after_help = "Examples:
+  map-server release rollback museum")]
+    Rollback {
+        /// The map.
+        map: MapName,
+    },
+    /// Delete one, for ever.
+    #[command(after_help = "Examples:
+  map-server release delete museum 2026-11-21.1")]
+    Delete {
+        /// The map.
+        map: MapName,
+        /// Its name, or name@author.
+        name: String,
+    },
+}
+
+impl Operation {
+    /// The map that must be there.
+    pub(super) fn map(&self) -> Option<&MapName> {
+        match self {
+            Self::Maps | Self::Health | Self::Import { .. } => None,
+            Self::Release { action } => Some(action.map()),
+            Self::Robots { map, .. }
+            | Self::Diff { map, .. }
+            | Self::Rules { map }
+            | Self::Place { map, .. }
+            | Self::Zone { map, .. }
+            | Self::Close { map, .. }
+            | Self::Open { map, .. }
+            | Self::Retain { map, .. }
+            | Self::Export { map, .. }
+            | Self::Merge { first: map, .. } => Some(map),
+        }
+    }
+}
+
+impl ReleaseAction {
+    /// Its map.
+    pub(super) fn map(&self) -> &MapName {
+        match self {
+            Self::List { map }
+            | Self::Create { map, .. }
+            | Self::Enable { map, .. }
+            | Self::Rollback { map }
+            | Self::Delete { map, .. } => map,
+        }
+    }
+}
