@@ -9,6 +9,7 @@ use fht_localization::landmarks::Landmarks;
 use fht_perception::pose::{Pose2, pose};
 use fht_sim::{World, load};
 use mapper::MapperConfig;
+use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -54,7 +55,7 @@ fn two_rooms(dir: &Path, second: [f64; 2]) -> Arc<World> {
 fn start(seed: u32, left: f64, size: [f64; 2]) -> Pose2 {
     let draw = |step: f64| (f64::from(seed) * step).fract();
     let along = |size_m: f64, share: f64| 0.7 + (size_m - 1.4) * share;
-    pose(left + along(size[0], draw(0.618_034)), 1.0 + along(size[1], draw(0.754_878)), 6.28 * draw(0.569_840))
+    pose(left + along(size[0], draw(0.618_034)), 1.0 + along(size[1], draw(0.754_878)), TAU * draw(0.569_840))
 }
 
 /// Drives with cameras and without: outcomes.

@@ -303,7 +303,7 @@ where
         Some(Command::AccessControl(access)) => {
             access.run().map(|text| print!("{text}")).map_err(|error| error.to_string())
         }
-        Some(Command::Repair(repair)) => repair.run(&config.data, cli.operator.json),
+        Some(Command::Repair(repair)) => repair.run(&config.data, cli.operator.json()),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -29,8 +29,8 @@ pub struct CompactPath {
     pub waypoints: Vec<CompactWaypoint>,
 }
 
-/// The reply to `path` for who gives `to_nearest`, or `goal_yaw=true`: with what became of the goal.
-/// A message of its own: a reader of [`CompactPath`] refuses what it does not know.
+/// The reply to `path` for who gives `to_nearest` or `goal_yaw=true`, with what became of the goal.
+/// It is a message of its own: a reader of [`CompactPath`] refuses what it does not know.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CompactPathWithGoal {
     /// The path.

@@ -22,7 +22,7 @@ pub struct OperatorArgs {
     pub(super) operator: RobotName,
     /// Print JSON.
     #[arg(long, global = true, help_heading = "Operators' commands")]
-    pub(in crate::program) json: bool,
+    pub(super) json: bool,
     /// Wait so long, from the start on, for the server and for the map; 'inf' is for ever. What is
     /// waited for is said every five seconds [default: 10 for the server; a map that it does not
     /// have is not waited for].
@@ -31,6 +31,12 @@ pub struct OperatorArgs {
 }
 
 impl OperatorArgs {
+    /// Whether JSON is to be printed.
+    #[must_use]
+    pub fn json(&self) -> bool {
+        self.json
+    }
+
     /// What `--wait` says.
     #[must_use]
     pub fn wait(&self) -> Option<f64> {
