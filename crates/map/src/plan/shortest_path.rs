@@ -55,8 +55,16 @@ pub fn plan(
         Err(refusal) => refusal,
     };
     let is_goal_far = matches!(refusal, RouteError::OutOfMap { is_goal: true, .. });
+    let ways = match refusal {
+        RouteError::NoPath { .. } if ways.starts.is_empty() => ways.from_afar(),
+        _ => ways,
+    };
     match (refusal, config.ends) {
-        (RouteError::NoPath { .. }, _) => {}
+        (RouteError::NoPath { .. }, _) => {
+            if let Some(route) = ways.shortest() {
+                return Ok(route);
+            }
+        }
         (_, PathEnds::ToNearest) if is_goal_far => {}
         _ => return Err(refusal),
     }
@@ -81,6 +89,12 @@ impl<'a> Ways<'a> {
         let start = if config.ends == PathEnds::Known { PathEnd::Known } else { PathEnd::Start };
         let starts = space.approaches(from, config.max_detour_m * 1000.0, start);
         Self { space, config, from, to, starts }
+    }
+
+    /// With ways into the mesh of twice the length: a node is near, but not in sight.
+    fn from_afar(self) -> Self {
+        let reach_mm = 2.0 * self.config.max_detour_m * 1000.0;
+        Self { starts: self.space.approaches(self.from, reach_mm, PathEnd::Start), ..self }
     }
 
     /// The shortest way to the goal.
