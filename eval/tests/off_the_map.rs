@@ -58,52 +58,57 @@ fn start(seed: u32, left: f64, size: [f64; 2]) -> Pose2 {
     pose(left + along(size[0], draw(0.618_034)), 1.0 + along(size[1], draw(0.754_878)), TAU * draw(0.569_840))
 }
 
-/// Drives with cameras and without: outcomes.
+/// How often a wrong place is declared, and how often a right one.
 fn tried(
     world: &Arc<World>,
     world_from_map: &Pose2,
     landmarks: &Landmarks,
-    start: Pose2,
-    seed: u32,
-) -> [TrialOutcome; 2] {
-    let drive = RecordedDrive::record(world, start, u64::from(seed), DRIVE_M);
+    (seed, left, size): (u32, f64, [f64; 2]),
+    cameras: bool,
+) -> TrialOutcome {
+    let drive = RecordedDrive::record(world, start(seed, left, size), u64::from(seed), DRIVE_M);
     let mut net = DescriptorNet::load(None).unwrap();
     let mut sight = Sight::new(&drive, &mut net);
-    [true, false].map(|cameras| run_trial(&mut Ours::new(landmarks, cameras), &mut sight, world_from_map))
+    run_trial(&mut Ours::new(landmarks, cameras), &mut sight, world_from_map)
 }
 
-/// As many starts in each world as `FHT_STARTS` says, or a few.
+/// As many starts in each room as `FHT_STARTS` says, or a few.
 fn starts() -> u32 {
     std::env::var("FHT_STARTS").ok().and_then(|text| text.parse().ok()).unwrap_or(3)
 }
 
-#[test]
-fn a_robot_in_a_room_that_is_not_on_the_map_does_not_know_where_it_is() {
+fn no_wrong_place_is_declared(cameras: bool) {
     let mut wrong = Vec::new();
     for second in [MAPPED, [18.0, 9.0]] {
         let dir = tempfile::tempdir().unwrap();
         let world = two_rooms(dir.path(), second);
         let members = vec![Member::at(pose(5.0, 6.0, 0.0))];
-        let task = TeamTask { members, seed: 1, cameras: true, mapper: MapperConfig::default(), most_s: 600.0 };
+        let task = TeamTask { members, seed: 1, cameras, mapper: MapperConfig::default(), most_s: 600.0 };
         let explored = explore_as_team(&world, &task, |_, _| {}).unwrap();
         let mut landmarks = Landmarks::default();
         landmarks.refresh(&explored.map);
-        for seed in 1..=starts() {
-            let at = start(seed, SECOND_M, second);
-            let outcomes = tried(&world, &explored.world_from_map, &landmarks, at, seed);
-            let false_fixes = outcomes.map(|outcome| outcome.false_fixes);
-            println!("a room of {second:?} m, seed {seed}: {false_fixes:?} false fixes with cameras, without");
-            wrong.extend((false_fixes != [0, 0]).then_some((second, seed, false_fixes)));
+        for (room, left, size) in [("another room", SECOND_M, second), ("the mapped room", 1.0, MAPPED)] {
+            let mut right = 0;
+            for seed in 1..=starts() {
+                let trial = (seed, left, size);
+                let outcome = tried(&world, &explored.world_from_map, &landmarks, trial, cameras);
+                right += u32::from(outcome.right.is_some());
+                wrong.extend((outcome.false_fixes > 0).then_some((room, second, seed)));
+            }
+            // A rectangle fits in two ways, and plain walls look alike: it may not know in either.
+            println!("{room} beside one of {second:?} m: right in {right} of {}", starts());
         }
-        // A rectangle fits in two ways, and plain walls look alike: here it may not know either.
-        let mut right = 0;
-        for seed in 1..=starts() {
-            let at = start(seed, 1.0, MAPPED);
-            let [with_cameras, without] = tried(&world, &explored.world_from_map, &landmarks, at, seed);
-            assert_eq!((with_cameras.false_fixes, without.false_fixes), (0, 0), "seed {seed} in the mapped room");
-            right += u32::from(with_cameras.right.is_some());
-        }
-        println!("the mapped room: {right} of {} found with cameras", starts());
     }
     assert!(wrong.is_empty(), "wrong places were declared: {wrong:?}");
+}
+
+#[test]
+fn a_robot_in_a_room_that_is_not_on_the_map_does_not_know_where_it_is_by_its_scanner() {
+    no_wrong_place_is_declared(false);
+}
+
+#[test]
+#[ignore = "takes minutes; with FHT_STARTS=100 it is the measure of how often a wrong place is declared"]
+fn a_robot_in_a_room_that_is_not_on_the_map_does_not_know_where_it_is_with_cameras() {
+    no_wrong_place_is_declared(true);
 }

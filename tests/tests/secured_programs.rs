@@ -108,10 +108,11 @@ impl Walk {
         self.running.push(router);
     }
 
-    /// The README's explorer command with `more`, for a minute of robot time.
+    /// The README's explorer command with `more`, until it has seen the README's
+    /// places.
     fn explore(&self, more: &[&str]) {
         let mut args = words("mapper ", "explore --world museum");
-        args.extend(["--quiet", "--max-sim", "60"].iter().chain(more).map(|&word| word.to_owned()));
+        args.extend(["--quiet", "--max-sim", "260"].iter().chain(more).map(|&word| word.to_owned()));
         // Its exit code says that the map is not complete; what there is has been acknowledged.
         let complaint = self.try_run(Role::Mapper, &args).unwrap_err();
         assert!(complaint.contains("the map is not complete: out of time"), "{complaint}");

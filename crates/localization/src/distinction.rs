@@ -20,8 +20,8 @@ pub struct DistinctionConfig {
     /// Default 0.97.
     pub min_wall_confidence: f64,
     /// Where they do not, pictures look like the nodes near by this much more than those look like
-    /// nodes elsewhere on the map, and than the model's threshold, cosine. Default 0.15: in a
-    /// room that was not mapped, as plain as the one that was, it was up to 0.08, once 0.1.
+    /// nodes elsewhere on the map, and than the model's threshold, cosine. Default 0.2: in a
+    /// room that was not mapped, as plain as the one that was, it was up to 0.08, at times 0.15.
     pub min_excess: f64,
     /// Whatever the walls say, pictures of a known place are at most this much below the model's
     /// threshold, cosine. Default 0.05.
@@ -32,7 +32,7 @@ pub struct DistinctionConfig {
 
 impl Default for DistinctionConfig {
     fn default() -> Self {
-        Self { min_wall_confidence: 0.97, min_excess: 0.15, max_deficit: 0.05, min_pictures: 3 }
+        Self { min_wall_confidence: 0.97, min_excess: 0.2, max_deficit: 0.05, min_pictures: 3 }
     }
 }
 

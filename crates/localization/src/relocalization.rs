@@ -61,7 +61,7 @@ pub struct RelocalizationConfig {
     /// elsewhere has 0.05 and more.
     pub max_contradicted: f64,
     /// So much more for each view: furniture may have been moved, if all the rest fits for long.
-    /// Default 0.004.
+    /// Default 0.0015.
     pub max_contradicted_per_view: f64,
     /// Greatest standard deviation of the declared position along any direction, metres. Default
     /// 0.15.
@@ -95,7 +95,7 @@ impl Default for RelocalizationConfig {
             min_spread_m: 0.7,
             min_explained: 0.75,
             max_contradicted: 0.015,
-            max_contradicted_per_view: 0.004,
+            max_contradicted_per_view: 0.0015,
             max_sigma_m: 0.15,
             weigh: WeighConfig::default(),
             distinction: DistinctionConfig::default(),

@@ -64,11 +64,12 @@ pub struct StartError {
     pub nearest: Option<Pose2>,
 }
 
-/// As `--start` takes it: metres and radians.
+/// As `--start` takes it: metres and degrees.
 fn in_words(start: &Pose2) -> String {
     // The sum takes the sign from a zero.
     let short = |value: f64| round(value, 1000.0) + 0.0;
-    format!("{},{},{}", short(start.translation.x), short(start.translation.y), short(start.rotation.angle()))
+    let [x, y, yaw] = [start.translation.x, start.translation.y, start.rotation.angle().to_degrees()].map(short);
+    format!("{x},{y},{yaw}")
 }
 
 fn round(value: f64, parts: f64) -> f64 {
