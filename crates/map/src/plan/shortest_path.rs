@@ -56,7 +56,7 @@ pub fn plan(
     };
     let is_goal_far = matches!(refusal, RouteError::OutOfMap { is_goal: true, .. });
     let ways = match refusal {
-        RouteError::NoPath { .. } if ways.starts.is_empty() => ways.from_afar(),
+        RouteError::NoPath { .. } if ways.starts.is_empty() => ways.with_far_entries(),
         _ => ways,
     };
     match (refusal, config.ends) {
@@ -92,7 +92,7 @@ impl<'a> Ways<'a> {
     }
 
     /// With ways into the mesh of twice the length: a node is near, but not in sight.
-    fn from_afar(self) -> Self {
+    fn with_far_entries(self) -> Self {
         let reach_mm = 2.0 * self.config.max_detour_m * 1000.0;
         Self { starts: self.space.approaches(self.from, reach_mm, PathEnd::Start), ..self }
     }
