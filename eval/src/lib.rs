@@ -50,6 +50,6 @@ pub use ledger::Ledger;
 pub use merging::{MadeMap, Merged, merge_and_measure, quantile_x};
 pub use scan_coverage::KnownShare;
 pub use storage::Storage;
-pub use survey::{Survey, SurveyError, SurveyTask};
-pub use team::{Member, MemberReport, TeamError, TeamReport, TeamRun, TeamTask, explore_as_team};
+pub use survey::{ExplorationError, Survey, SurveyTask};
+pub use team::{Member, MemberReport, TeamReport, TeamRun, TeamTask, explore_as_team};
 pub use trial::{TrialFix, TrialOutcome, run_trial};

@@ -104,7 +104,7 @@ pub struct Survey {
 
 /// Why there is no map.
 #[derive(Debug, thiserror::Error)]
-pub enum SurveyError {
+pub enum ExplorationError {
     /// The world cannot be loaded.
     #[error(transparent)]
     World(#[from] WorldError),
@@ -120,6 +120,9 @@ pub enum SurveyError {
     /// Panoramas could not be described.
     #[error(transparent)]
     Camera(#[from] CameraError),
+    /// Nobody explores.
+    #[error("a team of nobody")]
+    Nobody,
     /// The exploration did not end as it should.
     #[error("the exploration of {world} ended early: {ending}")]
     Incomplete {
@@ -170,12 +173,12 @@ impl Survey {
     /// Takes the map of `task` from `folder`, or explores the world and keeps the map there.
     ///
     /// # Errors
-    /// [`SurveyError`].
-    pub fn of(task: &SurveyTask, folder: &Path) -> Result<Self, SurveyError> {
+    /// [`ExplorationError`].
+    pub fn of(task: &SurveyTask, folder: &Path) -> Result<Self, ExplorationError> {
         let world = fht_sim::load_with(&task.world, task.textures.as_deref(), task.world_seed, task.changes.as_ref())?;
         let world = Arc::new(world);
         let path = task.path(folder);
-        let kept_error = |reason: String| SurveyError::Kept { path: path.clone(), reason };
+        let kept_error = |reason: String| ExplorationError::Kept { path: path.clone(), reason };
         if let Ok(bytes) = std::fs::read(&path) {
             let kept: Kept = postcard::from_bytes(&bytes).map_err(|error| kept_error(error.to_string()))?;
             return Self::from_kept(world, kept, &bytes);
@@ -193,7 +196,7 @@ impl Survey {
         Self::from_kept(world, kept, &bytes)
     }
 
-    fn from_kept(world: Arc<World>, kept: Kept, bytes: &[u8]) -> Result<Self, SurveyError> {
+    fn from_kept(world: Arc<World>, kept: Kept, bytes: &[u8]) -> Result<Self, ExplorationError> {
         let mut map = MapState::new();
         for bytes in &kept.increments {
             map.apply(&decode::<Increment>(bytes)?);
@@ -211,7 +214,7 @@ impl Survey {
     }
 }
 
-fn explore(task: &SurveyTask, world: &Arc<World>) -> Result<Kept, SurveyError> {
+fn explore(task: &SurveyTask, world: &Arc<World>) -> Result<Kept, ExplorationError> {
     let start = task.start.unwrap_or_else(|| world.start());
     let mut sim = SimConfig { drift_factor: task.drift, ..SimConfig::default() };
     if !task.cameras {
@@ -233,11 +236,11 @@ fn explore(task: &SurveyTask, world: &Arc<World>) -> Result<Kept, SurveyError> {
         }
     };
     if ending != Ending::Complete {
-        return Err(SurveyError::Incomplete { world: task.world.clone(), ending });
+        return Err(ExplorationError::Incomplete { world: task.world.clone(), ending });
     }
     mapper.finish();
     let increments = mapper.take_increments().iter().map(encode).collect::<Result<_, _>>()?;
-    let grid = GridMap::of(mapper.grid()).map_err(SurveyError::Grid)?;
+    let grid = GridMap::of(mapper.grid()).map_err(ExplorationError::Grid)?;
     let world_from_map = [start.translation.x, start.translation.y, start.rotation.angle()];
     Ok(Kept { world_from_map, increments, grid, passes: witness.passes(&mapper) })
 }

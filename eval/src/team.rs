@@ -1,15 +1,15 @@
 //! Several explorers in one building, in simulated time and without a network. What each writes
 //! reaches the others a second later. Runs repeat exactly; the demo runs the same as processes.
 
-use fht_descriptor::{DescriptorError, DescriptorNet};
+use crate::survey::ExplorationError;
+use fht_descriptor::DescriptorNet;
 use fht_map::MapState;
-use fht_perception::frame::{FrameError, SensorFrame};
+use fht_perception::frame::SensorFrame;
 use fht_perception::grid::{CellState, OccupancyGrid};
 use fht_perception::pose::{Point2, Pose2};
 use fht_proto::{AuthorId, Increment, SeenArea};
 use fht_sim::scoring::explored_by;
 use fht_sim::{SimConfig, Simulator, World};
-use mapper::CameraError;
 use mapper::JoinConfig;
 use mapper::explore::{Ending, Teammate};
 use mapper::program::main_node_errors;
@@ -114,26 +114,6 @@ pub struct TeamRun {
     pub world_from_map: Pose2,
 }
 
-/// Why there is no result.
-#[derive(Debug, thiserror::Error)]
-pub enum TeamError {
-    /// The descriptor network cannot be loaded.
-    #[error(transparent)]
-    Descriptor(#[from] DescriptorError),
-    /// The system gave no thread.
-    #[error("a thread cannot be started: {0}")]
-    Thread(#[from] std::io::Error),
-    /// The simulator made a frame that nothing can be made of: a defect.
-    #[error(transparent)]
-    Frame(#[from] FrameError),
-    /// Panoramas could not be described.
-    #[error(transparent)]
-    Camera(#[from] CameraError),
-    /// The team is empty.
-    #[error("a team of nobody")]
-    Nobody,
-}
-
 struct Robot {
     author: AuthorId,
     member: Member,
@@ -195,14 +175,14 @@ impl Exchange {
 /// Runs a team to its end. `watch` gets the time and the free area about once a simulated minute.
 ///
 /// # Errors
-/// [`TeamError`].
+/// [`ExplorationError`].
 pub fn explore_as_team(
     world: &Arc<World>,
     task: &TeamTask,
     mut watch: impl FnMut(f64, f64),
-) -> Result<TeamRun, TeamError> {
+) -> Result<TeamRun, ExplorationError> {
     let mut robots = robots(world, task)?;
-    let world_from_map = robots.first().ok_or(TeamError::Nobody)?.member.start;
+    let world_from_map = robots.first().ok_or(ExplorationError::Nobody)?.member.start;
     let mut exchange = Exchange::default();
     let mut seen_changes = 0;
     let mut frame = 0_u64;
@@ -225,7 +205,7 @@ pub fn explore_as_team(
     }
     exchange.deliver(u64::MAX);
     let report = report(world, &robots, &exchange.map, &world_from_map);
-    let last = robots.iter().max_by(|a, b| a.ended_s().total_cmp(&b.ended_s())).ok_or(TeamError::Nobody)?;
+    let last = robots.iter().max_by(|a, b| a.ended_s().total_cmp(&b.ended_s())).ok_or(ExplorationError::Nobody)?;
     Ok(TeamRun {
         report,
         grid: last.mapper.grid().clone(),
@@ -235,7 +215,7 @@ pub fn explore_as_team(
     })
 }
 
-fn robots(world: &Arc<World>, task: &TeamTask) -> Result<Vec<Robot>, TeamError> {
+fn robots(world: &Arc<World>, task: &TeamTask) -> Result<Vec<Robot>, ExplorationError> {
     let net = || task.cameras.then(|| DescriptorNet::load(None)).transpose();
     let sim = SimConfig::default();
     let sim = SimConfig { camera_every: if task.cameras { sim.camera_every } else { 0 }, ..sim };
@@ -305,7 +285,13 @@ impl Robot {
     }
 
     /// One frame.
-    fn live(&mut self, now_s: f64, task: &TeamTask, exchange: &mut Exchange, frame: u64) -> Result<(), TeamError> {
+    fn live(
+        &mut self,
+        now_s: f64,
+        task: &TeamTask,
+        exchange: &mut Exchange,
+        frame: u64,
+    ) -> Result<(), ExplorationError> {
         if self.ended.is_some() || now_s < self.member.begins_s {
             return Ok(());
         }

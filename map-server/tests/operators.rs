@@ -97,6 +97,9 @@ async fn paths_obey_what_operators_write() {
     assert_eq!(site.path("from=0,0;to=dock").await.unwrap().length_m, free.length_m);
 
     site.run(&["zone", "museum", "lab", "5,-2 7,-2 7,2 5,2", "--speed", "0.3"]);
+    let rules = ask(&site.session, "fht/museum/rules").await.remove(0).unwrap();
+    let rules: serde_json::Value = serde_json::from_slice(&rules).unwrap();
+    assert_eq!(rules["zones"][0]["rule"], serde_json::json!({"speed_limit": 0.3}));
     let slow = site.path("from=0,0;to=dock").await.unwrap();
     assert_eq!(slow.speed_limits.len(), 1);
     assert_eq!((slow.speed_limits[0].max_mps, slow.speed_limits[0].along_m), (0.3, [5.0, 7.0]));

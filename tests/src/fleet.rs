@@ -11,12 +11,13 @@ pub mod latencies;
 pub mod server;
 pub mod usage;
 
-use crate::upload::{UploadError, put_increment, upload_map};
+use crate::trial::TrialError;
+use crate::upload::{put_increment, upload_map};
 use clients::{Event, Kind, Outcome, Report};
-use fht_client::{AskError, ask_head};
-use fht_demo::{Process, ProcessError, free_endpoint};
+use fht_client::ask_head;
+use fht_demo::{Process, free_endpoint};
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op, VersionVector};
-use fht_session::{SessionConfig, SessionError};
+use fht_session::SessionConfig;
 use latencies::Latencies;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -131,37 +132,11 @@ impl FleetReport {
     }
 }
 
-/// Why there is no report.
-#[derive(Debug, thiserror::Error)]
-pub enum FleetError {
-    /// A process failed.
-    #[error(transparent)]
-    Process(#[from] ProcessError),
-    /// The system refuses.
-    #[error(transparent)]
-    System(#[from] std::io::Error),
-    /// No session.
-    #[error(transparent)]
-    Link(#[from] SessionError),
-    /// The server does not answer.
-    #[error(transparent)]
-    Ask(#[from] AskError),
-    /// Zenoh refuses.
-    #[error("Zenoh refuses: {}", fht_session::in_words(.0))]
-    Zenoh(#[from] zenoh::Error),
-    /// The map is not on the server.
-    #[error(transparent)]
-    Upload(#[from] UploadError),
-    /// The clients did not report.
-    #[error("the clients ended without a report")]
-    NoReport,
-}
-
 /// Runs a fleet on the map that `increments` make.
 ///
 /// # Errors
-/// [`FleetError`]. Failed questions are in the report.
-pub fn run(config: &FleetTrialConfig, increments: &[Increment]) -> Result<FleetReport, FleetError> {
+/// [`TrialError`]. Failed questions are in the report.
+pub fn run(config: &FleetTrialConfig, increments: &[Increment]) -> Result<FleetReport, TrialError> {
     let endpoint = free_endpoint()?;
     let mut command = Command::new(&config.executable);
     command.args(["server", "--listen", &endpoint, "--data"]).arg(&config.data).env("ZENOH_RUNTIME", SERVER_THREADS);
@@ -188,7 +163,7 @@ pub fn run(config: &FleetTrialConfig, increments: &[Increment]) -> Result<FleetR
         let together = watch.follow(clients_of(config, &endpoint, false), &is_warm);
         stop.store(true, Ordering::Release);
         let versions = writer.join().unwrap_or(Ok(0))?;
-        Ok::<_, FleetError>((together?, versions))
+        Ok::<_, TrialError>((together?, versions))
     });
     let (together, versions) = together?;
     let memory = memory.into_inner().unwrap_or_default();
@@ -228,7 +203,7 @@ fn change(
     session: &Session,
     mut vector: VersionVector,
     stop: &AtomicBool,
-) -> Result<u64, FleetError> {
+) -> Result<u64, TrialError> {
     if config.increments_hz <= 0.0 {
         return Ok(0);
     }
@@ -277,7 +252,7 @@ struct Watch<'a> {
 }
 
 impl Watch<'_> {
-    fn follow(mut self, clients: Command, is_warm: &AtomicBool) -> Result<Report, FleetError> {
+    fn follow(mut self, clients: Command, is_warm: &AtomicBool) -> Result<Report, TrialError> {
         let clients = Process::run("the clients", clients)?;
         self.clients = clients.id();
         let mut found = None;
@@ -289,7 +264,7 @@ impl Watch<'_> {
             Ok(Event::Report(report)) => found = Some(*report),
             Err(error) => tracing::warn!("not understood: {error}"),
         })?;
-        found.ok_or(FleetError::NoReport)
+        found.ok_or(TrialError::NoReport)
     }
 
     fn now(&self) -> Option<(Instant, Duration, Duration)> {

@@ -13,6 +13,7 @@
 //! | [`maps`] | maps to try them on: explored, or drawn |
 //! | [`corridors`] | the smallest map with a way in it |
 //! | [`upload`] | puts a map on a server |
+//! | [`trial`] | why a trial on a server ends without a result |
 //! | [`python`] | other people's programs, from PyPI |
 //!
 //! One simulated fleet, determined by its seed:
@@ -34,4 +35,5 @@ pub mod simulation;
 pub mod site;
 pub mod slow_join;
 pub mod thin_link;
+pub mod trial;
 pub mod upload;

@@ -2,11 +2,12 @@
 //! many bytes are sent twice, and how late live increments are.
 
 use crate::thin_link::{LinkShape, ThinLink};
-use crate::upload::{UploadError, put_increment, upload_map};
-use fht_client::{AskError, LiveReplica, ReplicaConfig, ReplicaError, ask_head};
-use fht_demo::{Process, ProcessError, free_endpoint};
+use crate::trial::TrialError;
+use crate::upload::{put_increment, upload_map};
+use fht_client::{LiveReplica, ReplicaConfig, ask_head};
+use fht_demo::{Process, free_endpoint};
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op, VersionVector};
-use fht_session::{SessionConfig, SessionError};
+use fht_session::SessionConfig;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Mutex;
@@ -78,35 +79,6 @@ impl SlowJoinReport {
     }
 }
 
-/// Why there is no report.
-#[derive(Debug, thiserror::Error)]
-pub enum SlowJoinError {
-    /// The server failed.
-    #[error(transparent)]
-    Process(#[from] ProcessError),
-    /// The system refuses.
-    #[error(transparent)]
-    System(#[from] std::io::Error),
-    /// No session.
-    #[error(transparent)]
-    Link(#[from] SessionError),
-    /// No copy.
-    #[error(transparent)]
-    Replica(#[from] ReplicaError),
-    /// The server does not answer.
-    #[error(transparent)]
-    Ask(#[from] AskError),
-    /// Zenoh refuses.
-    #[error("Zenoh refuses: {}", fht_session::in_words(.0))]
-    Zenoh(#[from] zenoh::Error),
-    /// The map is not on the server.
-    #[error(transparent)]
-    Upload(#[from] UploadError),
-    /// Something did not happen in time.
-    #[error("{0} in time")]
-    Late(&'static str),
-}
-
 /// A map-server with a map on it.
 pub struct MapSite {
     _server: Process,
@@ -125,8 +97,8 @@ impl MapSite {
     /// Starts a server and uploads the map that `increments` make.
     ///
     /// # Errors
-    /// [`SlowJoinError`].
-    pub fn with(config: &SlowJoinConfig, map: &MapName, increments: &[Increment]) -> Result<Self, SlowJoinError> {
+    /// [`TrialError`].
+    pub fn with(config: &SlowJoinConfig, map: &MapName, increments: &[Increment]) -> Result<Self, TrialError> {
         let endpoint = free_endpoint()?;
         let server = Process::map_server(&config.executable, &config.data, &endpoint, PATIENCE)?;
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
@@ -139,8 +111,8 @@ impl MapSite {
     /// Opens another session through `endpoint`.
     ///
     /// # Errors
-    /// [`SlowJoinError::Link`].
-    pub fn session_by(&self, endpoint: &str) -> Result<Session, SlowJoinError> {
+    /// [`TrialError::Link`].
+    pub fn session_by(&self, endpoint: &str) -> Result<Session, TrialError> {
         let link = SessionConfig::from_options(vec![endpoint.to_owned()], None);
         Ok(self._runtime.block_on(fht_session::open(&link))?)
     }
@@ -149,8 +121,8 @@ impl MapSite {
 /// Runs it over a link that holds and over one that is cut.
 ///
 /// # Errors
-/// [`SlowJoinError`].
-pub fn run(config: &SlowJoinConfig, map: &MapName, increments: &[Increment]) -> Result<SlowJoinReport, SlowJoinError> {
+/// [`TrialError`].
+pub fn run(config: &SlowJoinConfig, map: &MapName, increments: &[Increment]) -> Result<SlowJoinReport, TrialError> {
     let site = MapSite::with(config, map, increments)?;
     let map_bytes = ask_head(&site.session, map, PATIENCE)?.bytes;
     let whole = join(config, &site, "whole", &[])?;
@@ -162,7 +134,7 @@ pub fn run(config: &SlowJoinConfig, map: &MapName, increments: &[Increment]) -> 
 }
 
 /// One client joins over a link that is cut at these byte counts, while the author `writer` writes.
-fn join(config: &SlowJoinConfig, site: &MapSite, writer: &str, cut_at: &[u64]) -> Result<SlowJoin, SlowJoinError> {
+fn join(config: &SlowJoinConfig, site: &MapSite, writer: &str, cut_at: &[u64]) -> Result<SlowJoin, TrialError> {
     let link = ThinLink::to(&site.endpoint, config.shape)?;
     link.cut_at(cut_at.to_vec(), config.cut_for);
     let author = AuthorId::of_robot(writer);
@@ -171,7 +143,7 @@ fn join(config: &SlowJoinConfig, site: &MapSite, writer: &str, cut_at: &[u64]) -
         let writing = scope.spawn(|| write_live(config, site, author, &stop, &put_at));
         let joined = listen(config, site, &link, author);
         stop.store(true, Ordering::Release);
-        writing.join().unwrap_or(Err(SlowJoinError::Late("the writer ended")))?;
+        writing.join().unwrap_or(Err(TrialError::Late("the writer ended")))?;
         joined
     })?;
     let put_at = put_at.into_inner().unwrap_or_default();
@@ -201,7 +173,7 @@ fn write_live(
     author: AuthorId,
     stop: &AtomicBool,
     put_at: &Mutex<Vec<Instant>>,
-) -> Result<(), SlowJoinError> {
+) -> Result<(), TrialError> {
     let hlc_us = ask_head(&site.session, &site.map, PATIENCE)?.clock_us;
     for number in 1.. {
         if stop.load(Ordering::Acquire) {
@@ -225,7 +197,7 @@ fn listen(
     site: &MapSite,
     link: &ThinLink,
     author: AuthorId,
-) -> Result<(SlowJoin, Vec<Instant>), SlowJoinError> {
+) -> Result<(SlowJoin, Vec<Instant>), TrialError> {
     let begin = Instant::now();
     let session = site.session_by(link.endpoint())?;
     let replica = LiveReplica::start(&session, &site.map, "joining", ReplicaConfig::default())?;
@@ -249,10 +221,10 @@ fn listen(
             until = now + config.after;
         }
     }
-    let joining = joining.ok_or(SlowJoinError::Late("the client did not get the map"))?;
+    let joining = joining.ok_or(TrialError::Late("the client did not get the map"))?;
     let head = ask_head(&site.session, &site.map, PATIENCE)?;
     if !replica.wait_for(&head.vector, Duration::from_secs(20)) {
-        return Err(SlowJoinError::Late("the client did not catch up with what is live"));
+        return Err(TrialError::Late("the client did not catch up with what is live"));
     }
     drop(replica);
     session.close().wait()?;

@@ -13,14 +13,7 @@ impl PathSource for NoPaths {
 
 #[test]
 fn a_frame_without_a_place_or_from_before_is_left_out() {
-    let scan = LaserScan {
-        base_from_sensor: pose(0.0, 0.0, 0.0),
-        angle_min: 0.0,
-        angle_increment: std::f64::consts::TAU / 360.0,
-        range_min_m: 0.1,
-        range_max_m: 7.0,
-        ranges_m: vec![3.0; 360],
-    };
+    let scan = LaserScan::all_round(360, |_, _| 3.0);
     let frame = |time_us: u64, x: f64| SensorFrame {
         time_us,
         odom_from_base: pose(x, 0.0, 0.0),

@@ -10,6 +10,7 @@ use crate::landmarks::Landmarks;
 use fht_perception::pose::Pose2;
 use fht_proto::NodeId;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// When a place is told from places that the map does not have.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -69,6 +70,8 @@ struct Looks {
     above: f64,
     /// The same, where that node looks like nodes elsewhere, than those do.
     excess: f64,
+    /// How much those nodes look like the most alike node elsewhere, cosine.
+    elsewhere: BTreeMap<NodeId, f32>,
 }
 
 impl Looks {
@@ -82,14 +85,15 @@ impl Looks {
         let Some((node, descriptor)) = landmarks.get(*id).and_then(|node| Some((node, node.descriptor()?))) else {
             return;
         };
-        let threshold = landmarks.match_threshold(descriptor.model).unwrap_or(0.0);
-        let is_elsewhere =
-            |id: &NodeId| distance_m(id, &node.map_from_node).is_some_and(|metres| metres > 2.0 * radius_m);
-        let others = landmarks.similarities(descriptor);
-        let others = others.iter().filter(|(id, _)| is_elsewhere(id)).map(|(_, similarity)| similarity - threshold);
+        let elsewhere = *self.elsewhere.entry(*id).or_insert_with(|| {
+            let is_elsewhere =
+                |id: &NodeId| distance_m(id, &node.map_from_node).is_some_and(|metres| metres > 2.0 * radius_m);
+            let others = landmarks.similarities(descriptor).into_iter().filter(|(id, _)| is_elsewhere(id));
+            others.map(|(_, similarity)| similarity).fold(f32::NEG_INFINITY, f32::max)
+        });
         self.pictures += 1;
         self.above += f64::from(*above);
-        self.excess += f64::from(above - others.fold(0.0, f32::max));
+        self.excess += f64::from(above - (elsewhere - view.match_threshold).max(0.0));
     }
 
     fn mean(&self, sum: f64) -> f64 {

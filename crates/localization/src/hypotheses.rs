@@ -69,6 +69,8 @@ pub struct SensedView {
     /// How much the nodes look like what it saw, above the model's threshold (below: negative);
     /// none without a picture.
     pub alike: Vec<(NodeId, f32)>,
+    /// The model's threshold: the cosine from which two pictures are of one place.
+    pub match_threshold: f32,
 }
 
 /// A place where the robot may be.

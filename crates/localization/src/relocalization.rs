@@ -191,17 +191,19 @@ impl Relocalizer {
     }
 
     fn view(&self, landmarks: &Landmarks, observation: &Sensed<'_>) -> SensedView {
+        let model = observation.descriptor.map(|descriptor| descriptor.model);
+        let of_model = || landmarks.match_threshold(model?);
+        let match_threshold = self.config.min_similarity.or_else(of_model).unwrap_or(0.0);
         let alike = observation.descriptor.map_or_else(Vec::new, |descriptor| {
-            let least =
-                self.config.min_similarity.or_else(|| landmarks.match_threshold(descriptor.model)).unwrap_or(0.0);
             let similarities = landmarks.similarities(descriptor);
-            similarities.into_iter().map(|(id, similarity)| (id, similarity - least)).collect()
+            similarities.into_iter().map(|(id, similarity)| (id, similarity - match_threshold)).collect()
         });
         SensedView {
             odometry: observation.odometry,
             points: observation.points.to_vec(),
             beams: Beams::of(observation.scan, &self.config.weigh.evidence),
             alike,
+            match_threshold,
         }
     }
 

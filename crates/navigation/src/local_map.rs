@@ -109,18 +109,10 @@ impl LocalMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fht_perception::pose::pose;
 
     #[test]
     fn a_point_far_away_costs_no_memory() {
-        let scan = LaserScan {
-            base_from_sensor: pose(0.0, 0.0, 0.0),
-            angle_min: 0.0,
-            angle_increment: std::f64::consts::TAU / 360.0,
-            range_min_m: 0.1,
-            range_max_m: 7.0,
-            ranges_m: vec![3.0; 360],
-        };
+        let scan = LaserScan::all_round(360, |_, _| 3.0);
         let mut map = LocalMap::new(LocalMapConfig::default());
         map.grid.integrate(&Pose2::identity(), &scan);
         let known = map.grid().bounds();

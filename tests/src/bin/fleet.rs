@@ -56,8 +56,8 @@ struct FleetArgs {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Write the figures to this file as JSON.
-    #[arg(long)]
-    json: Option<PathBuf>,
+    #[arg(long, alias = "json", value_name = "FILE")]
+    report: Option<PathBuf>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -157,7 +157,7 @@ fn fleet(args: &FleetArgs) -> Result<bool, String> {
     };
     let report = run(&config, &increments).map_err(|error| text(&error))?;
     print(&report);
-    if let Some(file) = &args.json {
+    if let Some(file) = &args.report {
         let json = serde_json::to_string(&report).map_err(|error| text(&error))?;
         std::fs::write(file, json).map_err(|error| format!("{} cannot be written: {error}", file.display()))?;
     }

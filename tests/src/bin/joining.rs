@@ -43,8 +43,8 @@ struct Args {
     #[arg(long, default_value_t = 10.0)]
     live: f64,
     /// Write the figures to this file as JSON.
-    #[arg(long)]
-    json: Option<PathBuf>,
+    #[arg(long, alias = "json", value_name = "FILE")]
+    report: Option<PathBuf>,
 }
 
 fn main() -> ExitCode {
@@ -107,7 +107,7 @@ fn joining(args: &Args) -> Result<bool, String> {
         report.refetched() * 100.0,
         report.sent_again() * 100.0
     );
-    if let Some(file) = &args.json {
+    if let Some(file) = &args.report {
         let json = serde_json::to_string(&report).map_err(|error| text(&error))?;
         std::fs::write(file, json).map_err(|error| format!("{} cannot be written: {error}", file.display()))?;
     }

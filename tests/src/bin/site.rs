@@ -41,8 +41,8 @@ struct Args {
     #[arg(long, default_value_t = 4)]
     readers: usize,
     /// Write the figures to this file as JSON.
-    #[arg(long)]
-    json: Option<PathBuf>,
+    #[arg(long, alias = "json", value_name = "FILE")]
+    report: Option<PathBuf>,
 }
 
 fn print(report: &SiteReport) {
@@ -95,7 +95,7 @@ fn main() -> ExitCode {
     match outcome {
         Ok(report) => {
             print(&report);
-            if let Some(file) = &args.json {
+            if let Some(file) = &args.report {
                 let written = serde_json::to_vec_pretty(&report).map_err(|error| error.to_string());
                 if let Err(error) =
                     written.and_then(|json| std::fs::write(file, json).map_err(|error| error.to_string()))

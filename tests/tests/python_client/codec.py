@@ -249,12 +249,12 @@ def read_signature(reader):
 
 
 def zone(value):
-    rule = b"\0" if value["rule"] == "keep_out" else b"\1" + uint(value["rule"]["speed_limit"])
+    rule = b"\0" if value["rule"] == "keep_out" else b"\1" + uint(round(1000 * value["rule"]["speed_limit"]))
     return rule + listed([point(corner) for corner in value["corners"]])
 
 
 def read_zone(reader):
-    rule = {"speed_limit": reader.uint()} if reader.uint() else "keep_out"
+    rule = {"speed_limit": reader.uint() / 1000} if reader.uint() else "keep_out"
     return {"rule": rule, "corners": reader.list(lambda: read_point(reader))}
 
 

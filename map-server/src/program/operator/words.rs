@@ -1,7 +1,6 @@
 //! Replies as text.
 
-use fht_proto::ZoneRule;
-use fht_proto::api::reply::{Head, MapsReply, ReleaseView, ReleasesReply, RulesReply};
+use fht_proto::api::reply::{Head, MapsReply, ReleaseView, ReleasesReply, RuleView, RulesReply};
 
 pub(super) fn maps_in_words(reply: &MapsReply) -> String {
     if reply.maps.is_empty() {
@@ -43,8 +42,8 @@ pub(super) fn rules_in_words(reply: &RulesReply) -> String {
     });
     let zones = reply.zones.iter().map(|zone| {
         let rule = match zone.rule {
-            ZoneRule::KeepOut => "keep out".to_owned(),
-            ZoneRule::SpeedLimit(mm_per_s) => format!("at most {} m/s", f64::from(mm_per_s) * 1e-3),
+            RuleView::KeepOut => "keep out".to_owned(),
+            RuleView::SpeedLimit(mps) => format!("at most {mps} m/s"),
         };
         format!("zone {}: {rule}, {} corners", zone.name, zone.corners.len())
     });

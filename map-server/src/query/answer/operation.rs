@@ -14,7 +14,7 @@ pub(super) fn rules(view: &MapView, active: &ActiveRules, now_us: u64) -> Result
     });
     let zones = annotations.zones().map(|(name, zone)| ZoneView {
         name: name.to_string(),
-        rule: zone.rule,
+        rule: zone.rule.into(),
         corners: zone.corners.iter().map(|corner| [corner.x(), corner.y()]).collect(),
     });
     let closed = view.state.closed_edges().map(|edge| edge.to_texts());

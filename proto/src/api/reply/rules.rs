@@ -15,6 +15,26 @@ pub struct PlaceView {
     pub pose: [f64; 3],
 }
 
+/// What holds inside a zone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum RuleView {
+    /// No robot's centre may enter.
+    KeepOut,
+    /// Robots drive no faster than this, metres per second.
+    SpeedLimit(f64),
+}
+
+impl From<ZoneRule> for RuleView {
+    fn from(rule: ZoneRule) -> Self {
+        match rule {
+            ZoneRule::KeepOut => Self::KeepOut,
+            ZoneRule::SpeedLimit(mm_per_s) => Self::SpeedLimit(f64::from(mm_per_s) / 1000.0),
+        }
+    }
+}
+
 /// A zone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -22,7 +42,7 @@ pub struct ZoneView {
     /// Its name.
     pub name: String,
     /// What holds there.
-    pub rule: ZoneRule,
+    pub rule: RuleView,
     /// Its corners `[x, y]` in the map frame, metres.
     pub corners: Vec<[f64; 2]>,
 }

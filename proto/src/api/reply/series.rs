@@ -5,7 +5,8 @@
 //! mm and 1e-4 rad): `round(metres × 1000)` and `round(radians × 10000)` are the integers that
 //! travel in the binary form.
 
-use crate::model::annotation::{Zone, ZoneRule};
+use crate::api::reply::rules::RuleView;
+use crate::model::annotation::Zone;
 use crate::model::compaction::{CompactedSeries, Rest, Series};
 use crate::model::geometry::{FixedPose, Rect};
 use crate::model::ids::{AuthorId, MapName};
@@ -322,13 +323,13 @@ impl From<&ScanRecord> for ScanView {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ZoneShape {
     /// What holds there.
-    pub rule: ZoneRule,
+    pub rule: RuleView,
     /// Its corners `[x, y]` in the map frame, metres.
     pub corners: Vec<[f64; 2]>,
 }
 
 impl From<&Zone> for ZoneShape {
     fn from(zone: &Zone) -> Self {
-        Self { rule: zone.rule, corners: zone.corners.iter().map(|corner| [corner.x(), corner.y()]).collect() }
+        Self { rule: zone.rule.into(), corners: zone.corners.iter().map(|corner| [corner.x(), corner.y()]).collect() }
     }
 }
