@@ -7,7 +7,7 @@
 //! | `scan_coverage` | what of a scan the main nodes know (not in the paper) |
 //! | `support` | the two rules for support nodes (equations 5 and 6) |
 //! | `edges` | edges that lie in free space (equation 7) |
-//! | `map_change` | nodes that others made and that are not as they say any more (not in the paper) |
+//! | `map_change` | others' nodes that are not as they say any more (not in the paper) |
 //! | `coverage` | support nodes for free space that no rectangle covers (not in the paper) |
 //!
 //! [`Builder`] puts them in the order of the paper's Algorithm 1. All of it is plain computation on

@@ -39,6 +39,8 @@ fn drawn(root: &Path) -> Result<Arrows, SourceError> {
     let text = read(&path)?;
     let lacks = || SourceError::Lacks { path: path.clone(), what: "block of arrows" };
     let block = text.split_once(BEGIN).and_then(|(_, rest)| rest.split_once("```")).ok_or_else(lacks)?.0;
+    // An indented line goes on with the one above it.
+    let block = block.replace("\n ", " ");
     let lines = block.lines().filter(|line| !line.trim().is_empty());
     Ok(lines
         .map(|line| {

@@ -10,8 +10,8 @@
 //!
 //! | module | idea |
 //! | --- | --- |
-//! | `read` | from files to [`Frames`]: which topics hold what, odometry interpolated to each scan |
-//! | `write` | from frames to a bag ([`BagWriter`], [`FrameRecording`], in a thread: [`Recorder`]) |
+//! | `read` | from files to [`Frames`]: which topics hold what, odometry at each scan |
+//! | `write` | from frames to a bag ([`BagWriter`], [`FrameRecording`]; [`Recorder`] in a thread) |
 //! | [`msg`] | the ROS 2 messages, field for field |
 //! | [`cdr`] | their serialization |
 //!

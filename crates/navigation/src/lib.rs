@@ -13,7 +13,7 @@
 //! | [`planning`] | where a robot's centre may be, and the cheapest ways between such places |
 //! | [`motion`] | following a path, stopping before obstacles, ground on which to be slow |
 //! | [`local_map`] | the robot's own live grid, in the odometry frame |
-//! | [`steering`] | driving to a point on the live grid: plan, follow, notice when there is no way |
+//! | [`steering`] | driving to a point on the live grid: plan, follow, notice a dead end |
 //! | [`wandering`] | where to go while the robot does not know where it is |
 //! | [`searching`] | wandering, steering and looking around together |
 //!

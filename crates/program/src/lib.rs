@@ -2,7 +2,7 @@
 //!
 //! | module | feature | idea |
 //! | --- | --- | --- |
-//! | `config` | `config` | one documented file: read over the defaults, checked, printed with comments |
+//! | `config` | `config` | one documented file: read over the defaults, checked, printed |
 //! | `sections` | `cli` | sections of that file that several programs read |
 //! | `flags` | `cli` | flags that several programs have, and what a wrong one ends in |
 //! | `logging` | `cli` | logs on standard error |

@@ -5,7 +5,7 @@
 //!
 //! | module | idea |
 //! | --- | --- |
-//! | `robot_session` | a robot's or tool's session: options, defaults ([`SessionConfig`], [`open`]) |
+//! | `robot_session` | a robot's or tool's session and its options ([`SessionConfig`], [`open`]) |
 //! | `configuration` | a file and endpoints for Zenoh ([`read_config`], [`set_endpoints`]) |
 //! | `waiting` | any configuration as a session, waited for ([`open_configured`]) |
 //! | `credentials` | whether certificates and keys can be read, checked before connecting |

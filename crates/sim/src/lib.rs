@@ -9,15 +9,15 @@
 //!
 //! | module | idea |
 //! | --- | --- |
-//! | `world` | a [`World`]: triangles with textures, and its true plan; built in, from files, or changed |
+//! | `world` | a [`World`]: triangles with textures and a true plan; built in or from files |
 //! | `scene` | what rays meet, and the light it is seen in |
 //! | `sensing` | LiDAR, cameras, wheels |
-//! | `simulator` | a [`Simulator`]: one robot that drives and senses in a world, and implements the port for robots |
+//! | `simulator` | a [`Simulator`]: one robot in a world, which implements the port |
 //! | `photographer` | panoramas of a recorded drive, rendered only where they are wanted |
-//! | `setup` | a [`SimSetup`]: which world, where in it, by which seeds; with the feature `cli`, as flags |
+//! | `setup` | a [`SimSetup`]: which world, where, by which seeds; as flags with `cli` |
 //! | `starts` | where robots begin, and where they cannot |
 //! | `plan` | the true [`FloorPlan`], for scoring only |
-//! | [`scoring`] | how good a result is, measured against the [`Truth`] of where a robot really is |
+//! | [`scoring`] | how good a result is, by the [`Truth`] of where a robot really is |
 //!
 //! One scene serves the LiDAR, the cameras and the bumper. The world frame of the built-in worlds
 //! has its origin where an explorer starts, x ahead (REP-103).
