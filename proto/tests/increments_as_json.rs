@@ -4,11 +4,11 @@
 mod arbitrary;
 
 use arbitrary::{fold, increment};
-use fht_proto::api::reply::{DescriptorView, OpView, ScanView, Series, SeriesReply, ZoneShape};
+use fht_proto::api::reply::{DescriptorView, OpView, RuleView, ScanView, Series, SeriesReply, ZoneShape};
 use fht_proto::model::compaction::Rest;
 use fht_proto::{
     CompactedSeries, Descriptor, DescriptorModel, EdgeKey, FixedPoint, FixedPose, Increment, ModelId, NodeId, Op, Rect,
-    Release, ScanRecord, Signature, VersionVector, Zone,
+    Release, ScanRecord, Signature, VersionVector, Zone, ZoneRule,
 };
 use proptest::prelude::*;
 
@@ -50,6 +50,10 @@ fn signature(descriptor: Option<DescriptorView>, scan: ScanView) -> Signature {
 }
 
 fn zone(ZoneShape { rule, corners }: ZoneShape) -> Zone {
+    let rule = match rule {
+        RuleView::KeepOut => ZoneRule::KeepOut,
+        RuleView::SpeedLimit(mps) => ZoneRule::SpeedLimit(whole(mps, 1000.0) as u16),
+    };
     Zone { rule, corners: corners.into_iter().map(point).collect() }
 }
 

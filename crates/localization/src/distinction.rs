@@ -5,9 +5,10 @@
 //! in two ways, something like it may be anywhere, and pictures that merely favour one way over the
 //! other prove nothing: they must look like that place and like no other.
 
-use crate::hypotheses::{Hypothesis, SensedView, WeighConfig};
+use crate::hypotheses::{Hypothesis, SensedView, WeighConfig, held};
 use crate::landmarks::Landmarks;
-use fht_perception::pose::Pose2;
+use fht_perception::matching::MatchConfig;
+use fht_perception::pose::{Point2, Pose2};
 use fht_proto::NodeId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -20,6 +21,9 @@ pub struct DistinctionConfig {
     /// Probability against all other places on the map, by the walls alone, from which they decide.
     /// Default 0.97.
     pub min_wall_confidence: f64,
+    /// Two places of which one explains up to this share more of a view's beams than the other are
+    /// alike in that view. Default 0.03: so much comes from a map that is not exact.
+    pub alike_share: f64,
     /// Where they do not, pictures look like the nodes near by this much more than those look like
     /// nodes elsewhere on the map, and than the model's threshold, cosine. Default 0.2: in a
     /// room that was not mapped, as plain as the one that was, it was up to 0.08, at times 0.15.
@@ -33,33 +37,62 @@ pub struct DistinctionConfig {
 
 impl Default for DistinctionConfig {
     fn default() -> Self {
-        Self { min_wall_confidence: 0.97, min_excess: 0.2, max_deficit: 0.05, min_pictures: 3 }
+        Self { min_wall_confidence: 0.97, alike_share: 0.03, min_excess: 0.2, max_deficit: 0.05, min_pictures: 3 }
     }
 }
 
-/// Whether walls or pictures tell `best` from all `rivals`, and from places that the map does not
-/// have.
-pub(crate) fn is_distinct<'a>(
-    best: &Hypothesis,
-    rivals: impl Iterator<Item = &'a Hypothesis>,
-    views: &[SensedView],
-    landmarks: &Landmarks,
-    weigh: &WeighConfig,
-    config: &DistinctionConfig,
-) -> bool {
-    let walls = best.wall_weight(weigh);
-    let others: f64 = rivals.map(|rival| (rival.wall_weight(weigh) - walls).exp()).sum();
-    let wall_confidence = 1.0 / (1.0 + others);
-    let mut looks = Looks::default();
-    for (at, view) in best.at.iter().zip(views) {
-        looks.add(at, view, landmarks, weigh.look_radius_m);
+/// What a place is judged by.
+pub(crate) struct Grounds<'a> {
+    /// What was seen, oldest first.
+    pub views: &'a [SensedView],
+    /// End points of what was seen lately, in the frame of the last view.
+    pub points: &'a [Point2],
+    /// The map.
+    pub landmarks: &'a Landmarks,
+    /// How views are held to it.
+    pub matching: &'a MatchConfig,
+    /// How hypotheses are weighed.
+    pub weigh: &'a WeighConfig,
+    /// What is one place: metres and radians.
+    pub same: (f64, f64),
+}
+
+impl Grounds<'_> {
+    /// Whether walls or pictures tell `best` from all `rivals`, and from places that the map does
+    /// not have.
+    pub fn tell_apart<'a>(
+        &self,
+        best: &Hypothesis,
+        rivals: impl Iterator<Item = &'a Hypothesis>,
+        config: &DistinctionConfig,
+    ) -> bool {
+        let mut looks = Looks::default();
+        for (at, view) in best.at.iter().zip(self.views) {
+            looks.add(at, view, self.landmarks, self.weigh.look_radius_m);
+        }
+        let (above, excess) = (looks.mean(looks.above), looks.mean(looks.excess));
+        tracing::debug!(pictures = looks.pictures, above, excess, "pictures of the likeliest place");
+        let is_seen = looks.pictures >= config.min_pictures;
+        if is_seen && above < -config.max_deficit {
+            return false;
+        }
+        let is_told = |others: f64| 1.0 / (1.0 + others) >= config.min_wall_confidence;
+        let likelihood = |rival: &Hypothesis| (-best.wall_margin(rival, config.alike_share, self.weigh)).exp();
+        let known: f64 = rivals.map(likelihood).sum();
+        let by_walls = || is_told(known) && is_told(self.challengers(best).iter().map(likelihood).sum());
+        (is_seen && excess >= config.min_excess) || by_walls()
     }
-    let (above, excess) = (looks.mean(looks.above), looks.mean(looks.excess));
-    tracing::debug!(wall_confidence, pictures = looks.pictures, above, excess, "told from places not on the map");
-    let is_seen = looks.pictures >= config.min_pictures;
-    let is_like_another_place = is_seen && above < -config.max_deficit;
-    let is_like_no_other = is_seen && excess >= config.min_excess;
-    !is_like_another_place && (wall_confidence >= config.min_wall_confidence || is_like_no_other)
+
+    /// Other places than `best` that walls alone suggest. The hypotheses at hand may lack them: they
+    /// are weighed by pictures, too, and what is light is dropped.
+    fn challengers(&self, best: &Hypothesis) -> Vec<Hypothesis> {
+        let Self { views, landmarks, .. } = self;
+        let Some((last, pyramid)) = views.last().zip(landmarks.walls().pyramid.as_ref()) else { return Vec::new() };
+        let found = pyramid.find(self.points, &[]).into_iter();
+        let found = found.filter_map(|rough| held(&rough.map_from_scan, last, landmarks, self.matching));
+        let others = found.filter(|at| !best.is_near(at, self.same.0, self.same.1));
+        others.map(|at| Hypothesis::traced_back(&at, views, landmarks, self.matching, self.weigh)).collect()
+    }
 }
 
 /// What pictures say of a place.

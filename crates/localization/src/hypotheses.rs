@@ -98,6 +98,31 @@ impl Hypothesis {
         hypothesis
     }
 
+    /// The robot at `map_from_base` when the last of `views` was taken; before, where the odometry
+    /// says, held to the walls at each view.
+    #[must_use]
+    pub fn traced_back(
+        map_from_base: &Pose2,
+        views: &[SensedView],
+        landmarks: &Landmarks,
+        matching: &MatchConfig,
+        config: &WeighConfig,
+    ) -> Self {
+        let (mut here, mut later) = (*map_from_base, None::<&SensedView>);
+        let mut at: Vec<Pose2> = Vec::with_capacity(views.len());
+        for view in views.iter().rev() {
+            if let Some(later) = later {
+                let back = later.odometry.odom_from_base.inverse() * view.odometry.odom_from_base;
+                here = held(&(here * back), view, landmarks, matching).unwrap_or(here * back);
+            }
+            at.push(here);
+            later = Some(view);
+        }
+        let mut hypothesis = Self { at: Vec::new(), evidence: Vec::new(), looks: Vec::new() };
+        at.iter().rev().zip(views).for_each(|(at, view)| hypothesis.add(*at, view, landmarks, config));
+        hypothesis
+    }
+
     fn add(&mut self, at: Pose2, view: &SensedView, landmarks: &Landmarks, config: &WeighConfig) {
         let evidence = landmarks.walls().known.weigh(&view.beams, &at, &config.evidence);
         self.at.push(at);
@@ -144,13 +169,19 @@ impl Hypothesis {
     #[must_use]
     pub fn weight(&self, config: &WeighConfig) -> f64 {
         let looks: f64 = self.looks.iter().sum();
-        self.wall_weight(config) + looks.clamp(-config.looks_weight, config.looks_weight)
+        let walls: f64 = self.evidence.iter().map(|evidence| beam_weight(evidence, config)).sum();
+        walls + looks.clamp(-config.looks_weight, config.looks_weight)
     }
 
-    /// The same without pictures.
+    /// How much more of what all views saw this place explains than `other`, as the natural
+    /// logarithm of a likelihood ratio. Of each view's difference, `alike_share` of the beams do not
+    /// count.
     #[must_use]
-    pub fn wall_weight(&self, config: &WeighConfig) -> f64 {
-        self.evidence.iter().map(|evidence| beam_weight(evidence, config)).sum()
+    pub fn wall_margin(&self, other: &Self, alike_share: f64, config: &WeighConfig) -> f64 {
+        let views = self.evidence.iter().zip(&other.evidence);
+        let more = views.map(|(here, there)| here.explained_share() - there.explained_share());
+        let counted: f64 = more.map(|more| more - more.clamp(-alike_share, alike_share)).sum();
+        config.beams_per_view * config.contradiction_cost * counted
     }
 
     /// What the beams of all views say.

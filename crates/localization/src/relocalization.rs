@@ -6,7 +6,7 @@
 //! when it is nearly certain, rests on more than one place, and the single estimations from these
 //! places agree. Otherwise the robot says that it does not know.
 
-use crate::distinction::{DistinctionConfig, is_distinct};
+use crate::distinction::{DistinctionConfig, Grounds};
 use crate::hypotheses::{Hypothesis, SensedView, WeighConfig, held};
 use crate::landmarks::Landmarks;
 use crate::pose_fix::{Fix, PoseFixConfig, fix_pose};
@@ -377,14 +377,7 @@ impl Relocalizer {
             && evidence.explained_share() >= config.min_explained
             && evidence.contradicted_share()
                 <= config.max_contradicted + config.max_contradicted_per_view * self.views.len() as f64
-            && is_distinct(
-                best,
-                self.rivals(&best.map_from_base()),
-                &self.views,
-                landmarks,
-                &config.weigh,
-                &config.distinction,
-            );
+            && self.is_distinct(best, landmarks);
         if !is_good {
             return candidates;
         }
@@ -392,6 +385,13 @@ impl Relocalizer {
             Some(fix) if fix.sigma_m() <= config.max_sigma_m => Belief::Localized(fix),
             _ => candidates,
         }
+    }
+
+    fn is_distinct(&self, best: &Hypothesis, landmarks: &Landmarks) -> bool {
+        let RelocalizationConfig { matching, weigh, same_m, same_rad, .. } = &self.config;
+        let (views, points) = (self.views.as_slice(), &self.recent_points());
+        let grounds = Grounds { views, points, landmarks, matching, weigh, same: (*same_m, *same_rad) };
+        grounds.tell_apart(best, self.rivals(&best.map_from_base()), &self.config.distinction)
     }
 
     /// How far apart the views are.

@@ -18,7 +18,13 @@ impl<'a> Ours<'a> {
     /// On the nodes of a map. Without cameras, by the scanner alone.
     #[must_use]
     pub fn new(landmarks: &'a Landmarks, has_cameras: bool) -> Self {
-        Self { landmarks, localizer: Localizer::new(LocalizerConfig::default()), has_cameras }
+        Self::with_config(landmarks, has_cameras, LocalizerConfig::default())
+    }
+
+    /// The same, as configured.
+    #[must_use]
+    pub fn with_config(landmarks: &'a Landmarks, has_cameras: bool, config: LocalizerConfig) -> Self {
+        Self { landmarks, localizer: Localizer::new(config), has_cameras }
     }
 }
 
