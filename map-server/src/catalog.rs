@@ -8,7 +8,9 @@
 //! | `planning_state` | a state that paths are planned on: the newest, or a release |
 //! | `head_index` | finds things in the newest state of a large map |
 //! | `replay` | a state of a map, from the log |
+//! | `deletions` | the maps that will be deleted, or were |
 
+mod deletions;
 mod head_index;
 mod planning_state;
 mod replay;
@@ -18,7 +20,7 @@ pub use planning_state::PlanningState;
 pub use replay::state_at;
 pub use view::MapView;
 
-use crate::store::{IncrementLog, StoreError};
+use crate::store::{DeletionRecord, IncrementLog, StoreError};
 use fht_map::MapIndex;
 use fht_proto::api::reply::Head;
 use fht_proto::{CompactedSeries, Increment, MapName, VersionVector};
@@ -31,6 +33,7 @@ use view::head_of;
 #[derive(Debug, Default)]
 pub struct Catalog {
     maps: RwLock<BTreeMap<MapName, MapView>>,
+    deletions: RwLock<BTreeMap<MapName, DeletionRecord>>,
 }
 
 impl Catalog {
@@ -46,16 +49,20 @@ impl Catalog {
             let map: MapName = name.parse().map_err(|error| damaged(format!("{error}")))?;
             maps.entry(map).or_default().add((author, last), piece).map_err(|error| error.in_log(name, author, last))
         })?;
+        let mut deletions = log.reader().deletions()?;
+        // A map that was deleted and is there has begun anew.
+        deletions.retain(|map, record| record.last.is_some() != maps.contains_key(map));
         let mut views = BTreeMap::new();
         for (map, MapReplay { state, vector, bytes }) in maps {
             if log.reader().vector_at(&map, vector.version())?.as_ref() != Some(&vector) {
                 let reason = "its log does not name its increments".to_owned();
                 return Err(StoreError::Damaged { map: map.to_string(), reason });
             }
-            let head = head_of(&map, &state, vector, bytes, 0);
+            let mut head = head_of(&map, &state, vector, bytes, 0);
+            head.deletion = deletions.get(&map).map(|record| record.deletion.clone());
             views.insert(map, MapView::new(state, head, None, log)?);
         }
-        Ok(Self { maps: RwLock::new(views) })
+        Ok(Self { maps: RwLock::new(views), deletions: RwLock::new(deletions) })
     }
 
     // A panic while the lock was held is a bug; the maps are replaced by whole operations and stay
@@ -113,7 +120,8 @@ impl Catalog {
         compacted.iter().for_each(|series| state.apply_fold(series));
         increments.iter().for_each(|increment| state.apply(increment));
         let (old_bytes, refused) = old.as_ref().map_or((0, 0), |view| (view.head.bytes, view.head.refused));
-        let head = head_of(map, &state, vector, old_bytes + bytes, refused);
+        let mut head = head_of(map, &state, vector, old_bytes + bytes, refused);
+        head.deletion = old.as_ref().and_then(|view| view.head.deletion.clone());
         let elements = state.elements();
         let view = MapView::new(state, head, old.as_ref(), log)?;
         drop(old);

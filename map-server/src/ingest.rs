@@ -16,9 +16,11 @@
 //! | `pending_maps` | increments that arrived before the first of their map |
 //! | `refusals` | what writers are told about refused increments |
 //! | `retention` | compacts old increments |
+//! | `deletion` | deletes maps after a grace period |
 
 mod batch;
 mod check;
+mod deletion;
 mod import;
 mod pending_maps;
 mod pipeline;

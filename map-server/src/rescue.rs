@@ -1,18 +1,21 @@
-//! What still reads of a store whose file is damaged.
+//! What still reads of a store whose file is damaged, and backups in the place of stores.
 //!
 //! | module | idea |
 //! | --- | --- |
 //! | `leaf_scan` | increments out of the bytes of the file |
 //! | `rebuild` | a whole store of what was found |
 //! | `report` | what was rescued, or why nothing was |
+//! | `restore` | a backup in the place of a store |
 //!
 //! The file itself is never changed: it is looked at as a copy.
 
 mod leaf_scan;
 mod rebuild;
 mod report;
+mod restore;
 
 pub use report::{RescueError, Rescued, RescuedAuthor};
+pub use restore::{RestoreError, Restored, restore};
 
 use crate::catalog::Catalog;
 use crate::store::{FILE_NAME, RedbLog, StoreError};

@@ -13,8 +13,8 @@ mod memory;
 mod redb_log;
 
 pub use log::{
-    CompactedRecord, CompactionFloor, IncrementLog, IncrementOrigin, Lacking, LogReader, Piece, Record, StoreError,
-    Stored, Visit,
+    CompactedRecord, CompactionFloor, DeletionRecord, IncrementLog, IncrementOrigin, Lacking, LogReader, Piece, Record,
+    StoreError, Stored, Visit,
 };
 pub use memory::MemoryLog;
 pub use redb_log::{FILE_NAME, RedbLog};

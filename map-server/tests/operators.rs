@@ -8,69 +8,12 @@ mod support;
 use fht_proto::api::compact::{CompactPath, CompactPathWithGoal};
 use fht_proto::api::fleet::{FleetReply, LocalizationState, RobotRole, RobotStatus};
 use fht_proto::api::keys::{Key, RobotTopic};
-use fht_proto::api::reply::{ErrorCode, ErrorReply, Obeyed, PathReply, ReleasesReply};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, Obeyed, ReleasesReply};
 use fht_proto::{FixedPoint, Increment, Op, Zone, ZoneRule, decode, encode};
 use serde_json::Value;
-use std::process::Command;
 use std::time::Duration;
-use support::{ANA, BEN, Server, ask, bytes, client, free_endpoint, head_when, key, museum, until_up};
-use zenoh::Session;
-
-struct Site {
-    endpoint: String,
-    session: Session,
-    dir: tempfile::TempDir,
-    _server: Server,
-}
-
-impl Site {
-    /// A corridor along the x axis, 2 m wide, with a node a metre.
-    async fn with(nodes: u64) -> Self {
-        let (dir, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint());
-        let server = Server::start(&dir.path().join("data"), &endpoint);
-        let session = client(&endpoint).await;
-        until_up(&session).await;
-        let site = Self { endpoint, session, dir, _server: server };
-        site.drive(1, nodes).await;
-        site
-    }
-
-    async fn drive(&self, from: u64, to: u64) {
-        for number in from..=to {
-            self.session.put(key(ANA, number), bytes(ANA, number)).await.unwrap();
-        }
-        head_when(&self.session, |head| head.vector.get(ANA) == to).await;
-    }
-
-    /// Runs a command; returns its output, or its error text.
-    fn try_run(&self, args: &[&str]) -> Result<String, String> {
-        let output = Command::new(env!("CARGO_BIN_EXE_map-server"))
-            .args(args)
-            .args(["--connect", &self.endpoint, "--json"])
-            .output()
-            .unwrap();
-        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        if output.status.success() { Ok(text(output.stdout)) } else { Err(text(output.stderr)) }
-    }
-
-    fn run(&self, args: &[&str]) -> Value {
-        let printed = self.try_run(args).unwrap_or_else(|complaint| panic!("{args:?}: {complaint}"));
-        serde_json::from_str(&printed).unwrap()
-    }
-
-    fn complaint(&self, args: &[&str]) -> String {
-        self.try_run(args).expect_err("a complaint")
-    }
-
-    async fn path(&self, parameters: &str) -> Result<PathReply, ErrorReply> {
-        let mut replies = ask(&self.session, &format!("fht/museum/path?{parameters}")).await;
-        replies.remove(0).map(|bytes| serde_json::from_slice(&bytes).unwrap())
-    }
-
-    async fn refused(&self, parameters: &str) -> ErrorReply {
-        self.path(parameters).await.expect_err("a refusal")
-    }
-}
+use support::site::Site;
+use support::{BEN, ask, head_when, key, museum};
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn paths_obey_what_operators_write() {

@@ -7,8 +7,10 @@
 //! | [`reply`] | replies as JSON, and error replies |
 //! | [`compact`] | the same replies for `fmt=postcard` |
 //! | [`fleet`] | what robots say of themselves |
+//! | [`deletion`] | that a map will be deleted, or was |
 
 pub mod compact;
+pub mod deletion;
 pub mod fleet;
 pub mod keys;
 pub mod reply;

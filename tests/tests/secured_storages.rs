@@ -99,6 +99,10 @@ async fn storages_hold_what_servers_put_and_nobody_else() {
     tokio::time::sleep(MOMENT).await;
     assert_eq!(held_once(2, &desk, keys).await, both);
     assert_eq!(write(&ana, "ana", 2).await.version, 2);
+    // What every storage would have to forget is not deleted.
+    let order = br#"{"grace_s": 0, "reason": "mistyped", "by": "desk"}"#.to_vec();
+    let refused = site::ask_with(&desk, "fht/museum/admin/delete", order).await.remove(0).unwrap_err();
+    assert!(refused.contains("maps are deleted only where one server keeps its own log"), "{refused}");
 
     for (stop, ended) in servers {
         stop.send(()).unwrap();

@@ -239,7 +239,17 @@ async fn operators_give_orders_and_servers_answer_and_refuse() {
     }
     let series = encode(&Series { increments: vec![increment("ana", 1)], ..Series::default() }).unwrap();
     for session in [&ana, &tug] {
-        for order in ["fht/museum/admin/retain", "fht/museum/**", "fht/**", "fht/*/admin/*", "fht/museum/*/retain"] {
+        let deletion = br#"{"grace_s": 0, "reason": "mine", "by": "desk"}"#.to_vec();
+        let replies = ask_with(session, "fht/museum/admin/delete", deletion).await;
+        assert!(replies.iter().all(Result::is_err), "{replies:?}");
+        for order in [
+            "fht/museum/admin/retain",
+            "fht/museum/admin/undelete",
+            "fht/museum/**",
+            "fht/**",
+            "fht/*/admin/*",
+            "fht/museum/*/retain",
+        ] {
             let replies = ask(session, &format!("{order}?keep=1")).await;
             assert!(replies.iter().all(Result::is_err), "{order}: {replies:?}");
         }

@@ -78,6 +78,7 @@ fn nothing_yet(map: &MapName) -> Head {
         vector: VersionVector::default(),
         clock_us: 0,
         enabled: None,
+        deletion: None,
         digest: Digest([0; 32]),
         main_nodes: 0,
         support_nodes: 0,

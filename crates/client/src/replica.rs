@@ -5,6 +5,7 @@
 //! session and the thread that carry it out.
 
 mod config;
+mod notices;
 mod shared;
 mod worker;
 

@@ -233,6 +233,7 @@ mod tests {
             vector: vector(count),
             clock_us: 0,
             enabled: None,
+            deletion: None,
             digest: digest(byte),
             main_nodes: 0,
             support_nodes: 0,

@@ -9,10 +9,12 @@
 //! | `replica` | state and buffer together: a copy that is fed from the network |
 //! | [`diff`] | what has changed between two states |
 //! | [`compaction`] | which operations decide nothing any more |
+//! | [`inverse`] | what takes an author's newest increments back |
 
 pub(crate) mod annotations;
 pub mod compaction;
 pub mod diff;
+pub mod inverse;
 mod leaf;
 mod register;
 pub mod reorder_buffer;

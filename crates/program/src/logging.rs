@@ -9,8 +9,8 @@ use tracing_subscriber::registry::LookupSpan;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer};
 
-/// What a robot logs: errors, and why it waits for a server.
-pub const ROBOT: &str = "error,fht_session=warn";
+/// What a robot logs: errors, why it waits for a server, and that its map ends.
+pub const ROBOT: &str = "error,fht_session=warn,fht_client::deletion=warn";
 
 /// What `RUST_LOG` says, else `default`.
 fn filter(default: &str) -> EnvFilter {

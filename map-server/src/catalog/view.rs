@@ -92,6 +92,7 @@ pub(super) fn head_of(map: &MapName, state: &MapState, vector: VersionVector, by
         digest: state.digest(),
         clock_us: state.max_hlc_us(),
         enabled: state.annotations().enabled().map(|release| release.id.to_string()),
+        deletion: None,
         main_nodes: counts.main_nodes,
         support_nodes: counts.support_nodes,
         edges: counts.edges,

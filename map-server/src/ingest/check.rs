@@ -105,6 +105,9 @@ pub enum Refusal {
         /// What is wrong with its border.
         reason: Invalid,
     },
+    /// The map will be deleted, or was.
+    #[error("{0}")]
+    Deleted(String),
     /// One of [`Limits`] is exceeded, or the limit of authors.
     #[error("the limit of {0} is reached")]
     Full(&'static str),
@@ -118,6 +121,7 @@ impl Refusal {
             Self::Conflict | Self::CompactedBeside => ErrorCode::Conflict,
             Self::NotCanonical => ErrorCode::NotCanonical,
             Self::Full(_) => ErrorCode::Full,
+            Self::Deleted(_) => ErrorCode::Deleted,
             Self::Future { .. } => ErrorCode::Future,
             Self::TooLong { .. } => ErrorCode::TooLong,
             // Damaged on the way, or not from a writer at all.

@@ -18,6 +18,9 @@ impl Ingest {
     /// [`StoreError`]: the log is no longer usable. The inner error is the first piece that was
     /// refused; those before it are in.
     pub fn import(&mut self, map: &MapName, series: Series, now_us: u64) -> Result<Result<(), Refusal>, StoreError> {
+        if let Some(deletion) = self.catalog.deletion(map).filter(|record| record.last.is_none()) {
+            return Ok(Err(Refusal::Deleted(deletion.deletion.sentence(map))));
+        }
         for compacted in &series.folds {
             if let Err(refusal) = self.import_compacted(map, compacted, now_us)? {
                 return Ok(Err(refusal));
@@ -103,6 +106,7 @@ impl Ingest {
         let record = CompactedRecord { author, first, last, bytes };
         let floor = CompactionFloor { version: vector.version(), vector: vector.clone() };
         self.log.add_compacted(map, &floor, &[record])?;
+        self.forget_deletion(map)?;
         let series = std::slice::from_ref(series);
         let elements = self.catalog.apply(map, series, &[], vector.clone(), length, self.log.as_ref())?;
         let sequence = ReorderBuffer::starting_at(vector, self.limits.early.clone());

@@ -85,7 +85,10 @@ impl Ingest {
         for arrival in arrivals {
             let key = arrival.key.clone();
             let outcome = match check(arrival, &self.limits, now_us).and_then(check_words) {
-                Ok(checked) => self.sort(checked, &mut batch)?,
+                Ok(checked) => match self.check_deleted(checked) {
+                    Ok(checked) => self.sort(checked, &mut batch)?,
+                    Err(refusal) => Err(refusal),
+                },
                 Err(refusal) => Err(refusal),
             };
             if let Err(refusal) = outcome {
@@ -121,6 +124,7 @@ impl Ingest {
             self.log.append(&batch.records)?;
         }
         for (map, increments) in &batch.increments {
+            self.forget_deletion(map)?;
             // Nothing is in a batch without an intake.
             let Some(intake) = self.maps.get_mut(map) else { continue };
             let bytes = batch.added_bytes.get(map).copied().unwrap_or(0);

@@ -177,14 +177,8 @@ impl QueryService {
 
     /// Has the writer do what an operator wants; it replies when that is durable.
     fn carry_out(&self, query: Query, name: String, map: MapName, order: AdminOrder) {
-        if self.sources.log.is_shared() && matches!(order, AdminOrder::Retain { .. }) {
-            reply_error(
-                &query,
-                &bad_request(
-                    "increments are folded only where one server keeps its own log: here several stand on storages"
-                        .to_owned(),
-                ),
-            );
+        if let Some(reason) = not_shared(&order).filter(|_| self.sources.log.is_shared()) {
+            reply_error(&query, &bad_request(reason.to_owned()));
             return;
         }
         let asker = Asker { query, key: name, is_answered: false };
@@ -206,10 +200,35 @@ impl QueryService {
                     // What was sorted but not stored must not count as stored.
                     Err(cause) => (Err(internal(&cause)), Err(cause)),
                 },
+                AdminOrder::Delete(order) => match ingest.delete(&map, order, now_us()) {
+                    Ok(Some(head)) => (json(head.as_ref()), Ok(())),
+                    Ok(None) => (Err(unknown_map(&map, &catalog)), Ok(())),
+                    Err(cause) => (Err(internal(cause)), Ok(())),
+                },
+                AdminOrder::Undelete => match ingest.undelete(&map) {
+                    Ok(Some(head)) => (json(head.as_ref()), Ok(())),
+                    Ok(None) if catalog.view(&map).is_none() => (Err(unknown_map(&map, &catalog)), Ok(())),
+                    Ok(None) => (Err(bad_request(format!("map {map} is not going to be deleted"))), Ok(())),
+                    Err(cause) => (Err(internal(cause)), Ok(())),
+                },
             };
             asker.answer(outcome);
             log
         }));
+    }
+}
+
+/// Why an order is not carried out where several servers stand on storages.
+fn not_shared(order: &AdminOrder) -> Option<&'static str> {
+    match order {
+        AdminOrder::Retain { .. } => {
+            Some("increments are folded only where one server keeps its own log: here several stand on storages")
+        }
+        AdminOrder::Delete(_) | AdminOrder::Undelete => Some(
+            "maps are deleted only where one server keeps its own log: here several stand on storages, and a storage that was \
+             away would bring the map back",
+        ),
+        AdminOrder::Import { .. } => None,
     }
 }
 

@@ -10,6 +10,9 @@
 //! | `write` | the operator's increments |
 //! | `release` | releases |
 //! | `rule` | named places, zones, closed edges |
+//! | `deletion` | maps deleted after a grace period |
+//! | `rename` | a map under another name |
+//! | `undo` | an operator's last changes taken back |
 //! | `robots` | the table of robots |
 //! | `transfer` | maps to files and back |
 //! | `merge` | two maps become one |
@@ -18,12 +21,15 @@
 mod arguments;
 mod asking;
 mod command;
+mod deletion;
 mod error;
 mod merge;
 mod release;
+mod rename;
 mod robots;
 mod rule;
 mod transfer;
+mod undo;
 mod words;
 mod write;
 

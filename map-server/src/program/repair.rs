@@ -1,7 +1,7 @@
-//! `map-server check` and `map-server rescue`: what can be done with a store whose file is damaged.
-//! They work on files; no server runs on these meanwhile.
+//! `map-server check`, `map-server rescue` and `map-server restore`: what can be done with a store
+//! whose file is damaged, or not wanted. They work on files; no server runs on these meanwhile.
 
-use crate::rescue::{Rescued, RescuedAuthor, check, rescue};
+use crate::rescue::{Rescued, RescuedAuthor, Restored, check, rescue, restore};
 use clap::Subcommand;
 use std::path::{Path, PathBuf};
 
@@ -30,6 +30,22 @@ differs from their copies, and fetch it anew.")]
         /// A directory without a store; made if absent.
         target: PathBuf,
     },
+    /// Puts a backup in the place of a store, after checking it. The file that is replaced stays
+    /// beside it, and is named. Refused while a server runs on the store.
+    #[command(after_help = "Examples:
+  map-server restore /backup/fht-data --store fht-data      a copy of a data directory
+  map-server restore /backup/maps --store fht-data          a folder of exported maps (*.fht)
+  map-server restore fht-data/maps.redb.replaced-2026-11-21T10-00-00Z --store fht-data       back again
+
+The store then has the maps of the backup, and no others. Robots notice, and fetch their maps anew.")]
+    Restore {
+        /// A data directory, or its file maps.redb; an exported map, or a folder of them.
+        backup: PathBuf,
+        /// The data directory of a server that does not run; made if absent [default: that of
+        /// --config, or fht-data].
+        #[arg(long, value_name = "DIR")]
+        store: Option<PathBuf>,
+    },
 }
 
 impl Repair {
@@ -53,8 +69,29 @@ impl Repair {
                 let rescued = rescue(&source, &target).map_err(|error| error.to_string())?;
                 print(&rescued, "rescued", json)
             }
+            Self::Restore { backup, store } => {
+                let restored = restore(&backup, store.as_deref().unwrap_or(data)).map_err(|error| error.to_string())?;
+                print_restored(&restored, json)
+            }
         }
     }
+}
+
+fn print_restored(restored: &Restored, json: bool) -> Result<(), String> {
+    if json {
+        println!("{}", serde_json::to_string(restored).map_err(|error| error.to_string())?);
+        return Ok(());
+    }
+    let Restored { file, replaced, authors } = restored;
+    for RescuedAuthor { map, author, last, .. } in authors {
+        println!("map {map}, author {author}: {last} increments");
+    }
+    println!("{} is the backup now", file.display());
+    match replaced {
+        Some(replaced) => println!("what it was is kept: {}", replaced.display()),
+        None => println!("there was no store before"),
+    }
+    Ok(())
 }
 
 fn print(found: &Rescued, what: &str, json: bool) -> Result<(), String> {

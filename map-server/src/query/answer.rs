@@ -83,6 +83,10 @@ pub(crate) fn unknown_map(map: &MapName, catalog: &Catalog) -> ErrorReply {
     /// How many names are listed.
     const SHOWN: usize = 10;
     let names: Vec<String> = catalog.heads().iter().take(SHOWN).map(|head| head.map.to_string()).collect();
+    let was = match catalog.deletion(map) {
+        Some(record) => format!(": {}", record.deletion.sentence(map)),
+        None => String::new(),
+    };
     let known = if names.is_empty() { "no maps yet".to_owned() } else { names.join(", ") };
-    error(ErrorCode::UnknownMap, format!("there is no map {map} here (there is: {known})"))
+    error(ErrorCode::UnknownMap, format!("there is no map {map} here (there is: {known}){was}"))
 }

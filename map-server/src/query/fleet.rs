@@ -121,6 +121,7 @@ mod tests {
             digest: Digest([0; 32]),
             clock_us: 0,
             enabled: enabled.map(str::to_owned),
+            deletion: None,
             main_nodes: 0,
             support_nodes: 0,
             edges: 0,

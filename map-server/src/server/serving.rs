@@ -1,6 +1,7 @@
 //! The parts of a running server, and their shutdown.
 
 use crate::catalog::Catalog;
+use crate::clock::now_us;
 use crate::config::ServerConfig;
 use crate::ingest::{Ingest, WriterQueue};
 use crate::network::{
@@ -15,7 +16,9 @@ use fht_proto::api::keys::ALL_QUERIES;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::thread::JoinHandle;
+use std::time::Duration;
 use tokio::runtime::Handle;
+use tokio::task::AbortHandle;
 use zenoh::Session;
 use zenoh::query::Queryable;
 
@@ -114,6 +117,7 @@ async fn finish_writing(mut writer: WriterThread, stopped: Option<Result<(), Ser
 struct Answering {
     queryable: Queryable<()>,
     gap_fill: Option<JoinHandle<()>>,
+    deleting: AbortHandle,
     _robots: RobotTopicSubscriptions,
 }
 
@@ -140,13 +144,30 @@ impl Answering {
         print_where(config, catalog.heads().len());
         let spawn_gap_fill = |stateless: &Stateless| stateless.spawn_gap_fill(Arc::clone(&catalog), Arc::clone(queue));
         let gap_fill = stateless.map(spawn_gap_fill).transpose().map_err(ServerError::Runtime)?;
-        Ok(Self { queryable, gap_fill, _robots: robots })
+        let deleting = tokio::spawn(delete_when_due(catalog, Arc::clone(queue))).abort_handle();
+        Ok(Self { queryable, gap_fill, deleting, _robots: robots })
     }
 
     async fn close(self) -> Result<(), ServerError> {
+        self.deleting.abort();
         // The thread has ended, or panicked and said so.
         let _ = self.gap_fill.map(JoinHandle::join);
         Ok(self.queryable.undeclare().await?)
+    }
+}
+
+/// Has the writer delete maps when their grace period is over.
+async fn delete_when_due(catalog: Arc<Catalog>, queue: Arc<WriterQueue>) {
+    /// How late that may be.
+    const EVERY: Duration = Duration::from_millis(500);
+    loop {
+        tokio::time::sleep(EVERY).await;
+        if !catalog.due(now_us()).is_empty() {
+            queue.push_job(Box::new(|ingest| {
+                ingest.delete_due(now_us());
+                Ok(())
+            }));
+        }
     }
 }
 

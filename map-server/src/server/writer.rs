@@ -55,6 +55,7 @@ impl Writer {
     }
 
     fn restore(&mut self) -> Result<(), StoreError> {
+        self.ingest.delete_due(now_us());
         self.stateless.as_ref().map_or(Ok(()), |stateless| stateless.restore(&mut self.ingest))
     }
 
@@ -90,13 +91,24 @@ impl Writer {
         Ok(())
     }
 
-    /// Does what operators have ordered, and announces the maps that have grown by it.
+    /// Does what operators have ordered, and announces the maps that have grown by it, and those
+    /// that will be deleted or are.
     fn do_jobs(&mut self, jobs: Vec<WriterJob>) -> Result<(), StoreError> {
-        let heads = || self.sources.catalog.heads();
-        let before: BTreeMap<_, _> = heads().iter().map(|head| (head.map.clone(), head.version)).collect();
+        let catalog = Arc::clone(&self.sources.catalog);
+        let by_name = |heads: Vec<Arc<Head>>| heads.into_iter().map(|head| (head.map.clone(), head)).collect();
+        let before: BTreeMap<MapName, Arc<Head>> = by_name(catalog.heads());
         jobs.into_iter().try_for_each(|job| job(&mut self.ingest))?;
-        let has_grown = |head: &&Arc<Head>| before.get(&head.map) != Some(&head.version);
-        heads().iter().filter(has_grown).for_each(|head| publish_head(&self.session, head));
+        let after: BTreeMap<MapName, Arc<Head>> = by_name(catalog.heads());
+        let said = |head: &Arc<Head>| (head.version, head.deletion.clone());
+        for (map, head) in &after {
+            if before.get(map).map(said) != Some(said(head)) {
+                publish_head(&self.session, head);
+            }
+        }
+        for (map, head) in before.into_iter().filter(|(map, _)| !after.contains_key(map)) {
+            let deletion = catalog.deletion(&map).map(|record| record.deletion);
+            publish_head(&self.session, &Head { deletion, ..Arc::unwrap_or_clone(head) });
+        }
         Ok(())
     }
 }

@@ -2,8 +2,11 @@
 //! ([`RedbLog`](crate::store::RedbLog)), memory in front of storages elsewhere
 //! ([`QuorumLog`](crate::replicated::QuorumLog)), or a disk that a test lets fail.
 
+use fht_proto::api::deletion::MapDeletion;
 use fht_proto::codec::envelope::FORMAT_VERSION;
 use fht_proto::{AuthorId, MapName, VersionVector};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -155,6 +158,15 @@ pub struct CompactionFloor {
     pub vector: VersionVector,
 }
 
+/// That a map will be deleted, or was.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DeletionRecord {
+    /// What everybody is told.
+    pub deletion: MapDeletion,
+    /// What the map had when it was deleted; none while it is there.
+    pub last: Option<VersionVector>,
+}
+
 /// What a log has under an author and number.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Stored {
@@ -241,10 +253,40 @@ pub trait IncrementLog: Send + Sync + Debug {
         floor: &CompactionFloor,
         series: &[CompactedRecord],
     ) -> Result<(), StoreError>;
+
+    /// Notes that a map will be deleted, or that it will not.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`], also where maps are not deleted.
+    fn set_deletion(&self, _: &MapName, _: Option<&DeletionRecord>) -> Result<(), StoreError> {
+        Err(no_deletion())
+    }
+
+    /// Deletes everything of a map, and notes that, in one commit.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`], also where maps are not deleted.
+    fn delete_map(&self, _: &MapName, _: &DeletionRecord) -> Result<(), StoreError> {
+        Err(no_deletion())
+    }
+}
+
+/// Callers ask [`IncrementLog::is_shared`] first.
+fn no_deletion() -> StoreError {
+    StoreError::Disk { action: "written", reason: "maps are not deleted here".to_owned() }
 }
 
 /// What is stored in a log.
 pub trait LogReader {
+    /// The maps that will be deleted, and those that were and have not begun anew. None where maps
+    /// are not deleted.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`], [`StoreError::Damaged`].
+    fn deletions(&self) -> Result<BTreeMap<MapName, DeletionRecord>, StoreError> {
+        Ok(BTreeMap::new())
+    }
+
     /// What is stored under an author and number.
     ///
     /// # Errors

@@ -1,7 +1,8 @@
 //! The log in memory: for a server whose increments are kept elsewhere, and for tests.
 
 use crate::store::log::{
-    CompactedRecord, CompactionFloor, IncrementLog, LogReader, Piece, Record, StoreError, Stored, Visit, gaps,
+    CompactedRecord, CompactionFloor, DeletionRecord, IncrementLog, LogReader, Piece, Record, StoreError, Stored,
+    Visit, gaps,
 };
 use fht_proto::{AuthorId, MapName, VersionVector};
 use std::collections::BTreeMap;
@@ -30,6 +31,7 @@ impl MapLog {
 #[derive(Debug, Default)]
 pub struct MemoryLog {
     maps: Mutex<BTreeMap<MapName, MapLog>>,
+    deletions: Mutex<BTreeMap<MapName, DeletionRecord>>,
 }
 
 impl MemoryLog {
@@ -42,6 +44,10 @@ impl MemoryLog {
     // Whole operations under the lock: a panic in one is a bug, and leaves the others usable.
     fn lock(&self) -> MutexGuard<'_, BTreeMap<MapName, MapLog>> {
         self.maps.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn lock_deletions(&self) -> MutexGuard<'_, BTreeMap<MapName, DeletionRecord>> {
+        self.deletions.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -86,9 +92,27 @@ impl IncrementLog for MemoryLog {
         log.compact(floor, series);
         Ok(())
     }
+
+    fn set_deletion(&self, map: &MapName, record: Option<&DeletionRecord>) -> Result<(), StoreError> {
+        let mut deletions = self.lock_deletions();
+        match record {
+            Some(record) => _ = deletions.insert(map.clone(), record.clone()),
+            None => _ = deletions.remove(map),
+        }
+        Ok(())
+    }
+
+    fn delete_map(&self, map: &MapName, record: &DeletionRecord) -> Result<(), StoreError> {
+        self.lock().remove(map);
+        self.set_deletion(map, Some(record))
+    }
 }
 
 impl LogReader for MemoryLog {
+    fn deletions(&self) -> Result<BTreeMap<MapName, DeletionRecord>, StoreError> {
+        Ok(self.lock_deletions().clone())
+    }
+
     fn stored(&self, map: &MapName, author: AuthorId, number: u64) -> Result<Stored, StoreError> {
         let maps = self.lock();
         let Some(log) = maps.get(map) else { return Ok(Stored::Absent) };

@@ -7,16 +7,21 @@
 //! | `folds` | map, author, last number | first number, the compacted series in its envelope |
 //! | `floors` | map, author | number up to which this author's increments are folded |
 //! | `floor versions` | map | the version up to which the log is folded |
+//! | `deletions` | map | that it will be deleted, or was: JSON; absent until a map is to be |
 //! | `meta` | `format` | version of this layout |
 //!
 //! The log of a compacted map begins after its floor.
 
+mod deletions;
+
 use crate::store::guard::guarded;
 use crate::store::log::{
-    CompactedRecord, CompactionFloor, IncrementLog, LogReader, Piece, Record, StoreError, Stored, Visit, gaps,
+    CompactedRecord, CompactionFloor, DeletionRecord, IncrementLog, LogReader, Piece, Record, StoreError, Stored,
+    Visit, gaps,
 };
 use fht_proto::{AuthorId, MapName, VersionVector};
 use redb::{Database, ReadableDatabase, TableDefinition, TableError};
+use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -75,13 +80,7 @@ impl RedbLog {
     /// [`StoreError::InUse`], [`StoreError::Open`], [`StoreError::Format`], [`StoreError::Disk`].
     pub fn open(dir: &Path) -> Result<Self, StoreError> {
         let failed = |error: std::io::Error| StoreError::Open { dir: dir.to_owned(), reason: error.to_string() };
-        std::fs::create_dir_all(dir).map_err(failed)?;
-        let lock = File::create(dir.join(LOCK_NAME)).map_err(failed)?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(StoreError::InUse { dir: dir.to_owned() }),
-            Err(TryLockError::Error(error)) => return Err(failed(error)),
-        }
+        let lock = Self::lock(dir)?;
         let path = dir.join(FILE_NAME);
         if !path.try_exists().map_err(failed)? {
             // Made under another name: a server that is killed meanwhile leaves nothing that the
@@ -97,6 +96,22 @@ impl RedbLog {
         // The file's name must survive a power failure, too.
         File::open(dir).and_then(|dir| dir.sync_all()).map_err(failed)?;
         Self::open_file(dir, &path, Some(lock))
+    }
+
+    /// Makes `dir` if it is absent, and keeps others from using a store in it until the file is
+    /// dropped.
+    ///
+    /// # Errors
+    /// [`StoreError::InUse`], [`StoreError::Open`].
+    pub(crate) fn lock(dir: &Path) -> Result<File, StoreError> {
+        let failed = |error: std::io::Error| StoreError::Open { dir: dir.to_owned(), reason: error.to_string() };
+        std::fs::create_dir_all(dir).map_err(failed)?;
+        let lock = File::create(dir.join(LOCK_NAME)).map_err(failed)?;
+        match lock.try_lock() {
+            Ok(()) => Ok(lock),
+            Err(TryLockError::WouldBlock) => Err(StoreError::InUse { dir: dir.to_owned() }),
+            Err(TryLockError::Error(error)) => Err(failed(error)),
+        }
     }
 
     /// Opens the store in `dir`, which must be there, and checks the sums of all that is in it.
@@ -271,9 +286,21 @@ impl IncrementLog for RedbLog {
             write.commit().map_err(writing)
         })
     }
+
+    fn set_deletion(&self, map: &MapName, record: Option<&DeletionRecord>) -> Result<(), StoreError> {
+        self.write_deletion(map, record)
+    }
+
+    fn delete_map(&self, map: &MapName, record: &DeletionRecord) -> Result<(), StoreError> {
+        self.write_end(map, record)
+    }
 }
 
 impl LogReader for RedbLog {
+    fn deletions(&self) -> Result<BTreeMap<MapName, DeletionRecord>, StoreError> {
+        self.read_deletions()
+    }
+
     fn stored(&self, map: &MapName, author: AuthorId, number: u64) -> Result<Stored, StoreError> {
         reading_guarded(|| {
             let read = self.begin_read()?;

@@ -1,6 +1,8 @@
 //! What the server's tests share: increments, a server process, a client.
 #![allow(dead_code, clippy::unwrap_used)] // every test program uses a part of it; tests may panic
 
+pub mod site;
+
 use fht_map::MapState;
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::{ErrorReply, Head};

@@ -13,7 +13,7 @@ pub(crate) const ASK_AGAIN: Duration = Duration::from_millis(200);
 
 /// What came back to the question for a head.
 pub(super) enum Answer {
-    Head(Head),
+    Head(Box<Head>),
     /// The server has no such map.
     NoMap,
     /// No server answered, or not to the question: what came instead.
@@ -22,7 +22,7 @@ pub(super) enum Answer {
 
 pub(super) async fn ask_head(session: &zenoh::Session, map: &MapName) -> Result<Answer, PublishError> {
     Ok(match ask_head_async(session, map, ANSWER_TIMEOUT).await {
-        Ok(head) => Answer::Head(head),
+        Ok(head) => Answer::Head(Box::new(head)),
         Err(AskError::Refused(reply)) if reply.code == ErrorCode::UnknownMap => Answer::NoMap,
         Err(AskError::Refused(reply)) => Answer::None(reply.message),
         Err(AskError::Silent) => Answer::None("nobody answered".to_owned()),
@@ -44,7 +44,7 @@ pub async fn find_head(
     let begin = Instant::now();
     loop {
         let reason = match ask_head(session, map).await? {
-            Answer::Head(head) => return Ok(Some(head)),
+            Answer::Head(head) => return Ok(Some(*head)),
             Answer::NoMap => return Ok(None),
             Answer::None(reason) => reason,
         };

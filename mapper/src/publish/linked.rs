@@ -120,6 +120,9 @@ impl Linked {
             Some(spool) => deliver(&session, map, robot, spool, window, SERVER_PATIENCE).await?,
             None => find_head(&session, map, SERVER_PATIENCE).await?,
         };
+        if let Some(deletion) = head.as_ref().and_then(|head| head.deletion.as_ref()) {
+            return Err(PublishError::Refused(deletion.refusal(map)).into());
+        }
         let presence = Presence::new(&session, map, robot, RobotRole::Explorer)?;
         let token = presence.declare().map_err(PublishError::from)?;
         Ok(Self { head, session, spool, token, publication })

@@ -7,6 +7,7 @@ use super::spool::Spool;
 use super::verify::Verified;
 use super::window::{Backlog, Window, WindowConfig};
 use fht_client::read_head;
+use fht_proto::api::deletion::MapDeletion;
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::{ErrorReply, Head, Series};
 use fht_proto::{AuthorId, CodecError, Increment, MapName, VersionVector, decode, encode};
@@ -104,7 +105,12 @@ impl Publisher {
                     return Ok(self.report.borrow().clone());
                 }
                 head = heads.recv_async() => match read_head(&head?.payload().to_bytes(), &self.map) {
-                    Ok(head) => _ = self.take_head(head).await?,
+                    // What it has taken counts, whatever is to become of it.
+                    Ok(head) => {
+                        let deletion = head.deletion.clone();
+                        self.take_head(head).await?;
+                        self.check_deletion(deletion.as_ref())?;
+                    }
                     Err(reason) => tracing::warn!("a head that cannot be used: {reason}"),
                 },
                 refusal = refusals.recv_async() => take_refusal(&refusal?.payload().to_bytes())?,
@@ -113,6 +119,11 @@ impl Publisher {
                 }
             }
         }
+    }
+
+    /// Nothing more is taken for a map that will be deleted.
+    fn check_deletion(&self, deletion: Option<&MapDeletion>) -> Result<(), PublishError> {
+        deletion.map_or(Ok(()), |deletion| Err(PublishError::Refused(deletion.refusal(&self.map))))
     }
 
     async fn add(&mut self, increments: impl Iterator<Item = Increment>) -> Result<(), PublishError> {
@@ -184,7 +195,12 @@ impl Publisher {
     /// again from where the server is.
     async fn ask(&mut self) -> Result<(), PublishError> {
         let is_news = match ask_head(&self.session, &self.map).await? {
-            Answer::Head(head) => self.take_head(head).await?,
+            Answer::Head(head) => {
+                let deletion = head.deletion.clone();
+                let is_news = self.take_head(*head).await?;
+                self.check_deletion(deletion.as_ref())?;
+                is_news
+            }
             Answer::NoMap => false,
             Answer::None(reason) => {
                 tracing::debug!("the head is not known: {reason}");

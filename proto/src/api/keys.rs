@@ -135,11 +135,15 @@ pub enum AdminAction {
     Retain,
     /// Take in a series of increments from a file.
     Import,
+    /// Delete the map after a grace period.
+    Delete,
+    /// Do not delete it after all.
+    Undelete,
 }
 
 impl AdminAction {
     /// All of them.
-    pub const ALL: [Self; 2] = [Self::Retain, Self::Import];
+    pub const ALL: [Self; 4] = [Self::Retain, Self::Import, Self::Delete, Self::Undelete];
 
     /// The chunk that names it.
     #[must_use]
@@ -147,6 +151,8 @@ impl AdminAction {
         match self {
             Self::Retain => "retain",
             Self::Import => "import",
+            Self::Delete => "delete",
+            Self::Undelete => "undelete",
         }
     }
 }

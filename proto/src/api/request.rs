@@ -2,8 +2,10 @@
 
 mod parameters;
 
+use crate::api::deletion::DeletionOrder;
 use crate::api::keys::{AdminAction, Key, Topic};
 use crate::api::reply::{ErrorReply, NodesCursor, PlaceRef, Series, parse_point};
+use crate::model::validate::Validate;
 use crate::{Descriptor, FixedPoint, Footprint, MapName, ReleaseId, ReleaseName, VersionVector, decode};
 use parameters::Parameters;
 pub use parameters::{Format, bad_request, shown};
@@ -160,6 +162,10 @@ pub enum AdminOrder {
         /// The part.
         series: Series,
     },
+    /// Delete the map.
+    Delete(DeletionOrder),
+    /// Do not delete it after all.
+    Undelete,
 }
 
 /// Default and greatest length of a series of increments, bytes. Short enough to share a thin link
@@ -216,6 +222,17 @@ pub fn parse_order<'a>(
                 .map_err(|error| bad_request(format!("the payload is not a series of increments: {error}")))?;
             Ok(AdminOrder::Import { series })
         }
+        AdminAction::Delete => {
+            Parameters::of(parameters, &[])?;
+            let missing = || {
+                bad_request("delete needs a payload, such as {grace_s: 604800, reason: mistyped, by: desk}".to_owned())
+            };
+            let order: DeletionOrder = serde_json::from_slice(payload.ok_or_else(missing)?)
+                .map_err(|error| bad_request(format!("the payload is not an order to delete: {error}")))?;
+            order.validate().map_err(|error| bad_request(error.to_string()))?;
+            Ok(AdminOrder::Delete(order))
+        }
+        AdminAction::Undelete => Parameters::of(parameters, &[]).map(|_| AdminOrder::Undelete),
     }
 }
 

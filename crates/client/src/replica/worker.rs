@@ -2,13 +2,14 @@
 //! is lacking.
 
 use super::config::ReplicaConfig;
+use super::notices::Notices;
 use super::shared::Shared;
 use crate::closures::Closures;
 use crate::queries::read_head;
 use crate::staleness::StalenessConfig;
 use crate::sync::{Running, Sync, SyncConfig, SyncQuestion};
 use fht_proto::api::keys::{Key, Topic};
-use fht_proto::api::reply::{RulesReply, Series};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, RulesReply, Series};
 use fht_proto::codec::envelope::MAX_BODY_BYTES;
 use fht_proto::{Increment, MapName, decode};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -36,6 +37,8 @@ enum Event {
     PartEnded(u64),
     /// The question for the head has ended.
     Head(Option<Vec<u8>>),
+    /// The server has refused the question for the head: it has no such map.
+    NoMap(String),
     /// The question for what is blocked has ended.
     Rules(Option<Vec<u8>>),
 }
@@ -64,6 +67,14 @@ pub(super) struct Worker {
     /// Whether nothing was said of what is blocked without being heard here, as far as that is
     /// known.
     knows_blocked: bool,
+    notices: Notices,
+}
+
+fn warn(notice: Option<String>) {
+    if let Some(notice) = notice {
+        // Robots show it, unlike most of what a copy has to say.
+        tracing::warn!(target: "fht_client::deletion", "{notice}");
+    }
 }
 
 impl Worker {
@@ -92,6 +103,7 @@ impl Worker {
             link_seen_at: Instant::now(),
             closures,
             knows_blocked: false,
+            notices: Notices::default(),
         }
     }
 
@@ -108,7 +120,10 @@ impl Worker {
             }
             if let Ok(Some(sample)) = self.arrivals.heads.try_recv() {
                 match read_head(&sample.payload().to_bytes(), &self.map) {
-                    Ok(head) => self.sync.head_published(&head),
+                    Ok(head) => {
+                        warn(self.notices.head(&head));
+                        self.sync.head_published(&head);
+                    }
                     Err(error) => self.refuse(&error),
                 }
             }
@@ -204,12 +219,15 @@ impl Worker {
         let (answer, ended) = (self.teller(), self.teller());
         let is_answered = Arc::new(AtomicBool::new(false));
         let was_answered = Arc::clone(&is_answered);
-        let callback = move |reply: Reply| {
-            if let Ok(sample) = reply.result()
-                && !is_answered.swap(true, Ordering::AcqRel)
-            {
+        let callback = move |reply: Reply| match reply.result() {
+            Ok(sample) if !is_answered.swap(true, Ordering::AcqRel) => {
                 answer(event(Some(sample.payload().to_bytes().into_owned())));
             }
+            Ok(_) => {}
+            Err(error) => match serde_json::from_slice::<ErrorReply>(&error.payload().to_bytes()) {
+                Ok(refused) if refused.code == ErrorCode::UnknownMap => answer(Event::NoMap(refused.message)),
+                _ => {}
+            },
         };
         let drop = move || {
             if !was_answered.load(Ordering::Acquire) {
@@ -260,8 +278,12 @@ impl Worker {
                     self.refuse(error);
                 }
                 self.follow_blocked(head.is_some());
+                if let Some(Ok(head)) = &head {
+                    warn(self.notices.head(head));
+                }
                 self.sync.head_answered(&self.shared.read(), head.and_then(Result::ok), now);
             }
+            Event::NoMap(reason) => warn(self.notices.no_map(reason)),
             Event::Rules(payload) => self.take_rules(payload.as_deref()),
             Event::Piece(number, _) | Event::PartEnded(number) if self.part != (number, true) => {}
             Event::Piece(_, bytes) => match decode::<Series>(&bytes) {

@@ -35,6 +35,7 @@ pub fn head(map: &MapName, log: &[Increment]) -> Vec<u8> {
         digest: state.digest(),
         clock_us: state.max_hlc_us(),
         enabled: None,
+        deletion: None,
         main_nodes: 0,
         support_nodes: log.len(),
         edges: 0,

@@ -1,10 +1,13 @@
 //! The operators' subcommands, as they are written.
 
+use crate::program::operator::release::ReleaseAction;
 use crate::program::operator::rule::{Corners, parse_corners, parse_pose, parse_speed};
 use clap::{Args, Subcommand};
 use fht_program::flags::wait;
+use fht_proto::api::deletion::DeletionOrder;
 use fht_proto::{FixedPose, Label, MapName, NodeId, ReleaseName, RobotName};
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// What all operators' commands share.
 #[derive(Clone, Debug, Args)]
@@ -42,6 +45,23 @@ impl OperatorArgs {
     pub fn wait(&self) -> Option<f64> {
         self.wait
     }
+}
+
+/// A time such as `7d`, whole seconds, ten years at most.
+fn grace(text: &str) -> Result<Duration, String> {
+    let time = humantime::parse_duration(text).map_err(|error| format!("{error}; write 12h, 7d or 0s"))?;
+    let longest = Duration::from_secs(DeletionOrder::MAX_GRACE_S);
+    if time > longest {
+        return Err("a grace period is ten years at most".to_owned());
+    }
+    if !time.is_zero() && time < Duration::from_secs(1) {
+        return Err("a grace period is 0s, or a second at least".to_owned());
+    }
+    Ok(time)
+}
+
+fn reason(text: &str) -> Result<String, String> {
+    DeletionOrder::check_reason(text).map(|()| text.to_owned()).map_err(|error| error.to_string())
 }
 
 /// What an operator can do.
@@ -169,6 +189,21 @@ pub enum Operation {
         /// The other end.
         b: NodeId,
     },
+    /// Takes back what this operator has written last: places, zones, closed edges, releases,
+    /// merges. What others have changed since at the same thing is not overwritten.
+    #[command(after_help = "Examples:
+  map-server undo museum                        the last change of this operator
+  map-server undo museum --last 3 --operator desk
+
+An undo is a change, too: the next one takes it back.")]
+    Undo {
+        /// The map.
+        map: MapName,
+        /// So many changes, the newest first. Each command that writes is one; a merge may be
+        /// several.
+        #[arg(long, value_name = "COUNT", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+        last: u64,
+    },
     /// Folds old increments: the newest versions and all releases stay what they are, what only
     /// older versions needed goes.
     #[command(after_help = "Examples:
@@ -204,6 +239,50 @@ pub enum Operation {
         #[arg(long)]
         map: Option<MapName>,
     },
+    /// Deletes a map after a grace period, in which it can be read and nobody writes to it. Robots
+    /// are told, with the reason.
+    #[command(after_help = "Examples:
+  map-server delete musuem --reason 'mistyped: it is museum'
+  map-server delete museum --reason 'the building is torn down' --grace 30d
+  map-server delete trial --reason 'a trial' --grace 0s        at once, for ever
+
+An export is the way back when the time is up. A map of the same name may be begun again then.")]
+    Delete {
+        /// The map.
+        map: MapName,
+        /// Why: everybody who uses the map is told.
+        #[arg(long, value_name = "TEXT", value_parser = reason)]
+        reason: String,
+        /// After this time, such as 12h or 7d; 0s is at once.
+        #[arg(long, value_name = "TIME", default_value = "7d", value_parser = grace)]
+        grace: Duration,
+    },
+    /// Does not delete a map after all, while it is there.
+    #[command(after_help = "Examples:
+  map-server undelete museum")]
+    Undelete {
+        /// The map.
+        map: MapName,
+    },
+    /// Gives a map another name: everything of it goes to a new map, and the old one is deleted
+    /// after a grace period. Robots are told where it has moved to.
+    #[command(after_help = "Examples:
+  map-server rename musuem museum --reason mistyped
+  map-server rename hall-2 hall-b --reason 'halls have letters' --grace 30d
+
+What was interrupted goes on when it is given again.")]
+    Rename {
+        /// The map.
+        old: MapName,
+        /// Its new name, which no map has.
+        new: MapName,
+        /// Why: everybody who uses the map is told.
+        #[arg(long, value_name = "TEXT", value_parser = reason)]
+        reason: String,
+        /// After this time the old map is deleted, such as 12h or 7d; 0s is at once.
+        #[arg(long, value_name = "TIME", default_value = "7d", value_parser = grace)]
+        grace: Duration,
+    },
     /// Merges two maps of one building that were made apart: finds out where the second lies in the
     /// first, and brings over what the first lacks. Refused, with the reason, when they are not
     /// surely of one building.
@@ -231,57 +310,6 @@ What is written is the operator's, like places and zones. A release before is th
     },
 }
 
-/// What an operator can do with releases.
-#[derive(Clone, Debug, Subcommand)]
-pub enum ReleaseAction {
-    /// Show them.
-    #[command(after_help = "Examples:
-  map-server release list museum")]
-    List {
-        /// The map.
-        map: MapName,
-    },
-    /// Make one of the newest state, or of an older version.
-    #[command(after_help = "Examples:
-  map-server release create museum              named by the day, such as 2026-11-21.1
-  map-server release create museum spring --version 100")]
-    Create {
-        /// The map.
-        map: MapName,
-        /// Its name [default: the day and a number, such as 2026-11-21.1].
-        name: Option<ReleaseName>,
-        /// Of this version.
-        #[arg(long)]
-        version: Option<u64>,
-    },
-    /// Tell robots to use one; 'head': the newest state, as it grows.
-    #[command(after_help = "Examples:
-  map-server release enable museum 2026-11-21.1
-  map-server release enable museum head         the newest state, as it grows")]
-    Enable {
-        /// The map.
-        map: MapName,
-        /// Its name, or name@author.
-        name: String,
-    },
-    /// Tell robots to use the one that was made before the one that they use.
-    #[command(after_help = "Examples:
-  map-server release rollback museum")]
-    Rollback {
-        /// The map.
-        map: MapName,
-    },
-    /// Delete one, for ever.
-    #[command(after_help = "Examples:
-  map-server release delete museum 2026-11-21.1")]
-    Delete {
-        /// The map.
-        map: MapName,
-        /// Its name, or name@author.
-        name: String,
-    },
-}
-
 impl Operation {
     /// The map that must be there.
     pub(super) fn map(&self) -> Option<&MapName> {
@@ -295,22 +323,13 @@ impl Operation {
             | Self::Zone { map, .. }
             | Self::Close { map, .. }
             | Self::Open { map, .. }
+            | Self::Undo { map, .. }
             | Self::Retain { map, .. }
+            | Self::Delete { map, .. }
+            | Self::Undelete { map }
+            | Self::Rename { old: map, .. }
             | Self::Export { map, .. }
             | Self::Merge { first: map, .. } => Some(map),
-        }
-    }
-}
-
-impl ReleaseAction {
-    /// Its map.
-    pub(super) fn map(&self) -> &MapName {
-        match self {
-            Self::List { map }
-            | Self::Create { map, .. }
-            | Self::Enable { map, .. }
-            | Self::Rollback { map }
-            | Self::Delete { map, .. } => map,
         }
     }
 }

@@ -50,9 +50,21 @@ pub(super) async fn until_there(
             Err(AskError::Silent) => return Err(OperatorError::Silent),
             Err(AskError::Refused(reply))
                 if reply.code == ErrorCode::UnknownMap && content.goes_on(format!("the map: {}", reply.message)) => {}
-            _ => return Ok(()),
+            Ok(payload) => {
+                tell_deletion(map, &payload);
+                return Ok(());
+            }
+            Err(_) => return Ok(()),
         }
         tokio::time::sleep(ASK_AGAIN).await;
+    }
+}
+
+/// Whoever uses a map that will be deleted is told.
+fn tell_deletion(map: Option<&MapName>, payload: &[u8]) {
+    let head = map.and_then(|map| fht_client::read_head(payload, map).ok());
+    if let Some((deletion, head)) = head.as_ref().and_then(|head| head.deletion.as_ref().zip(Some(head))) {
+        eprintln!("map-server: {}", deletion.sentence(&head.map));
     }
 }
 

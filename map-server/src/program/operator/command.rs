@@ -2,14 +2,17 @@
 
 use crate::config::{DEFAULT_LISTEN, ServerEndpoints};
 use crate::ingest::Retained;
-use crate::program::operator::arguments::{Operation, OperatorArgs, ReleaseAction};
+use crate::program::operator::arguments::{Operation, OperatorArgs};
 use crate::program::operator::asking::{ask, ask_json, connect, until_there};
+use crate::program::operator::deletion;
 use crate::program::operator::error::OperatorError;
 use crate::program::operator::merge::{self, MergeOrder};
-use crate::program::operator::release;
+use crate::program::operator::release::{self, ReleaseAction};
+use crate::program::operator::rename;
 use crate::program::operator::robots;
 use crate::program::operator::rule::{self, Corners};
 use crate::program::operator::transfer;
+use crate::program::operator::undo;
 use crate::program::operator::words::{maps_in_words, releases_in_words, rules_in_words};
 use crate::program::operator::write::write;
 use fht_merge::MergeConfig;
@@ -96,17 +99,18 @@ impl Operation {
             Self::Open { map, a, b } => {
                 change(session, args, &map, rule::closing(session, &map, [a, b], false).await?).await
             }
-            Self::Retain { map, keep } => {
-                let key = Key::Admin { map, action: AdminAction::Retain };
-                let answer = ask(session, &format!("{key}?keep={keep}"), None).await?;
-                let retained: Retained =
-                    serde_json::from_slice(&answer).map_err(|error| OperatorError::json(&error))?;
-                show(&retained, json, |done| {
-                    format!(
-                        "{} increments folded; {} instead of {} bytes; versions from {} on can be had",
-                        done.folded, done.bytes, done.bytes_before, done.oldest_version
-                    )
-                })
+            Self::Undo { map, last } => {
+                show(&undo::undo(session, &map, operator, last, json).await?, json, undo::in_words)
+            }
+            Self::Retain { map, keep } => show(&retain(session, map, keep).await?, json, retained_in_words),
+            Self::Delete { map, reason, grace } => {
+                let order = deletion::order(args, reason, grace, None);
+                show(&deletion::delete(session, &map, &order).await?, json, deletion::in_words)
+            }
+            Self::Undelete { map } => show(&deletion::undelete(session, &map).await?, json, deletion::in_words),
+            Self::Rename { old, new, reason, grace } => {
+                let order = deletion::order(args, reason, grace, Some(new));
+                show(&rename::rename(session, &old, order, json).await?, json, rename::in_words)
             }
             Self::Export { map, file, release } => {
                 let release = release.as_ref().map(ReleaseName::as_str);
@@ -131,6 +135,19 @@ impl Operation {
             }
         }
     }
+}
+
+async fn retain(session: &Session, map: MapName, keep: u64) -> Result<Retained, OperatorError> {
+    let key = Key::Admin { map, action: AdminAction::Retain };
+    let answer = ask(session, &format!("{key}?keep={keep}"), None).await?;
+    serde_json::from_slice(&answer).map_err(|error| OperatorError::json(&error))
+}
+
+fn retained_in_words(done: &Retained) -> String {
+    format!(
+        "{} increments folded; {} instead of {} bytes; versions from {} on can be had",
+        done.folded, done.bytes, done.bytes_before, done.oldest_version
+    )
 }
 
 async fn change(session: &Session, args: &OperatorArgs, map: &MapName, op: Op) -> Result<(), OperatorError> {

@@ -3,6 +3,8 @@
 use crate::network::ServerSessionError;
 use fht_client::AskError;
 use fht_client::author::NotWritten;
+use fht_map::crdt::inverse::InverseError;
+use fht_proto::MapName;
 use fht_proto::api::reply::ErrorReply;
 use std::path::PathBuf;
 
@@ -60,6 +62,24 @@ pub enum OperatorError {
         path: PathBuf,
         /// What is wrong.
         source: fht_proto::codec::archive::ArchiveError,
+    },
+    /// Nothing is taken back.
+    #[error("map {map}: {source}")]
+    Undo {
+        /// The map.
+        map: MapName,
+        /// Why.
+        source: InverseError,
+    },
+    /// A map is not renamed yet.
+    #[error(
+        "{reason}; {old} is not renamed yet: give the command again, or keep it as it is with `map-server undelete {old}`"
+    )]
+    NotRenamed {
+        /// The map.
+        old: MapName,
+        /// Why.
+        reason: Box<OperatorError>,
     },
     /// Two maps are not merged.
     #[error("not merged: {0}")]

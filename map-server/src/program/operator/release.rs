@@ -4,11 +4,76 @@ use crate::clock::now_us;
 use crate::program::operator::asking::{ask_json, state_of};
 use crate::program::operator::error::OperatorError;
 use crate::program::operator::write::write;
+use clap::Subcommand;
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::{ReleaseView, ReleasesReply};
 use fht_proto::{AuthorId, MapName, Op, Release, ReleaseId, ReleaseName};
 use std::time::{Duration, UNIX_EPOCH};
 use zenoh::Session;
+
+/// What an operator can do with releases.
+#[derive(Clone, Debug, Subcommand)]
+pub enum ReleaseAction {
+    /// Show them.
+    #[command(after_help = "Examples:
+  map-server release list museum")]
+    List {
+        /// The map.
+        map: MapName,
+    },
+    /// Make one of the newest state, or of an older version.
+    #[command(after_help = "Examples:
+  map-server release create museum              named by the day, such as 2026-11-21.1
+  map-server release create museum spring --version 100")]
+    Create {
+        /// The map.
+        map: MapName,
+        /// Its name [default: the day and a number, such as 2026-11-21.1].
+        name: Option<ReleaseName>,
+        /// Of this version.
+        #[arg(long)]
+        version: Option<u64>,
+    },
+    /// Tell robots to use one; 'head': the newest state, as it grows.
+    #[command(after_help = "Examples:
+  map-server release enable museum 2026-11-21.1
+  map-server release enable museum head         the newest state, as it grows")]
+    Enable {
+        /// The map.
+        map: MapName,
+        /// Its name, or name@author.
+        name: String,
+    },
+    /// Tell robots to use the one that was made before the one that they use.
+    #[command(after_help = "Examples:
+  map-server release rollback museum")]
+    Rollback {
+        /// The map.
+        map: MapName,
+    },
+    /// Delete one, for ever.
+    #[command(after_help = "Examples:
+  map-server release delete museum 2026-11-21.1")]
+    Delete {
+        /// The map.
+        map: MapName,
+        /// Its name, or name@author.
+        name: String,
+    },
+}
+
+impl ReleaseAction {
+    /// Its map.
+    pub(super) fn map(&self) -> &MapName {
+        match self {
+            Self::List { map }
+            | Self::Create { map, .. }
+            | Self::Enable { map, .. }
+            | Self::Rollback { map }
+            | Self::Delete { map, .. } => map,
+        }
+    }
+}
 
 pub(super) async fn list(session: &Session, map: &MapName) -> Result<ReleasesReply, OperatorError> {
     ask_json(session, &Key::topic(map, Topic::Releases).to_string()).await

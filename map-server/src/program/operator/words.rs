@@ -17,9 +17,13 @@ pub(super) fn maps_in_words(reply: &MapsReply) -> String {
             head.bytes,
             head.enabled.as_deref().unwrap_or("the newest state"),
             head.refused
-        )
+        ) + &deletion_in_words(head)
     };
     reply.maps.iter().map(line).collect::<Vec<_>>().join("\n")
+}
+
+fn deletion_in_words(head: &Head) -> String {
+    head.deletion.as_ref().map(|deletion| format!("; {}", deletion.sentence(&head.map))).unwrap_or_default()
 }
 
 pub(super) fn releases_in_words(reply: &ReleasesReply) -> String {

@@ -37,16 +37,19 @@ pub enum ErrorCode {
     Future,
     /// An increment is longer than the server takes.
     TooLong,
+    /// The map will be deleted, or was: nothing more is written to it.
+    Deleted,
     /// A code that this program does not know: its sender is newer.
     #[serde(other)]
     Unknown,
 }
 
 impl ErrorCode {
-    /// Whether a refused increment would be refused again, however often it is sent.
+    /// Whether a refused increment would be refused again, however often it is sent, unless an
+    /// operator changes that.
     #[must_use]
     pub fn is_permanent_refusal(self) -> bool {
-        matches!(self, Self::Conflict | Self::NotCanonical | Self::Full | Self::Future | Self::TooLong)
+        matches!(self, Self::Conflict | Self::NotCanonical | Self::Full | Self::Future | Self::TooLong | Self::Deleted)
     }
 }
 

@@ -1,5 +1,6 @@
 //! The state of a map in a few numbers: `head` and `maps`.
 
+use crate::api::deletion::MapDeletion;
 use crate::model::ids::MapName;
 use crate::model::validate::{Invalid, Validate, check};
 use crate::model::version::{Digest, VersionVector};
@@ -23,6 +24,9 @@ pub struct Head {
     /// The release that robots are to use, as `name@author`; none: this state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enabled: Option<String>,
+    /// That the map will be deleted; none: it will not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deletion: Option<MapDeletion>,
     /// Main nodes shown.
     pub main_nodes: usize,
     /// Support nodes shown.
@@ -59,6 +63,7 @@ pub struct MapsReply {
 impl Validate for Head {
     fn validate(&self) -> Result<(), Invalid> {
         self.vector.validate()?;
+        self.deletion.as_ref().map_or(Ok(()), Validate::validate)?;
         check(self.version == self.vector.version(), || {
             format!("a head of version {} with vector {}", self.version, self.vector)
         })

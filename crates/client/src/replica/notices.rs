@@ -1,0 +1,93 @@
+//! What a robot is told of its map's end: each thing once, however often a head says it.
+
+use fht_proto::api::deletion::MapDeletion;
+use fht_proto::api::reply::Head;
+
+/// What was told.
+#[derive(Debug, Default)]
+pub(super) struct Notices {
+    /// Whether the server has ever had the map.
+    is_known: bool,
+    deletion: Option<MapDeletion>,
+    is_gone: bool,
+}
+
+impl Notices {
+    /// A sentence, if `head` says something new.
+    pub(super) fn head(&mut self, head: &Head) -> Option<String> {
+        self.is_known = true;
+        self.is_gone = head.deletion.as_ref().is_some_and(|deletion| deletion.done);
+        if self.deletion == head.deletion {
+            return None;
+        }
+        let was_to_be = self.deletion.as_ref().is_some_and(|deletion| !deletion.done);
+        self.deletion.clone_from(&head.deletion);
+        match &head.deletion {
+            Some(deletion) if deletion.done => Some(gone(&deletion.sentence(&head.map))),
+            Some(deletion) => Some(deletion.sentence(&head.map)),
+            None => was_to_be.then(|| format!("map {} is not going to be deleted any more", head.map)),
+        }
+    }
+
+    /// The server has no such map, and says why. A sentence, if it had it, and it was not told.
+    pub(super) fn no_map(&mut self, reason: String) -> Option<String> {
+        if !self.is_known || self.is_gone {
+            return None;
+        }
+        self.is_gone = true;
+        Some(gone(&reason))
+    }
+}
+
+fn gone(reason: &str) -> String {
+    format!("{reason}; the copy here is kept as long as this program runs")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fht_proto::{Digest, VersionVector};
+
+    fn head(deletion: Option<MapDeletion>) -> Head {
+        Head {
+            map: "museum".parse().unwrap(),
+            version: 0,
+            vector: VersionVector::default(),
+            digest: Digest([0; 32]),
+            clock_us: 0,
+            enabled: None,
+            deletion,
+            main_nodes: 0,
+            support_nodes: 0,
+            edges: 0,
+            bytes: 0,
+            refused: 0,
+        }
+    }
+
+    #[test]
+    fn everything_is_told_once() {
+        let deletion = MapDeletion {
+            at_us: 1,
+            at: "2026-11-28T10:00:00Z".to_owned(),
+            by: "desk".to_owned(),
+            reason: "mistyped".to_owned(),
+            moved_to: None,
+            done: false,
+        };
+        let mut notices = Notices::default();
+        assert_eq!(notices.no_map("there is no map museum".to_owned()), None, "it was never there");
+        assert_eq!(notices.head(&head(None)), None);
+        let will_be = notices.head(&head(Some(deletion.clone()))).unwrap();
+        assert_eq!(will_be, "map museum will be deleted at 2026-11-28T10:00:00Z by desk: mistyped");
+        assert_eq!(notices.head(&head(Some(deletion.clone()))), None);
+        assert!(notices.head(&head(None)).unwrap().contains("not going to be deleted"));
+        assert!(notices.head(&head(Some(deletion.clone()))).is_some());
+        let was = notices.head(&head(Some(MapDeletion { done: true, ..deletion }))).unwrap();
+        assert!(was.starts_with("map museum was deleted at"), "{was}");
+        assert_eq!(notices.no_map("there is no map museum".to_owned()), None, "it was told");
+        assert_eq!(notices.head(&head(None)), None, "another map begins");
+        assert!(notices.no_map("there is no map museum".to_owned()).is_some());
+        assert_eq!(notices.no_map("there is no map museum".to_owned()), None);
+    }
+}

@@ -1,0 +1,109 @@
+//! What takes the newest increments of an author back: operations that bring about the state which
+//! the map would have without them.
+//!
+//! Nothing is removed from the map: the inverse is an increment like any other, so it can be taken
+//! back, too. What others have written since at the same thing stays, and the whole is refused.
+
+mod element;
+mod way_back;
+
+pub use element::InverseError;
+
+use crate::crdt::register::content_hash;
+use crate::crdt::state::MapState;
+use element::Element;
+use fht_proto::model::compaction::Series;
+use fht_proto::{AuthorId, CompactedSeries, Op, Stamp};
+use std::collections::{BTreeMap, BTreeSet};
+use way_back::WayBack;
+
+/// What takes increments back.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Inverse {
+    /// Number of the first increment that is taken back.
+    pub first: u64,
+    /// Number of the last one.
+    pub last: u64,
+    /// The operations, to be written by anybody with a newer stamp.
+    pub ops: Vec<Op>,
+    /// What they do, a sentence each.
+    pub words: Vec<String>,
+}
+
+/// The newest write to something.
+#[derive(Clone, Copy)]
+struct Newest<'a> {
+    stamp: Stamp,
+    op: &'a Op,
+}
+
+type Writes<'a> = BTreeMap<Element, Newest<'a>>;
+
+fn note<'a>(writes: &mut Writes<'a>, element: Element, stamp: Stamp, op: &'a Op) {
+    let write = Newest { stamp, op };
+    let newest = writes.entry(element).or_insert(write);
+    // As registers decide.
+    let order = stamp.cmp(&newest.stamp).then_with(|| content_hash(op).cmp(&content_hash(newest.op)));
+    if order.is_gt() {
+        *newest = write;
+    }
+}
+
+/// What takes the newest `count` increments of `author` back. `map` is all of the map.
+///
+/// # Errors
+/// [`InverseError`].
+pub fn inverse(map: &Series, author: AuthorId, count: u64) -> Result<Inverse, InverseError> {
+    let folded = map.folds.iter().filter(|fold| fold.author == author).map(|fold| fold.last).max().unwrap_or(0);
+    let own = || map.increments.iter().filter(|increment| increment.author == author);
+    let last = own().map(|increment| increment.number).max().unwrap_or(0).max(folded);
+    if count == 0 || count > last {
+        return Err(InverseError::TooFew { author, written: last, count });
+    }
+    let first = last - count + 1;
+    if first <= folded {
+        return Err(InverseError::Compacted { author, last: folded });
+    }
+    let (undone, kept): (Vec<_>, Vec<_>) =
+        map.increments.iter().partition(|increment| increment.author == author && increment.number >= first);
+    let (mut mine, mut others) = (Writes::new(), Writes::new());
+    for (stamp, op) in undone.iter().flat_map(|increment| increment.stamped()) {
+        note(&mut mine, Element::of(author, op), stamp, op);
+    }
+    let of_folds = map.folds.iter().flat_map(CompactedSeries::stamped).map(|(stamp, _, op)| (stamp, op));
+    let of_kept = kept.iter().flat_map(|increment| increment.stamped());
+    let mut releases = BTreeSet::new();
+    for (stamp, op) in of_folds.chain(of_kept) {
+        let element = Element::of(stamp.author, op);
+        if let Element::Release(id) = &element {
+            releases.insert(id.clone());
+        }
+        if mine.contains_key(&element) {
+            note(&mut others, element, stamp, op);
+        }
+    }
+    for (element, newest) in &others {
+        if mine.get(element).is_some_and(|own| newest.stamp > own.stamp) {
+            return Err(InverseError::Overwritten { what: element.to_string(), by: newest.stamp.author });
+        }
+    }
+    releases.extend(mine.keys().filter_map(|element| match element {
+        Element::Release(id) => Some(id.clone()),
+        _ => None,
+    }));
+    let mut before = MapState::new();
+    map.folds.iter().for_each(|fold| before.apply_fold(fold));
+    kept.iter().for_each(|increment| before.apply(increment));
+    let mut now = before.clone();
+    undone.iter().for_each(|increment| now.apply(increment));
+
+    let mut way = WayBack::new(author, before, now, releases);
+    for (element, newest) in &mine {
+        way.take_back(element, newest.op, others.get(element).map(|newest| newest.op))?;
+    }
+    let (ops, words) = way.end()?;
+    if ops.is_empty() {
+        return Err(InverseError::Unchanged { author, first, last });
+    }
+    Ok(Inverse { first, last, ops, words })
+}

@@ -1,0 +1,146 @@
+//! What takes an author's newest increments back brings about the map without them, and is refused
+//! where others have written since.
+#![allow(clippy::unwrap_used)] // tests may panic
+
+mod drawn;
+
+use drawn::{increments, state_of};
+use fht_map::MapState;
+use fht_map::crdt::compaction::whole;
+use fht_map::crdt::inverse::{InverseError, inverse};
+use fht_proto::model::compaction::Series;
+use fht_proto::{AuthorId, Digest, FixedPose, Increment, Op, Release, ReleaseId, VersionVector};
+use proptest::prelude::*;
+
+const DESK: AuthorId = AuthorId(1);
+const OTHER: AuthorId = AuthorId(2);
+
+/// Increments by these authors, one operation each, a clock tick apart.
+fn log(writes: &[(AuthorId, Op)]) -> Series {
+    let mut increments: Vec<Increment> = Vec::new();
+    for (author, op) in writes {
+        let number = 1 + increments.iter().filter(|it| it.author == *author).count() as u64;
+        let hlc_us = 1 + increments.len() as u64;
+        increments.push(Increment { author: *author, number, hlc_us, ops: vec![op.clone()] });
+    }
+    Series { folds: Vec::new(), increments }
+}
+
+fn then(mut map: Series, ops: Vec<Op>) -> Series {
+    let number = 1 + map.increments.iter().filter(|it| it.author == DESK).count() as u64;
+    let hlc_us = 1 + map.increments.iter().map(|it| it.hlc_us).max().unwrap_or(0);
+    map.increments.push(Increment { author: DESK, number, hlc_us, ops });
+    map
+}
+
+fn place(x: f64) -> Op {
+    Op::SetPlace { name: "dock".parse().unwrap(), pose: Some(FixedPose::from_metres(x, 0.0, 0.0)) }
+}
+
+fn dock(map: &Series) -> Option<f64> {
+    let state = state_of(&map.increments);
+    state.annotations().place(&"dock".parse().unwrap()).map(|pose| pose.position.x())
+}
+
+fn opening() -> (Op, ReleaseId) {
+    let mut vector = VersionVector::default();
+    vector.set(DESK, 1);
+    let name: fht_proto::ReleaseName = "opening".parse().unwrap();
+    let release = Release { vector, digest: Digest([7; 32]) };
+    (Op::PutRelease { name: name.clone(), release }, ReleaseId { author: DESK, name })
+}
+
+#[test]
+fn an_undo_is_a_change_that_an_undo_takes_back() {
+    let map = log(&[(OTHER, place(1.0)), (DESK, place(2.0)), (DESK, place(3.0))]);
+    let once = inverse(&map, DESK, 1).unwrap();
+    assert_eq!((once.first, once.last, once.words.len()), (2, 2, 1));
+    assert_eq!(dock(&then(map.clone(), once.ops.clone())), Some(2.0));
+    let undone = then(map.clone(), once.ops);
+    let again = inverse(&undone, DESK, 1).unwrap();
+    assert_eq!(dock(&then(undone.clone(), again.ops)), Some(3.0));
+    assert_eq!(dock(&then(undone.clone(), inverse(&undone, DESK, 3).unwrap().ops)), Some(1.0), "beyond it");
+    assert_eq!(inverse(&map, DESK, 3).unwrap_err(), InverseError::TooFew { author: DESK, written: 2, count: 3 });
+    let nothing = then(undone, vec![place(2.0)]);
+    assert!(matches!(inverse(&nothing, DESK, 1), Err(InverseError::Unchanged { first: 4, last: 4, .. })));
+}
+
+#[test]
+fn what_others_have_written_since_stays() {
+    let map = log(&[(DESK, place(1.0)), (OTHER, place(2.0))]);
+    let refused = inverse(&map, DESK, 1).unwrap_err();
+    assert_eq!(refused, InverseError::Overwritten { what: "place dock".to_owned(), by: OTHER });
+    // What came before counts.
+    let between = log(&[(DESK, place(1.0)), (OTHER, place(2.0)), (DESK, place(3.0))]);
+    assert_eq!(dock(&then(between.clone(), inverse(&between, DESK, 2).unwrap().ops)), Some(2.0));
+}
+
+#[test]
+fn what_was_folded_is_not_taken_back() {
+    let mut map = log(&[(DESK, place(1.0)), (DESK, place(2.0))]);
+    map.folds.push(whole(&map.increments.remove(0)));
+    assert!(inverse(&map, DESK, 1).is_ok(), "what was before it is known");
+    assert_eq!(inverse(&map, DESK, 2).unwrap_err(), InverseError::Compacted { author: DESK, last: 1 });
+}
+
+#[test]
+fn releases_are_deleted_and_come_back_under_another_name() {
+    let (put, id) = opening();
+    let made = log(&[(DESK, place(1.0)), (DESK, put)]);
+    let gone = then(made.clone(), inverse(&made, DESK, 1).unwrap().ops);
+    assert!(state_of(&gone.increments).annotations().release(&id).is_none());
+    let back = inverse(&gone, DESK, 1).unwrap();
+    assert!(back.words[0].contains("as opening-2@00000001"), "{:?}", back.words);
+    let back = then(gone, back.ops);
+    let again = ReleaseId { name: "opening-2".parse().unwrap(), ..id.clone() };
+    let state = state_of(&back.increments);
+    assert_eq!(state.annotations().release(&again).unwrap().release.digest, Digest([7; 32]));
+
+    // Robots use it by another operator's word: it stays.
+    let used = Op::Enable { release: Some(id.clone()) };
+    let mut by_other = made.clone();
+    by_other.increments.push(Increment { author: OTHER, number: 1, hlc_us: 9, ops: vec![used.clone()] });
+    assert_eq!(inverse(&by_other, DESK, 1).unwrap_err(), InverseError::InUse { release: id.clone() });
+    // By one's own it is taken back with that.
+    let own = then(made, vec![used]);
+    assert!(inverse(&own, DESK, 2).is_ok());
+    // What robots used is used again under its new name.
+    let deleted = then(then(own, vec![Op::Enable { release: None }]), vec![Op::RemoveRelease { id }]);
+    let both = then(deleted.clone(), inverse(&deleted, DESK, 2).unwrap().ops);
+    assert_eq!(state_of(&both.increments).annotations().enabled().unwrap().id, &again);
+    assert!(inverse(&then(deleted, vec![place(4.0)]), DESK, 1).is_ok());
+}
+
+/// What is seen of a map, but for releases, whose names do not come back, and models, which stay.
+fn seen(state: &MapState) -> String {
+    let nodes: Vec<_> = state.nodes().collect();
+    let (edges, closed): (Vec<_>, Vec<_>) = (state.edges().collect(), state.closed_edges().collect());
+    let annotations = state.annotations();
+    let (places, zones): (Vec<_>, Vec<_>) = (annotations.places().collect(), annotations.zones().collect());
+    format!("{nodes:?} {edges:?} {closed:?} {places:?} {zones:?}")
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    /// Whoever has written what: without releases and models, which stay.
+    #[test]
+    fn the_map_is_what_it_would_be_without_them(log in increments(), count in 1..3_u64) {
+        let is_plain = |op: &Op| !matches!(
+            op, Op::PutRelease { .. } | Op::RemoveRelease { .. } | Op::Enable { .. } | Op::PutModel { .. }
+        );
+        let tick = |(index, mut increment): (usize, Increment)| {
+            increment.hlc_us = 1 + index as u64;
+            increment.ops.retain(is_plain);
+            increment
+        };
+        let increments: Vec<Increment> = log.into_iter().enumerate().map(tick).collect();
+        let last = increments.iter().filter(|it| it.author == DESK).count() as u64;
+        let map = Series { folds: Vec::new(), increments };
+        if let Ok(back) = inverse(&map, DESK, count) {
+            let without = map.increments.iter().filter(|it| it.author != DESK || it.number + count <= last);
+            let expected = state_of(without);
+            prop_assert_eq!(seen(&state_of(&then(map.clone(), back.ops).increments)), seen(&expected));
+        }
+    }
+}

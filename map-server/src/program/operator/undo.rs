@@ -1,0 +1,88 @@
+//! An operator's last changes, taken back.
+
+use crate::program::operator::asking::state_of;
+use crate::program::operator::error::OperatorError;
+use crate::program::operator::transfer::fetch_state;
+use crate::program::operator::write::write;
+use fht_map::crdt::inverse::{Inverse, inverse};
+use fht_proto::{AuthorId, Increment, MapName, Op, Release};
+use serde::Serialize;
+use zenoh::Session;
+
+/// About how long an increment may be, in memory.
+const MAX_BYTES: usize = 512 << 10;
+
+/// What was taken back.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct TakenBack {
+    /// The map.
+    map: MapName,
+    /// Its version now.
+    version: u64,
+    /// Numbers of the operator's increments that were taken back: the first and the last.
+    undone: [u64; 2],
+    /// In how many increments.
+    increments: usize,
+    /// What that did, a sentence each.
+    words: Vec<String>,
+}
+
+/// Takes the last `count` increments of the operator back.
+pub(super) async fn undo(
+    session: &Session,
+    map: &MapName,
+    operator: &str,
+    count: u64,
+    quiet: bool,
+) -> Result<TakenBack, OperatorError> {
+    let (series, _) = fetch_state(session, map, quiet).await?;
+    let author = AuthorId::of_robot(operator);
+    let computed = tokio::task::spawn_blocking(move || inverse(&series, author, count)).await?;
+    let Inverse { first, last, ops, words } =
+        computed.map_err(|source| OperatorError::Undo { map: map.clone(), source })?;
+    for op in &ops {
+        if let Op::PutRelease { release, .. } = op {
+            check_kept(session, map, release).await?;
+        }
+    }
+    let batches = batches(ops);
+    let (increments, mut version) = (batches.len(), 0);
+    for ops in batches {
+        version = write(session, map, operator, ops).await?.version;
+    }
+    Ok(TakenBack { map: map.clone(), version, undone: [first, last], increments, words })
+}
+
+/// Whether the server still has the state of a release that was deleted.
+async fn check_kept(session: &Session, map: &MapName, release: &Release) -> Result<(), OperatorError> {
+    match state_of(session, map, Some(&release.vector.to_string())).await {
+        Ok(state) if state.digest == release.digest => Ok(()),
+        Ok(_) | Err(OperatorError::Refused(_)) => {
+            let text = format!("the state of the deleted release was folded away: map {map} stays as it is");
+            Err(OperatorError::Usage(text))
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// The operations in increments that a server takes.
+fn batches(ops: Vec<Op>) -> Vec<Vec<Op>> {
+    let (mut batches, mut batch, mut length) = (Vec::new(), Vec::new(), 0);
+    for op in ops {
+        let bytes = op.memory_bytes();
+        if batch.len() == Increment::MAX_OPS || (length + bytes > MAX_BYTES && !batch.is_empty()) {
+            batches.push(std::mem::take(&mut batch));
+            length = 0;
+        }
+        length += bytes;
+        batch.push(op);
+    }
+    batches.push(batch);
+    batches
+}
+
+pub(super) fn in_words(done: &TakenBack) -> String {
+    let TakenBack { map, version, increments, words, .. } = done;
+    let again = if *increments > 1 { format!("; undo --last {increments} takes this back") } else { String::new() };
+    format!("{}\nwritten; map {map} is at version {version}{again}", words.join("\n"))
+}

@@ -1,0 +1,251 @@
+//! A backup in the place of a store: a copy of a data directory, or exported maps.
+//!
+//! Everything is made and checked beside the store; what takes the store's place is one file under
+//! one name, so that a restore which is cut off has either happened or not.
+
+use crate::catalog::Catalog;
+use crate::config::Limits;
+use crate::ingest::Ingest;
+use crate::rescue::report::{RescueError, RescuedAuthor, file_error};
+use crate::rescue::{COPY, examine, file_of, rebuild};
+use crate::store::{FILE_NAME, IncrementLog, RedbLog, StoreError};
+use fht_proto::api::reply::ErrorReply;
+use fht_proto::codec::archive::{Archive, ArchiveError};
+use fht_proto::{Digest, MapName};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+/// How the names of exported maps end.
+const ARCHIVE: &str = "fht";
+
+/// What a restore has done.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Restored {
+    /// The store's file.
+    pub file: PathBuf,
+    /// Where the file is that was replaced; none if there was none.
+    pub replaced: Option<PathBuf>,
+    /// What the store has, by map and author.
+    pub authors: Vec<RescuedAuthor>,
+}
+
+/// Why nothing was restored. The store is as it was.
+#[derive(Debug, thiserror::Error)]
+pub enum RestoreError {
+    /// There is nothing to restore from.
+    #[error(
+        "{}: this is no backup: neither a data directory ({FILE_NAME}), nor an exported map, nor a folder of exported maps \
+         (*.{ARCHIVE})", .0.display()
+    )]
+    NoBackup(PathBuf),
+    /// The backup is the store.
+    #[error("{} is the store itself: give the backup", .0.display())]
+    Itself(PathBuf),
+    /// The backup is damaged.
+    #[error("the backup {} is damaged: {reason}. Nothing was changed; `map-server rescue` copies what still reads", file.display())]
+    Damaged {
+        /// The backup.
+        file: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// An exported map is damaged.
+    #[error("{}: {source}", file.display())]
+    Archive {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong.
+        source: ArchiveError,
+    },
+    /// Two exported maps of one name.
+    #[error("{}: the backup has map {map} twice", file.display())]
+    Twice {
+        /// The second file.
+        file: PathBuf,
+        /// The map.
+        map: MapName,
+    },
+    /// What an exported map holds is not taken in.
+    #[error("{}: {reply}", file.display())]
+    Refused {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        reply: ErrorReply,
+    },
+    /// An exported map does not add up.
+    #[error("{}: the map is not what the file says it is: digest {found} instead of {expected}", file.display())]
+    Digest {
+        /// The file.
+        file: PathBuf,
+        /// Of what is in it.
+        found: Digest,
+        /// Of what should be.
+        expected: Digest,
+    },
+    /// The system refuses, or a file is none.
+    #[error(transparent)]
+    Rescue(#[from] RescueError),
+    /// A server runs on the store.
+    #[error("a map-server runs on {}: end it first, and start it again after the restore", .0.display())]
+    InUse(PathBuf),
+    /// The store cannot be written.
+    #[error(transparent)]
+    Store(StoreError),
+}
+
+impl From<StoreError> for RestoreError {
+    fn from(error: StoreError) -> Self {
+        match error {
+            StoreError::InUse { dir } => Self::InUse(dir),
+            other => Self::Store(other),
+        }
+    }
+}
+
+/// What a backup is.
+enum Backup {
+    /// The file of a store.
+    Store(PathBuf),
+    /// Exported maps.
+    Archives(Vec<PathBuf>),
+}
+
+impl Backup {
+    fn find(backup: &Path) -> Result<Self, RestoreError> {
+        if let Ok(file) = file_of(backup) {
+            let is_archive = !backup.is_dir() && file.extension().is_some_and(|ending| ending == ARCHIVE);
+            return Ok(if is_archive { Self::Archives(vec![file]) } else { Self::Store(file) });
+        }
+        let entries = std::fs::read_dir(backup).map_err(|_| RestoreError::NoBackup(backup.to_owned()))?;
+        let paths = entries.map(|entry| entry.map(|entry| entry.path())).collect::<Result<Vec<_>, _>>();
+        let mut archives = paths.map_err(file_error(backup))?;
+        archives.retain(|path| path.is_file() && path.extension().is_some_and(|ending| ending == ARCHIVE));
+        archives.sort();
+        if archives.is_empty() { Err(RestoreError::NoBackup(backup.to_owned())) } else { Ok(Self::Archives(archives)) }
+    }
+}
+
+/// Puts what `backup` holds in the place of the store in `dir`, which is made if absent. The file
+/// that was there stays beside it under another name.
+///
+/// # Errors
+/// [`RestoreError`]: the store is as it was.
+pub fn restore(backup: &Path, dir: &Path) -> Result<Restored, RestoreError> {
+    let backup = Backup::find(backup)?;
+    let file = dir.join(FILE_NAME);
+    let is_itself = |from: &Path| from.canonicalize().is_ok_and(|from| file.canonicalize().is_ok_and(|to| from == to));
+    if let Backup::Store(from) = &backup
+        && is_itself(from)
+    {
+        return Err(RestoreError::Itself(file));
+    }
+    // Held to the end: no server begins meanwhile.
+    let lock = RedbLog::lock(dir)?;
+    let scratch = dir.join(COPY);
+    let outcome = make(&backup, &scratch).and_then(|authors| {
+        let replaced = replace(&scratch.join(FILE_NAME), &file)?;
+        Ok(Restored { file: file.clone(), replaced, authors })
+    });
+    let _ = std::fs::remove_dir_all(&scratch); // it is of no more use
+    drop(lock);
+    outcome
+}
+
+/// Makes a store of the backup in the directory `scratch`, and checks it.
+fn make(backup: &Backup, scratch: &Path) -> Result<Vec<RescuedAuthor>, RestoreError> {
+    match std::fs::remove_dir_all(scratch) {
+        Err(error) if error.kind() != ErrorKind::NotFound => return Err(file_error(scratch)(error).into()),
+        _ => {}
+    }
+    match backup {
+        Backup::Store(file) => {
+            let damaged = |reason| RestoreError::Damaged { file: file.clone(), reason };
+            examine(file, scratch)?.map_err(damaged)
+        }
+        Backup::Archives(files) => {
+            import(files, scratch)?;
+            let log = RedbLog::open(scratch)?;
+            Ok(rebuild::of_catalog(&Catalog::load(&log)?))
+        }
+    }
+}
+
+/// Takes exported maps into a new store.
+fn import(files: &[PathBuf], dir: &Path) -> Result<(), RestoreError> {
+    let log: Arc<dyn IncrementLog> = Arc::new(RedbLog::open(dir)?);
+    let catalog = Arc::new(Catalog::load(log.as_ref())?);
+    // A server has taken all of it before.
+    let limits = Limits {
+        max_map_bytes: u64::MAX,
+        max_total_bytes: u64::MAX,
+        max_map_elements: usize::MAX,
+        max_total_elements: usize::MAX,
+        max_maps: usize::MAX,
+        max_clock_ahead_s: u64::MAX,
+        ..Limits::default()
+    };
+    let mut ingest = Ingest::new(log, Arc::clone(&catalog), limits);
+    let mut known = BTreeSet::new();
+    for file in files {
+        let bytes = std::fs::read(file).map_err(file_error(file))?;
+        let damaged = |source| RestoreError::Archive { file: file.clone(), source };
+        let archive = Archive::open(&bytes).map_err(damaged)?;
+        let header = archive.header.clone();
+        if !known.insert(header.map.clone()) {
+            return Err(RestoreError::Twice { file: file.clone(), map: header.map });
+        }
+        for series in archive {
+            if let Err(refusal) = ingest.import(&header.map, series.map_err(damaged)?, 0)? {
+                return Err(RestoreError::Refused { file: file.clone(), reply: refusal.reply() });
+            }
+        }
+        let found = catalog.view(&header.map).map_or(Digest([0; 32]), |view| view.head.digest);
+        if found != header.digest {
+            return Err(RestoreError::Digest { file: file.clone(), found, expected: header.digest });
+        }
+    }
+    Ok(())
+}
+
+/// Puts `new` in the place of `file`, and returns under which name that is kept.
+fn replace(new: &Path, file: &Path) -> Result<Option<PathBuf>, RestoreError> {
+    let sync = |path: &Path| File::open(path).and_then(|open| open.sync_all()).map_err(file_error(path));
+    sync(new)?;
+    let kept = if file.try_exists().map_err(file_error(file))? {
+        let kept = free_name(file);
+        // A second name for the old file: the new one takes its place in one step. Where a file has
+        // one name only, it is moved.
+        if std::fs::hard_link(file, &kept).is_err() {
+            std::fs::rename(file, &kept).map_err(file_error(&kept))?;
+        }
+        Some(kept)
+    } else {
+        None
+    };
+    std::fs::rename(new, file).map_err(file_error(file))?;
+    if let Some(dir) = file.parent() {
+        sync(dir)?;
+    }
+    Ok(kept)
+}
+
+/// The file's name with the time, and a number if that is taken.
+fn free_name(file: &Path) -> PathBuf {
+    let time = humantime::format_rfc3339_seconds(SystemTime::now()).to_string().replace(':', "-");
+    let name = |suffix: String| {
+        let mut name = file.as_os_str().to_owned();
+        name.push(format!(".replaced-{time}{suffix}"));
+        PathBuf::from(name)
+    };
+    let others = (2_u32..).map(|number| name(format!("-{number}")));
+    std::iter::once(name(String::new()))
+        .chain(others)
+        .find(|path| !path.exists())
+        .unwrap_or_else(|| name(String::new()))
+}
