@@ -51,8 +51,8 @@ pub struct HandoffArgs {
     /// Leave the server running at the end, until Ctrl-C.
     #[arg(long)]
     pub keep: bool,
-    /// Where the picture goes [default: handoff-WORLD-SEED.png].
-    #[arg(long)]
+    /// Where the picture of the map goes, a PNG file [default: handoff-WORLD-SEED.png].
+    #[arg(long, value_name = "FILE", value_parser = fht_picture::png_file)]
     pub picture: Option<PathBuf>,
     /// Write the figures to this file as JSON.
     #[arg(long, alias = "json", value_name = "FILE")]

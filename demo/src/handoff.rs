@@ -9,13 +9,14 @@ mod report;
 pub use config::{Crew, HandoffConfig, HandoffError};
 pub use report::{ExplorerFigures, HandoffReport};
 
-use crate::picture::{MapPicture, PictureConfig, save_picture};
 use crate::process::{Process, ProcessError, Role};
+use crate::true_floor::TrueFloor;
 use explorers::Explored;
 use fht_client::{LiveReplica, ReplicaConfig};
 use fht_perception::pose::{Point2, pose};
+use fht_picture::{MapPicture, Mark, PictureConfig};
 use fht_proto::MapName;
-use programs::{bar, read_report, session, world_args};
+use programs::{Bars, read_report, session, world_args};
 use serde::Deserialize;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -38,6 +39,7 @@ struct ClientReport {
     path_length_m: Option<f64>,
     shortest_length_m: Option<f64>,
     collisions: u64,
+    sim_s: f64,
     trajectory: Vec<[f64; 2]>,
     true_trajectory: Vec<[f64; 2]>,
 }
@@ -64,9 +66,12 @@ pub fn hand_off(config: &HandoffConfig) -> Result<(HandoffReport, Process), Hand
     let data = config.folder.join("data");
     let server = Process::map_server(&config.executable, &data, &config.endpoint, PATIENCE)?;
 
-    let explored = explorers::explore(config, &map)?;
+    let bars = Bars::new(config);
+    let explored = explorers::explore(config, &map, &bars)?;
     let explore_wall_s = begin.elapsed().as_secs_f64();
-    let client = client(config, &map, &explored)?;
+    let client_begin = Instant::now();
+    let client = client(config, &map, &explored, &bars)?;
+    let client_wall_s = client_begin.elapsed().as_secs_f64();
     let digests_agree = draw(config, &map, &explored, &client)?;
 
     let end = |trajectory: &[[f64; 2]]| trajectory.last().copied();
@@ -99,12 +104,19 @@ pub fn hand_off(config: &HandoffConfig) -> Result<(HandoffReport, Process), Hand
         collisions: explored.collisions + client.collisions,
         failure: client.failure,
         explore_wall_s,
+        client_wall_s,
+        client_sim_s: client.sim_s,
         wall_s: begin.elapsed().as_secs_f64(),
     };
     Ok((report, server))
 }
 
-fn client(config: &HandoffConfig, map: &MapName, explored: &Explored) -> Result<ClientReport, HandoffError> {
+fn client(
+    config: &HandoffConfig,
+    map: &MapName,
+    explored: &Explored,
+    bars: &Bars,
+) -> Result<ClientReport, HandoffError> {
     let report = config.folder.join("client.json");
     let mut args = vec!["go".into()];
     args.extend(world_args(config, map, &report));
@@ -114,7 +126,7 @@ fn client(config: &HandoffConfig, map: &MapName, explored: &Explored) -> Result<
     let origin = format!("{x},{y},{yaw}rad");
     args.extend(["--seed", &seed, "--light-seed", &light, "--map-origin", &origin].map(Into::into));
     args.extend(["--to", "random", "--quiet"].map(Into::into));
-    let bar = bar(config, "client");
+    let bar = bars.add("client".to_owned());
     bar.set_message("dropped somewhere; finding out where, then driving to its goal");
     let ended = Process::start(&config.executable, Role::ClientRobot, args)?.follow(|_| ());
     // A client that did not arrive says so in its report and by its exit code.
@@ -148,14 +160,17 @@ fn draw(
     let driven: Vec<Point2> = client.true_trajectory.iter().copied().map(point).collect();
     let agree = {
         let replica = replica.read();
-        let scene = MapPicture {
-            plan: world.plan(),
-            world_from_map: pose(x, y, yaw),
+        let start = Some((Mark::Start, Point2::new(client.start[0], client.start[1])));
+        let goal = client.goal.map(|goal| (Mark::Goal, point(goal)));
+        let marks: Vec<(Mark, Point2)> = start.into_iter().chain(goal).collect();
+        let picture = MapPicture {
+            title: format!("handoff: {map}, seed {}", config.seed),
+            floor: &TrueFloor::new(world.plan(), pose(x, y, yaw)),
             map: replica.state(),
             driven: &driven,
-            ends: client.goal.map(|goal| (Point2::new(client.start[0], client.start[1]), point(goal))),
+            marks: &marks,
         };
-        save_picture(&scene, &PictureConfig::default(), &config.picture)?;
+        picture.save(&PictureConfig::default(), &config.picture)?;
         // Of several explorers, the last may have ended before the last increment of another
         // arrived.
         replica.state().digest() == explored.digest.unwrap_or(head.digest)

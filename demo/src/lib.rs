@@ -17,7 +17,7 @@
 //! | `handoff` | the demo: [`hand_off`], its configuration and its figures |
 //! | `process` | programs as child processes that end with their parent: [`Process`] |
 //! | `roles` | the `main` of each program: [`run_role`] |
-//! | `picture` | a map as a picture, like the paper's figure 1: [`MapPicture`] |
+//! | `true_floor` | the true floor of a simulated building, for pictures of maps: [`TrueFloor`] |
 //!
 //! ```
 //! // Maps are named after their worlds.
@@ -29,12 +29,12 @@
 
 mod command_line;
 mod handoff;
-mod picture;
 mod process;
 mod roles;
+mod true_floor;
 
 pub use command_line::{HandoffArgs, HandoffCommand};
 pub use handoff::{Crew, ExplorerFigures, HandoffConfig, HandoffError, HandoffReport, hand_off, map_name};
-pub use picture::{MapPicture, PictureConfig, PictureError, save_picture};
 pub use process::{Process, ProcessError, Role, free_endpoint, leave_nothing_behind, this_executable};
 pub use roles::run_role;
+pub use true_floor::TrueFloor;

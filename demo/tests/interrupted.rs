@@ -204,7 +204,7 @@ fn an_explorer_on_the_way_finishes_its_map_and_says_what_is_kept() {
     for (signal, code) in SIGNALS {
         let (server, endpoint) = server(signal, folder.path());
         let explore = ["explore", "--world", "museum", "--no-cameras", "--progress-json", "--quiet", "--rate", "20"];
-        let connect = ["--connect", &endpoint, "--spool", "waiting", "--record", "run.mcap"];
+        let connect = ["--connect", &endpoint, "--spool", "waiting", "--record", "run.mcap", "--picture"];
         // With its server, and one whose server has gone.
         for has_server in [true, false] {
             let mut mapper = Running::program("mapper", &[&explore[..], &connect].concat());
@@ -222,6 +222,8 @@ fn an_explorer_on_the_way_finishes_its_map_and_says_what_is_kept() {
             assert!(has_server || is_kept, "{said}");
             let info = Running::program("mapper", &["info", folder.path().join("run.mcap").to_str().unwrap()]);
             assert!(info.child.wait_with_output().unwrap().status.success(), "the recording is whole");
+            let picture = std::fs::read(folder.path().join("explore-museum-1.png")).unwrap();
+            assert!(picture.starts_with(b"\x89PNG"), "the picture is whole");
         }
     }
 }
@@ -318,7 +320,7 @@ fn the_server_that_the_demo_keeps_ends_with_it() {
     demo.signal("INT");
     let (ended, said, folder) = demo.ends();
     assert_eq!(ended, 0, "{said}");
-    let left = std::fs::read_dir(folder.path()).unwrap().filter_map(Result::ok);
-    assert!(left.into_iter().all(|entry| entry.path().extension().is_some_and(|ending| ending == "png")));
+    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["handoff-museum-1.png"]);
     assert!(!listens(&endpoint));
 }

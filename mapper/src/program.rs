@@ -4,6 +4,7 @@ mod arguments;
 mod explore;
 mod explore_command;
 mod pace;
+mod picture;
 mod record;
 mod replay;
 mod replay_command;
@@ -11,8 +12,10 @@ mod report;
 mod running;
 mod scoring;
 mod settings;
+mod way;
 
 pub use explore::{ExploreError, ExploreProgress, ExploreTask, explore};
+pub use picture::PictureTask;
 pub use replay::{ReplayError, ReplayReport, ReplaySnapshot, ReplayTask, replay};
 pub use report::ExploreReport;
 pub use scoring::main_node_errors;

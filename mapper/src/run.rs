@@ -315,8 +315,9 @@ impl<'a> Run<'a> {
         if self.frames > 0 {
             self.mapper.finish();
         }
-        let version = self.handover.take_from(&mut self.mapper);
+        let written = self.handover.take_from(&mut self.mapper);
         self.handover.finish().await;
+        let version = peers.as_ref().map_or(written, |peers| peers.version(&self.mapper));
         if let Some(peers) = peers {
             peers.finish(&self.mapper);
         }
@@ -331,6 +332,7 @@ impl<'a> Run<'a> {
             frames: self.frames,
             frames_refused: self.frames_refused,
             version,
+            written,
             frame_max: self.frame_max,
             published: None,
         };

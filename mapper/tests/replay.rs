@@ -32,6 +32,7 @@ fn replayed(bag: &Path, record: Option<PathBuf>, cameras: bool) -> Result<Replay
         mapping: offline(),
         rate: None,
         record,
+        picture: None,
         stop: Stop::default(),
     };
     block_on(replay(task, |_| {}))

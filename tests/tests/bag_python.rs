@@ -3,15 +3,17 @@
 #![allow(clippy::unwrap_used)] // tests may panic
 
 use fht_bag::{BagError, BagReport, Dropped, FrameConfig, Frames, TopicConfig, survey};
+use fht_demo::{Process, Role, free_endpoint};
 use fht_perception::frame::SensorFrame;
 use fht_sim::SimSetup;
 use fht_tests::python::{environment, run};
-use mapper::program::{ExploreTask, explore};
+use mapper::program::{ExploreReport, ExploreTask, explore};
 use mapper::run::MappingTask;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
+use std::time::Duration;
 
 const PACKAGES: [&str; 3] = ["rosbags==0.11.9", "mcap==1.6.0", "mcap-ros2-support==0.6.0"];
 
@@ -85,6 +87,42 @@ fn compare(bag: &Path, others: &Value) {
         for (range, theirs) in frame.scan.ranges_m.iter().zip(scan["ranges"].as_array().unwrap()) {
             assert_eq!(*range, theirs.as_f64().map_or(f32::INFINITY, |range| range as f32));
         }
+    }
+}
+
+#[test]
+fn a_client_records_its_map_so_that_others_can_show_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let (executable, endpoint) = (Path::new(env!("CARGO_BIN_EXE_programs")), free_endpoint().unwrap());
+    let _server = Process::map_server(executable, &folder.path().join("data"), &endpoint, Duration::from_secs(60));
+    // Neither comes to its end in so short a time, and says so by its exit code.
+    let run_for = |role: Role, args: &[&str]| {
+        let usual = ["--map", "museum", "--no-cameras", "--connect", &endpoint, "--max-sim"];
+        let args = [&args[..1], &usual, &args[1..]].concat();
+        _ = Process::start(executable, role, args).unwrap().follow(|_| ());
+    };
+    run_for(Role::Mapper, &["explore", "60", "--report", &at("explorer.json"), "--quiet"]);
+    let explored: ExploreReport = serde_json::from_str(&std::fs::read_to_string(at("explorer.json")).unwrap()).unwrap();
+    assert!(explored.delivered && explored.main_nodes > 0, "{explored:?}");
+    for name in ["drive.mcap", "drive"] {
+        run_for(Role::ClientRobot, &["relocalize", "12", "--record", &at(name), "--quiet"]);
+        let others: Value = serde_json::from_slice(&run(python("read.py").arg(at(name))).stdout).unwrap();
+        let (rosbags, mcap) = (&others["rosbags"], &others["mcap"]);
+        for topic in ["/map", "/fht_map"] {
+            // The map stays as it is, so once is enough for who subscribes late.
+            assert_eq!(
+                (&rosbags["counts"][topic], &mcap["counts"][topic]),
+                (&1.into(), &1.into()),
+                "{topic}: {others}"
+            );
+            assert_eq!(rosbags["qos"][topic], "TRANSIENT_LOCAL", "{topic}");
+        }
+        assert_eq!(mcap["markers"]["main nodes"][1], explored.main_nodes);
+        assert_eq!(mcap["markers"]["support nodes"][1], explored.support_nodes);
+        assert_eq!(mcap["markers"]["edges"][1], 2 * explored.edges);
+        let (free, walls) = (rosbags["grids"][0][2].as_u64().unwrap(), rosbags["grids"][0][3].as_u64().unwrap());
+        assert!(free > 1000 && walls > 100, "{free} free cells, {walls} of walls");
     }
 }
 

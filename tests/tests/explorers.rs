@@ -13,6 +13,7 @@ use fht_sim::{Changes, SimConfig, World, load, load_with, start_near};
 use mapper::MapperConfig;
 use mapper::explore::Ending;
 use mapper::program::ExploreReport;
+use serde_json::Value;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -159,19 +160,28 @@ fn a_robot_that_comes_back_under_its_own_name_goes_on() {
     let endpoint = free_endpoint().unwrap();
     let data = folder.path().join("data");
     let _server = Process::map_server(executable(), &data, &endpoint, Duration::from_secs(20)).unwrap();
-    let explore = |max_sim_s: &str, report: &Path| {
+    let explore = |robot: &str, max_sim_s: &str, report: &Path| {
         let report = report.to_str().unwrap();
-        let flags = ["--world", "museum", "--map", "museum", "--connect", &endpoint, "--no-cameras", "--quiet"];
-        let flags = flags.into_iter().chain(["--max-sim", max_sim_s, "--report", report]);
-        let ended =
-            Process::start(executable(), Role::Mapper, std::iter::once("explore").chain(flags)).unwrap().follow(|_| ());
+        let flags = ["explore", "--world", "museum", "--map", "museum", "--connect", &endpoint, "--no-cameras"];
+        let more = ["--progress-json", "--robot", robot, "--max-sim", max_sim_s, "--report", report];
+        let ended = Process::start(executable(), Role::Mapper, flags.into_iter().chain(more)).unwrap().follow(|line| {
+            let line: Value = serde_json::from_str(line).unwrap();
+            let [written, acknowledged] = ["written", "acknowledged"].map(|count| line[count].as_u64().unwrap());
+            assert!(acknowledged <= written, "{acknowledged} of {written} increments stored");
+        });
         let report: ExploreReport = serde_json::from_str(&std::fs::read_to_string(report).unwrap()).unwrap();
         (ended.is_ok(), report)
     };
-    let (is_done, first) = explore("60", &folder.path().join("first.json"));
+    let (is_done, first) = explore("explorer", "60", &folder.path().join("first.json"));
     assert!(!is_done && first.ending == Ending::OutOfTime && first.delivered, "{first:?}");
-    let (is_done, second) = explore("3600", &folder.path().join("second.json"));
+    let (is_done, second) = explore("explorer", "3600", &folder.path().join("second.json"));
     assert!(is_done && second.ending == Ending::Complete && second.delivered, "{second:?}");
     assert!(second.version > first.version && second.joined.is_some_and(|[seconds, _]| seconds > 0.0), "{second:?}");
     assert!(second.main_nodes > first.main_nodes && second.explored_fraction > 0.98, "{second:?}");
+    assert_eq!((first.version, second.version), (first.written, second.written), "there is no other author");
+
+    // Another robot's version is that of the map, whoever wrote it.
+    let (_, third) = explore("other", "3600", &folder.path().join("third.json"));
+    assert!(third.joined.is_some() && third.delivered, "{third:?}");
+    assert_eq!(third.version, second.written + third.written, "{third:?}");
 }

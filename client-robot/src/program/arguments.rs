@@ -126,7 +126,8 @@ pub(super) struct RobotArgs {
     /// Give up after this much simulated time, seconds [default: 1500].
     #[arg(long, alias = "max-time-s", value_parser = seconds)]
     pub(super) max_sim: Option<f64>,
-    /// Write the run as a bag for ROS 2 and Foxglove: a file (FILE.mcap) or a rosbag2 folder.
+    /// Write the run, with the map that the robot uses, as a bag for ROS 2 and Foxglove: a file
+    /// (FILE.mcap) or a rosbag2 folder.
     #[arg(long, value_name = "FILE")]
     pub(super) record: Option<PathBuf>,
     #[command(flatten)]

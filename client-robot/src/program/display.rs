@@ -15,11 +15,13 @@ const SHOW_EVERY: u64 = 5;
 pub(super) struct Display {
     bar: ProgressBar,
     frames: u64,
+    /// Time of the first frame, microseconds.
+    first_us: Option<u64>,
 }
 
 impl Display {
     pub(super) fn new(args: &RobotArgs, robot: &str) -> Self {
-        Self { bar: progress(args, robot), frames: 0 }
+        Self { bar: progress(args, robot), frames: 0, first_us: None }
     }
 
     pub(super) fn finish(&self) {
@@ -30,7 +32,8 @@ impl Display {
 impl MissionObserver for Display {
     fn on_frame(&mut self, frame: &SensorFrame, step: &PilotStep, _: &Pilot) -> ControlFlow<()> {
         if self.frames.is_multiple_of(SHOW_EVERY) {
-            show(&self.bar, frame, step);
+            let first_us = *self.first_us.get_or_insert(frame.time_us);
+            show(&self.bar, frame.time_us.saturating_sub(first_us), step);
         }
         self.frames += 1;
         ControlFlow::Continue(())
@@ -49,7 +52,7 @@ fn progress(args: &RobotArgs, robot: &str) -> ProgressBar {
     bar
 }
 
-fn show(bar: &ProgressBar, frame: &SensorFrame, step: &PilotStep) {
+fn show(bar: &ProgressBar, elapsed_us: u64, step: &PilotStep) {
     let place = step.localization.map_from_base().map_or_else(
         || match step.localization.state {
             LocalizationState::Candidates => format!("CANDIDATES ({:.0} %)", 100.0 * step.localization.confidence),
@@ -57,7 +60,10 @@ fn show(bar: &ProgressBar, frame: &SensorFrame, step: &PilotStep) {
         },
         |at| format!("at ({:.2}, {:.2})", at.translation.x, at.translation.y),
     );
-    let seconds = frame.time_us / 1_000_000;
-    bar.set_message(format!("{place}, {:.1} m driven, {seconds} s", step.localization.odometry.odometer_m));
+    let seconds = elapsed_us / 1_000_000;
+    bar.set_message(format!(
+        "{place}, {:.1} m driven, {seconds} s of robot time",
+        step.localization.odometry.odometer_m
+    ));
     bar.tick();
 }

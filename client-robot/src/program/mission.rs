@@ -65,7 +65,7 @@ pub(super) fn mission(
     let publisher = PosePublisher::new(presence, &replica);
     // The robot stands and its bag is whole before the program ends.
     let _order = stop.in_order();
-    let recording = Recording::start(args.record.as_deref())?;
+    let recording = Recording::start(args.record.as_deref(), &replica)?;
     let score = MissionScore::new(&simulator, &world_from_map);
     let mut observer = (recording, (UntilAsked(stop.clone()), ((publisher, display), score)));
     let ClientSection { pilot, silence, walls, .. } = file.client;

@@ -11,7 +11,7 @@
 //! | module | idea |
 //! | --- | --- |
 //! | `read` | from files to [`Frames`]: which topics hold what, odometry at each scan |
-//! | `write` | from frames to a bag ([`BagWriter`], [`FrameRecording`]; [`Recorder`] in a thread) |
+//! | `write` | frames ([`FrameRecording`]) and maps to a bag ([`BagWriter`], [`Recorder`]) |
 //! | [`msg`] | the ROS 2 messages, field for field |
 //! | [`cdr`] | their serialization |
 //!
@@ -62,6 +62,7 @@ pub use read::topics::{TopicConfig, TopicError};
 pub use ros::plane::{header_message, pose_message};
 pub use ros::scan::ScanConfig;
 pub use ros::{cdr, msg};
+pub use write::map::{RecordedGrid, write_map};
 pub use write::metadata::Durability;
 pub use write::recorder::Recorder;
 pub use write::recording::FrameRecording;

@@ -5,9 +5,11 @@
 //! | `recording` | frames as messages |
 //! | `odometry` | poses as odometry with velocities and covariances |
 //! | `writer` | messages as a bag |
+//! | `map` | what a robot knows of its map, as messages |
 //! | `metadata` | what rosbag2 wants to know about a bag |
 //! | `recorder` | a bag that a thread of its own writes |
 
+pub(crate) mod map;
 pub(crate) mod metadata;
 mod odometry;
 pub(crate) mod recorder;

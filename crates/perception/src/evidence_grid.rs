@@ -6,6 +6,7 @@
 //! thought. One that ends where nobody looked says little.
 
 use crate::frame::LaserScan;
+use crate::grid::CellState;
 use crate::pose::{Point2, Pose2};
 use fht_proto::{FixedPoint, Rect};
 use nalgebra::Vector2;
@@ -98,6 +99,27 @@ impl EvidenceGrid {
     #[must_use]
     pub fn resolution_m(&self) -> f64 {
         CELL_M
+    }
+
+    /// The corner of least x and y, metres.
+    #[must_use]
+    pub fn origin(&self) -> Point2 {
+        self.min
+    }
+
+    /// Cells along x.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// What is known of each cell, row by row from the origin.
+    pub fn states(&self) -> impl Iterator<Item = CellState> + '_ {
+        self.cells.iter().map(|cell| match cell & (FREE | WALL) {
+            0 => CellState::Unknown,
+            FREE => CellState::Free,
+            _ => CellState::Occupied,
+        })
     }
 
     fn index(&self, point: Point2) -> Option<usize> {

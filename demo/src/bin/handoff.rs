@@ -2,8 +2,9 @@
 
 use clap::Parser;
 use fht_demo::run_role;
-use fht_demo::{Crew, HandoffConfig, HandoffReport, hand_off, map_name};
+use fht_demo::{Crew, HandoffConfig, hand_off, map_name};
 use fht_demo::{HandoffArgs, HandoffCommand, leave_nothing_behind, this_executable};
+use fht_picture::default_file;
 use fht_program::Stop;
 use std::process::ExitCode;
 
@@ -44,7 +45,7 @@ fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, String> {
     let folder = tempfile::tempdir().map_err(|error| text(&error))?;
     leave_nothing_behind(stop, folder.path());
     let map = map_name(&cli.world).map_err(|error| text(&error))?;
-    let picture = cli.picture.clone().unwrap_or_else(|| format!("handoff-{map}-{}.png", cli.seed).into());
+    let picture = cli.picture.clone().unwrap_or_else(|| default_file("handoff", map.as_str(), Some(cli.seed)));
     let config = HandoffConfig {
         executable: this_executable().map_err(|error| text(&error))?,
         world: cli.world.clone(),
@@ -63,7 +64,7 @@ fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, String> {
     let (report, server) = hand_off(&config).map_err(|error| text(&error))?;
     // From here on only the server still runs, and it ends below.
     let _order = stop.in_order();
-    print_report(&report);
+    print!("{report}");
     println!("picture       {}", picture.display());
     if let Some(file) = &cli.report {
         let json = serde_json::to_string_pretty(&report).map_err(|error| text(&error))?;
@@ -82,68 +83,4 @@ fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, String> {
     }
     drop(server);
     Ok(report.is_success())
-}
-
-fn print_report(report: &HandoffReport) {
-    let metres = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.2} m"));
-    let place = |value: Option<[f64; 2]>| value.map_or_else(|| "-".to_owned(), |[x, y]| format!("({x:.2}, {y:.2})"));
-    println!("world         {} (seed {})", report.world, report.seed);
-    println!(
-        "explored      {:.1} % of {:.0} m² in {:.0} m of driving, {:.3} m mean pose error",
-        report.explored_fraction * 100.0,
-        report.free_area_m2,
-        report.explorer_driven_m,
-        report.mapping_error_m
-    );
-    for explorer in report.explorers.iter().filter(|_| report.explorers.len() > 1) {
-        let joined = explorer.joined.filter(|[seconds, _]| *seconds > 0.0);
-        println!(
-            "  {:<12}{}{}{:.0} s of robot time: {}",
-            explorer.robot,
-            joined.map_or_else(String::new, |[s, m]| format!("joined the map after {s:.0} s and {m:.1} m, ")),
-            explorer.driven_m.map_or_else(String::new, |metres| format!("{metres:.0} m, ")),
-            explorer.sim_s,
-            explorer.ending
-        );
-    }
-    println!(
-        "map           {} main nodes, {} support nodes, {} edges",
-        report.main_nodes, report.support_nodes, report.edges
-    );
-    println!(
-        "bytes         {:.1} KB of map, {:.1} KB put on the wire; digests {}",
-        report.map_bytes as f64 / 1000.0,
-        report.wire_bytes as f64 / 1000.0,
-        if report.digests_agree { "agree" } else { "DIFFER" }
-    );
-    if report.localized {
-        println!(
-            "relocalized   after {} of driving, off by {} and {:.2}°",
-            metres(report.relocalization_distance_m),
-            metres(report.relocalization_error_m),
-            report.relocalization_error_deg.unwrap_or(f64::NAN)
-        );
-    } else {
-        println!("relocalized   no");
-    }
-    println!(
-        "client        truly at {}, thought {}, goal {} away: {}",
-        place(report.end_true),
-        place(report.end_estimated),
-        metres(report.goal_distance_m),
-        match (&report.failure, report.arrived) {
-            (_, true) => "arrived".to_owned(),
-            (Some(reason), false) => format!("did not arrive: {reason}"),
-            (None, false) => "did not arrive".to_owned(),
-        }
-    );
-    println!(
-        "path          {} driven, {} was the shortest possible",
-        metres(report.path_length_m),
-        metres(report.shortest_length_m)
-    );
-    println!(
-        "time          {:.0} s, of which {:.0} s exploring, {:.0} s of robot time",
-        report.wall_s, report.explore_wall_s, report.explore_sim_s
-    );
 }

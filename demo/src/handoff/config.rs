@@ -1,8 +1,8 @@
 //! What the demo shows, and why it may end early.
 
-use crate::picture::PictureError;
 use crate::process::ProcessError;
 use fht_client::ReplicaError;
+use fht_picture::PictureError;
 use fht_session::SessionError;
 use fht_sim::WorldError;
 use std::path::PathBuf;

@@ -2,7 +2,7 @@
 //! finishes the job.
 
 use super::config::{Crew, HandoffConfig, HandoffError};
-use super::programs::{bar, read_report, session, world_args};
+use super::programs::{Bars, read_report, session, world_args};
 use super::report::ExplorerFigures;
 use crate::process::{Process, Role};
 use fht_perception::pose::Point2;
@@ -64,42 +64,43 @@ impl Line {
         let Self { free_area_m2, nodes, acknowledged, written, sim_s, placed } = self;
         let place = if *placed { "" } else { "looking for its place, " };
         bar.set_message(format!(
-            "{place}{free_area_m2:.0} m² seen, {nodes} nodes, {acknowledged} of {written} increments stored, {sim_s:.0} s of \
-             robot time"
+            "{place}{free_area_m2:.0} m² free, {nodes} nodes on the map, {acknowledged} of {written} increments stored, \
+             {sim_s:.0} s of robot time"
         ));
     }
 }
 
-pub(super) fn explore(config: &HandoffConfig, map: &MapName) -> Result<Explored, HandoffError> {
+pub(super) fn explore(config: &HandoffConfig, map: &MapName, bars: &Bars) -> Result<Explored, HandoffError> {
     let world = fht_sim::load(&config.world, config.textures.as_deref(), config.seed)?;
     match config.crew {
         Crew::One => {
-            let report = run(config, map, 0, &world, false, None)?;
+            let report = Job { config, map, world: &world, bars }.run(0, false, None)?;
             Ok(Explored { digest: Some(report.digest), ..sum(vec![(name(0), report)], None) })
         }
         Crew::Team(count) => {
             let witness = Witness::start(config, map)?;
-            let world = &world;
+            let job = &Job { config, map, world: &world, bars };
             let reports = std::thread::scope(|scope| {
                 // The first explorer sets the map's frame, so the others start after it has begun
                 // the map.
                 let (begun, is_begun) = std::sync::mpsc::channel();
-                let first = scope.spawn(move || Ok((name(0), run(config, map, 0, world, true, Some(begun))?)));
+                let first = scope.spawn(move || Ok((name(0), job.run(0, true, Some(begun))?)));
                 // If the first one fails, its own result says so.
                 let _ = is_begun.recv();
-                let other = |number: usize| move || Ok((name(number), run(config, map, number, world, true, None)?));
+                let other = |number: usize| move || Ok((name(number), job.run(number, true, None)?));
                 let others = (1..count).map(|number| scope.spawn(other(number)));
                 let threads: Vec<_> = std::iter::once(first).chain(others).collect();
                 let joined = threads.into_iter().map(|thread| thread.join().map_err(|_| HandoffError::Thread)?);
                 joined.collect::<Result<Vec<_>, HandoffError>>()
             })?;
-            let seen = witness.explored(world);
+            let seen = witness.explored(&world);
             Ok(sum(reports, Some(seen)))
         }
         Crew::Succession => {
             let witness = Witness::start(config, map)?;
-            let died_s = run_until_half(config, map, &world)?;
-            let report = run(config, map, 1, &world, false, None)?;
+            let job = Job { config, map, world: &world, bars };
+            let died_s = job.run_until_half()?;
+            let report = job.run(1, false, None)?;
             let mut explored = sum(vec![(name(1), report)], Some(witness.explored(&world)));
             let ending = "killed".to_owned();
             let dead = ExplorerFigures { robot: name(0), ending, joined: None, driven_m: None, sim_s: died_s };
@@ -114,74 +115,76 @@ fn name(number: usize) -> String {
     if number == 0 { "explorer".to_owned() } else { format!("explorer{}", number + 1) }
 }
 
-/// The arguments of one explorer: the first starts at the world's start, the others near it.
-fn args(
-    config: &HandoffConfig,
-    map: &MapName,
-    number: usize,
-    world: &World,
-    is_paced: bool,
-) -> Vec<std::ffi::OsString> {
-    let report = config.folder.join(format!("{}.json", name(number)));
-    let mut args = vec!["explore".into()];
-    args.extend(world_args(config, map, &report));
-    let seed = (config.seed + 1000 * number as u64).to_string();
-    args.extend(["--seed", &seed, "--light-seed", "0", "--progress-json", "--robot", &name(number)].map(Into::into));
-    if number > 0 {
-        let start = start_near(world, &world.start(), APART_M, config.seed + number as u64);
-        let start = format!("{},{},{}rad", start.translation.x, start.translation.y, start.rotation.angle());
-        args.extend(["--start", &start].map(Into::into));
-    }
-    if is_paced {
-        args.extend(["--rate", TEAM_RATE].map(Into::into));
-    }
-    args
+/// What all explorers are given.
+struct Job<'a> {
+    config: &'a HandoffConfig,
+    map: &'a MapName,
+    world: &'a World,
+    bars: &'a Bars,
 }
 
-/// Runs one explorer to its end. `begun` gets a message once the server has stored something of
-/// it.
-fn run(
-    config: &HandoffConfig,
-    map: &MapName,
-    number: usize,
-    world: &World,
-    is_paced: bool,
-    mut begun: Option<Sender<()>>,
-) -> Result<ExploreReport, HandoffError> {
-    let bar = bar(config, ["exploring", "second", "another"][number.min(2)]);
-    let args = args(config, map, number, world, is_paced);
-    Process::start(&config.executable, Role::Mapper, args)?.follow(|line| {
-        if let Ok(line) = serde_json::from_str::<Line>(line) {
-            line.show(&bar);
-            if line.acknowledged > 0
-                && let Some(begun) = begun.take()
-            {
-                let _ = begun.send(()); // nobody waits for it twice
-            }
+impl Job<'_> {
+    /// The arguments of one explorer: the first starts at the world's start, the others near it.
+    fn args(&self, number: usize, is_paced: bool) -> Vec<std::ffi::OsString> {
+        let Self { config, map, world, .. } = self;
+        let report = config.folder.join(format!("{}.json", name(number)));
+        let mut args = vec!["explore".into()];
+        args.extend(world_args(config, map, &report));
+        let seed = (config.seed + 1000 * number as u64).to_string();
+        let robot = ["--light-seed", "0", "--progress-json", "--robot", &name(number)];
+        args.extend(["--seed", &seed].into_iter().chain(robot).map(Into::into));
+        if number > 0 {
+            let start = start_near(world, &world.start(), APART_M, config.seed + number as u64);
+            let start = format!("{},{},{}rad", start.translation.x, start.translation.y, start.rotation.angle());
+            args.extend(["--start", &start].map(Into::into));
         }
-    })?;
-    bar.finish_with_message("done");
-    read_report(&config.folder.join(format!("{}.json", name(number))))
-}
+        if is_paced {
+            args.extend(["--rate", TEAM_RATE].map(Into::into));
+        }
+        args
+    }
 
-/// Runs the first explorer until it has seen half of the building, and kills it. Returns how long
-/// it worked, robot seconds.
-fn run_until_half(config: &HandoffConfig, map: &MapName, world: &World) -> Result<f64, HandoffError> {
-    let plan = world.plan();
-    let free = plan.reachable_free(Point2::from(world.start().translation.vector), SimConfig::default().radius_m);
-    let enough_m2 = DIES_AT * plan.area_m2(&free);
-    let bar = bar(config, "exploring");
-    let mut process = Process::start(&config.executable, Role::Mapper, args(config, map, 0, world, false))?;
-    let mut died_s = 0.0;
-    process.listen(|line| {
-        let Ok(line) = serde_json::from_str::<Line>(line) else { return true };
-        line.show(&bar);
-        died_s = line.sim_s;
-        line.free_area_m2 < enough_m2
-    });
-    process.kill()?;
-    bar.finish_with_message(format!("killed half-way, after {died_s:.0} s of robot time"));
-    Ok(died_s)
+    fn start(&self, number: usize, is_paced: bool) -> Result<Process, HandoffError> {
+        Ok(Process::start(&self.config.executable, Role::Mapper, self.args(number, is_paced))?)
+    }
+
+    /// Runs one explorer to its end. `begun` gets a message once the server has stored something of
+    /// it.
+    fn run(&self, number: usize, is_paced: bool, mut begun: Option<Sender<()>>) -> Result<ExploreReport, HandoffError> {
+        let bar = self.bars.add(name(number));
+        self.start(number, is_paced)?.follow(|line| {
+            if let Ok(line) = serde_json::from_str::<Line>(line) {
+                line.show(&bar);
+                if line.acknowledged > 0
+                    && let Some(begun) = begun.take()
+                {
+                    let _ = begun.send(()); // nobody waits for it twice
+                }
+            }
+        })?;
+        bar.finish_with_message("done");
+        read_report(&self.config.folder.join(format!("{}.json", name(number))))
+    }
+
+    /// Runs the first explorer until it has seen half of the building, and kills it. Returns how
+    /// long it worked, robot seconds.
+    fn run_until_half(&self) -> Result<f64, HandoffError> {
+        let (world, plan) = (self.world, self.world.plan());
+        let free = plan.reachable_free(Point2::from(world.start().translation.vector), SimConfig::default().radius_m);
+        let enough_m2 = DIES_AT * plan.area_m2(&free);
+        let bar = self.bars.add(name(0));
+        let mut process = self.start(0, false)?;
+        let mut died_s = 0.0;
+        process.listen(|line| {
+            let Ok(line) = serde_json::from_str::<Line>(line) else { return true };
+            line.show(&bar);
+            died_s = line.sim_s;
+            line.free_area_m2 < enough_m2
+        });
+        process.kill()?;
+        bar.finish_with_message(format!("killed half-way, after {died_s:.0} s of robot time"));
+        Ok(died_s)
+    }
 }
 
 /// Sums up several reports. The map is the last one's, the frame the first one's.

@@ -3,24 +3,36 @@
 use super::config::{HandoffConfig, HandoffError};
 use fht_proto::MapName;
 use fht_session::SessionConfig;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use serde::Deserialize;
 use std::path::Path;
 use std::time::Duration;
 use tokio::runtime::Runtime;
 use zenoh::Session;
 
-/// A spinner that shows what a program is doing.
-pub(super) fn bar(config: &HandoffConfig, prefix: &'static str) -> ProgressBar {
-    if !config.progress {
-        return ProgressBar::hidden();
+/// A line for each program that shows what it is doing.
+pub(super) struct Bars {
+    /// Programs that run at once have lines of their own.
+    lines: MultiProgress,
+    are_shown: bool,
+}
+
+impl Bars {
+    pub(super) fn new(config: &HandoffConfig) -> Self {
+        Self { lines: MultiProgress::new(), are_shown: config.progress }
     }
-    let style = ProgressStyle::with_template("{spinner} {prefix:<10} {elapsed:>4}  {msg}");
-    let bar = ProgressBar::new_spinner().with_prefix(prefix);
-    bar.enable_steady_tick(Duration::from_millis(120));
-    match style {
-        Ok(style) => bar.with_style(style),
-        Err(_) => bar,
+
+    /// A spinner for one program.
+    pub(super) fn add(&self, program: String) -> ProgressBar {
+        if !self.are_shown {
+            return ProgressBar::hidden();
+        }
+        let bar = self.lines.add(ProgressBar::new_spinner().with_prefix(program));
+        bar.enable_steady_tick(Duration::from_millis(120));
+        match ProgressStyle::with_template("{spinner} {prefix:<10} {elapsed:>4}  {msg}") {
+            Ok(style) => bar.with_style(style),
+            Err(_) => bar,
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! What the demo came to, in figures.
 
 use serde::{Deserialize, Serialize};
+use std::fmt::{self, Display, Formatter};
 
 /// One explorer, in figures.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -75,9 +76,15 @@ pub struct HandoffReport {
     pub collisions: u64,
     /// Why the client failed, if it did.
     pub failure: Option<String>,
-    /// Seconds of the exploration.
+    /// Robot time of the client from its start to its end, seconds.
+    #[serde(default)]
+    pub client_sim_s: f64,
+    /// Seconds of the exploration on the clock.
     pub explore_wall_s: f64,
-    /// Seconds of the whole demo.
+    /// Seconds of the client's mission on the clock.
+    #[serde(default)]
+    pub client_wall_s: f64,
+    /// Seconds of the whole demo on the clock.
     pub wall_s: f64,
 }
 
@@ -86,6 +93,93 @@ impl HandoffReport {
     #[must_use]
     pub fn is_success(&self) -> bool {
         self.digests_agree && self.arrived
+    }
+}
+
+/// The figures in words, a line each.
+impl Display for HandoffReport {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(f, "world         {} (seed {})", self.world, self.seed)?;
+        self.write_exploration(f)?;
+        self.write_client(f)?;
+        writeln!(
+            f,
+            "time          {:.0} s: {:.0} s exploring ({:.0} s of robot time), {:.0} s relocalizing and driving \
+             ({:.0} s of robot time)",
+            self.wall_s, self.explore_wall_s, self.explore_sim_s, self.client_wall_s, self.client_sim_s
+        )
+    }
+}
+
+impl HandoffReport {
+    fn write_exploration(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "explored      {:.1} % of {:.0} m² in {:.0} m of driving, {:.3} m mean pose error",
+            self.explored_fraction * 100.0,
+            self.free_area_m2,
+            self.explorer_driven_m,
+            self.mapping_error_m
+        )?;
+        for explorer in self.explorers.iter().filter(|_| self.explorers.len() > 1) {
+            let joined = explorer.joined.filter(|[seconds, _]| *seconds > 0.0);
+            writeln!(
+                f,
+                "  {:<12}{}{}{:.0} s of robot time: {}",
+                explorer.robot,
+                joined.map_or_else(String::new, |[s, m]| format!("joined the map after {s:.0} s and {m:.1} m, ")),
+                explorer.driven_m.map_or_else(String::new, |metres| format!("{metres:.0} m, ")),
+                explorer.sim_s,
+                explorer.ending
+            )?;
+        }
+        writeln!(
+            f,
+            "map           {} main nodes, {} support nodes, {} edges",
+            self.main_nodes, self.support_nodes, self.edges
+        )?;
+        writeln!(
+            f,
+            "bytes         {:.1} KB of map, {:.1} KB put on the wire; digests {}",
+            self.map_bytes as f64 / 1000.0,
+            self.wire_bytes as f64 / 1000.0,
+            if self.digests_agree { "agree" } else { "DIFFER" }
+        )
+    }
+
+    fn write_client(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let metres = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.2} m"));
+        let place =
+            |value: Option<[f64; 2]>| value.map_or_else(|| "-".to_owned(), |[x, y]| format!("({x:.2}, {y:.2})"));
+        if self.localized {
+            writeln!(
+                f,
+                "relocalized   after {} of driving, off by {} and {:.2}°",
+                metres(self.relocalization_distance_m),
+                metres(self.relocalization_error_m),
+                self.relocalization_error_deg.unwrap_or(f64::NAN)
+            )?;
+        } else {
+            writeln!(f, "relocalized   no")?;
+        }
+        writeln!(
+            f,
+            "client        truly at {}, thought {}, goal {} away: {}",
+            place(self.end_true),
+            place(self.end_estimated),
+            metres(self.goal_distance_m),
+            match (&self.failure, self.arrived) {
+                (_, true) => "arrived".to_owned(),
+                (Some(reason), false) => format!("did not arrive: {reason}"),
+                (None, false) => "did not arrive".to_owned(),
+            }
+        )?;
+        writeln!(
+            f,
+            "path          {} driven, {} was the shortest possible",
+            metres(self.path_length_m),
+            metres(self.shortest_length_m)
+        )
     }
 }
 
@@ -101,5 +195,21 @@ mod tests {
             let report = HandoffReport { digests_agree, arrived, ..HandoffReport::default() };
             assert_eq!(report.is_success(), is_success, "{digests_agree} {arrived}");
         }
+    }
+
+    #[test]
+    fn robot_time_stands_beside_the_time_on_the_clock() {
+        let report = HandoffReport {
+            wall_s: 12.0,
+            explore_wall_s: 9.0,
+            explore_sim_s: 400.0,
+            client_wall_s: 2.0,
+            client_sim_s: 70.0,
+            ..HandoffReport::default()
+        };
+        let text = report.to_string();
+        let expected = "time          12 s: 9 s exploring (400 s of robot time), 2 s relocalizing and driving \
+                        (70 s of robot time)";
+        assert_eq!(text.lines().last(), Some(expected), "{text}");
     }
 }

@@ -46,6 +46,7 @@ pub(super) enum Command {
   mapper explore --world floor/map.yaml --textures pictures/ --map floor --seed 3
   mapper explore --world office --offline --json        # no server: how good is the map?
   mapper explore --world museum --offline --record run.mcap   # look at it in Foxglove, or replay it
+  mapper explore --world museum --offline --picture     # draws the map: explore-museum-1.png
 
 Exit code 0: the map is complete and delivered; 1: it is not, or it failed; 2: a wrong argument; 130 or 143: it was
 interrupted. Ctrl-C (or SIGTERM) ends the exploration within a second, finishes the map as it is, and says what the
@@ -59,6 +60,7 @@ server has not acknowledged; a second one ends the program at once. Set RUST_LOG
   mapper replay run/ --map lab --scan-topic /front/scan --odom-topic /tf --base-frame base_footprint
   mapper replay run/ --map lab --camera-topics /cam0/image,/cam1/image,/cam2/image,/cam3/image
   mapper replay run/ --map lab --record mapped.mcap      # with /map, /path and /fht_map to look at
+  mapper replay run.mcap --offline --picture lab.png     # draws the map
 
 Needed are sensor_msgs/LaserScan and nav_msgs/Odometry (or odom → base in /tf); the scanner's place on the robot comes
 from /tf_static. Four cameras ahead, left, behind and right (90° each, square pictures) give nodes their appearance;

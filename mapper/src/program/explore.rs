@@ -2,12 +2,14 @@
 //! truth.
 
 use super::pace::Paced;
+use super::picture::{PictureTask, RunPicture};
 use super::record::RunRecorder;
 use super::report::ExploreReport;
 use super::scoring::ExplorationScore;
 use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask, RunError};
 use fht_bag::WriteError;
 use fht_perception::robot::{RobotError, SilenceConfig};
+use fht_picture::PictureError;
 use fht_program::stop::Stop;
 use fht_sim::{SimConfig, SimSetup, Simulator, StartError, WorldError};
 use std::ops::ControlFlow;
@@ -27,15 +29,18 @@ pub struct ExploreTask {
     pub rate: Option<f64>,
     /// A bag to write: an `.mcap` file, or a folder.
     pub record: Option<PathBuf>,
+    /// A picture to make of the map at the end.
+    pub picture: Option<PictureTask>,
     /// Ends the exploration early, with the map finished as it is.
     pub stop: Stop,
 }
 
 impl ExploreTask {
-    /// As fast as possible, with the usual robot, and not recorded.
+    /// As fast as possible, with the usual robot, neither recorded nor drawn.
     #[must_use]
     pub fn new(setup: SimSetup, mapping: MappingTask) -> Self {
-        Self { setup, sim: SimConfig::default(), mapping, rate: None, record: None, stop: Stop::default() }
+        let (rate, record, picture) = (None, None, None);
+        Self { setup, sim: SimConfig::default(), mapping, rate, record, picture, stop: Stop::default() }
     }
 }
 
@@ -51,6 +56,9 @@ pub enum ExploreError {
     /// The recording failed.
     #[error("the recording failed: {0}")]
     Record(#[from] WriteError),
+    /// The picture failed.
+    #[error("there is no picture of the map: {0}")]
+    Picture(#[from] PictureError),
     /// The run failed.
     #[error(transparent)]
     Run(#[from] RunError),
@@ -68,9 +76,9 @@ pub struct ExploreProgress {
     pub free_area_m2: f64,
     /// Nodes of the map.
     pub nodes: usize,
-    /// Increments written.
+    /// Increments that this robot has written, those of its earlier runs included.
     pub written: u64,
-    /// Increments that the server has durably.
+    /// Of these, what the server has durably.
     pub acknowledged: u64,
     /// Whether the robot knows where in the map it is.
     pub placed: bool,
@@ -124,12 +132,12 @@ pub async fn explore(
     let watcher = Watcher { watch, next_us: 0 };
     // Its sensors are never silent, however slow the simulated time.
     let mapping = MappingTask { silence: SilenceConfig::patient(), stop: task.stop, ..mapping };
-    let observer = (recorder, (watcher, score));
+    let observer = ((recorder, RunPicture::new(task.picture)), (watcher, score));
     let outcome = run::explore(mapping, Paced::new(simulator, task.rate), observer).await?;
-    let MappingOutcome { mut summary, mapper, observer: (mut recorder, (_, score)), .. } = outcome;
+    let MappingOutcome { mut summary, mapper, observer: ((mut recorder, mut picture), (_, score)), .. } = outcome;
     if let Some(error) = summary.robot_error.take() {
         return Err(error.into());
     }
     recorder.finish()?;
-    Ok(score.report(&summary, &mapper))
+    Ok(ExploreReport { picture: picture.finish()?, ..score.report(&summary, &mapper) })
 }

@@ -3,7 +3,7 @@
 use super::arguments::ExploreArgs;
 use super::explore::{ExploreProgress, ExploreTask, explore};
 use super::report::ExploreReport;
-use super::running::{RunEnd, runtime};
+use super::running::{RunEnd, increments, runtime};
 use super::settings::MapperFile;
 use fht_program::Stop;
 use fht_sim::SimConfig;
@@ -32,6 +32,7 @@ impl ExploreArgs {
             },
             rate: self.run.rate.or(file.mapper.rate).or(usual_rate),
             record: self.run.record.clone(),
+            picture: self.run.picture("explore", Path::new(&self.setup.world), Some(self.setup.seed)),
             stop,
             mapping,
         })
@@ -46,7 +47,7 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
     tracing::info!(map = %task.mapping.map, robot = task.mapping.robot, world = args.setup.world, "explores");
     let bar = if args.run.quiet || args.progress_json { ProgressBar::hidden() } else { spinner() };
     let progress_json = args.progress_json;
-    let watched = bar.clone();
+    let (watched, is_offline) = (bar.clone(), args.run.offline);
     let watch = move |snapshot: ExploreProgress| {
         if progress_json {
             println!(
@@ -63,8 +64,11 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
         }
         let place = if snapshot.placed { "" } else { "looking for its place in the map, " };
         watched.set_message(format!(
-            "{place}{:.0} m² free, {} nodes, {} of {} increments stored, {:.0} s of robot time",
-            snapshot.free_area_m2, snapshot.nodes, snapshot.acknowledged, snapshot.written, snapshot.sim_s
+            "{place}{:.0} m² free, {} nodes on the map, {}, {:.0} s of robot time",
+            snapshot.free_area_m2,
+            snapshot.nodes,
+            increments(snapshot.written, snapshot.acknowledged, is_offline),
+            snapshot.sim_s
         ));
         watched.tick();
     };
@@ -80,7 +84,7 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
         ending: report.ending,
         is_offline: args.run.offline,
         delivered: report.delivered,
-        written: report.version,
+        written: report.written,
         acknowledged: report.acknowledged,
         linger_s,
         spool: spool.as_deref(),
@@ -124,6 +128,9 @@ fn print_report(report: &ExploreReport) {
         report.sim_s, report.wall_s, report.frame_max_ms
     );
     println!("digest      {}", report.digest);
+    if let Some(picture) = &report.picture {
+        println!("picture     {}", picture.display());
+    }
 }
 
 #[cfg(test)]

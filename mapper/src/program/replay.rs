@@ -1,6 +1,7 @@
 //! Mapping from a bag: the frames come from a recorded run, and somebody else has driven.
 
 use super::pace::Paced;
+use super::picture::{PictureTask, RunPicture};
 use super::record::RunRecorder;
 use crate::explore::Ending;
 use crate::mapping::Mapper;
@@ -8,6 +9,7 @@ use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask
 use fht_bag::{BagError, BagReport, FrameConfig, Frames, WriteError};
 use fht_perception::frame::SensorFrame;
 use fht_perception::robot::{RobotError, Sensors, SilenceConfig};
+use fht_picture::PictureError;
 use fht_program::stop::Stop;
 use fht_proto::Digest;
 use nalgebra::Vector2;
@@ -30,6 +32,8 @@ pub struct ReplayTask {
     pub rate: Option<f64>,
     /// A bag to write, with the map in it.
     pub record: Option<PathBuf>,
+    /// A picture to make of the map at the end.
+    pub picture: Option<PictureTask>,
     /// Ends the replay early, with the map finished as it is.
     pub stop: Stop,
 }
@@ -46,6 +50,9 @@ pub enum ReplayError {
     /// The recording failed.
     #[error("the recording failed: {0}")]
     Record(#[from] WriteError),
+    /// The picture failed.
+    #[error("there is no picture of the map: {0}")]
+    Picture(#[from] PictureError),
     /// The run failed.
     #[error(transparent)]
     Run(#[from] RunError),
@@ -79,9 +86,9 @@ pub struct ReplaySnapshot {
     pub frames: usize,
     /// Nodes of the map.
     pub nodes: usize,
-    /// Increments written.
+    /// Increments that this robot has written, those of its earlier runs included.
     pub written: u64,
-    /// Increments that the server has durably.
+    /// Of these, what the server has durably.
     pub acknowledged: u64,
 }
 
@@ -100,8 +107,10 @@ pub struct ReplayReport {
     pub edges: usize,
     /// Free area on the grid, square metres.
     pub free_area_m2: f64,
-    /// Increments written.
+    /// The map's version: increments of all authors that are in it.
     pub version: u64,
+    /// Increments that this replay has written.
+    pub written: u64,
     /// Digest of the map.
     pub digest: Digest,
     /// Bytes of all increments, each counted once.
@@ -110,7 +119,7 @@ pub struct ReplayReport {
     pub wire_bytes: u64,
     /// Why the replay ended: `complete`, or `interrupted`.
     pub ending: Ending,
-    /// Increments that the server has acknowledged.
+    /// Of the increments written, those that the server has acknowledged.
     pub acknowledged: u64,
     /// Whether the server has acknowledged everything.
     pub delivered: bool,
@@ -126,6 +135,9 @@ pub struct ReplayReport {
     pub frame_max_ms: f64,
     /// Seconds on the clock.
     pub wall_s: f64,
+    /// The picture of the map, if one was made.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub picture: Option<PathBuf>,
 }
 
 /// Time between two looks at the progress, microseconds.
@@ -229,13 +241,15 @@ pub async fn replay(
         ..task.mapping
     };
     let sensors = Paced::new(RecordedRun { frames, read }, task.rate);
-    report_of(run::observe(mapping, sensors, (recorder, figures)).await?)
+    let observer = ((recorder, RunPicture::new(task.picture)), figures);
+    report_of(run::observe(mapping, sensors, observer).await?)
 }
 
-fn report_of<W>(
-    outcome: MappingOutcome<Paced<RecordedRun>, (RunRecorder, Figures<W>)>,
-) -> Result<ReplayReport, ReplayError> {
-    let MappingOutcome { mut summary, mapper, robot, observer: (mut recorder, figures) } = outcome;
+/// Who watches a replay.
+type Watching<W> = ((RunRecorder, RunPicture), Figures<W>);
+
+fn report_of<W>(outcome: MappingOutcome<Paced<RecordedRun>, Watching<W>>) -> Result<ReplayReport, ReplayError> {
+    let MappingOutcome { mut summary, mapper, robot, observer: ((mut recorder, mut picture), figures) } = outcome;
     if let Some(error) = summary.robot_error.take() {
         return Err(error.into());
     }
@@ -245,6 +259,7 @@ fn report_of<W>(
         return Err(ReplayError::NoFrames(Box::new(bag)));
     }
     recorder.finish()?;
+    let picture = picture.finish()?;
     let counts = mapper.map().counts();
     let delivered = summary.is_delivered();
     let published = summary.published.unwrap_or_default();
@@ -256,6 +271,7 @@ fn report_of<W>(
         edges: counts.edges,
         free_area_m2: mapper.free_area_m2(),
         version: summary.version,
+        written: summary.written,
         digest: mapper.map().digest(),
         map_bytes: published.map_bytes,
         wire_bytes: published.wire_bytes,
@@ -268,5 +284,6 @@ fn report_of<W>(
         bag_s: figures.last_us as f64 * 1e-6,
         frame_max_ms: summary.frame_max.as_secs_f64() * 1e3,
         wall_s: figures.took.as_secs_f64(),
+        picture,
     })
 }

@@ -1,7 +1,7 @@
 //! `mapper replay` and `mapper info`: bags on the command line.
 
 use super::replay::{ReplayReport, ReplaySnapshot, ReplayTask, replay};
-use super::running::{RunArgs, RunEnd, runtime};
+use super::running::{RunArgs, RunEnd, increments, runtime};
 use super::settings::MapperFile;
 use clap::Args;
 use fht_bag::{BagInfo, FrameConfig, TopicConfig, survey};
@@ -103,7 +103,8 @@ impl ReplayArgs {
         let mut frames = self.frames.over(file.bag)?;
         frames.topics.cameras = frames.topics.cameras.filter(|_| mapping.cameras);
         let (rate, record) = (self.run.rate.or(file.mapper.rate), self.run.record.clone());
-        Ok(ReplayTask { bag: self.bag.clone(), frames, mapping, rate, record, stop })
+        let picture = self.run.picture("replay", &self.bag, None);
+        Ok(ReplayTask { bag: self.bag.clone(), frames, mapping, rate, record, picture, stop })
     }
 }
 
@@ -113,13 +114,16 @@ pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Res
     let linger_s = task.mapping.linger_s;
     tracing::info!(map = %task.mapping.map, robot = task.mapping.robot, bag = %task.bag.display(), "replays");
     let bar = if args.run.quiet || args.run.report.json { ProgressBar::hidden() } else { progress_bar() };
-    let watched = bar.clone();
+    let (watched, is_offline) = (bar.clone(), args.run.offline);
     let watch = move |snapshot: ReplaySnapshot| {
         watched.set_length(snapshot.total_bytes);
         watched.set_position(snapshot.read_bytes);
         watched.set_message(format!(
-            "{:.0} s, {} frames, {} nodes, {} of {} increments stored",
-            snapshot.bag_s, snapshot.frames, snapshot.nodes, snapshot.acknowledged, snapshot.written
+            "{:.0} s of robot time, {} frames, {} nodes, {}",
+            snapshot.bag_s,
+            snapshot.frames,
+            snapshot.nodes,
+            increments(snapshot.written, snapshot.acknowledged, is_offline)
         ));
     };
     let report = runtime()?.block_on(replay(task, watch)).map_err(|error| error.to_string())?;
@@ -132,7 +136,7 @@ pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Res
         ending: report.ending,
         is_offline: args.run.offline,
         delivered: report.delivered,
-        written: report.version,
+        written: report.written,
         acknowledged: report.acknowledged,
         linger_s,
         spool: None,
@@ -141,7 +145,7 @@ pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Res
 }
 
 fn progress_bar() -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:24} {percent:>3} % {msg}");
+    let style = ProgressStyle::with_template("{bar:24} {percent:>3} % of the bag, {msg}");
     ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
@@ -157,6 +161,9 @@ fn print_replay(report: &ReplayReport) {
         report.bag_s, report.driven_m, report.wall_s, report.frame_max_ms
     );
     println!("digest      {}", report.digest);
+    if let Some(picture) = &report.picture {
+        println!("picture     {}", picture.display());
+    }
 }
 
 #[derive(Debug, Args)]

@@ -4,6 +4,7 @@ use crate::explore::Ending;
 use fht_proto::Digest;
 use fht_sim::scoring::TrajectoryError;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// Figures of one exploration.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -27,15 +28,19 @@ pub struct ExploreReport {
     pub support_nodes: usize,
     /// Edges of the map.
     pub edges: usize,
-    /// Increments written.
+    /// The map's version: increments of all authors that are in it, as this robot knew it at the
+    /// end.
     pub version: u64,
+    /// Increments that this robot has written, those of its earlier runs included.
+    #[serde(default)]
+    pub written: u64,
     /// Digest of the explorer's own map.
     pub digest: Digest,
     /// Bytes of all increments, each counted once.
     pub map_bytes: u64,
     /// Bytes put on the wire, repetitions included.
     pub wire_bytes: u64,
-    /// Increments that the server has acknowledged.
+    /// Of the increments written, those that the server has acknowledged.
     #[serde(default)]
     pub acknowledged: u64,
     /// Whether the server has acknowledged everything.
@@ -60,4 +65,7 @@ pub struct ExploreReport {
     pub sim_s: f64,
     /// Seconds on the clock.
     pub wall_s: f64,
+    /// The picture of the map, if one was made.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub picture: Option<PathBuf>,
 }

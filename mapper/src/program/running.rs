@@ -1,9 +1,11 @@
 //! What exploring and replaying have in common on the command line.
 
+use super::picture::PictureTask;
 use super::settings::MapperFile;
 use crate::explore::Ending;
 use crate::run::MappingTask;
 use clap::Args;
+use fht_picture::{default_file, png_file};
 use fht_program::Waiting;
 use fht_program::flags::{ConnectArgs, ReportArgs, number, seconds};
 use fht_proto::{MapName, RobotName};
@@ -39,6 +41,10 @@ pub(super) struct RunArgs {
     /// rosbag2 folder.
     #[arg(long, value_name = "FILE")]
     pub(super) record: Option<PathBuf>,
+    /// Draw the map as it is at the end, as a PNG file; without a name it goes to
+    /// explore-WORLD-SEED.png or replay-LOG.png here.
+    #[arg(long, value_name = "FILE", value_parser = png_file)]
+    picture: Option<Option<PathBuf>>,
     #[command(flatten)]
     pub(super) report: ReportArgs,
     /// No progress bar.
@@ -71,6 +77,26 @@ impl RunArgs {
             mapper: section.config.clone(),
             ..MappingTask::new(map, name)
         })
+    }
+}
+
+impl RunArgs {
+    /// The picture that was asked for, of what was done (`kind`) in a world or with a log.
+    pub(super) fn picture(&self, kind: &str, source: &Path, seed: Option<u64>) -> Option<PictureTask> {
+        let named = self.picture.as_ref()?;
+        let name = source.file_stem().unwrap_or_default().to_string_lossy();
+        let title = seed.map_or_else(|| format!("{kind}: {name}"), |seed| format!("{kind}: {name}, seed {seed}"));
+        let file = named.clone().unwrap_or_else(|| default_file(kind, &source.to_string_lossy(), seed));
+        Some(PictureTask { file, title })
+    }
+}
+
+/// How many increments there are, for a progress bar.
+pub(super) fn increments(written: u64, acknowledged: u64, is_offline: bool) -> String {
+    if is_offline {
+        format!("{written} increments written")
+    } else {
+        format!("{acknowledged} of {written} increments stored")
     }
 }
 

@@ -82,6 +82,7 @@ impl ExplorationScore {
             support_nodes: counts.support_nodes,
             edges: counts.edges,
             version: summary.version,
+            written: summary.written,
             digest: mapper.map().digest(),
             map_bytes: published.map_or(0, |published| published.map_bytes),
             wire_bytes: published.map_or(0, |published| published.wire_bytes),
@@ -97,6 +98,7 @@ impl ExplorationScore {
             frame_max_ms: summary.frame_max.as_secs_f64() * 1e3,
             sim_s: self.sim_s,
             wall_s: self.took.as_secs_f64(),
+            picture: None,
         }
     }
 }

@@ -227,14 +227,15 @@ pub struct Handover<'a> {
 }
 
 impl<'a> Handover<'a> {
-    /// Before the first increment. Without an outbox increments are only counted.
+    /// Before the first increment of this run. Without an outbox increments are only counted.
     #[must_use]
     pub fn new(outbox: Option<&'a Outbox>) -> Self {
-        Self { outbox, waiting: VecDeque::new(), written: 0 }
+        let written = outbox.map_or(0, |outbox| outbox.progress().written);
+        Self { outbox, waiting: VecDeque::new(), written }
     }
 
-    /// Takes what `mapper` has written since the last call; returns the number of the newest
-    /// increment.
+    /// Takes what `mapper` has written since the last call; returns the number of the robot's newest
+    /// increment, be it of an earlier run.
     pub fn take_from(&mut self, mapper: &mut Mapper) -> u64 {
         for increment in mapper.take_increments() {
             self.written = increment.number;

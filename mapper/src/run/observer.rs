@@ -12,9 +12,9 @@ pub struct MappedFrame<'a> {
     pub elapsed_us: u64,
     /// What is known with it.
     pub mapper: &'a Mapper,
-    /// Increments written.
+    /// Increments that this robot has written, those of its earlier runs included.
     pub written: u64,
-    /// Increments that the server has durably.
+    /// Of these, what the server has durably.
     pub acknowledged: u64,
 }
 

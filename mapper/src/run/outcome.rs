@@ -18,8 +18,11 @@ pub struct MappingSummary {
     pub frames: usize,
     /// Frames that nothing could be made of.
     pub frames_refused: usize,
-    /// Increments written.
+    /// The map's version: increments of all authors that are in it, as this robot knew it at the
+    /// end.
     pub version: u64,
+    /// Increments that this robot has written, those of its earlier runs included.
+    pub written: u64,
     /// Longest time that a frame took, sensing excluded.
     pub frame_max: Duration,
     /// How far publishing came; none without a server.
@@ -30,7 +33,7 @@ impl MappingSummary {
     /// Whether the server has acknowledged everything.
     #[must_use]
     pub fn is_delivered(&self) -> bool {
-        self.published.as_ref().is_some_and(|published| published.acknowledged >= self.version)
+        self.published.as_ref().is_some_and(|published| published.acknowledged >= self.written)
     }
 }
 

@@ -174,6 +174,8 @@ pub struct Peers {
     /// Whose word of what they have seen counts.
     believed: BTreeSet<String>,
     taken_changes: Option<u64>,
+    /// The increments of the state that the mapper was given last.
+    taken: VersionVector,
     listened_us: Option<u64>,
     told_us: Option<u64>,
 }
@@ -214,6 +216,7 @@ impl Peers {
             _subscribers: [goals, seen, tokens],
             believed: BTreeSet::new(),
             taken_changes: None,
+            taken: VersionVector::default(),
             listened_us: None,
             told_us: None,
         })
@@ -297,7 +300,12 @@ impl Peers {
         self.listened_us = Some(time_us);
         let changes = self.replica.changes();
         if self.taken_changes.replace(changes) != Some(changes) {
-            mapper.take_shared_map(&self.map(), acknowledged);
+            let (map, vector) = {
+                let replica = self.replica.read();
+                (replica.state().clone(), replica.vector().clone())
+            };
+            mapper.take_shared_map(&map, acknowledged);
+            self.taken = vector;
         }
         mapper.set_rules(self.replica.rules());
         let (mates, areas) = self.listen();
@@ -317,6 +325,16 @@ impl Peers {
         self.tell_seen(mapper);
         self.presence.publish_last(&mapper.whereabouts(), self.vector(mapper), None);
         self.tell_goal(mapper);
+    }
+
+    /// The version of the mapper's map: what of it was taken from others, and all that this robot
+    /// has written. None of it counts for a robot that has not found its place.
+    #[must_use]
+    pub fn version(&self, mapper: &Mapper) -> u64 {
+        let mut vector = if mapper.is_placed() { self.taken.clone() } else { VersionVector::default() };
+        let author = AuthorId::of_robot(&self.robot);
+        vector.set(author, mapper.written().max(vector.get(author)));
+        vector.version()
     }
 
     /// The increments that this robot has: its copy's, and all that it has written, of which some

@@ -168,14 +168,15 @@ impl Ways {
         let radius_m = SimConfig::default().radius_m;
         let plan = survey.world.plan();
         let template = "{bar:40} {pos}/{len} shortest ways, {elapsed} gone, {eta} to go";
-        let bar = output.progress_bar(count as u64, template);
+        let (drawn, authors) = (pairs(survey, radius_m, count, seed), cases::of(world)?.pairs);
+        let bar = output.progress_bar((drawn.len() + authors.len()) as u64, template);
         let shortest = |(from, to): (Point2, Point2)| {
             bar.inc(1);
             let way = plan.shortest_path(from, to, radius_m)?;
             Some(Way { from, to, shortest_m: path_length_m(&way) })
         };
-        let drawn = pairs(survey, radius_m, count, seed).into_iter().filter_map(shortest).collect();
-        let authors = cases::of(world)?.pairs.into_iter().filter_map(shortest).collect();
+        let drawn = drawn.into_iter().filter_map(shortest).collect();
+        let authors = authors.into_iter().filter_map(shortest).collect();
         bar.finish_and_clear();
         Ok(Self { drawn, authors })
     }

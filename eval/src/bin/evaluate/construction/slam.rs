@@ -8,6 +8,7 @@ use chart::{Posed, draw};
 use clap::Args;
 use fht_bag::{FrameConfig, Frames, TopicConfig};
 use fht_perception::pose::{Point2, Pose2};
+use fht_picture::default_file;
 use fht_worker::Pace;
 use mapper::slam::{Anchored, Slam, SlamConfig, Tracking};
 use relations::Errors;
@@ -22,7 +23,7 @@ pub struct SlamArgs {
     /// The relations; without them there is a picture only.
     relations: Option<PathBuf>,
     /// Where the picture goes: the scans and the trajectory [default: slam-LOG.png].
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = fht_picture::png_file)]
     picture: Option<PathBuf>,
     /// Scans (sensor_msgs/LaserScan); by default /scan, or the only such topic.
     #[arg(long)]
@@ -134,17 +135,13 @@ pub fn run(args: &SlamArgs) -> Result<(), String> {
     let posed = scans.iter().zip(&trajectory);
     let posed: Vec<Posed<'_>> =
         posed.map(|((.., points), (_, map_from_base))| Posed { map_from_base: *map_from_base, points }).collect();
-    let path = args.picture.clone().unwrap_or_else(|| default_picture(args));
-    if let Some(picture) = draw(&posed, &trajectory) {
-        picture.save(&path).map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
-        say(&format!("picture      {}", path.display()))?;
-    }
-    Ok(())
+    let path = args.picture.clone().unwrap_or_else(|| default_file("slam", &args.log.to_string_lossy(), None));
+    draw(&posed, &trajectory, &title(args), &path).map_err(|error| error.to_string())?;
+    say(&format!("picture      {}", path.display()))
 }
 
-fn default_picture(args: &SlamArgs) -> PathBuf {
-    let name = args.log.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-    PathBuf::from(format!("slam-{name}.png"))
+fn title(args: &SlamArgs) -> String {
+    format!("slam: {}", args.log.file_stem().unwrap_or_default().to_string_lossy())
 }
 
 fn length_m(trajectory: &[(u64, Pose2)]) -> f64 {

@@ -4,8 +4,9 @@ use crate::maps::short_name;
 use crate::output::{OutputArgs, say};
 use crate::paths::{PathFigures, quality};
 use clap::Args;
-use fht_demo::{MapPicture, PictureConfig, save_picture};
+use fht_demo::TrueFloor;
 use fht_eval::{GridMap, Member, Survey, TeamReport, TeamRun, TeamTask, explore_as_team};
+use fht_picture::{MapPicture, PictureConfig, default_file};
 use fht_proto::encode;
 use fht_sim::{World, start_near};
 use mapper::MapperConfig;
@@ -102,10 +103,11 @@ fn compare(args: &TeamArgs, spec: &str, world: &Arc<World>, seed: u64) -> Result
     let team = explore(args, world, members, seed, "team")?;
     if let Some(folder) = &args.pictures {
         std::fs::create_dir_all(folder).map_err(|error| error.to_string())?;
-        let path = folder.join(format!("{}-{seed}.png", short_name(spec)));
-        let (plan, map, world_from_map) = (world.plan(), &team.map, team.world_from_map);
-        let scene = MapPicture { plan, world_from_map, map, driven: &[], ends: None };
-        save_picture(&scene, &PictureConfig::default(), &path).map_err(|error| error.to_string())?;
+        let path = folder.join(default_file("team", spec, Some(seed)));
+        let title = format!("team of {}: {}, seed {seed}", team.report.members.len(), short_name(spec));
+        let floor = TrueFloor::new(world.plan(), team.world_from_map);
+        let picture = MapPicture { title, floor: &floor, map: &team.map, driven: &[], marks: &[] };
+        picture.save(&PictureConfig::default(), &path).map_err(|error| error.to_string())?;
     }
     let ratio = team.report.time_s / alone.report.time_s.max(1e-9);
     let paths = |run: &TeamRun| -> Result<Option<PathFigures>, String> {
@@ -122,7 +124,10 @@ fn explore(args: &TeamArgs, world: &Arc<World>, members: Vec<Member>, seed: u64,
     let task = TeamTask { members, seed, cameras: !args.no_cameras, mapper, most_s: PATIENCE_S };
     let bar = args.output.progress_bar(0, "{spinner} {msg}, {elapsed} gone");
     let watch = |now_s: f64, free_m2: f64| {
-        bar.set_message(format!("{}, seed {seed}, {of}: {now_s:.0} s, {free_m2:.0} m²", world.name()));
+        bar.set_message(format!(
+            "{}, seed {seed}, {of}: {now_s:.0} s of robot time, {free_m2:.0} m² free",
+            world.name()
+        ));
         bar.tick();
     };
     let outcome =

@@ -1,0 +1,86 @@
+//! Where pictures go.
+
+use std::path::{Path, PathBuf};
+use tiny_skia::Pixmap;
+
+/// Why there is no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    /// Nothing has a place.
+    #[error("there is nothing to draw")]
+    Empty,
+    /// The picture does not fit into memory.
+    #[error("a picture of {width} × {height} pixels is too large")]
+    Large {
+        /// Width, pixels.
+        width: i64,
+        /// Height, pixels.
+        height: i64,
+    },
+    /// The file cannot be written.
+    #[error("{path} cannot be written: {reason}", path = path.display())]
+    Write {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// The name of a picture that was given none: what was done (`explore`), in which world or log (a
+/// name or a path), and by which seed, such as `explore-museum-1.png`.
+#[must_use]
+pub fn default_file(kind: &str, source: &str, seed: Option<u64>) -> PathBuf {
+    let stem = Path::new(source).file_stem().map_or_else(|| "map".into(), |stem| stem.to_string_lossy());
+    let seed = seed.map(|seed| format!("-{seed}")).unwrap_or_default();
+    format!("{kind}-{stem}{seed}.png").into()
+}
+
+/// Reads the name of a picture to write, from a command line: it ends in `.png` and its folder is
+/// there.
+///
+/// # Errors
+/// A sentence that says what is wrong.
+pub fn png_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
+        return Err(format!("a picture's name ends in .png; '{text}' does not"));
+    }
+    match path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        Some(folder) if !folder.is_dir() => Err(format!("there is no folder {}", folder.display())),
+        _ => Ok(path),
+    }
+}
+
+/// Writes a picture.
+pub(crate) fn write(pixmap: &Pixmap, path: &Path) -> Result<(), PictureError> {
+    let failed = |reason: String| PictureError::Write { path: path.to_owned(), reason };
+    let png = pixmap.encode_png().map_err(|error| failed(error.to_string()))?;
+    std::fs::write(path, png).map_err(|error| failed(error.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_say_what_where_and_by_which_seed() {
+        for (kind, source, seed, expected) in [
+            ("explore", "museum", Some(1), "explore-museum-1.png"),
+            ("handoff", "floors/second.yaml", Some(3), "handoff-second-3.png"),
+            ("replay", "../data/intel/", None, "replay-intel.png"),
+            ("replay", "..", None, "replay-map.png"),
+        ] {
+            assert_eq!(default_file(kind, source, seed), Path::new(expected));
+        }
+    }
+
+    #[test]
+    fn what_is_no_picture_is_not_overwritten() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+        assert!(png_file("map.png").is_ok() && png_file(&at("Map.PNG")).is_ok());
+        assert!(png_file("run.mcap").is_err_and(|said| said.contains("ends in .png")));
+        assert!(png_file(&at("gone/map.png")).is_err_and(|said| said.contains("no folder") && said.contains("gone")));
+    }
+}
