@@ -72,6 +72,11 @@ impl Blockages {
         true
     }
 
+    /// The robot goes elsewhere, and waits no longer.
+    pub fn forget_waits(&mut self) {
+        (self.waits, self.wait_until_us) = (0, 0);
+    }
+
     /// Whether the robot still waits.
     #[must_use]
     pub fn is_waiting(&self, now_us: u64) -> bool {

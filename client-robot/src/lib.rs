@@ -3,6 +3,9 @@
 //! | module | idea |
 //! | --- | --- |
 //! | [`mission`] | a task, carried out by whatever robot stands behind the port |
+//! | [`serving`] | goals one after another, as the robot is sent |
+//! | `goal_service` | … over Zenoh: [`GoalService`] |
+//! | [`goals`] | … of which one is under way and one is next |
 //! | [`pilot`] | from frames to commands: the paper's Algorithm 2 |
 //! | `path_following` | following a path of the map (section III-C-2) |
 //! | `blockages` | ways found blocked, for a while |
@@ -25,8 +28,13 @@
 //! ```
 
 mod blockages;
+mod goal_service;
+pub mod goals;
 pub mod mission;
 mod path_following;
 pub mod pilot;
 #[cfg(feature = "program")]
 pub mod program;
+pub mod serving;
+
+pub use goal_service::GoalService;

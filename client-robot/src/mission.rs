@@ -179,17 +179,48 @@ pub async fn run<R: Robot>(
 ) -> Result<MissionOutcome, MissionError> {
     let mut robot = Supervised::new(robot, config.silence);
     let mut pilot = Pilot::new(config.pilot, Task::Relocalize);
-    let task = carry_out(&mut robot, &mut pilot, config.walls, goal, services, observer).await;
+    let mut director = OneGoal(goal);
+    let task = direct(&mut robot, &mut pilot, config.walls, &mut director, services, observer).await;
     robot.stop().await;
     Ok(MissionOutcome { task: task?, plans: pilot.plans(), refixes: pilot.localizer().refixes() })
 }
 
+/// Says what the robot is to do, frame by frame.
+pub(crate) trait Director {
+    /// Before a frame is worked on: another task, if there is one.
+    fn before(&mut self, map: &dyn MapSource) -> Option<Task>;
+
+    /// After it: another task, if there is one, or how all of it ended.
+    fn after(&mut self, step: &PilotStep, pilot: &Pilot, map: &dyn MapSource)
+    -> ControlFlow<TaskOutcome, Option<Task>>;
+}
+
+/// Finding the place, and then one goal.
+struct OneGoal<'a>(&'a MissionGoal);
+
+impl Director for OneGoal<'_> {
+    fn before(&mut self, _: &dyn MapSource) -> Option<Task> {
+        None
+    }
+
+    fn after(&mut self, step: &PilotStep, _: &Pilot, map: &dyn MapSource) -> ControlFlow<TaskOutcome, Option<Task>> {
+        match &step.outcome {
+            Some(TaskOutcome::Localized) if *self.0 != MissionGoal::None => match choose(self.0, map, step) {
+                Ok(place) => ControlFlow::Continue(Some(Task::GoTo(place))),
+                Err(unknown) => ControlFlow::Break(TaskOutcome::Failed(Failure::NoPath(unknown))),
+            },
+            Some(outcome) => ControlFlow::Break(outcome.clone()),
+            None => ControlFlow::Continue(None),
+        }
+    }
+}
+
 /// The robot's loop: sense, think, drive.
-async fn carry_out<R: Robot>(
+pub(crate) async fn direct<R: Robot>(
     robot: &mut Supervised<R>,
     pilot: &mut Pilot,
     walls: Taking,
-    goal: &MissionGoal,
+    director: &mut impl Director,
     services: &mut Services<'_>,
     observer: &mut impl MissionObserver,
 ) -> Result<TaskOutcome, MissionError> {
@@ -204,19 +235,16 @@ async fn carry_out<R: Robot>(
             services.map.view(&mut |map| preparation.follow(&mut landmarks, map));
         }
         preparation.take(&mut landmarks);
+        if let Some(task) = director.before(services.map) {
+            give(pilot, task, observer);
+        }
         let describe = || frame.panorama.as_ref().and_then(|panorama| (services.describe)(panorama));
         let step = pilot.step(&landmarks, &frame, describe, services.paths);
         let flow = observer.on_frame(&frame, &step, pilot);
-        match &step.outcome {
-            Some(TaskOutcome::Localized) if *goal != MissionGoal::None => match choose(goal, services.map, &step) {
-                Ok(place) => {
-                    observer.on_goal(place);
-                    pilot.set_task(Task::GoTo(place));
-                }
-                Err(unknown) => return Ok(TaskOutcome::Failed(Failure::NoPath(unknown))),
-            },
-            Some(outcome) => return Ok(outcome.clone()),
-            None => {}
+        match director.after(&step, pilot, services.map) {
+            ControlFlow::Break(outcome) => return Ok(outcome),
+            // A task that ends leaves the robot standing.
+            ControlFlow::Continue(task) => task.into_iter().for_each(|task| give(pilot, task, observer)),
         }
         if flow.is_break() {
             return Err(MissionError::Interrupted);
@@ -225,27 +253,44 @@ async fn carry_out<R: Robot>(
     }
 }
 
+fn give(pilot: &mut Pilot, task: Task, observer: &mut impl MissionObserver) {
+    if let Task::GoTo(goal) = task {
+        observer.on_goal(goal);
+    }
+    pilot.set_task(task);
+}
+
 /// Where to go, now that the robot knows where it is; or why there is no such place.
 fn choose(goal: &MissionGoal, map: &dyn MapSource, step: &PilotStep) -> Result<DriveGoal, ErrorReply> {
-    let unknown = |code, what: String| ErrorReply::new(code, &format!("the map has no {what}"));
+    match goal {
+        MissionGoal::FarNode(seed) => {
+            let found = far_node(map, step, *seed).map(DriveGoal::from);
+            found.ok_or_else(|| unknown(ErrorCode::UnknownNode, "node to drive to"))
+        }
+        goal => place_of(goal, map),
+    }
+}
+
+fn unknown(code: ErrorCode, what: &str) -> ErrorReply {
+    ErrorReply::new(code, &format!("the map has no {what}"))
+}
+
+/// Where a goal is that does not depend on where the robot is; or why there is no such place.
+pub(crate) fn place_of(goal: &MissionGoal, map: &dyn MapSource) -> Result<DriveGoal, ErrorReply> {
     match goal {
         MissionGoal::Point(point) => Ok((*point).into()),
         MissionGoal::Pose(pose) => Ok((*pose).into()),
         MissionGoal::Named(name) => {
             let found = map.place(name).map(DriveGoal::from);
-            found.ok_or_else(|| unknown(ErrorCode::UnknownPlace, format!("place called {name}")))
+            found.ok_or_else(|| unknown(ErrorCode::UnknownPlace, &format!("place called {name}")))
         }
         MissionGoal::Node(id) => {
             let mut found = None;
             map.view(&mut |map| found = map.node(*id).map(position));
             let found = found.map(DriveGoal::from);
-            found.ok_or_else(|| unknown(ErrorCode::UnknownNode, format!("node {id}")))
+            found.ok_or_else(|| unknown(ErrorCode::UnknownNode, &format!("node {id}")))
         }
-        MissionGoal::None => Err(unknown(ErrorCode::UnknownPlace, "place for no goal".to_owned())),
-        MissionGoal::FarNode(seed) => {
-            let found = far_node(map, step, *seed).map(DriveGoal::from);
-            found.ok_or_else(|| unknown(ErrorCode::UnknownNode, "node to drive to".to_owned()))
-        }
+        MissionGoal::None | MissionGoal::FarNode(_) => Err(unknown(ErrorCode::UnknownPlace, "place for no goal")),
     }
 }
 

@@ -5,6 +5,7 @@
 mod config;
 mod final_turn;
 mod progress;
+mod situation;
 mod task;
 
 pub use config::PilotConfig;
@@ -14,6 +15,7 @@ pub use task::{DriveGoal, Failure, PilotStep, Task, TaskOutcome};
 
 use self::final_turn::{FinalTurn, Turn};
 use self::progress::ProgressWatch;
+use self::situation::Situation;
 
 use crate::blockages::Blockages;
 use crate::path_following::{FollowedPath, Target};
@@ -42,30 +44,12 @@ fn went_back() -> String {
     "it is older than the one before".to_owned()
 }
 
-/// Where the robot is at a frame, and where it goes.
-#[derive(Clone, Copy)]
-struct Situation {
-    map_from_odom: Pose2,
-    odom_from_base: Pose2,
-    now_us: u64,
-    goal: DriveGoal,
-}
-
-impl Situation {
-    /// The robot's place, odometry frame.
-    fn here(&self) -> Point2 {
-        Point2::from(self.odom_from_base.translation.vector)
-    }
-
-    fn map_from_base(&self) -> Pose2 {
-        self.map_from_odom * self.odom_from_base
-    }
-}
-
 /// Carries out one task.
 pub struct Pilot {
     config: PilotConfig,
     task: Task,
+    /// Whether nothing was done for the task yet.
+    is_new_task: bool,
     localizer: Localizer,
     local_map: LocalMap,
     searcher: Searcher,
@@ -90,6 +74,7 @@ impl Pilot {
     pub fn new(config: PilotConfig, task: Task) -> Self {
         Self {
             task,
+            is_new_task: true,
             localizer: Localizer::new(config.localize.clone()),
             local_map: LocalMap::new(config.local_map.clone()),
             searcher: Searcher::new(config.wander.clone(), config.steering.clone(), config.seed),
@@ -108,9 +93,15 @@ impl Pilot {
         }
     }
 
-    /// Gives the robot another task, as once it knows where it is.
+    /// Gives the robot another task, as once it knows where it is. Its time begins anew, unless it
+    /// goes on from [`Task::Relocalize`].
     pub fn set_task(&mut self, task: Task) {
+        if self.task != Task::Relocalize {
+            self.started_us = None;
+            self.blockages.forget_waits();
+        }
         self.task = task;
+        self.is_new_task = true;
         self.route = None;
         self.refusal = None;
         self.no_way = 0;
@@ -122,6 +113,14 @@ impl Pilot {
     #[must_use]
     pub fn path(&self) -> Option<&PlannedPath> {
         self.route.as_ref().map(FollowedPath::path)
+    }
+
+    /// What is left of the path being driven, metres, where the robot is as `localization` says.
+    #[must_use]
+    pub fn left_m(&self, localization: &Localization) -> Option<f64> {
+        let map_from_odom = localization.map_from_odom?;
+        let here = Point2::from(localization.odometry.odom_from_base.translation.vector);
+        Some(self.route.as_ref()?.left_m(&map_from_odom, here))
     }
 
     /// How often a path was asked for.
@@ -171,9 +170,14 @@ impl Pilot {
                     self.searcher.end();
                     match self.task {
                         Task::Relocalize => (Twist::default(), Some(TaskOutcome::Localized)),
+                        Task::Stay => {
+                            self.started_us = None;
+                            (Twist::default(), None)
+                        }
                         Task::GoTo(goal) => {
                             let odom_from_base = localization.odometry.odom_from_base;
-                            let now = Situation { map_from_odom, odom_from_base, now_us: frame.time_us, goal };
+                            let end = self.path_end(&goal);
+                            let now = Situation { map_from_odom, odom_from_base, now_us: frame.time_us, goal, end };
                             let (command, outcome) = self.drive(frame, localization.is_new_fix, &now, paths);
                             (slowed(command, &now.map_from_base(), paths), outcome)
                         }
@@ -183,6 +187,12 @@ impl Pilot {
         };
         let candidates = if localization.map_from_odom.is_none() { self.localizer.candidates() } else { Vec::new() };
         PilotStep { command, localization, candidates, outcome }
+    }
+
+    /// Where the path to a goal ends, map frame.
+    fn path_end(&self, goal: &DriveGoal) -> Point2 {
+        let moved = self.path().filter(|path| path.goal_moved_m > 0.0);
+        moved.and_then(|path| path.points.last()).map_or(goal.position, |last| last.position)
     }
 
     /// Moves about to see more.
@@ -207,8 +217,11 @@ impl Pilot {
         now: &Situation,
         paths: &mut dyn PathSource,
     ) -> (Twist, Option<TaskOutcome>) {
+        if std::mem::take(&mut self.is_new_task) {
+            paths.begin(now.goal.to_nearest);
+        }
         if self.final_turn.has_begun() {
-            let strayed_m = (now.map_from_odom * now.here() - now.goal.position).norm();
+            let strayed_m = (now.map_from_odom * now.here() - now.end).norm();
             let reach_m = self.config.goal_slack_m.max(self.config.route.goal_reach_m);
             if strayed_m <= reach_m + self.config.final_turn.stray_m {
                 return self.at_goal(now);
@@ -314,7 +327,7 @@ impl Pilot {
         paths: &mut dyn PathSource,
     ) -> (Twist, Option<TaskOutcome>) {
         let place = now.map_from_odom * self.obstacle_on_the_way(from, target.in_odom);
-        let goal_m = (place - now.goal.position).norm();
+        let goal_m = (place - now.end).norm();
         if target.is_goal && goal_m <= self.config.goal_slack_m {
             return self.wait_or(Failure::GoalBlocked { left_m: target.distance_m }, now.now_us);
         }

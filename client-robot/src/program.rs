@@ -10,6 +10,7 @@ mod pose_publisher;
 mod recording;
 mod report;
 mod scoring;
+mod serve;
 mod settings;
 
 pub use report::MissionReport;
@@ -18,6 +19,7 @@ pub use scoring::{AT_GOAL_DEG, AT_GOAL_M, MissionScore};
 use self::arguments::{Cli, Command, LinkArgs};
 use self::mission::mission;
 use self::path::path;
+use self::serve::serving;
 use self::settings::ClientFile;
 use crate::mission::MissionGoal;
 use fht_perception::pose::Point2;
@@ -67,6 +69,9 @@ pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
             Ok(goal) => mission(file.with_link(&link).with_robot(&robot), &robot, &goal, &link.waiting(), &stop),
             Err(refusal) => Err(refusal.into()),
         },
+        Some(Command::Serve { link, args }) => {
+            serving(file.with_link(&link).with_robot(&args.robot), &args, &link.waiting(), &stop)
+        }
         Some(Command::Completions(shell)) => {
             shell.print::<Cli>();
             Ok(ExitCode::SUCCESS)
@@ -87,7 +92,7 @@ impl LinkArgs {
 }
 
 fn parse_goal(text: &str, seed: u64) -> Result<MissionGoal, fht_proto::api::reply::ErrorReply> {
-    if text == "random" {
+    if text == mission::RANDOM {
         return Ok(MissionGoal::FarNode(seed));
     }
     Ok(match text.parse::<PlaceRef>()? {

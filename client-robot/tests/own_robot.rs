@@ -1,20 +1,26 @@
 //! A robot of one's own behind the port, without the simulator: it finds its place in a small map
-//! and drives where it is told; when its sensors fall silent it stands, and goes on when they are
-//! back.
+//! and drives where it is told, once or as it is sent; when its sensors fall silent it stands, and
+//! goes on when they are back.
 
 #![allow(clippy::unwrap_used)] // tests may panic
 
-use client_robot::mission::{MissionConfig, MissionError, MissionGoal, MissionObserver, MissionOutcome, Services, run};
+use client_robot::goals::GoalQueue;
+use client_robot::mission::{
+    MapSource, MissionConfig, MissionError, MissionGoal, MissionObserver, MissionOutcome, Services, run,
+};
 use client_robot::pilot::{Pilot, PilotStep, TaskOutcome};
+use client_robot::serving::{GoalDesk, ServeError, locate, serve};
 use fht_client::{FreeSpaceCache, PathSource, PlannedPath, rules_of_own};
-use fht_map::MapState;
+use fht_map::{MapState, PathEnds};
 use fht_perception::frame::{LaserScan, SensorFrame, Twist};
 use fht_perception::pose::{Point2, Pose2, pose, to_fixed};
 use fht_perception::robot::{Robot, RobotError, Sensors, SilenceConfig};
-use fht_proto::api::reply::ErrorReply;
+use fht_proto::api::goal::{GoalOrder, GoalState};
+use fht_proto::api::reply::{ErrorReply, PlaceRef};
 use fht_proto::{AuthorId, EdgeKey, FixedPoint, Increment, NodeId, NodeKind, Op, Rect, Signature};
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::time::Instant;
@@ -130,11 +136,15 @@ impl Robot for Toy {
 }
 
 /// Paths on the map at hand.
-struct OwnPaths<'a>(&'a MapState);
+struct OwnPaths<'a>(&'a MapState, PathEnds);
 
 impl PathSource for OwnPaths<'_> {
+    fn begin(&mut self, to_nearest: bool) {
+        self.1 = if to_nearest { PathEnds::ToNearest } else { PathEnds::Unknown };
+    }
+
     fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<FixedPoint>) -> Result<PlannedPath, ErrorReply> {
-        FreeSpaceCache::default().plan(self.0, 0, from, to, &rules_of_own(blocked))
+        FreeSpaceCache::default().plan_between(self.0, 0, (from, to, self.1), &rules_of_own(blocked))
     }
 }
 
@@ -155,7 +165,7 @@ fn mission(
     observer: &mut impl MissionObserver,
 ) -> (Result<MissionOutcome, MissionError>, Vec<Twist>, Pose2) {
     let (map, log) = (map(&toy.walls), toy.log.clone());
-    let mut services = Services { map: &map, paths: &mut OwnPaths(&map), describe: &mut |_| None };
+    let mut services = Services { map: &map, paths: &mut OwnPaths(&map, PathEnds::Unknown), describe: &mut |_| None };
     let config = MissionConfig { silence, ..MissionConfig::default() };
     let goal = MissionGoal::Point(Point2::new(GOAL.0, GOAL.1));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
@@ -206,4 +216,85 @@ fn who_watches_may_end_it_and_the_robot_stops() {
     assert!(matches!(outcome, Err(MissionError::Interrupted)));
     assert_eq!(commands.len(), 12, "eleven commands, and the stop");
     assert!(commands.last().is_some_and(is_stop));
+}
+
+/// Sends the robot: stage by stage, as its word comes.
+struct Dispatcher {
+    log: Log,
+    stage: usize,
+    frames: u64,
+    /// Where the robot truly was when it was told to stand, and when that was over.
+    stood: Vec<Pose2>,
+    is_done: Arc<AtomicBool>,
+}
+
+impl Dispatcher {
+    fn order(id: &str, (x, y): (f64, f64), to_nearest: bool) -> GoalOrder {
+        let to = PlaceRef::Point(FixedPoint::from_metres(x, y));
+        GoalOrder { id: id.to_owned(), to, yaw: None, to_nearest }
+    }
+
+    fn at(&self) -> Pose2 {
+        self.log.0.lock().unwrap().1.unwrap()
+    }
+}
+
+impl GoalDesk for Dispatcher {
+    fn exchange(&mut self, goals: &mut GoalQueue, map: &dyn MapSource) {
+        let status = goals.status(None).unwrap();
+        let mut send =
+            |id, at, to_nearest| goals.offer(Self::order(id, at, to_nearest), |order| locate(order, map)).is_ok();
+        self.frames += 1;
+        let is_over = match self.stage {
+            // Until it knows its place.
+            0 => send("a", GOAL, false),
+            1 => status.to_go_m.is_some_and(|metres| metres < 3.0),
+            2 => goals.cancel(Some("a")).is_ok_and(|status| status.state == GoalState::Cancelled),
+            3 => self.frames > 20,
+            4 => send("b", GOAL, false) && send("c", (9.0, 0.0), false) && send("d", (9.0, -0.3), true),
+            5 => status.id.as_deref() == Some("d") && status.state.is_final(),
+            _ => false,
+        };
+        if is_over {
+            self.stage += 1;
+            self.frames = 0;
+            self.stood.extend([2, 3].contains(&(self.stage - 1)).then(|| self.at()));
+            self.is_done.store(self.stage == 6, Ordering::Relaxed);
+        }
+        if self.stage == 6 {
+            let state = |id: &str| goals.status(Some(id)).unwrap().state;
+            assert_eq!(
+                ["a", "b", "c", "d"].map(state),
+                [GoalState::Cancelled, GoalState::Arrived, GoalState::Cancelled, GoalState::Arrived]
+            );
+        }
+    }
+}
+
+/// Ends what goes on when a flag is set.
+struct EndsWhen(Arc<AtomicBool>);
+
+impl MissionObserver for EndsWhen {
+    fn on_frame(&mut self, frame: &SensorFrame, _: &PilotStep, _: &Pilot) -> ControlFlow<()> {
+        assert!(frame.time_us < 600_000_000, "ten minutes are enough");
+        if self.0.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+#[test]
+fn it_drives_wherever_it_is_sent_and_stands_when_told_to() {
+    let toy = Toy::new(None);
+    let (map, log, is_done) = (map(&toy.walls), toy.log.clone(), Arc::new(AtomicBool::new(false)));
+    let mut services = Services { map: &map, paths: &mut OwnPaths(&map, PathEnds::Unknown), describe: &mut |_| None };
+    let mut desk = Dispatcher { log, stage: 0, frames: 0, stood: Vec::new(), is_done: Arc::clone(&is_done) };
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let mut observer = EndsWhen(is_done);
+    let serving = serve(toy, MissionConfig::default(), "toy", &mut desk, &mut services, &mut observer);
+    let ended = runtime.block_on(serving);
+    assert!(matches!(ended, Err(ServeError::Mission(MissionError::Interrupted))), "{ended:?}");
+    let [told, then] = desk.stood[..] else { panic!("{} times", desk.stood.len()) };
+    // It had one frame's command when it was told.
+    assert!((told.translation.vector - then.translation.vector).norm() < 0.1, "{told} {then}");
+    let (at, wall_x) = (desk.at().translation, 4.0);
+    assert!(at.x > 3.0 && at.x < wall_x, "as near to (9, -0.3) as it can: {at}");
 }

@@ -1,5 +1,5 @@
-//! `mapper explore --picture` and `mapper replay --picture` draw the map that they made, under a name
-//! that says what it is of.
+//! `mapper explore --picture` and `mapper replay --picture` draw the map that they made, under a
+//! name that says what it is of.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 use serde_json::Value;

@@ -3,6 +3,7 @@
 
 use fht_map::plan::blocked::Reports;
 use fht_proto::api::fleet::{BlockedReport, ExplorerGoal, FleetReply, RobotPose, RobotStatus};
+use fht_proto::api::goal::GoalStatus;
 use fht_proto::api::reply::{DiffReply, ErrorReply, Head, MapsReply, NodesReply, PathReply, ReleasesReply, RulesReply};
 use libfuzzer_sys::fuzz_target;
 
@@ -20,6 +21,7 @@ fuzz_target!(|bytes: &[u8]| {
     let _ = serde_json::from_slice::<RobotStatus>(bytes);
     let _ = serde_json::from_slice::<RobotPose>(bytes);
     let _ = serde_json::from_slice::<ExplorerGoal>(bytes);
+    let _ = serde_json::from_slice::<GoalStatus>(bytes);
     let _ = serde_json::from_slice::<FleetReply>(bytes);
     let _ = serde_json::from_slice::<PathReply>(bytes);
     let _ = serde_json::from_slice::<NodesReply>(bytes);

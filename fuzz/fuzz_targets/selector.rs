@@ -1,8 +1,8 @@
 #![no_main]
 //! Keys and queries: `KEY?PARAMETERS`, a line end, and a payload.
 
-use fht_proto::api::keys::Key;
-use fht_proto::api::request::{parse, parse_order};
+use fht_proto::api::keys::{Key, RobotTopic};
+use fht_proto::api::request::{parse, parse_goal, parse_goal_id, parse_order};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -17,6 +17,8 @@ fuzz_target!(|bytes: &[u8]| {
     let pairs = parameters.split(';').map(|pair| pair.split_once('=').unwrap_or((pair, "")));
     let complaint = match key {
         Key::Admin { action, .. } => parse_order(action, pairs, payload).err(),
+        Key::RobotTopic { topic: RobotTopic::Goal, .. } => parse_goal(pairs, payload).err(),
+        Key::Goal { .. } => parse_goal_id(pairs, payload).err(),
         key => parse(key, pairs, payload).err(),
     };
     if let Some(error) = complaint {

@@ -16,9 +16,10 @@ use self::settings::{ServerFile, ServerSection};
 use crate::access::{AccessArgs, denials_layer};
 use crate::config::{DEFAULT_LISTEN, Limits, QuorumConfig, ServerConfig, ServerEndpoints};
 use crate::server::{ServerError, run_beside};
+use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
 use fht_merge::MergeConfig;
-use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, parse_args};
+use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, parse_args, refuse};
 use fht_program::{Stop, Waiting, logging};
 use fht_session::SessionConfig;
 use std::ffi::OsString;
@@ -34,7 +35,6 @@ use tracing_subscriber::util::SubscriberInitExt;
 /// maps, paths and nodes.
 #[derive(Debug, Parser)]
 #[command(name = "map-server", version, after_long_help = EXAMPLES)]
-#[command(args_conflicts_with_subcommands = true)]
 struct Cli {
     #[command(flatten)]
     config: ConfigArgs,
@@ -206,6 +206,32 @@ impl Cli {
     }
 }
 
+impl Cli {
+    /// What clap cannot tell: what does not go together, of the flags and of the file with them.
+    fn check(&self, config: &ServerConfig) -> Result<(), clap::Error> {
+        let ServeArgs { data, storages, confirm, listen, .. } = &self.serve;
+        let wrong = |text: &str| Err(Self::command().error(ErrorKind::ArgumentConflict, text));
+        let is_for_serving = data.is_some() || storages.is_some() || confirm.is_some() || !listen.is_empty();
+        if self.command.is_some() {
+            return if is_for_serving {
+                wrong("--data, --storages, --confirm and --listen are for serving: leave them out, or the command")
+            } else {
+                Ok(())
+            };
+        }
+        match (&config.storages, confirm) {
+            (None, Some(_)) => wrong("--confirm goes with --storages: a disk of one's own needs no others"),
+            (Some(quorum), Some(confirm)) if usize::from(*confirm) > quorum.storages => {
+                wrong(&format!("--confirm {confirm}: there are {} storages", quorum.storages))
+            }
+            (Some(_), _) if config.link.connect.is_empty() && config.link.zenoh_config.is_none() => {
+                wrong("storages are elsewhere: --connect or --zenoh-config says in which routers")
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 fn log(verbose: u8) {
     let default = match verbose {
         0 => "warn,zenoh=error",
@@ -258,7 +284,8 @@ fn operate(
 ) -> Result<(), OperatorError> {
     let runtime = fht_program::runtime(1).map_err(OperatorError::Runtime)?;
     let stop = Stop::on_signal("map-server").map_err(OperatorError::Runtime)?;
-    stop.doing(format!("talking to the server at {}; what it was told may be done", link.places()));
+    let may_be_done = if operation.changes() { "; what it was told may be done" } else { "" };
+    stop.doing(format!("talking to the server at {}{may_be_done}", link.places()));
     let link = ServerEndpoints { connect: link.connect, zenoh_config: link.zenoh_config, ..ServerEndpoints::default() };
     let usual = if matches!(operation, Operation::Health) { Duration::from_secs(1) } else { Waiting::USUAL };
     let waiting = Waiting::new("map-server", args.wait(), Some(usual));
@@ -289,6 +316,9 @@ where
         Err(code) => return code,
     };
     let config = cli.server(file.server);
+    if let Err(error) = cli.check(&config) {
+        return refuse(&error);
+    }
     let link = ConnectArgs { connect: cli.link.connect, zenoh_config: cli.link.zenoh_config, wait: None };
     let link = link.over(&file.connect);
     let outcome = match cli.command {

@@ -18,8 +18,9 @@ pub use report::{RescueError, Rescued, RescuedAuthor};
 pub use restore::{RestoreError, Restored, restore};
 
 use crate::catalog::Catalog;
-use crate::store::{FILE_NAME, RedbLog, StoreError};
+use crate::store::{FILE_NAME, LOCK_NAME, RedbLog, StoreError};
 use report::file_error;
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::time::Duration;
@@ -30,10 +31,17 @@ const COPY: &str = "examined";
 /// may lead in circles.
 const PATIENCE: (Duration, Duration) = (Duration::from_secs(20), Duration::from_millis(200));
 
-/// The file of a store: in a directory, or itself.
+/// The file of a store: in a directory, or itself. No server may have it open.
 fn file_of(source: &Path) -> Result<PathBuf, RescueError> {
     let file = if source.is_dir() { source.join(FILE_NAME) } else { source.to_owned() };
-    if file.is_file() { Ok(file) } else { Err(RescueError::NoStore(source.to_owned())) }
+    if !file.is_file() {
+        return Err(RescueError::NoStore(source.to_owned()));
+    }
+    // Nothing is written: the disk may be full, or mounted for reading.
+    let dir = file.parent().unwrap_or(&file);
+    let is_used = File::open(dir.join(LOCK_NAME))
+        .is_ok_and(|lock| matches!(lock.try_lock_shared(), Err(TryLockError::WouldBlock)));
+    if is_used { Err(StoreError::InUse { dir: dir.to_owned() }.into()) } else { Ok(file) }
 }
 
 /// Copies everything that still reads of the store in `source`, a data directory or its file, into

@@ -17,4 +17,5 @@ pub use log::{
     StoreError, Stored, Visit,
 };
 pub use memory::MemoryLog;
+pub(crate) use redb_log::LOCK_NAME;
 pub use redb_log::{FILE_NAME, RedbLog};

@@ -55,6 +55,27 @@ fn fill(dir: &Path) {
     ingest.retain(&"cellar".parse().unwrap(), 30).unwrap();
 }
 
+#[test]
+fn an_empty_file_and_one_of_something_else_are_damaged() {
+    for bytes in [Vec::new(), vec![7; 5000]] {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join(FILE_NAME), &bytes).unwrap();
+        let error = RedbLog::open(dir.path()).err().unwrap();
+        assert!(matches!(error, StoreError::Broken { .. }), "{} bytes: {error}", bytes.len());
+        assert!(check(dir.path(), &dir.path().join("scratch")).unwrap().damage.is_some());
+    }
+}
+
+#[test]
+fn a_store_in_use_is_not_examined() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = RedbLog::open(dir.path()).unwrap();
+    let error = check(dir.path(), &dir.path().join("scratch")).err().unwrap().to_string();
+    assert!(error.contains("in use"), "{error}");
+    drop(log);
+    assert!(check(dir.path(), &dir.path().join("scratch")).unwrap().damage.is_none());
+}
+
 /// All operations that a store holds, by map, author, number and place, as text.
 fn contents(dir: &Path) -> BTreeMap<(String, AuthorId, u64, u16), String> {
     let log = RedbLog::open(dir).unwrap();

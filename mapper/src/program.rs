@@ -3,7 +3,6 @@
 mod arguments;
 mod explore;
 mod explore_command;
-mod pace;
 mod picture;
 mod record;
 mod replay;

@@ -8,10 +8,12 @@
 //! | [`compact`] | the same replies for `fmt=postcard` |
 //! | [`fleet`] | what robots say of themselves |
 //! | [`deletion`] | that a map will be deleted, or was |
+//! | [`goal`] | where robots are sent, and what becomes of it |
 
 pub mod compact;
 pub mod deletion;
 pub mod fleet;
+pub mod goal;
 pub mod keys;
 pub mod reply;
 pub mod request;

@@ -2,6 +2,7 @@
 //! languages.
 
 use crate::api::fleet::{BlockedReport, ExplorerGoal, FleetReply, RobotPose, RobotStatus};
+use crate::api::goal::GoalStatus;
 use crate::api::reply::{
     DiffReply, ErrorReply, Head, MapsReply, NodesReply, PathReply, ReleasesReply, RulesReply, SeriesReply,
 };
@@ -36,6 +37,7 @@ pub fn schemas() -> Vec<(&'static str, Schema)> {
         ("robot-status", of::<RobotStatus>()),
         ("robot-blocked", of::<BlockedReport>()),
         ("robot-goal", of::<ExplorerGoal>()),
+        ("robot-goal-status", of::<GoalStatus>()),
     ]
 }
 

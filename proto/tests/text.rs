@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)] // tests may panic
 
 use fht_proto::api::compact::CompactPath;
-use fht_proto::api::keys::{AdminAction, Key, RobotTopic, Topic};
+use fht_proto::api::keys::{AdminAction, GoalTopic, Key, RobotTopic, Topic};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Head, PlaceRef, parse_point};
 use fht_proto::{AuthorId, Digest, FixedPoint, FixedPose, MapName, NodeId, Rect, VersionVector, decode};
 use proptest::prelude::*;
@@ -22,6 +22,8 @@ fn key() -> impl Strategy<Value = Key> {
         (map(), robot()).prop_map(|(map, robot)| Key::Robot { map, robot }),
         (map(), robot(), prop::sample::select(RobotTopic::ALL.to_vec()))
             .prop_map(|(map, robot, topic)| Key::robot(&map, &robot, topic)),
+        (map(), robot(), prop::sample::select(GoalTopic::ALL.to_vec()))
+            .prop_map(|(map, robot, topic)| Key::goal(&map, &robot, topic)),
         (map(), prop::sample::select(AdminAction::ALL.to_vec())).prop_map(|(map, action)| Key::Admin { map, action }),
     ]
 }

@@ -6,7 +6,9 @@
 
 use fht_demo::{Process, Role, free_endpoint};
 use fht_proto::api::fleet::{BlockedReport, ExplorerGoal, LocalizationState, RobotPose, RobotRole, RobotStatus};
-use fht_proto::api::keys::{Key, RobotTopic};
+use fht_proto::api::goal::{GoalState, GoalStatus};
+use fht_proto::api::keys::{GoalTopic, Key, RobotTopic};
+use fht_proto::api::reply::ErrorCode;
 use fht_proto::{
     AuthorId, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Increment, Label, MapName, ModelId,
     NodeId, NodeKind, Op, Release, ReleaseId, ScanRecord, Signature, VersionVector, Zone, ZoneRule,
@@ -223,6 +225,20 @@ fn what_the_server_says_is_as_the_schemas_have_it() {
         RobotTopic::Goal,
         &ExplorerGoal { at: [0.0, 1.0], target: Some([4.0, 0.5]), remaining_m: 4.3, finished: false },
     );
+    let goal = GoalStatus {
+        state: GoalState::Failed,
+        id: Some("7".to_owned()),
+        goal: Some([4.5, 0.0]),
+        goal_yaw: Some(1.5708),
+        to_go_m: Some(5.31),
+        code: Some(ErrorCode::NoPath),
+        reason: Some("nothing joins them".to_owned()),
+        waiting: Some("8".to_owned()),
+        stamp_us: Some(1),
+        ..GoalStatus::idle("amr-7")
+    };
+    let key = Key::goal(&site.map, "amr-7", GoalTopic::Status).to_string();
+    site.session.put(key, serde_json::to_vec(&goal).unwrap()).wait().unwrap();
     site.say(RobotTopic::Status, &status);
     site.say(RobotTopic::Blocked, &report);
     let checked = check.line("diff ");

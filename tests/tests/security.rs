@@ -226,6 +226,61 @@ async fn a_robot_speaks_of_itself_only() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn operators_send_robots_and_no_robot_sends_another_or_answers_for_it() {
+    fht_program::logging::init("zenoh::net::routing::interceptor=trace"); // TEMP
+    let site = Site::start().await;
+    let ana = site.session("explorer.json5", "explorer-ana").await;
+    let tug = site.session("client.json5", "client-tug").await;
+    let desk = site.session("operator.json5", "operator-desk").await;
+    let answering = async |keys: &str, word: &'static str| {
+        let asked = Arc::new(AtomicU64::new(0));
+        let counting = Arc::clone(&asked);
+        let answer = move |query: zenoh::query::Query| {
+            counting.fetch_add(1, Ordering::Relaxed);
+            let under = query.key_expr().as_str().replace('*', "tug");
+            let _ = query.reply(under, word).wait();
+        };
+        (tug.declare_queryable(keys).complete(true).callback(answer).await.unwrap(), asked)
+    };
+    let (_own, sent) = answering("fht/museum/robots/tug/goal/**", "on my way").await;
+    let (_of_another, lied) = answering("fht/museum/robots/ana/goal/**", "lies").await;
+    let goals = tug.declare_subscriber("fht/museum/robots/tug/goal/**").await.unwrap();
+    tokio::time::sleep(MOMENT).await;
+
+    let goal = "fht/museum/robots/tug/goal?id=1;to=dock";
+    for key in [goal, "fht/museum/robots/tug/goal/cancel", "fht/museum/robots/*/goal/status"] {
+        assert!(ask(&desk, key).await.contains(&Ok(b"on my way".to_vec())), "{key}");
+    }
+    desk.put("fht/museum/robots/tug/goal", "so be it").await.unwrap();
+    assert!(hears(&goals).await.is_some());
+
+    let before = sent.load(Ordering::Relaxed);
+    let tries = [
+        goal,
+        "fht/museum/robots/tug/goal/cancel",
+        "fht/*/robots/*/goal",
+        "fht/museum/robots/**",
+        "fht/**/goal/cancel",
+    ];
+    for key in tries {
+        let replies = ask(&ana, key).await;
+        assert!(replies.iter().all(Result::is_err), "{key}: {replies:?}");
+    }
+    for key in ["tug/goal", "tug/goal/cancel", "*/goal", "**"] {
+        ana.put(format!("fht/museum/robots/{key}"), "lies").await.unwrap();
+    }
+    assert!(hears_nothing(&goals).await);
+    assert_eq!(sent.load(Ordering::Relaxed), before, "no robot has reached another");
+    assert!(ask(&ana, "fht/museum/robots/tug/goal/status").await.contains(&Ok(b"on my way".to_vec())));
+    assert!(ask(&desk, "fht/museum/robots/ana/goal?id=1;to=dock").await.iter().all(Result::is_err));
+    assert_eq!(lied.load(Ordering::Relaxed), 0, "nobody asks a robot for another");
+    for session in [ana, tug, desk] {
+        session.close().await.unwrap();
+    }
+    site.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn operators_give_orders_and_servers_answer_and_refuse() {
     let site = Site::start().await;
     let ana = site.session("explorer.json5", "explorer-ana").await;

@@ -12,18 +12,21 @@ pub struct DriveGoal {
     pub position: Point2,
     /// The heading that the robot turns to there, map frame, radians; none: it stays as it came.
     pub yaw: Option<f64>,
+    /// Whether the robot drives to the nearest point that it can reach, if it cannot reach the
+    /// goal.
+    pub to_nearest: bool,
 }
 
 impl From<Point2> for DriveGoal {
     fn from(position: Point2) -> Self {
-        Self { position, yaw: None }
+        Self { position, yaw: None, to_nearest: false }
     }
 }
 
 impl From<Pose2> for DriveGoal {
     fn from(map_from_goal: Pose2) -> Self {
         let position = Point2::from(map_from_goal.translation.vector);
-        Self { position, yaw: Some(map_from_goal.rotation.angle()) }
+        Self { position, yaw: Some(map_from_goal.rotation.angle()), to_nearest: false }
     }
 }
 
@@ -34,6 +37,9 @@ pub enum Task {
     Relocalize,
     /// Then drive to a place.
     GoTo(DriveGoal),
+    /// Stand there, and go on knowing the place: for as long as it takes. A robot that was carried
+    /// off moves about until it knows again.
+    Stay,
 }
 
 /// Why a task failed.

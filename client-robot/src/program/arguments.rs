@@ -1,7 +1,7 @@
 //! The command line.
 
 use clap::{Args, Parser, Subcommand};
-use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, ReportArgs, seconds};
+use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, ReportArgs, number, seconds};
 use fht_proto::{Footprint, MapName, RobotName};
 use fht_sim::SimSetup;
 use std::path::PathBuf;
@@ -16,6 +16,7 @@ use std::path::PathBuf;
     after_help = "Examples:
   client-robot relocalize --map museum              where am I?
   client-robot go --map museum --to dock            … and drive there
+  client-robot serve --map museum --robot tug-1     stays up and drives where it is sent
   client-robot path --map museum --from 0,0 --to 5,3
   client-robot --print-config > robot.toml          every parameter, with what it means
   client-robot --config robot.toml go --to dock
@@ -78,6 +79,25 @@ pub(super) enum Command {
         #[arg(long, allow_hyphen_values = true)]
         to: String,
     },
+    /// Finds its place, then drives wherever it is sent, goal after goal, until it is asked to end.
+    ///
+    /// Goals are sent by `map-server send`, or by any Zenoh client under
+    /// fht/{map}/robots/{robot}/goal (docs/protocol.md). The simulated world goes in real time, or
+    /// at --rate.
+    #[command(after_help = "Examples:
+  client-robot serve --map museum --robot tug-1
+  client-robot serve --map museum --robot tug-1 --start 3,2,90 --rate 5      a world five times as fast
+  map-server send museum tug-1 dock --wait-arrived                        … and send it, twice
+  map-server send museum tug-1 5,3
+  map-server cancel museum tug-1
+
+Exit code 0: it was asked to end, by Ctrl-C or SIGTERM; 1: it does not find its place; 2: it could not be tried.")]
+    Serve {
+        #[command(flatten)]
+        link: LinkArgs,
+        #[command(flatten)]
+        args: ServeArgs,
+    },
     /// Writes completions for a shell to standard output.
     Completions(CompletionsArgs),
 }
@@ -100,7 +120,7 @@ pub(super) struct WayArgs {
 pub(super) struct LinkArgs {
     #[command(flatten)]
     pub(super) server: ConnectArgs,
-    /// The map [default: museum].
+    /// The map [default: as a simulated robot's world is called, or museum].
     #[arg(long)]
     pub(super) map: Option<MapName>,
 }
@@ -135,6 +155,19 @@ pub(super) struct RobotArgs {
     /// Print nothing but errors.
     #[arg(long)]
     pub(super) quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct ServeArgs {
+    #[command(flatten)]
+    pub(super) robot: RobotArgs,
+    /// Simulated seconds a second [default: 1].
+    #[arg(long, value_parser = rate)]
+    pub(super) rate: Option<f64>,
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    number(text, 1e-3..=1e6)
 }
 
 #[cfg(test)]

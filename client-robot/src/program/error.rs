@@ -30,6 +30,8 @@ pub(crate) enum CliError {
     EmptyMap(MapName),
     #[error("map '{map}' has no {what}; {known}")]
     UnknownGoal { map: MapName, what: String, known: String },
+    #[error("a robot called {0} is there already; give this one another --robot")]
+    NameTaken(String),
     #[error("{0}")]
     Report(String),
     #[error("a thread cannot be started: {0}")]

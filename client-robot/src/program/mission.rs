@@ -28,6 +28,8 @@ use std::sync::Arc;
 use std::time::Instant;
 use zenoh::Session;
 
+/// What is said for a node far off.
+pub(super) const RANDOM: &str = "random";
 /// Room that a random start has around it, metres.
 const START_CLEARANCE_M: f64 = 0.4;
 
@@ -50,17 +52,11 @@ pub(super) fn mission(
     let _alive = presence.declare()?;
     let head = wait_for_map(&session, &map, waiting, stop)?;
     let replica = copy_of_map(&session, &file, &net, &head)?;
+    let goal = &called_random(goal, &replica);
     require(goal, &map, &replica, waiting)?;
     let mut paths =
         ServerPaths::new(&session, map.clone(), &name, &replica, &file.client.paths).map_err(CliError::Thread)?;
-    let model = net.model().id;
-    let mut describe = |panorama: &Panorama| match net.describe(panorama) {
-        Ok(components) => Some(Descriptor::quantise(model, &components)),
-        Err(error) => {
-            tracing::warn!(%error, "no descriptor of this panorama");
-            None
-        }
-    };
+    let mut describe = describing(&mut net);
     let display = Display::new(args, &name);
     let publisher = PosePublisher::new(presence, &replica);
     // The robot stands and its bag is whole before the program ends.
@@ -101,8 +97,20 @@ pub(super) fn mission(
     Ok(if is_done { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
+/// The descriptors of panoramas.
+pub(super) fn describing(net: &mut DescriptorNet) -> impl FnMut(&Panorama) -> Option<Descriptor> + Send {
+    let model = net.model().id;
+    move |panorama| match net.describe(panorama) {
+        Ok(components) => Some(Descriptor::quantise(model, &components)),
+        Err(error) => {
+            tracing::warn!(%error, "no descriptor of this panorama");
+            None
+        }
+    }
+}
+
 /// Ends the mission when the program is asked to end.
-struct UntilAsked(Stop);
+pub(super) struct UntilAsked(pub(super) Stop);
 
 impl MissionObserver for UntilAsked {
     fn on_frame(&mut self, _: &SensorFrame, _: &PilotStep, _: &Pilot) -> ControlFlow<()> {
@@ -111,13 +119,20 @@ impl MissionObserver for UntilAsked {
 }
 
 /// The simulated robot at its start, and where the map's frame truly lies.
-fn robot(setup: &SimSetup, sim: &SimConfig, footprint: &Footprint) -> Result<(Simulator, Pose2), CliError> {
+pub(super) fn robot(setup: &SimSetup, sim: &SimConfig, footprint: &Footprint) -> Result<(Simulator, Pose2), CliError> {
     let world = Arc::new(setup.load()?);
     let radius_m = sim.radius_m.max(footprint.circumscribed_radius_m());
     let start =
         setup.start_in(&world, radius_m)?.unwrap_or_else(|| world.random_free_pose(setup.seed, START_CLEARANCE_M));
     let world_from_map = setup.map_origin.unwrap_or_else(|| world.start());
     Ok((Simulator::new(world, sim.clone(), start, setup.seed), world_from_map))
+}
+
+/// `random` is a node far off, unless a place is called so.
+fn called_random(goal: &MissionGoal, replica: &LiveReplica) -> MissionGoal {
+    let is_random = matches!(goal, MissionGoal::FarNode(_));
+    let name = RANDOM.parse().ok().filter(|name| is_random && MapSource::place(replica, name).is_some());
+    name.map_or_else(|| goal.clone(), MissionGoal::Named)
 }
 
 /// Before the robot drives: that the map has the goal.
@@ -145,7 +160,7 @@ fn require(goal: &MissionGoal, map: &MapName, replica: &LiveReplica, waiting: &W
 }
 
 /// A copy of the map that is complete and of use.
-fn copy_of_map(
+pub(super) fn copy_of_map(
     session: &Session,
     file: &ClientFile,
     net: &DescriptorNet,

@@ -6,7 +6,7 @@ use super::error::CliError;
 use super::settings::ClientFile;
 use fht_client::{AskError, PathQuestion, PlannedPath, ask_path, planned};
 use fht_program::{Stop, Waiting};
-use fht_proto::api::reply::{ErrorCode, PlaceRef};
+use fht_proto::api::reply::{ErrorCode, PlaceRef, SpeedLimit};
 use std::process::ExitCode;
 
 /// Asks, and prints the answer.
@@ -32,6 +32,9 @@ pub(super) fn path(
                 return Ok(ExitCode::SUCCESS);
             }
             Ok(reply) => {
+                for SpeedLimit { zone, max_mps, along_m: [from_m, to_m] } in &reply.speed_limits {
+                    println!("at most {max_mps} m/s in zone {zone}, from {from_m:.2} m to {to_m:.2} m of the way");
+                }
                 let goal_yaw = reply.goal_yaw;
                 break (planned(reply)?, goal_yaw);
             }
@@ -42,7 +45,8 @@ pub(super) fn path(
                 std::thread::sleep(ASK_AGAIN);
             }
             Err(AskError::Refused(refusal)) => {
-                eprintln!("client-robot: {:?}: {}", refusal.code, refusal.message);
+                let code = serde_json::to_string(&refusal.code)?;
+                eprintln!("client-robot: {}: {}", code.trim_matches('"'), refusal.message);
                 return Ok(ExitCode::from(1));
             }
             Err(error) => return Err(error.into()),

@@ -7,7 +7,7 @@ use crate::path_reply::planned_between;
 use crate::planned_path::{PathPoint, PathSource, PlannedPath};
 use crate::queries::{AskError, ask};
 use crate::replica::LiveReplica;
-use fht_map::Rules;
+use fht_map::{PathEnds, Rules};
 use fht_perception::pose::{Point2, fixed_point};
 use fht_proto::api::fleet::BlockedReport;
 use fht_proto::api::keys::{Key, RobotTopic, Topic};
@@ -88,6 +88,7 @@ struct Question {
     from: Point2,
     to: Point2,
     entry: Option<PathPoint>,
+    to_nearest: bool,
 }
 
 /// What the server answered: a path, a refusal, or nothing of use (a sentence).
@@ -101,6 +102,8 @@ pub struct ServerPaths<'a> {
     blocked_key: String,
     blocked_for_s: f64,
     footprint: Footprint,
+    /// Whether paths may end at the nearest point that can be reached.
+    to_nearest: bool,
     /// What others were told last.
     told: BTreeSet<FixedPoint>,
     /// What held when a path was last asked for.
@@ -134,6 +137,7 @@ impl<'a> ServerPaths<'a> {
             blocked_key,
             blocked_for_s: config.blocked_for_s,
             footprint: config.footprint.clone(),
+            to_nearest: false,
             told: BTreeSet::new(),
             rules: Arc::default(),
             inquiry,
@@ -167,11 +171,11 @@ impl<'a> ServerPaths<'a> {
 
 fn answer(session: &Session, map: &MapName, footprint: &Footprint, question: Question, timeout: Duration) -> Answer {
     let text = |point: Point2| format!("{:.3},{:.3}", point.x, point.y);
-    let Question { from, to, entry } = question;
+    let Question { from, to, entry, to_nearest } = question;
     let mut failure = None;
     let path = with_entry(from, entry, |start| {
         let (from, to_text) = (text(start), text(to));
-        let question = PathQuestion { from: &from, to: &to_text, footprint, release: None, to_nearest: false };
+        let question = PathQuestion { from: &from, to: &to_text, footprint, release: None, to_nearest };
         let reply = ask_path(session, map, &question, timeout);
         let path = reply.and_then(|reply| {
             planned_between(reply, start, to).map_err(|error| AskError::Unreadable(error.to_string()))
@@ -189,12 +193,19 @@ fn answer(session: &Session, map: &MapName, footprint: &Footprint, question: Que
 }
 
 impl PathSource for ServerPaths<'_> {
+    fn begin(&mut self, to_nearest: bool) {
+        self.to_nearest = to_nearest;
+        self.inquiry.cancel();
+        self.free_space.forget_wish();
+    }
+
     fn plan(&mut self, from: Point2, to: Point2, blocked: &BTreeSet<FixedPoint>) -> Result<PlannedPath, ErrorReply> {
         self.tell(blocked);
         let changes = self.replica.changes();
         let map = self.replica.running();
         if blocked.is_empty() {
-            self.inquiry.replace(Question { from, to, entry: entry_node(&map, &self.footprint, from) });
+            let (entry, to_nearest) = (entry_node(&map, &self.footprint, from), self.to_nearest);
+            self.inquiry.replace(Question { from, to, entry, to_nearest });
         } else {
             self.inquiry.cancel();
         }
@@ -204,7 +215,8 @@ impl PathSource for ServerPaths<'_> {
         } else {
             Arc::new(with_own(self.rules.as_ref().clone(), blocked))
         };
-        self.free_space.plan(&map, changes, from, to, &rules)
+        let ends = if self.to_nearest { PathEnds::ToNearest } else { PathEnds::Unknown };
+        self.free_space.plan_between(&map, changes, (from, to, ends), &rules)
     }
 
     fn is_outdated(&self) -> bool {

@@ -42,6 +42,11 @@ pub struct PlannedPath {
 
 /// Where paths come from.
 pub trait PathSource {
+    /// The robot begins to drive to another goal: what was asked before does not count any more.
+    /// From here on paths may end at the nearest point that can be reached, if `to_nearest` and the
+    /// goal cannot.
+    fn begin(&mut self, _to_nearest: bool) {}
+
     /// A path between two points of the map frame that leads around the places in `blocked`.
     ///
     /// # Errors

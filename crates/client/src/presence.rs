@@ -6,7 +6,7 @@ use fht_proto::api::fleet::{BlockedReport, LocalizationState, RobotPose, RobotRo
 use fht_proto::api::keys::{Key, RobotTopic};
 use fht_proto::model::version::VersionVector;
 use fht_proto::{MapName, ParseIdError, RobotName};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use zenoh::bytes::Encoding;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::qos::CongestionControl;
@@ -71,6 +71,15 @@ impl Presence {
     /// When Zenoh refuses.
     pub fn declare(&self) -> Result<LivelinessToken, zenoh::Error> {
         self.session.liveliness().declare_token(token_key(&self.map, &self.robot)).wait()
+    }
+
+    /// Whether a robot of this name is there already, as far as is known within `timeout`.
+    ///
+    /// # Errors
+    /// When Zenoh refuses.
+    pub fn is_taken(&self, timeout: Duration) -> Result<bool, zenoh::Error> {
+        let there = self.session.liveliness().get(token_key(&self.map, &self.robot)).timeout(timeout).wait()?;
+        Ok(there.into_iter().any(|token| token.result().is_ok()))
     }
 
     /// Publishes where the robot is, and what it runs: the increments in `vector`, and the release

@@ -83,8 +83,8 @@ impl Grounds<'_> {
         (is_seen && excess >= config.min_excess) || by_walls()
     }
 
-    /// Other places than `best` that walls alone suggest. The hypotheses at hand may lack them: they
-    /// are weighed by pictures, too, and what is light is dropped.
+    /// Other places than `best` that walls alone suggest. The hypotheses at hand may lack them:
+    /// they are weighed by pictures, too, and what is light is dropped.
     fn challengers(&self, best: &Hypothesis) -> Vec<Hypothesis> {
         let Self { views, landmarks, .. } = self;
         let Some((last, pyramid)) = views.last().zip(landmarks.walls().pyramid.as_ref()) else { return Vec::new() };

@@ -174,8 +174,8 @@ impl Hypothesis {
     }
 
     /// How much more of what all views saw this place explains than `other`, as the natural
-    /// logarithm of a likelihood ratio. Of each view's difference, `alike_share` of the beams do not
-    /// count.
+    /// logarithm of a likelihood ratio. Of each view's difference, `alike_share` of the beams do
+    /// not count.
     #[must_use]
     pub fn wall_margin(&self, other: &Self, alike_share: f64, config: &WeighConfig) -> f64 {
         let views = self.evidence.iter().zip(&other.evidence);

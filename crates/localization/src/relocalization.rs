@@ -361,17 +361,6 @@ impl Relocalizer {
             contradicted = evidence.contradicted_share(),
             "likeliest place"
         );
-        for other in self.hypotheses.iter().take(4) {
-            let (at, evidence) = (other.map_from_base(), other.evidence());
-            tracing::trace!(
-                x = at.translation.x,
-                y = at.translation.y,
-                yaw = at.rotation.angle(),
-                weight = other.weight(&config.weigh),
-                ?evidence,
-                "place"
-            );
-        }
         let is_good = confidence >= config.min_confidence
             && self.spread_m() >= config.min_spread_m
             && evidence.explained_share() >= config.min_explained

@@ -2,8 +2,10 @@
 //! run (its sensing half), ROS 2, or a robot of your own. [`Supervised`] keeps the deadlines of a
 //! live one.
 
+mod paced;
 mod supervised;
 
+pub use paced::Paced;
 pub use supervised::{SilenceConfig, Supervised};
 
 use crate::frame::{FrameError, SensorFrame, Twist};

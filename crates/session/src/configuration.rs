@@ -82,8 +82,10 @@ fn endpoint(given: &str) -> Result<String, ConfigurationError> {
     let text = if !given.contains('/') && is_host_and_port(given) { format!("tcp/{given}") } else { given.to_owned() };
     // Zenoh finds out later that there is no port, and says so in a way that few understand.
     let has_port = |rest: &str| is_host_and_port(rest.split(['?', '#']).next().unwrap_or(rest));
-    let needs_port = |protocol: &str| matches!(protocol, "tcp" | "tls" | "udp" | "quic" | "ws");
-    let is_whole = text.split_once('/').is_some_and(|(protocol, rest)| !needs_port(protocol) || has_port(rest));
+    let is_whole = text.split_once('/').is_some_and(|(protocol, rest)| match protocol {
+        "tcp" | "tls" => has_port(rest),
+        protocol => protocol == "unixsock-stream",
+    });
     if is_whole && text.parse::<EndPoint>().is_ok() {
         return Ok(text);
     }
@@ -106,7 +108,18 @@ mod tests {
         ] {
             assert_eq!(endpoint(given).unwrap(), expected);
         }
-        for bad in ["", "127.0.0.1", "hall", ":7447", "hall:http", "hall:70000", "tcp/", "/hall:7447", "tcp/hall"] {
+        for bad in [
+            "",
+            "127.0.0.1",
+            "hall",
+            ":7447",
+            "hall:http",
+            "hall:70000",
+            "tcp/",
+            "/hall:7447",
+            "tcp/hall",
+            "http://hall:80",
+        ] {
             let error = endpoint(bad).unwrap_err().to_string();
             assert!(error.starts_with(&format!("'{bad}' is not an endpoint: write HOST:PORT")), "{error}");
         }

@@ -20,10 +20,23 @@ const ALL_MESSAGES: [&str; 9] = [
 /// What a robot may receive.
 const SHARED: [&str; 3] = ["fht/*/inc/**", "fht/*/head", "fht/*/robots/**"];
 /// What a robot may ask: every topic, even misspelt ones, since the server answers those with an
-/// explanation. One chunk after the map's name, so that no wildcard reaches the admin keys.
-const QUESTIONS: [&str; 4] = ["fht/*", "fht/*/*", "fht/*/inc/**", "fht/*/robots/**"];
+/// explanation. One chunk after the map's name, so that no wildcard reaches the admin keys; and of
+/// other robots not where they are sent.
+const QUESTIONS: [&str; 9] = [
+    "fht/*",
+    "fht/*/*",
+    "fht/*/inc/**",
+    "fht/*/robots/*",
+    "fht/*/robots/*/pose",
+    "fht/*/robots/*/status",
+    "fht/*/robots/*/blocked",
+    "fht/*/robots/*/seen",
+    "fht/*/robots/*/goal/status",
+];
 /// Where the robots are.
 const ROBOTS: [&str; 1] = ["fht/*/robots/**"];
+/// Where robots are sent.
+const GOALS: [&str; 2] = ["fht/*/robots/*/goal", "fht/*/robots/*/goal/cancel"];
 /// Orders to the server.
 const ADMIN: [&str; 1] = ["fht/*/admin/**"];
 /// Everything of this service. `**` does not cover chunks that begin with `@`.
@@ -53,8 +66,11 @@ pub(super) fn shared_rules() -> Vec<Value> {
         rule("robots are answered", "egress", &["reply"], &QUESTIONS),
         // Publishers learn whether anybody listens, and send nothing otherwise.
         rule("robots are told who listens", "egress", &declared, &EVERYTHING),
+        // Who may ask was checked where it was asked; wildcards go to several robots.
+        rule("robots are sent", "egress", &["query"], &["fht/*/robots/*/goal/**"]),
         rule("robots are told who is there", "egress", &["liveliness_token"], &ROBOTS),
         rule("operators order", "ingress", &["put", "delete", "query"], &ADMIN),
+        rule("operators send robots", "ingress", &["put"], &GOALS),
         rule("operators ask", "ingress", &["query", "declare_subscriber"], &EVERYTHING),
         rule("operators ask routers", "ingress", &["query"], &ZENOH_ADMIN),
         rule("operators hear", "egress", &["put", "delete", "reply"], &EVERYTHING),
@@ -68,17 +84,19 @@ pub(super) fn shared_rules() -> Vec<Value> {
     ]
 }
 
-pub(super) const ROBOT_RULES: [&str; 7] = [
+pub(super) const ROBOT_RULES: [&str; 8] = [
     "robots subscribe",
     "robots ask",
     "robots see each other",
     "robots hear",
     "robots are answered",
     "robots are told who listens",
+    "robots are sent",
     "robots are told who is there",
 ];
-pub(super) const OPERATOR_RULES: [&str; 5] = [
+pub(super) const OPERATOR_RULES: [&str; 6] = [
     "operators order",
+    "operators send robots",
     "operators ask",
     "operators ask routers",
     "operators hear",
@@ -99,6 +117,11 @@ pub(super) fn own_rules(role: &str, name: &str) -> Vec<Value> {
         rule(id("reports"), "ingress", &["put", "delete"], &own),
         rule(id("is there"), "ingress", &["liveliness_token"], &tokens),
     ];
+    if role != "operator" {
+        // Where it is sent; this includes the key of the goal itself.
+        let goals = [format!("fht/*/robots/{name}/goal/**")];
+        rules.push(rule(id("takes goals"), "ingress", &["declare_queryable", "reply"], &goals));
+    }
     if role != "client" {
         let author = AuthorId::of_robot(name);
         let refused = [format!("fht/*/refused/{author}")];

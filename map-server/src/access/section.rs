@@ -129,6 +129,11 @@ mod tests {
         assert!(writes("operator:desk", "desk") && !writes("operator:desk", "ana"));
         let keeps = |subject: &str| granted(&section, subject).contains(ALL_KEPT);
         assert!(keeps("server:maps") && !keeps("explorer:ana") && !keeps("operator:desk") && !keeps("client:tug"));
+        let sends = |subject: &str| granted(&section, subject).contains("\"fht/*/robots/*/goal\"");
+        assert!(sends("operator:desk") && !sends("explorer:ana") && !sends("client:tug"));
+        let takes =
+            |subject: &str, robot: &str| granted(&section, subject).contains(&format!("robots/{robot}/goal/**"));
+        assert!(takes("client:tug", "tug") && !takes("client:tug", "ana") && !takes("operator:desk", "desk"));
         assert!(!writes("client:tug", "tug") && !granted(&section, "client:tug").contains("/admin/"));
     }
 

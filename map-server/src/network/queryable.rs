@@ -39,6 +39,8 @@ enum Addressed {
     /// The same by wildcards, as the servers of a site ask all of their storages. A refusal would
     /// be taken for one of a storage.
     Storages,
+    /// What robots answer, of several of them: a refusal would be taken for one of a robot.
+    Robots,
     /// What is put and not asked for: the sentence says what to ask.
     NotAsked(String),
     /// Nothing that exists.
@@ -69,6 +71,11 @@ fn put_only(expression: &str) -> Addressed {
     match kind {
         "kept" if matches!(expression.parse(), Ok(Key::Kept { .. })) => Addressed::Kept,
         "kept" => Addressed::Storages,
+        "robots" if is_of_goals(expression) && expression.contains('*') => Addressed::Robots,
+        "robots" if is_of_goals(expression) => Addressed::NotAsked(format!(
+            "{key} is answered by the robot itself, and this one takes no goals: does client-robot serve run? \
+             {PREFIX}/{map}/{fleet} answers which robots there are"
+        )),
         "robots" => Addressed::NotAsked(format!(
             "{key} is put by robots: subscribe to it; {PREFIX}/{map}/{fleet} answers which robots there are"
         )),
@@ -90,6 +97,12 @@ fn put_only(expression: &str) -> Addressed {
         }
         _ => Addressed::Unknown,
     }
+}
+
+/// Whether a robot that takes goals would answer.
+fn is_of_goals(expression: &str) -> bool {
+    let chunks: Vec<&str> = expression.split('/').skip(3).collect();
+    matches!(chunks.as_slice(), [_, "goal"] | [_, "goal", _])
 }
 
 impl QueryService {
@@ -132,12 +145,23 @@ impl QueryService {
         Some((name.to_owned(), answer_at_once(&request, &self.sources, now_us())?))
     }
 
+    /// Whether a robot that is there may answer.
+    fn is_left_to_a_robot(&self, expression: &str) -> bool {
+        let mut chunks = expression.split('/').skip(1);
+        let (map, robot) = (chunks.next().and_then(|map| map.parse().ok()), chunks.nth(1));
+        let is_there = map.zip(robot).is_some_and(|(map, robot)| self.sources.fleet.is_alive(&map, robot));
+        is_there && is_of_goals(expression)
+    }
+
     fn reply(&self, query: &Query) {
+        if self.is_left_to_a_robot(query.key_expr()) {
+            return;
+        }
         let maps = self.sources.catalog.heads().into_iter().map(|head| head.map.clone());
         match addressed(query.key_expr().as_str(), maps) {
             Addressed::One(key) => self.reply_to(query, key),
             Addressed::Several(keys) => keys.into_iter().for_each(|key| self.reply_to(query, key)),
-            Addressed::Storages => {}
+            Addressed::Storages | Addressed::Robots => {}
             Addressed::Kept if self.sources.log.is_shared() => {}
             Addressed::Kept => {
                 let text = format!(
@@ -327,6 +351,8 @@ mod tests {
             ("fht/*/robots/*/status", "fht/MAP/fleet"),
             ("fht/a/refused/00000001", "fht/a/head"),
             ("fht/a/admin/dance", "retain, import"),
+            ("fht/a/robots/r/goal", "client-robot serve"),
+            ("fht/a/robots/r/goal/status", "client-robot serve"),
         ] {
             let said = asked(others);
             assert!(matches!(&said, Addressed::NotAsked(text) if text.contains(instead)), "{others}: {said:?}");
@@ -334,6 +360,9 @@ mod tests {
         assert_eq!(asked("fht/a/kept/00000001/1"), Addressed::Kept);
         for storages in ["fht/*/kept/**", "fht/a/kept/00000001/*", "fht/*/kept/*/1", "fht/-/kept/presence"] {
             assert_eq!(asked(storages), Addressed::Storages, "{storages}");
+        }
+        for several in ["fht/a/robots/*/goal/status", "fht/*/robots/*/goal/cancel"] {
+            assert_eq!(asked(several), Addressed::Robots, "{several}");
         }
         for unknown in ["fht", "fht/a", "fht/a/paths", "fht/a/path/b", "fht/a b/path", "fht/*/path"] {
             assert_eq!(asked(unknown), Addressed::Unknown, "{unknown}");

@@ -14,6 +14,7 @@
 //! | `rename` | a map under another name |
 //! | `undo` | an operator's last changes taken back |
 //! | `robots` | the table of robots |
+//! | `send` | robots are sent somewhere |
 //! | `transfer` | maps to files and back |
 //! | `merge` | two maps become one |
 //! | `error` | why a command failed |
@@ -28,6 +29,7 @@ mod release;
 mod rename;
 mod robots;
 mod rule;
+mod send;
 mod transfer;
 mod undo;
 mod words;

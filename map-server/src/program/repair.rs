@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, Subcommand)]
 pub(super) enum Repair {
     /// Says whether a store is whole, and if not, what of it still reads. Nothing is changed; a
-    /// copy is looked at, which takes as much room on the disk for a moment.
+    /// copy is looked at, which takes as much room for a moment in the folder for temporary files
+    /// (TMPDIR).
     #[command(after_help = "Examples:
   map-server check fht-data")]
     Check {
@@ -57,8 +58,10 @@ impl Repair {
         match self {
             Self::Check { source } => {
                 let source = source.unwrap_or_else(|| data.to_owned());
-                let scratch = if source.is_dir() { source.clone() } else { std::env::temp_dir() };
-                let found = check(&source, &scratch).map_err(|error| error.to_string())?;
+                let scratch = std::env::temp_dir().join(format!("map-server-check-{}", std::process::id()));
+                let found = check(&source, &scratch).map_err(|error| error.to_string());
+                let _ = std::fs::remove_dir_all(&scratch); // it is of no more use
+                let found = found?;
                 print(&found, "can be rescued", json)?;
                 match &found.damage {
                     None => Ok(()),

@@ -87,6 +87,6 @@ pub(crate) fn unknown_map(map: &MapName, catalog: &Catalog) -> ErrorReply {
         Some(record) => format!(": {}", record.deletion.sentence(map)),
         None => String::new(),
     };
-    let known = if names.is_empty() { "no maps yet".to_owned() } else { names.join(", ") };
-    error(ErrorCode::UnknownMap, format!("there is no map {map} here (there is: {known}){was}"))
+    let known = if names.is_empty() { "no maps yet".to_owned() } else { format!("there is: {}", names.join(", ")) };
+    error(ErrorCode::UnknownMap, format!("there is no map {map} here ({known}){was}"))
 }

@@ -58,6 +58,13 @@ impl Fleet {
         self.change(map, robot, |seen| seen.is_alive = is_alive);
     }
 
+    /// Whether a robot's token is there.
+    #[must_use]
+    pub fn is_alive(&self, map: &MapName, robot: &str) -> bool {
+        let robots = self.lock();
+        robots.get(&(map.clone(), robot.to_owned())).is_some_and(|seen| seen.is_alive)
+    }
+
     /// The name of the robot that writes to a map as an author, if it was heard of.
     #[must_use]
     pub fn name_of(&self, map: &MapName, author: AuthorId) -> Option<String> {

@@ -12,7 +12,7 @@ use crate::replicated::Stateless;
 use crate::server::error::ServerError;
 use crate::server::writer::{Writer, WriterThread};
 use crate::store::{IncrementLog, StoreError};
-use fht_proto::api::keys::ALL_QUERIES;
+use fht_proto::api::keys::{ALL_QUERIES, SERVERS_QUERIES};
 use std::pin::Pin;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -116,6 +116,8 @@ async fn finish_writing(mut writer: WriterThread, stopped: Option<Result<(), Ser
 /// What runs from the moment that everything is read until shutdown.
 struct Answering {
     queryable: Queryable<()>,
+    /// Say that this server knows all about their keys; the first answers for them.
+    _nearest: Vec<Queryable<()>>,
     gap_fill: Option<JoinHandle<()>>,
     deleting: AbortHandle,
     _robots: RobotTopicSubscriptions,
@@ -137,15 +139,20 @@ impl Answering {
             tokio::spawn(learn_blockages(session.clone(), sources.clone()));
         }
         let service = QueryService::new(sources, Arc::clone(queue), Handle::current());
-        // Of several servers the nearest answers, and no other.
-        let queryable = session.declare_queryable(ALL_QUERIES).complete(stateless.is_some());
+        let queryable = session.declare_queryable(ALL_QUERIES);
         let queryable = queryable.callback(move |query| service.take_query(query)).await?;
+        // Of several servers the nearest is asked, and no other. What robots answer must come to
+        // them, from wherever it is asked.
+        let mut nearest = Vec::new();
+        for keys in SERVERS_QUERIES.iter().filter(|_| stateless.is_some()) {
+            nearest.push(session.declare_queryable(*keys).complete(true).callback(drop).await?);
+        }
         catalog.heads().iter().for_each(|head| publish_head(session, head));
         print_where(config, catalog.heads().len());
         let spawn_gap_fill = |stateless: &Stateless| stateless.spawn_gap_fill(Arc::clone(&catalog), Arc::clone(queue));
         let gap_fill = stateless.map(spawn_gap_fill).transpose().map_err(ServerError::Runtime)?;
         let deleting = tokio::spawn(delete_when_due(catalog, Arc::clone(queue))).abort_handle();
-        Ok(Self { queryable, gap_fill, deleting, _robots: robots })
+        Ok(Self { queryable, _nearest: nearest, gap_fill, deleting, _robots: robots })
     }
 
     async fn close(self) -> Result<(), ServerError> {

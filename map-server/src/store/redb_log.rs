@@ -23,6 +23,7 @@ use fht_proto::{AuthorId, MapName, VersionVector};
 use redb::{Database, ReadableDatabase, TableDefinition, TableError};
 use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
+use std::io::ErrorKind;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -40,7 +41,7 @@ pub const FILE_NAME: &str = "maps.redb";
 /// The file while it is being made.
 const UNFINISHED_NAME: &str = "maps.redb.new";
 /// Locked by the server that uses the directory.
-const LOCK_NAME: &str = "lock";
+pub(crate) const LOCK_NAME: &str = "lock";
 
 fn reading(error: impl Into<redb::Error>) -> StoreError {
     StoreError::Disk { action: "read", reason: error.into().to_string() }
@@ -87,7 +88,7 @@ impl RedbLog {
             // next one could take for a store.
             let unfinished = dir.join(UNFINISHED_NAME);
             match std::fs::remove_file(&unfinished) {
-                Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(failed(error)),
+                Err(error) if error.kind() != ErrorKind::NotFound => return Err(failed(error)),
                 _ => {}
             }
             drop(Self::open_file(dir, &unfinished, None)?);
@@ -133,10 +134,16 @@ impl RedbLog {
 
     fn open_file(dir: &Path, path: &Path, lock: Option<File>) -> Result<Self, StoreError> {
         let broken = |reason: String| StoreError::Broken { file: path.to_owned(), reason };
+        if path.metadata().is_ok_and(|file| file.len() == 0) {
+            return Err(broken("it is empty".to_owned()));
+        }
         let opened = guarded(|| Database::create(path)).map_err(|panic| broken(damage(&panic)))?;
         let database = opened.map_err(|error| match error {
             redb::DatabaseError::DatabaseAlreadyOpen => StoreError::InUse { dir: dir.to_owned() },
             redb::DatabaseError::Storage(redb::StorageError::Corrupted(reason)) => broken(reason),
+            redb::DatabaseError::Storage(redb::StorageError::Io(error)) if error.kind() == ErrorKind::InvalidData => {
+                broken(error.to_string())
+            }
             other => StoreError::Open { dir: dir.to_owned(), reason: other.to_string() },
         })?;
         let store = Self { database: Some(database), _lock: lock };

@@ -1,14 +1,13 @@
 //! Exploring a simulated building: the simulator behind the port, and the result scored against its
 //! truth.
 
-use super::pace::Paced;
 use super::picture::{PictureTask, RunPicture};
 use super::record::RunRecorder;
 use super::report::ExploreReport;
 use super::scoring::ExplorationScore;
 use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask, RunError};
 use fht_bag::WriteError;
-use fht_perception::robot::{RobotError, SilenceConfig};
+use fht_perception::robot::{Paced, RobotError, SilenceConfig};
 use fht_picture::PictureError;
 use fht_program::stop::Stop;
 use fht_sim::{SimConfig, SimSetup, Simulator, StartError, WorldError};

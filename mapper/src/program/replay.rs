@@ -1,6 +1,5 @@
 //! Mapping from a bag: the frames come from a recorded run, and somebody else has driven.
 
-use super::pace::Paced;
 use super::picture::{PictureTask, RunPicture};
 use super::record::RunRecorder;
 use crate::explore::Ending;
@@ -8,7 +7,7 @@ use crate::mapping::Mapper;
 use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask, RunError};
 use fht_bag::{BagError, BagReport, FrameConfig, Frames, WriteError};
 use fht_perception::frame::SensorFrame;
-use fht_perception::robot::{RobotError, Sensors, SilenceConfig};
+use fht_perception::robot::{Paced, RobotError, Sensors, SilenceConfig};
 use fht_picture::PictureError;
 use fht_program::stop::Stop;
 use fht_proto::Digest;

@@ -234,8 +234,8 @@ impl<'a> Handover<'a> {
         Self { outbox, waiting: VecDeque::new(), written }
     }
 
-    /// Takes what `mapper` has written since the last call; returns the number of the robot's newest
-    /// increment, be it of an earlier run.
+    /// Takes what `mapper` has written since the last call; returns the number of the robot's
+    /// newest increment, be it of an earlier run.
     pub fn take_from(&mut self, mapper: &mut Mapper) -> u64 {
         for increment in mapper.take_increments() {
             self.written = increment.number;

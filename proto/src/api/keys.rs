@@ -11,6 +11,7 @@
 //! | `fht/{map}/admin/{action}` | orders of operators: [`AdminAction`] |
 //! | `fht/{map}/robots/{robot}` | liveliness token: who is here |
 //! | `fht/{map}/robots/{robot}/{topic}` | what robots say of themselves: [`RobotTopic`] |
+//! | `fht/{map}/robots/{robot}/goal/{topic}` | what becomes of the goals that it was sent: [`GoalTopic`] |
 
 use crate::model::ids::{AuthorId, MapName, is_name};
 use std::fmt;
@@ -35,6 +36,10 @@ pub const ALL_ROBOT_TOPICS: &str = "fht/*/robots/*/*";
 pub const ALL_ROBOTS: &str = "fht/*/robots/*";
 /// Matches every query to every map.
 pub const ALL_QUERIES: &str = "fht/**";
+
+/// Matches every query to a server: all but those that robots answer.
+pub const SERVERS_QUERIES: [&str; 7] =
+    ["fht/*", "fht/*/*", "fht/*/admin/**", "fht/*/inc/**", "fht/*/kept/**", "fht/*/refused/**", "fht/*/robots/*"];
 
 /// What can be asked of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -105,7 +110,8 @@ pub enum RobotTopic {
     /// What it could not pass: [`crate::api::fleet::BlockedReport`].
     Blocked,
     /// Where an explorer is going: [`crate::api::fleet::ExplorerGoal`]. Explorers also hold a
-    /// liveliness token under it.
+    /// liveliness token under it. Where a robot that serves is sent:
+    /// [`crate::api::goal::GoalOrder`].
     Goal,
     /// What an explorer has seen: [`crate::SeenArea`].
     Seen,
@@ -124,6 +130,29 @@ impl RobotTopic {
             Self::Blocked => "blocked",
             Self::Goal => "goal",
             Self::Seen => "seen",
+        }
+    }
+}
+
+/// What can be asked of a robot that takes goals, besides taking one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum GoalTopic {
+    /// Drop a goal.
+    Cancel,
+    /// What has become of it: [`crate::api::goal::GoalStatus`].
+    Status,
+}
+
+impl GoalTopic {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Cancel, Self::Status];
+
+    /// The chunk that names it.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Cancel => "cancel",
+            Self::Status => "status",
         }
     }
 }
@@ -210,6 +239,15 @@ pub enum Key {
         /// What it says.
         topic: RobotTopic,
     },
+    /// `fht/{map}/robots/{robot}/goal/{topic}`
+    Goal {
+        /// The map that the robot uses.
+        map: MapName,
+        /// The robot's name.
+        robot: String,
+        /// What is asked of it.
+        topic: GoalTopic,
+    },
     /// `fht/{map}/admin/{action}`
     Admin {
         /// The map.
@@ -244,6 +282,12 @@ impl Key {
         Self::RobotTopic { map: map.clone(), robot: robot.to_owned(), topic }
     }
 
+    /// The key under which a robot is asked about its goals.
+    #[must_use]
+    pub fn goal(map: &MapName, robot: &str, topic: GoalTopic) -> Self {
+        Self::Goal { map: map.clone(), robot: robot.to_owned(), topic }
+    }
+
     /// The key of a topic of a map.
     #[must_use]
     pub fn topic(map: &MapName, topic: Topic) -> Self {
@@ -269,6 +313,12 @@ pub fn robots_of(map: &MapName, topic: RobotTopic) -> String {
     format!("{PREFIX}/{map}/robots/*/{}", topic.as_str())
 }
 
+/// The expression that matches all keys under which a robot is sent and asked about its goals.
+#[must_use]
+pub fn goals_of(map: &MapName, robot: &str) -> String {
+    format!("{PREFIX}/{map}/robots/{robot}/{}/**", RobotTopic::Goal.as_str())
+}
+
 /// The expression that matches the tokens of all robots of a map.
 #[must_use]
 pub fn presence_of(map: &MapName) -> String {
@@ -285,6 +335,9 @@ impl fmt::Display for Key {
             Self::Refused { map, author } => write!(f, "{PREFIX}/{map}/refused/{author}"),
             Self::Robot { map, robot } => write!(f, "{PREFIX}/{map}/robots/{robot}"),
             Self::RobotTopic { map, robot, topic } => write!(f, "{PREFIX}/{map}/robots/{robot}/{}", topic.as_str()),
+            Self::Goal { map, robot, topic } => {
+                write!(f, "{PREFIX}/{map}/robots/{robot}/{}/{}", RobotTopic::Goal.as_str(), topic.as_str())
+            }
             Self::Admin { map, action } => write!(f, "{PREFIX}/{map}/admin/{}", action.as_str()),
         }
     }
@@ -323,6 +376,10 @@ impl FromStr for Key {
             [PREFIX, name, "robots", who, topic] => {
                 let topic = RobotTopic::ALL.into_iter().find(|t| t.as_str() == *topic).ok_or_else(error)?;
                 Ok(Self::RobotTopic { map: map(name)?, robot: robot(who)?, topic })
+            }
+            [PREFIX, name, "robots", who, "goal", topic] => {
+                let topic = GoalTopic::ALL.into_iter().find(|t| t.as_str() == *topic).ok_or_else(error)?;
+                Ok(Self::Goal { map: map(name)?, robot: robot(who)?, topic })
             }
             [PREFIX, name, "admin", action] => {
                 let action = AdminAction::ALL.into_iter().find(|a| a.as_str() == *action).ok_or_else(error)?;

@@ -1,5 +1,6 @@
 //! Queries as they come: parameters to typed requests. Every complaint says what was expected.
 
+mod goal;
 mod parameters;
 
 use crate::api::deletion::DeletionOrder;
@@ -7,6 +8,7 @@ use crate::api::keys::{AdminAction, Key, Topic};
 use crate::api::reply::{ErrorReply, NodesCursor, PlaceRef, Series, parse_point};
 use crate::model::validate::Validate;
 use crate::{Descriptor, FixedPoint, Footprint, MapName, ReleaseId, ReleaseName, VersionVector, decode};
+pub use goal::{parse_goal, parse_goal_id};
 use parameters::Parameters;
 pub use parameters::{Format, bad_request, shown};
 
@@ -43,7 +45,7 @@ impl Moment {
 /// What could be the name of a release.
 fn release_name(text: &str) -> Result<String, ErrorReply> {
     let is_one = text.parse::<ReleaseName>().is_ok() || text.parse::<ReleaseId>().is_ok();
-    let complaint = || bad_request(format!("{} is neither head, a version, a vector nor a release", shown(text)));
+    let complaint = || bad_request(format!("{} is no release: write its name or name@author", shown(text)));
     is_one.then(|| text.to_owned()).ok_or_else(complaint)
 }
 
@@ -194,6 +196,7 @@ pub fn parse<'a>(
         | Key::Refused { .. }
         | Key::Robot { .. }
         | Key::RobotTopic { .. }
+        | Key::Goal { .. }
         | Key::Kept { .. }
         | Key::Admin { .. } => Err(bad_request(format!("{key} is not a topic"))),
     }

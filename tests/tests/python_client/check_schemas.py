@@ -59,15 +59,17 @@ def main(endpoint, name, folder, author):
 
         said = queue.Queue()
         session.declare_subscriber(f"fht/{name}/robots/*/*", said.put)
+        session.declare_subscriber(f"fht/{name}/robots/*/goal/status", said.put)
         session.declare_subscriber(f"fht/{name}/refused/*", said.put)
         print("listening", flush=True)
-        while not checked >= {"robot-pose", "robot-status", "robot-blocked", "robot-goal", "refused"}:
+        of_robots = {"robot-pose", "robot-status", "robot-blocked", "robot-goal", "robot-goal-status"}
+        while not checked >= of_robots | {"refused"}:
             sample = said.get(timeout=20.0)
             if "/refused/" in str(sample.key_expr):
                 check("error", sample.payload)
                 checked.add("refused")
             else:
-                check("robot-" + str(sample.key_expr).rsplit("/", 1)[1], sample.payload)
+                check("-".join(["robot", *str(sample.key_expr).split("/")[4:]]), sample.payload)
             session.put(f"fht/{name}/inc/{author}/1", b"rubbish")
     print(" ".join(sorted(checked)))
 

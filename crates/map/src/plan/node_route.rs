@@ -342,6 +342,7 @@ fn route_over(points: impl IntoIterator<Item = RoutePoint>) -> NodeRoute {
             _ => waypoints.push(point),
         }
     }
-    let length_m = waypoints.windows(2).map(|pair| pair[0].point.distance(pair[1].point)).sum();
+    // The sum of nothing is -0.0.
+    let length_m = 0.0 + waypoints.windows(2).map(|pair| pair[0].point.distance(pair[1].point)).sum::<f64>();
     NodeRoute { length_m, waypoints, unmapped_m: 0.0, goal_moved_m: 0.0 }
 }

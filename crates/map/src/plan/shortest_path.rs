@@ -185,7 +185,8 @@ fn route_over(from: FixedPoint, way: &[Corner], to: Option<FixedPoint>) -> NodeR
     points.extend(way.iter().map(|corner| fixed_point(*corner)));
     points.extend(to);
     points.dedup();
-    let length_m = points.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+    // The sum of nothing is -0.0.
+    let length_m = 0.0 + points.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f64>();
     let waypoints = points.into_iter().map(|point| RoutePoint { point, node: None }).collect();
     NodeRoute { length_m, waypoints, unmapped_m: 0.0, goal_moved_m: 0.0 }
 }

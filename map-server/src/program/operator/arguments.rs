@@ -89,6 +89,45 @@ pub enum Operation {
         #[arg(long)]
         watch: bool,
     },
+    /// Sends a robot that takes goals (client-robot serve) somewhere: at once, or next if it is
+    /// under way. A goal that waits is replaced.
+    #[command(after_help = "Examples:
+  map-server send museum tug-1 dock
+  map-server send museum tug-1 5,3,90 --wait-arrived      exit code 0: it is there
+  map-server send museum tug-1 5,3 --id round-7           sent twice, it is one goal")]
+    Send {
+        /// The map.
+        map: MapName,
+        /// The robot.
+        robot: RobotName,
+        /// Where to: the name of a place, a node id, or x,y or x,y,yaw in the map frame, metres and
+        /// degrees (or radians: 1.57rad).
+        #[arg(allow_hyphen_values = true)]
+        to: String,
+        /// The goal's id: 1 to 64 of the letters a to z and A to Z, digits, _ or - [default: a new
+        /// one].
+        #[arg(long)]
+        id: Option<RobotName>,
+        /// If the goal cannot be reached, to the nearest point that can.
+        #[arg(long)]
+        to_nearest: bool,
+        /// Wait until the robot has arrived; fail if it does not.
+        #[arg(long)]
+        wait_arrived: bool,
+    },
+    /// Takes a robot's goal back: it stands, or goes on to the next one. Without an id all of its
+    /// goals.
+    #[command(after_help = "Examples:
+  map-server cancel museum tug-1
+  map-server cancel museum tug-1 round-7")]
+    Cancel {
+        /// The map.
+        map: MapName,
+        /// The robot.
+        robot: RobotName,
+        /// The goal's id.
+        id: Option<RobotName>,
+    },
     /// Releases: states of the map with a name, which never change, and which robots can be told to
     /// use.
     #[command(after_help = "Examples:
@@ -311,12 +350,29 @@ What is written is the operator's, like places and zones. A release before is th
 }
 
 impl Operation {
+    /// Whether it changes anything on the server.
+    pub(crate) fn changes(&self) -> bool {
+        let only_asks = matches!(
+            self,
+            Self::Maps
+                | Self::Health
+                | Self::Robots { .. }
+                | Self::Diff { .. }
+                | Self::Rules { .. }
+                | Self::Export { .. }
+                | Self::Release { action: ReleaseAction::List { .. } }
+        );
+        !only_asks
+    }
+
     /// The map that must be there.
     pub(super) fn map(&self) -> Option<&MapName> {
         match self {
             Self::Maps | Self::Health | Self::Import { .. } => None,
             Self::Release { action } => Some(action.map()),
             Self::Robots { map, .. }
+            | Self::Send { map, .. }
+            | Self::Cancel { map, .. }
             | Self::Diff { map, .. }
             | Self::Rules { map }
             | Self::Place { map, .. }

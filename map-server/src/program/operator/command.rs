@@ -11,6 +11,7 @@ use crate::program::operator::release::{self, ReleaseAction};
 use crate::program::operator::rename;
 use crate::program::operator::robots;
 use crate::program::operator::rule::{self, Corners};
+use crate::program::operator::send;
 use crate::program::operator::transfer;
 use crate::program::operator::undo;
 use crate::program::operator::words::{maps_in_words, releases_in_words, rules_in_words};
@@ -19,9 +20,10 @@ use fht_merge::MergeConfig;
 use fht_program::Waiting;
 use fht_proto::api::keys::{AdminAction, Key, Topic};
 use fht_proto::api::reply::{DiffReply, MapsReply};
-use fht_proto::{MapName, Op, ReleaseName, Zone, ZoneRule};
+use fht_proto::{MapName, Op, ReleaseName, RobotName, Zone, ZoneRule};
 use serde::Serialize;
 use std::io::IsTerminal;
+use std::path::Path;
 use std::time::Duration;
 use zenoh::Session;
 
@@ -70,6 +72,17 @@ impl Operation {
                 show(&maps, json, |reply| format!("the server answers; it has {} map(s)", reply.maps.len()))
             }
             Self::Robots { map, watch } => show_robots(session, &map, watch, json).await,
+            Self::Send { map, robot, to, id, to_nearest, wait_arrived } => {
+                let id = id.map_or_else(send::new_id, |id| id.as_str().to_owned());
+                let selector = send::selector((&map, robot.as_str()), &id, &to, to_nearest)?;
+                let sent = send::send(session, &selector).await?;
+                let status = if wait_arrived { send::arrived(session, &map, sent).await? } else { sent };
+                show(&status, json, send::in_words)
+            }
+            Self::Cancel { map, robot, id } => {
+                let id = id.as_ref().map(RobotName::as_str);
+                show(&send::cancel(session, &map, robot.as_str(), id).await?, json, send::in_words)
+            }
             Self::Release { action } => action.carry_out(session, operator, json).await,
             Self::Diff { map, from, to } => {
                 let selector = format!("{}?from={from};to={to}", Key::topic(&map, Topic::Diff));
@@ -113,19 +126,11 @@ impl Operation {
                 show(&rename::rename(session, &old, order, json).await?, json, rename::in_words)
             }
             Self::Export { map, file, release } => {
-                let release = release.as_ref().map(ReleaseName::as_str);
-                let done = transfer::export(session, &map, &file, release, json).await?;
-                show(&done, json, |done| {
-                    format!("version {} of {} in {} ({} bytes)", done.version, done.map, file.display(), done.bytes)
-                })
+                export(session, &map, &file, release.as_ref().map(ReleaseName::as_str), json).await
             }
             Self::Merge { first, second, into, dry_run, only_map } => {
                 let order = MergeOrder { first, second, into, dry_run, only_map, operator, quiet: json, config };
-                let outcome = merge::merge(session, &order).await;
-                if let (Err(OperatorError::Merge(refusal)), true) = (&outcome, json) {
-                    show(&merge::refused(&order, refusal), json, |_| String::new())?;
-                }
-                show(&outcome?, json, merge::in_words)
+                merged(session, &order).await
             }
             Self::Import { file, map } => {
                 let done = transfer::import(session, &file, map, json).await?;
@@ -135,6 +140,30 @@ impl Operation {
             }
         }
     }
+}
+
+async fn export(
+    session: &Session,
+    map: &MapName,
+    file: &Path,
+    release: Option<&str>,
+    json: bool,
+) -> Result<(), OperatorError> {
+    let done = transfer::export(session, map, file, release, json).await?;
+    if file.as_os_str() == transfer::STANDARD_OUTPUT {
+        return Ok(()); // the map is there, and nothing else
+    }
+    show(&done, json, |done| {
+        format!("version {} of {} in {} ({} bytes)", done.version, done.map, file.display(), done.bytes)
+    })
+}
+
+async fn merged(session: &Session, order: &MergeOrder<'_>) -> Result<(), OperatorError> {
+    let (json, outcome) = (order.quiet, merge::merge(session, order).await);
+    if let (Err(OperatorError::Merge(refusal)), true) = (&outcome, json) {
+        show(&merge::refused(order, refusal), json, |_| String::new())?;
+    }
+    show(&outcome?, json, merge::in_words)
 }
 
 async fn retain(session: &Session, map: MapName, keep: u64) -> Result<Retained, OperatorError> {

@@ -5,6 +5,7 @@ use fht_client::AskError;
 use fht_client::author::NotWritten;
 use fht_map::crdt::inverse::InverseError;
 use fht_proto::MapName;
+use fht_proto::api::goal::GoalState;
 use fht_proto::api::reply::ErrorReply;
 use std::path::PathBuf;
 
@@ -36,6 +37,24 @@ pub enum OperatorError {
     /// The answer cannot be read.
     #[error("the server's answer cannot be read: {0}")]
     Answer(String),
+    /// A robot did not get where it was sent.
+    #[error("{robot} did not arrive: goal {id} is {state}{why}")]
+    NotArrived {
+        /// The robot.
+        robot: String,
+        /// The goal.
+        id: String,
+        /// What became of it.
+        state: GoalState,
+        /// `: ` and the reason, if there is one.
+        why: String,
+    },
+    /// A robot that takes goals does not answer.
+    #[error("the robot {robot} does not answer: does client-robot serve run, and may this operator send it?")]
+    RobotSilent {
+        /// The robot.
+        robot: String,
+    },
     /// What was put was not stored in time.
     #[error(
         "the server has not stored it within {seconds} s; may this operator write? (access control drops silently)"

@@ -44,7 +44,7 @@ pub enum ReleaseAction {
         /// Its name, or name@author.
         name: String,
     },
-    /// Tell robots to use the one that was made before the one that they use.
+    /// Tell robots to use the newest one that is of an earlier version than what they use.
     #[command(after_help = "Examples:
   map-server release rollback museum")]
     Rollback {
@@ -130,6 +130,9 @@ pub(super) async fn create(
     }
     let version = version.map(|version| version.to_string());
     let state = state_of(session, map, version.as_deref()).await?;
+    if state.version == 0 {
+        return Err(OperatorError::Usage(format!("version 0 of map {map} is empty: no robot could use it")));
+    }
     let release = Release { vector: state.vector, digest: state.digest };
     write(session, map, operator, vec![Op::PutRelease { name: name.clone(), release }]).await?;
     let made = format!("{name}@{}", AuthorId::of_robot(operator));
@@ -167,18 +170,19 @@ pub(super) async fn enable(
     list(session, map).await
 }
 
-/// Tells robots to use the release that was made before the one that they use.
+/// Tells robots to use the newest release that is of an earlier version than what they use.
 pub(super) async fn roll_back(
     session: &Session,
     map: &MapName,
     operator: &str,
 ) -> Result<ReleasesReply, OperatorError> {
     let releases = list(session, map).await?;
-    let enabled = releases.releases.iter().position(|view| view.enabled);
-    let before = enabled.unwrap_or(releases.releases.len()).checked_sub(1);
-    let earlier = before.and_then(|index| releases.releases.get(index));
-    let Some(earlier) = earlier else {
-        return Err(OperatorError::Usage(format!("map {map} has no earlier release to roll back to")));
+    let enabled = releases.releases.iter().find(|view| view.enabled).map_or(u64::MAX, |view| view.version);
+    let earlier = releases.releases.iter().filter(|view| view.available && view.version < enabled);
+    let Some(earlier) = earlier.max_by_key(|view| view.version) else {
+        let text =
+            format!("map {map} has no earlier release to roll back to; 'release enable {map} head' is without any");
+        return Err(OperatorError::Usage(text));
     };
     let name = format!("{}@{}", earlier.name, earlier.author);
     enable(session, map, operator, Some(&name)).await

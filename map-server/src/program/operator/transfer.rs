@@ -15,6 +15,8 @@ use zenoh::Session;
 
 /// Approximate length of the messages in a file, bytes.
 const SERIES_BYTES: usize = 64 << 10;
+/// The file that is standard output.
+pub(super) const STANDARD_OUTPUT: &str = "-";
 
 /// What was exported or imported.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -150,13 +152,28 @@ pub(super) fn pieces(whole: Series) -> Vec<Series> {
     pieces
 }
 
+/// Writes a file whole or not at all, also behind a link. What is no file, such as a pipe, gets the
+/// bytes as they are; `-` is standard output.
 fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    if path == Path::new(STANDARD_OUTPUT) {
+        let mut output = std::io::stdout().lock();
+        return output.write_all(bytes).and_then(|()| output.flush());
+    }
+    let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    if path.exists() && !path.is_file() {
+        return std::fs::OpenOptions::new().write(true).open(&path)?.write_all(bytes);
+    }
     let mut unfinished = path.as_os_str().to_owned();
     unfinished.push(".unfinished");
-    let mut file = std::fs::File::create(&unfinished)?;
-    file.write_all(bytes)?;
-    file.sync_all()?;
-    std::fs::rename(&unfinished, path)
+    let write = || {
+        let mut file = std::fs::File::create(&unfinished)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        std::fs::rename(&unfinished, &path)
+    };
+    write().inspect_err(|_| {
+        let _ = std::fs::remove_file(&unfinished); // what failed is said
+    })
 }
 
 /// Has the server take in a map from a file, under its own name or another.

@@ -12,7 +12,8 @@ pub(super) fn find_release(state: &MapState, text: &str) -> Result<ReleaseId, St
     let releases = || state.annotations().releases().map(|release| release.id);
     let unknown = || {
         let known: Vec<String> = releases().take(10).map(ToString::to_string).collect();
-        let known = if known.is_empty() { "there are none".to_owned() } else { known.join(", ") };
+        let known =
+            if known.is_empty() { "there are none".to_owned() } else { format!("there is: {}", known.join(", ")) };
         format!("there is no release {text} ({known})")
     };
     if let Ok(id) = text.parse::<ReleaseId>() {

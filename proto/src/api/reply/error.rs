@@ -39,6 +39,16 @@ pub enum ErrorCode {
     TooLong,
     /// The map will be deleted, or was: nothing more is written to it.
     Deleted,
+    /// The robot does not know where it is.
+    NotLocalized,
+    /// The robot has more to read than it takes in at a time.
+    Busy,
+    /// The robot knows of no goal of this id.
+    UnknownGoal,
+    /// The robot did not get through: something is in its way, or at its goal.
+    Blocked,
+    /// The robot had no time left.
+    Timeout,
     /// A code that this program does not know: its sender is newer.
     #[serde(other)]
     Unknown,

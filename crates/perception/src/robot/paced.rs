@@ -1,12 +1,12 @@
 //! A simulated or recorded robot at a rate, instead of as fast as it can.
 
-use fht_perception::frame::{SensorFrame, Twist};
-use fht_perception::robot::{Robot, RobotError, Sensors};
+use super::{Robot, RobotError, Sensors};
+use crate::frame::{SensorFrame, Twist};
 use std::time::Duration;
 use tokio::time::Instant;
 
-/// Gives each frame when it is due.
-pub(super) struct Paced<S> {
+/// Gives each frame when it is due. Needs a Tokio runtime with its clock enabled.
+pub struct Paced<S> {
     source: S,
     /// Seconds of the sensors' clock a second; none: as fast as possible.
     rate: Option<f64>,
@@ -17,12 +17,15 @@ pub(super) struct Paced<S> {
 }
 
 impl<S> Paced<S> {
-    /// `source` at `rate` seconds a second.
-    pub(super) fn new(source: S, rate: Option<f64>) -> Self {
+    /// `source` at `rate` seconds a second; none: as fast as it can.
+    #[must_use]
+    pub fn new(source: S, rate: Option<f64>) -> Self {
         Self { source, rate: rate.filter(|rate| *rate > 0.0), first: None, waiting: None }
     }
 
-    pub(super) fn into_inner(self) -> S {
+    /// The source, at its own rate.
+    #[must_use]
+    pub fn into_inner(self) -> S {
         self.source
     }
 }

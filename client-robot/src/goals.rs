@@ -1,0 +1,268 @@
+//! The goals that a robot is sent: one under way, and one that is next. A state machine: goals,
+//! cancellations and what the robot's frames led to come in, tasks for the pilot and news for the
+//! senders go out. No network and no clock.
+//!
+//! ```
+//! use client_robot::goals::GoalQueue;
+//! use client_robot::pilot::{DriveGoal, Task};
+//! use fht_perception::pose::Point2;
+//! use fht_proto::api::goal::{GoalOrder, GoalState};
+//!
+//! let mut goals = GoalQueue::new("amr-7");
+//! goals.set_localized(true);
+//! let order = GoalOrder { id: "7".to_owned(), to: "dock".parse()?, yaw: None, to_nearest: false };
+//! let dock = DriveGoal::from(Point2::new(4.5, 0.0));
+//! assert_eq!(goals.offer(order, |_| Ok(dock))?.state, GoalState::Driving);
+//! assert_eq!(goals.next_task(), Some(Task::GoTo(dock)));
+//! goals.cancel(Some("7"))?;
+//! assert_eq!(goals.next_task(), Some(Task::Stay));
+//! # Ok::<(), fht_proto::api::reply::ErrorReply>(())
+//! ```
+
+use crate::pilot::{DriveGoal, Failure, PilotStep, Task, TaskOutcome};
+use fht_proto::api::goal::{GoalOrder, GoalState, GoalStatus};
+use fht_proto::api::reply::{ErrorCode, ErrorReply};
+use std::collections::VecDeque;
+
+/// Goals that have ended are remembered, so that their senders can ask: this many.
+const REMEMBERED: usize = 32;
+
+/// A goal that has not ended.
+#[derive(Clone, Debug)]
+struct Held {
+    order: GoalOrder,
+    goal: DriveGoal,
+    /// Whether the pilot was told.
+    is_begun: bool,
+    /// What is left of the path; none before there was one.
+    to_go_m: Option<f64>,
+}
+
+/// A goal that has ended.
+#[derive(Clone, Debug)]
+struct Ended {
+    order: GoalOrder,
+    status: GoalStatus,
+}
+
+/// The goals of one robot.
+#[derive(Clone, Debug)]
+pub struct GoalQueue {
+    robot: String,
+    is_localized: bool,
+    current: Option<Held>,
+    waiting: Option<Held>,
+    /// Newest last.
+    ended: VecDeque<Ended>,
+    /// The pilot carries out a task that has ended.
+    is_to_stay: bool,
+    news: Vec<GoalStatus>,
+}
+
+impl GoalQueue {
+    /// Of a robot of this name that was sent nowhere and does not know where it is.
+    #[must_use]
+    pub fn new(robot: &str) -> Self {
+        Self {
+            robot: robot.to_owned(),
+            is_localized: false,
+            current: None,
+            waiting: None,
+            ended: VecDeque::new(),
+            is_to_stay: false,
+            news: Vec::new(),
+        }
+    }
+
+    /// Whether the robot knows where it is.
+    pub fn set_localized(&mut self, is_localized: bool) {
+        self.is_localized = is_localized;
+    }
+
+    /// Whether the robot is under way to a goal.
+    #[must_use]
+    pub fn is_driving(&self) -> bool {
+        self.current.is_some()
+    }
+
+    /// Takes a goal, which becomes the one under way, or else the next one in place of any that
+    /// was; `locate` says where it is. The same goal again is the same goal.
+    ///
+    /// # Errors
+    /// `NOT_LOCALIZED`; `BAD_REQUEST` for an id that another goal has; what `locate` says.
+    pub fn offer(
+        &mut self,
+        order: GoalOrder,
+        locate: impl FnOnce(&GoalOrder) -> Result<DriveGoal, ErrorReply>,
+    ) -> Result<GoalStatus, ErrorReply> {
+        let id = order.id.clone();
+        if let Some(known) = self.order(&id) {
+            let other = || {
+                ErrorReply::new(ErrorCode::BadRequest, &format!("goal {id} is another one: give it an id of its own"))
+            };
+            return if *known == order { self.status(Some(&id)) } else { Err(other()) };
+        }
+        if !self.is_localized && self.current.is_none() {
+            return Err(ErrorReply::new(ErrorCode::NotLocalized, "the robot does not know where it is yet; ask again"));
+        }
+        let goal = locate(&order)?;
+        let held = Held { order, goal, is_begun: false, to_go_m: None };
+        if self.current.is_none() {
+            self.current = Some(held);
+        } else {
+            if let Some(replaced) = self.waiting.replace(held) {
+                self.end(replaced, GoalState::Cancelled, Some((None, format!("goal {id} was sent in its place"))));
+            }
+            self.tell(&id);
+        }
+        self.status(Some(&id))
+    }
+
+    /// Drops a goal: the robot stands, or goes on to the next one. Without an id it drops all. One
+    /// that has ended stays what it is.
+    ///
+    /// # Errors
+    /// `UNKNOWN_GOAL`.
+    pub fn cancel(&mut self, id: Option<&str>) -> Result<GoalStatus, ErrorReply> {
+        let is_meant = |held: &mut Held| id.is_none_or(|id| held.order.id == id);
+        let reason = || Some((None, "it was cancelled".to_owned()));
+        let waiting = self.waiting.take_if(is_meant);
+        let current = self.current.take_if(is_meant);
+        if id.is_none() && waiting.is_none() && current.is_none() {
+            return Err(ErrorReply::new(ErrorCode::UnknownGoal, "the robot has no goal"));
+        }
+        self.is_to_stay |= current.as_ref().is_some_and(|held| held.is_begun);
+        for held in [waiting, current].into_iter().flatten() {
+            self.end(held, GoalState::Cancelled, reason());
+        }
+        self.status(id)
+    }
+
+    /// What has become of a goal; without an id of the one under way, or else of the last one.
+    ///
+    /// # Errors
+    /// `UNKNOWN_GOAL`.
+    pub fn status(&self, id: Option<&str>) -> Result<GoalStatus, ErrorReply> {
+        let is_meant = |order: &GoalOrder| id.is_none_or(|id| order.id == id);
+        if let Some(held) = self.current.as_ref().filter(|held| is_meant(&held.order)) {
+            return Ok(self.status_of(held, GoalState::Driving));
+        }
+        if let Some(held) = self.waiting.as_ref().filter(|held| is_meant(&held.order)) {
+            return Ok(self.status_of(held, GoalState::Waiting));
+        }
+        if let Some(ended) = self.ended.iter().rev().find(|ended| is_meant(&ended.order)) {
+            let waiting = self.waiting.as_ref().map(|held| held.order.id.clone());
+            return Ok(GoalStatus { waiting, ..ended.status.clone() });
+        }
+        match id {
+            None => Ok(GoalStatus::idle(&self.robot)),
+            Some(id) => Err(ErrorReply::new(ErrorCode::UnknownGoal, &format!("the robot knows of no goal {id}"))),
+        }
+    }
+
+    /// Whether it is clear what becomes of a goal for now: it waits, it has ended, or there is a
+    /// path to it.
+    #[must_use]
+    pub fn is_decided(&self, id: &str) -> bool {
+        self.current.as_ref().is_none_or(|held| held.order.id != id || held.to_go_m.is_some())
+    }
+
+    /// What the pilot is to do from here on, if that is something else than before.
+    pub fn next_task(&mut self) -> Option<Task> {
+        if self.current.is_none() {
+            self.current = self.waiting.take();
+        }
+        match &mut self.current {
+            Some(held) if !held.is_begun => {
+                held.is_begun = true;
+                self.is_to_stay = false;
+                Some(Task::GoTo(held.goal))
+            }
+            Some(_) => None,
+            None => std::mem::take(&mut self.is_to_stay).then_some(Task::Stay),
+        }
+    }
+
+    /// Takes in what a frame led to; `left_m` of the path are left, metres.
+    pub fn observe(&mut self, step: &PilotStep, left_m: Option<f64>) {
+        self.is_localized = step.localization.map_from_odom.is_some();
+        if let (Some(held), Some(left_m)) = (&mut self.current, left_m)
+            && held.to_go_m.replace(left_m).is_none()
+        {
+            let id = held.order.id.clone();
+            self.tell(&id);
+        }
+        let Some(outcome) = &step.outcome else { return };
+        self.is_to_stay = true;
+        let Some(held) = self.current.take_if(|held| held.is_begun) else { return };
+        match outcome {
+            // The place is known, and the goal may begin.
+            TaskOutcome::Localized => self.current = Some(Held { is_begun: false, ..held }),
+            TaskOutcome::Arrived => self.end(held, GoalState::Arrived, None),
+            TaskOutcome::Failed(failure) => {
+                self.end(held, GoalState::Failed, Some((Some(code_of(failure)), failure.to_string())));
+            }
+        }
+    }
+
+    /// The robot ends: what has not ended is cancelled.
+    pub fn close(&mut self, reason: &str) {
+        for held in [self.waiting.take(), self.current.take()].into_iter().flatten() {
+            self.end(held, GoalState::Cancelled, Some((None, reason.to_owned())));
+        }
+    }
+
+    /// What has become of which goal since the last time, oldest first.
+    pub fn take_news(&mut self) -> Vec<GoalStatus> {
+        std::mem::take(&mut self.news)
+    }
+
+    fn order(&self, id: &str) -> Option<&GoalOrder> {
+        let held = self.current.iter().chain(&self.waiting).map(|held| &held.order);
+        held.chain(self.ended.iter().map(|ended| &ended.order)).find(|order| order.id == id)
+    }
+
+    fn tell(&mut self, id: &str) {
+        let status = self.status(Some(id)).ok();
+        self.news.extend(status);
+    }
+
+    fn end(&mut self, held: Held, state: GoalState, why: Option<(Option<ErrorCode>, String)>) {
+        let (code, reason) = why.map_or((None, None), |(code, reason)| (code, Some(reason)));
+        let status = GoalStatus { code, reason, ..self.status_of(&held, state) };
+        self.news.push(status.clone());
+        self.ended.push_back(Ended { order: held.order, status });
+        if self.ended.len() > REMEMBERED {
+            self.ended.pop_front();
+        }
+    }
+
+    fn status_of(&self, held: &Held, state: GoalState) -> GoalStatus {
+        let waiting = self.waiting.as_ref().map(|next| next.order.id.clone());
+        GoalStatus {
+            state,
+            id: Some(held.order.id.clone()),
+            goal: Some([held.goal.position.x, held.goal.position.y]),
+            goal_yaw: held.goal.yaw,
+            to_go_m: held.to_go_m.filter(|_| state == GoalState::Driving),
+            waiting: waiting.filter(|next| *next != held.order.id),
+            ..GoalStatus::idle(&self.robot)
+        }
+    }
+}
+
+/// Why a goal failed, for programs.
+fn code_of(failure: &Failure) -> ErrorCode {
+    match failure {
+        Failure::NotLocalized { .. } => ErrorCode::NotLocalized,
+        Failure::NoPath(refusal) => refusal.code,
+        Failure::Timeout { .. } => ErrorCode::Timeout,
+        Failure::GoalBlocked { .. }
+        | Failure::NoProgress { .. }
+        | Failure::WaysBlocked { .. }
+        | Failure::NotTurned { .. } => ErrorCode::Blocked,
+    }
+}
+
+#[cfg(test)]
+mod tests;

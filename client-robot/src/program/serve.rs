@@ -1,0 +1,150 @@
+//! `client-robot serve`: a robot in a simulated world that drives wherever it is sent.
+
+use super::arguments::{RobotArgs, ServeArgs};
+use super::connection::{ASK_AGAIN, connect, runtime, wait_for_map};
+use super::display::Display;
+use super::error::CliError;
+use super::mission::{UntilAsked, copy_of_map, describing, robot};
+use super::pose_publisher::PosePublisher;
+use super::recording::Recording;
+use super::settings::{ClientFile, ClientSection};
+use crate::goal_service::GoalService;
+use crate::mission::{MissionConfig, MissionError, Services};
+use crate::serving::{ServeError, serve};
+use fht_client::{Presence, ServerPaths};
+use fht_descriptor::DescriptorNet;
+use fht_perception::robot::Paced;
+use fht_program::{Stop, Waiting};
+use fht_proto::api::fleet::RobotRole;
+use fht_proto::api::goal::{GoalState, GoalStatus};
+use fht_worker::Taking;
+use serde::Serialize;
+use std::process::ExitCode;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Within this the names of the robots that are there are known.
+const ROLL_CALL: Duration = Duration::from_secs(1);
+
+/// What became of the goals of a run.
+#[derive(Clone, Debug, Default, Serialize)]
+struct ServeReport {
+    /// The robot's name.
+    robot: String,
+    /// The map used.
+    map: String,
+    /// Goals that it arrived at.
+    arrived: usize,
+    /// Goals that it could not get to, or did not take.
+    failed: usize,
+    /// Goals that were taken back or replaced.
+    cancelled: usize,
+    /// Time on the clock, seconds.
+    wall_s: f64,
+}
+
+impl ServeReport {
+    fn count(&mut self, state: GoalState) {
+        match state {
+            GoalState::Arrived => self.arrived += 1,
+            GoalState::Failed => self.failed += 1,
+            GoalState::Cancelled => self.cancelled += 1,
+            GoalState::Idle | GoalState::Waiting | GoalState::Driving => {}
+        }
+    }
+}
+
+/// Serves until the program is asked to end.
+pub(super) fn serving(
+    mut file: ClientFile,
+    args: &ServeArgs,
+    waiting: &Waiting,
+    stop: &Stop,
+) -> Result<ExitCode, CliError> {
+    let began = Instant::now();
+    // Nothing waits for work beside the loop: the robot is one among others.
+    (file.client.walls, file.client.paths.taking) = (Taking::WhenThere, Taking::WhenThere);
+    let (map, name) = (file.map(), file.name().to_owned());
+    let mut net = DescriptorNet::load(file.robot.model.as_deref())?;
+    let (simulator, _) = robot(&args.robot.setup, &file.sim, &file.robot.footprint)?;
+
+    let session = connect(&file.connect, waiting, stop)?;
+    let presence = Presence::new(&session, &map, &name, RobotRole::Client)?;
+    wait_for_name(&presence, waiting, stop)?;
+    let _alive = presence.declare()?;
+    let head = wait_for_map(&session, &map, waiting, stop)?;
+    let replica = copy_of_map(&session, &file, &net, &head)?;
+    let mut paths =
+        ServerPaths::new(&session, map.clone(), &name, &replica, &file.client.paths).map_err(CliError::Thread)?;
+    let mut describe = describing(&mut net);
+    let report = Arc::new(Mutex::new(ServeReport { robot: name.clone(), map: map.to_string(), ..Default::default() }));
+    let display = Display::new(&args.robot, &name);
+    let (counted, says) = (Arc::clone(&report), !args.robot.quiet && !args.robot.report.json);
+    let mut desk = GoalService::start(&session, &map, &name, move |news| {
+        counted.lock().unwrap_or_else(PoisonError::into_inner).count(news.state);
+        if says {
+            println!("{}", in_words(news));
+        }
+    })?;
+    // The robot stands, all is said and the bag is whole before the program ends.
+    let _order = stop.in_order();
+    let recording = Recording::start(args.robot.record.as_deref(), &replica)?;
+    let publisher = PosePublisher::new(presence, &replica);
+    let mut observer = (recording, (UntilAsked(stop.clone()), (publisher, display)));
+    let ClientSection { pilot, silence, walls, .. } = file.client;
+    let config = MissionConfig { pilot, silence, walls };
+    let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe };
+    let robot = Paced::new(simulator, Some(args.rate.unwrap_or(1.0)));
+    let ended = runtime()?.block_on(serve(robot, config, &name, &mut desk, &mut services, &mut observer));
+    let (recording, (_, (publisher, display))) = observer;
+    publisher.finish();
+    drop(desk);
+    display.finish();
+    recording.finish()?;
+    let mut report = report.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    report.wall_s = began.elapsed().as_secs_f64();
+    give(&args.robot, &report)?;
+    match ended {
+        Ok(()) => Ok(ExitCode::SUCCESS),
+        Err(ServeError::Mission(MissionError::Interrupted)) => {
+            eprintln!("client-robot: the robot stands and takes no more goals");
+            Ok(ExitCode::SUCCESS)
+        }
+        Err(lost @ ServeError::Lost(_)) => {
+            eprintln!("client-robot: {lost}");
+            Ok(ExitCode::from(1))
+        }
+        Err(ServeError::Mission(error)) => Err(error.into()),
+    }
+}
+
+fn give(args: &RobotArgs, report: &ServeReport) -> Result<(), CliError> {
+    let in_words = |report: &ServeReport| {
+        if !args.quiet {
+            println!("{} arrived, {} failed, {} cancelled", report.arrived, report.failed, report.cancelled);
+        }
+    };
+    args.report.give(report, in_words).map_err(CliError::Report)
+}
+
+/// Two robots of one name would both drive where one is sent.
+fn wait_for_name(presence: &Presence, waiting: &Waiting, stop: &Stop) -> Result<(), CliError> {
+    stop.doing("asking whether a robot of this name is there already");
+    let mut content = waiting.for_content();
+    while presence.is_taken(ROLL_CALL)? {
+        let taken = CliError::NameTaken(presence.robot().to_owned());
+        if !content.goes_on(&taken) {
+            return Err(taken);
+        }
+        std::thread::sleep(ASK_AGAIN);
+    }
+    Ok(())
+}
+
+fn in_words(news: &GoalStatus) -> String {
+    let id = news.id.as_deref().unwrap_or_default();
+    let to = news.goal.map(|[x, y]| format!(" ({x:.2}, {y:.2})")).unwrap_or_default();
+    let far = news.to_go_m.map(|metres| format!(", {metres:.1} m to go")).unwrap_or_default();
+    let why = news.reason.as_deref().map(|reason| format!(": {reason}")).unwrap_or_default();
+    format!("goal {id}{to}: {}{far}{why}", news.state)
+}

@@ -1,0 +1,127 @@
+//! Robots that take goals are sent somewhere.
+
+use crate::program::operator::error::OperatorError;
+use crate::program::operator::rule::parse_pose;
+use fht_client::{AskError, ask_json_async};
+use fht_proto::MapName;
+use fht_proto::api::goal::{GoalState, GoalStatus};
+use fht_proto::api::keys::{GoalTopic, Key, RobotTopic};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, PlaceRef};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use zenoh::Session;
+
+/// How long a robot may take to say whether there is a path.
+const ANSWER: Duration = Duration::from_secs(10);
+/// Between two questions whether it has arrived.
+const ASK_AGAIN: Duration = Duration::from_millis(500);
+/// How long it may be silent meanwhile.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// An id that nobody has used.
+pub(super) fn new_id() -> String {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    format!("{:x}-{:x}", now.as_micros(), std::process::id())
+}
+
+/// The question that sends a robot somewhere.
+pub(super) fn selector(
+    (map, robot): (&MapName, &str),
+    id: &str,
+    to: &str,
+    to_nearest: bool,
+) -> Result<String, OperatorError> {
+    let key = Key::robot(map, robot, RobotTopic::Goal);
+    let place = match to.parse::<PlaceRef>() {
+        Ok(_) => format!("to={}", to.trim()),
+        Err(refusal) => {
+            let pose = parse_pose(to).map_err(|_| OperatorError::Usage(format!("{}, or x,y,yaw", refusal.message)))?;
+            let (at, yaw) = (pose.position, pose.yaw());
+            format!("x={};y={};yaw={yaw}", at.x(), at.y())
+        }
+    };
+    let nearest = if to_nearest { ";to_nearest=true" } else { "" };
+    Ok(format!("{key}?id={id};{place}{nearest}"))
+}
+
+/// Sends it: the robot's word that it drives there, or will.
+pub(super) async fn send(session: &Session, selector: &str) -> Result<GoalStatus, OperatorError> {
+    ask(session, selector).await
+}
+
+async fn ask(session: &Session, selector: &str) -> Result<GoalStatus, OperatorError> {
+    ask_json_async(session, selector, ANSWER).await.map_err(|error| match error {
+        AskError::Silent => {
+            OperatorError::RobotSilent { robot: selector.split('/').nth(3).unwrap_or_default().to_owned() }
+        }
+        error => error.into(),
+    })
+}
+
+/// Waits until nothing more becomes of a goal.
+///
+/// # Errors
+/// [`OperatorError::NotArrived`], or that the robot does not answer.
+pub(super) async fn arrived(session: &Session, map: &MapName, sent: GoalStatus) -> Result<GoalStatus, OperatorError> {
+    let id = sent.id.clone().unwrap_or_default();
+    let selector = format!("{}?id={id}", Key::goal(map, &sent.robot, GoalTopic::Status));
+    let (mut status, mut heard) = (sent, Instant::now());
+    while !status.state.is_final() {
+        tokio::time::sleep(ASK_AGAIN).await;
+        match ask(session, &selector).await {
+            Ok(news) => (status, heard) = (news, Instant::now()),
+            Err(error @ OperatorError::Refused(ErrorReply { code: ErrorCode::UnknownGoal, .. })) => return Err(error),
+            // The link may come back.
+            Err(error) if heard.elapsed() > PATIENCE => return Err(error),
+            Err(error) => tracing::debug!("asked in vain: {error}"),
+        }
+    }
+    if status.state == GoalState::Arrived {
+        return Ok(status);
+    }
+    let why = status.reason.map(|reason| format!(": {reason}")).unwrap_or_default();
+    Err(OperatorError::NotArrived { robot: status.robot, id, state: status.state, why })
+}
+
+/// Takes a goal back, or all.
+pub(super) async fn cancel(
+    session: &Session,
+    map: &MapName,
+    robot: &str,
+    id: Option<&str>,
+) -> Result<GoalStatus, OperatorError> {
+    let key = Key::goal(map, robot, GoalTopic::Cancel);
+    let selector = id.map_or_else(|| key.to_string(), |id| format!("{key}?id={id}"));
+    ask(session, &selector).await
+}
+
+/// A status as a line.
+pub(super) fn in_words(status: &GoalStatus) -> String {
+    let id = status.id.as_deref().map(|id| format!(" goal {id}")).unwrap_or_default();
+    let far = status.to_go_m.map(|metres| format!(", {metres:.1} m to go")).unwrap_or_default();
+    let why = status.reason.as_deref().map(|reason| format!(": {reason}")).unwrap_or_default();
+    format!("{}:{id} {}{far}{why}", status.robot, status.state)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fht_proto::api::request::parse_goal;
+
+    #[test]
+    fn what_is_sent_is_what_robots_read() {
+        let map: MapName = "museum".parse().expect("a name");
+        let order = |to: &str| {
+            let selector = selector((&map, "tug"), "7", to, true).map_err(|error| error.to_string())?;
+            let (key, parameters) = selector.split_once('?').unwrap_or_default();
+            assert_eq!(key, "fht/museum/robots/tug/goal");
+            let pairs = parameters.split(';').filter_map(|pair| pair.split_once('='));
+            parse_goal(pairs, None).map_err(|error| error.message)
+        };
+        assert!(order("Küche").is_ok_and(|order| order.to_nearest && order.yaw.is_none()));
+        assert!(order("-1.5,3").is_ok_and(|order| order.yaw.is_none()));
+        assert!(order("-1.5,3,90").is_ok_and(|order| order.yaw.is_some_and(|yaw| (yaw - 1.5708).abs() < 1e-4)));
+        for wrong in ["1", "a b", "1,x", "1,2,3,4", "dock;id=8"] {
+            assert!(order(wrong).is_err_and(|said| said.contains("x,y,yaw")), "{wrong}");
+        }
+    }
+}
