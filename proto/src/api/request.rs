@@ -8,7 +8,7 @@ use crate::api::keys::{AdminAction, Key, Topic};
 use crate::api::reply::{ErrorReply, NodesCursor, PlaceRef, Series, parse_point};
 use crate::model::validate::Validate;
 use crate::{Descriptor, FixedPoint, Footprint, MapName, ReleaseId, ReleaseName, VersionVector, decode};
-pub use goal::{parse_goal, parse_goal_id};
+pub use goal::{is_goal, parse_goal, parse_goal_id};
 use parameters::Parameters;
 pub use parameters::{Format, bad_request, shown};
 

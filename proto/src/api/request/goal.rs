@@ -45,6 +45,12 @@ pub fn parse_goal<'a>(
     })
 }
 
+/// Whether a payload sends a robot somewhere, and is not an explorer's word of where it goes.
+#[must_use]
+pub fn is_goal(payload: &[u8]) -> bool {
+    parse_goal(std::iter::empty(), Some(payload)).is_ok()
+}
+
 /// Reads which goal is meant: `cancel?id=7`, or a payload such as `{"id": "7"}`; none if nothing is
 /// said.
 ///
