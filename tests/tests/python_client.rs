@@ -229,7 +229,7 @@ fn what_the_server_says_is_as_the_schemas_have_it() {
         state: GoalState::Failed,
         id: Some("7".to_owned()),
         goal: Some([4.5, 0.0]),
-        goal_yaw: Some(1.5708),
+        goal_yaw: Some(1.25),
         to_go_m: Some(5.31),
         code: Some(ErrorCode::NoPath),
         reason: Some("nothing joins them".to_owned()),

@@ -229,7 +229,7 @@ fn a_robot_is_sent_twice_by_other_peoples_programs_over_a_server_that_is_started
     cli(&["put", "-k", "fht/museum/robots/tug/goal", "-v", goal]);
     assert_eq!(site.arrives("2").goal, Some([0.0, 0.0]));
     let at = site.pose();
-    assert!(apart(at, [0.0; 3]) < 0.5 && (at[2] - 1.5708).abs() < 0.1, "{at:?}");
+    assert!(apart(at, [0.0; 3]) < 0.5 && (at[2] - std::f64::consts::FRAC_PI_2).abs() < 0.1, "{at:?}");
 
     // Operators' commands: the words and the code are of one judgement.
     let said = site.operate(&["send", "museum", "tug", "far", "--id", "3", "--wait-arrived"]).unwrap();

@@ -119,7 +119,10 @@ mod tests {
         };
         assert!(order("Küche").is_ok_and(|order| order.to_nearest && order.yaw.is_none()));
         assert!(order("-1.5,3").is_ok_and(|order| order.yaw.is_none()));
-        assert!(order("-1.5,3,90").is_ok_and(|order| order.yaw.is_some_and(|yaw| (yaw - 1.5708).abs() < 1e-4)));
+        assert!(
+            order("-1.5,3,90")
+                .is_ok_and(|order| order.yaw.is_some_and(|yaw| (yaw - std::f64::consts::FRAC_PI_2).abs() < 1e-4))
+        );
         for wrong in ["1", "a b", "1,x", "1,2,3,4", "dock;id=8"] {
             assert!(order(wrong).is_err_and(|said| said.contains("x,y,yaw")), "{wrong}");
         }
