@@ -128,10 +128,14 @@ pub(super) fn refuse(query: &Query, refusal: &ErrorReply) -> Result<(), zenoh::E
     query.reply_err(serde_json::to_vec(refusal)?).encoding(Encoding::APPLICATION_JSON).wait()
 }
 
+/// The refusal of what comes too fast.
+fn busy() -> ErrorReply {
+    ErrorReply::new(ErrorCode::Busy, "the robot was told too much at a time; ask again")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fht_proto::api::reply::ErrorCode;
 
     #[test]
     fn keys_of_goals_are_told_apart() {
@@ -180,9 +184,4 @@ mod tests {
         let asks: Vec<Ask> = inbox.take().into_iter().map(|request| request.ask).collect();
         assert!(matches!(asks.as_slice(), [Ask::Send(order), Ask::Cancel(None)] if order.id == "1"), "{asks:?}");
     }
-}
-
-/// The refusal of what comes too fast.
-fn busy() -> ErrorReply {
-    ErrorReply::new(ErrorCode::Busy, "the robot was told too much at a time; ask again")
 }
