@@ -110,6 +110,11 @@ struct LimitArgs {
 }
 
 impl LimitArgs {
+    fn is_given(&self) -> bool {
+        let Self { max_map_elements, max_total_elements, max_map_mib, max_total_mib } = self;
+        [max_map_elements, max_total_elements, max_map_mib, max_total_mib].iter().any(|limit| limit.is_some())
+    }
+
     /// These flags over `usual`.
     fn over(&self, usual: Limits) -> Limits {
         let bytes = |mib: Option<u64>, otherwise: u64| mib.map_or(otherwise, |mib| mib << 20);
@@ -209,12 +214,15 @@ impl Cli {
 impl Cli {
     /// What clap cannot tell: what does not go together, of the flags and of the file with them.
     fn check(&self, config: &ServerConfig) -> Result<(), clap::Error> {
-        let ServeArgs { data, storages, confirm, listen, .. } = &self.serve;
+        let ServeArgs { data, storages, confirm, listen, limits, .. } = &self.serve;
         let wrong = |text: &str| Err(Self::command().error(ErrorKind::ArgumentConflict, text));
-        let is_for_serving = data.is_some() || storages.is_some() || confirm.is_some() || !listen.is_empty();
+        let is_for_serving =
+            data.is_some() || storages.is_some() || confirm.is_some() || !listen.is_empty() || limits.is_given();
         if self.command.is_some() {
             return if is_for_serving {
-                wrong("--data, --storages, --confirm and --listen are for serving: leave them out, or the command")
+                wrong(
+                    "--data, --storages, --confirm, --listen and limits are for serving: leave them out, or the command",
+                )
             } else {
                 Ok(())
             };
