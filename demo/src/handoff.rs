@@ -16,9 +16,9 @@ use fht_client::{LiveReplica, ReplicaConfig};
 use fht_perception::pose::{Point2, pose};
 use fht_picture::{MapPicture, Mark, PictureConfig};
 use fht_proto::MapName;
+use fht_sim::SimSetup;
 use programs::{Bars, read_report, session, world_args};
 use serde::Deserialize;
-use std::path::Path;
 use std::time::{Duration, Instant};
 use zenoh::Wait;
 
@@ -44,15 +44,6 @@ struct ClientReport {
     true_trajectory: Vec<[f64; 2]>,
 }
 
-/// The map's name for a world: the file's name without its ending.
-///
-/// # Errors
-/// When that is no map name.
-pub fn map_name(world: &str) -> Result<MapName, HandoffError> {
-    let stem = Path::new(world).file_stem().map_or_else(|| world.into(), |stem| stem.to_string_lossy());
-    Ok(stem.parse()?)
-}
-
 /// How long the server may take to answer, and to hand over a finished map.
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -62,7 +53,7 @@ const PATIENCE: Duration = Duration::from_secs(20);
 /// [`HandoffError`]; a client that does not arrive is a result, not an error.
 pub fn hand_off(config: &HandoffConfig) -> Result<(HandoffReport, Process), HandoffError> {
     let begin = Instant::now();
-    let map = map_name(&config.world)?;
+    let map = SimSetup::of(&config.world).map_name()?;
     let data = config.folder.join("data");
     let server = Process::map_server(&config.executable, &data, &config.endpoint, PATIENCE)?;
 

@@ -20,8 +20,6 @@
 //! | `true_floor` | the true floor of a simulated building, for pictures of maps: [`TrueFloor`] |
 //!
 //! ```
-//! // Maps are named after their worlds.
-//! assert_eq!(fht_demo::map_name("floors/second.yaml")?.as_str(), "second");
 //! // Servers of demos and tests listen on free ports of this machine.
 //! assert!(fht_demo::free_endpoint()?.starts_with("tcp/127.0.0.1:"));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -34,7 +32,7 @@ mod roles;
 mod true_floor;
 
 pub use command_line::{HandoffArgs, HandoffCommand};
-pub use handoff::{Crew, ExplorerFigures, HandoffConfig, HandoffError, HandoffReport, hand_off, map_name};
+pub use handoff::{Crew, ExplorerFigures, HandoffConfig, HandoffError, HandoffReport, hand_off};
 pub use process::{Process, ProcessError, Role, free_endpoint, leave_nothing_behind, this_executable};
 pub use roles::run_role;
 pub use true_floor::TrueFloor;

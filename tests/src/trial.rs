@@ -32,6 +32,12 @@ pub enum TrialError {
     /// Something did not happen in time.
     #[error("{0} in time")]
     Late(&'static str),
+    /// The map has no free space.
+    #[error("the map has no free space to ask for paths in")]
+    NoSpace,
+    /// An answer is no path.
+    #[error("an answer is no path: {0}")]
+    Answer(String),
     /// The clients did not report.
     #[error("the clients ended without a report")]
     NoReport,

@@ -26,7 +26,7 @@ use tokio::time::timeout;
 
 const PROGRAMS: &str = env!("CARGO_BIN_EXE_programs");
 /// Enough for an exploration of a minute of robot time, beside other work.
-const LONG: Duration = Duration::from_secs(60);
+const LONG: Duration = Duration::from_secs(600);
 
 /// A folder with everything that the README mentions, and the site's programs that run in it.
 struct Walk {

@@ -13,7 +13,6 @@ use fht_sim::SimConfig;
 use fht_worker::Taking;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
 
 /// The configuration of `client-robot`. What is not in the file has the value that stands here;
 /// flags go before both. The file may hold sections of other programs (`[mapper]`, `[server]`):
@@ -77,8 +76,7 @@ impl ClientFile {
     pub(super) fn with_robot(mut self, args: &RobotArgs) -> Self {
         self.robot.name = args.robot.clone().or(self.robot.name);
         // As explorers call the map of a world.
-        let of_world = || Path::new(&args.setup.world).file_stem()?.to_str()?.parse().ok();
-        self.robot.map = self.robot.map.or_else(of_world);
+        self.robot.map = self.robot.map.or_else(|| args.setup.map_name().ok());
         self.robot.model = args.model.clone().or(self.robot.model);
         self.robot.cameras &= !args.no_cameras;
         self.sim.light_seed = args.light_seed.unwrap_or(self.sim.light_seed);

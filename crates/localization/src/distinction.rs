@@ -78,9 +78,9 @@ impl Grounds<'_> {
         }
         let is_told = |others: f64| 1.0 / (1.0 + others) >= config.min_wall_confidence;
         let likelihood = |rival: &Hypothesis| (-best.wall_margin(rival, config.alike_share, self.weigh)).exp();
-        let known: f64 = rivals.map(likelihood).sum();
-        let by_walls = || is_told(known) && is_told(self.challengers(best).iter().map(likelihood).sum());
-        (is_seen && excess >= config.min_excess) || by_walls()
+        let is_told_by_pictures = is_seen && excess >= config.min_excess;
+        is_told_by_pictures
+            || (is_told(rivals.map(likelihood).sum()) && is_told(self.challengers(best).iter().map(likelihood).sum()))
     }
 
     /// Other places than `best` that walls alone suggest. The hypotheses at hand may lack them:

@@ -74,7 +74,7 @@ pub struct SensedView {
 }
 
 /// A place where the robot may be.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Hypothesis {
     /// Where each of the views was taken, map frame, oldest first.
     pub at: Vec<Pose2>,
@@ -89,13 +89,10 @@ impl Hypothesis {
     /// says.
     #[must_use]
     pub fn new(map_from_base: &Pose2, views: &[SensedView], landmarks: &Landmarks, config: &WeighConfig) -> Self {
-        let mut hypothesis = Self { at: Vec::new(), evidence: Vec::new(), looks: Vec::new() };
-        let Some(last) = views.last() else { return hypothesis };
+        let Some(last) = views.last() else { return Self::default() };
         let map_from_odom = map_from_base * last.odometry.odom_from_base.inverse();
-        for view in views {
-            hypothesis.add(map_from_odom * view.odometry.odom_from_base, view, landmarks, config);
-        }
-        hypothesis
+        let poses = views.iter().map(|view| map_from_odom * view.odometry.odom_from_base);
+        Self::along(poses, views, landmarks, config)
     }
 
     /// The robot at `map_from_base` when the last of `views` was taken; before, where the odometry
@@ -118,8 +115,18 @@ impl Hypothesis {
             at.push(here);
             later = Some(view);
         }
-        let mut hypothesis = Self { at: Vec::new(), evidence: Vec::new(), looks: Vec::new() };
-        at.iter().rev().zip(views).for_each(|(at, view)| hypothesis.add(*at, view, landmarks, config));
+        Self::along(at.into_iter().rev(), views, landmarks, config)
+    }
+
+    /// The robot at `poses` when `views` were taken.
+    fn along(
+        poses: impl Iterator<Item = Pose2>,
+        views: &[SensedView],
+        landmarks: &Landmarks,
+        config: &WeighConfig,
+    ) -> Self {
+        let mut hypothesis = Self::default();
+        poses.zip(views).for_each(|(at, view)| hypothesis.add(at, view, landmarks, config));
         hypothesis
     }
 

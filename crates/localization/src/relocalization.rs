@@ -185,9 +185,10 @@ impl Relocalizer {
         }
         let view = self.view(landmarks, observation);
         self.carry(landmarks, view);
-        self.find_more(landmarks);
+        let points = self.recent_points();
+        self.find_more(&points, landmarks);
         self.sort();
-        self.judge(landmarks)
+        self.judge(&points, landmarks)
     }
 
     fn view(&self, landmarks: &Landmarks, observation: &Sensed<'_>) -> SensedView {
@@ -242,14 +243,14 @@ impl Relocalizer {
     }
 
     /// Looks for what was seen lately in the whole map.
-    fn find_more(&mut self, landmarks: &Landmarks) {
+    fn find_more(&mut self, points: &[Point2], landmarks: &Landmarks) {
         let config = &self.config;
         let Some((last, Some(pyramid))) = self.views.last().map(|last| (last, &landmarks.walls().pyramid)) else {
             return;
         };
         // A cell or half a step off, the true place looks worse than it is, but not as bad as this.
         let hopeless = 2.0 * config.weigh.beams_per_view * config.weigh.nowhere_cost;
-        let alignments = pyramid.find(&self.recent_points(), &self.favours(landmarks, last));
+        let alignments = pyramid.find(points, &self.favours(landmarks, last));
         for alignment in alignments {
             let known = |at: &Pose2| {
                 self.hypotheses.iter().any(|hypothesis| hypothesis.is_near(at, config.same_m, config.same_rad))
@@ -346,7 +347,7 @@ impl Relocalizer {
         self.hypotheses.iter().filter(move |other| !other.is_near(&at, same_m, same_rad))
     }
 
-    fn judge(&self, landmarks: &Landmarks) -> Belief {
+    fn judge(&self, points: &[Point2], landmarks: &Landmarks) -> Belief {
         let config = &self.config;
         let Some(best) = self.hypotheses.first() else { return Belief::NotLocalized };
         let confidence = self.confidence();
@@ -366,7 +367,7 @@ impl Relocalizer {
             && evidence.explained_share() >= config.min_explained
             && evidence.contradicted_share()
                 <= config.max_contradicted + config.max_contradicted_per_view * self.views.len() as f64
-            && self.is_distinct(best, landmarks);
+            && self.is_distinct(best, points, landmarks);
         if !is_good {
             return candidates;
         }
@@ -376,10 +377,9 @@ impl Relocalizer {
         }
     }
 
-    fn is_distinct(&self, best: &Hypothesis, landmarks: &Landmarks) -> bool {
+    fn is_distinct(&self, best: &Hypothesis, points: &[Point2], landmarks: &Landmarks) -> bool {
         let RelocalizationConfig { matching, weigh, same_m, same_rad, .. } = &self.config;
-        let (views, points) = (self.views.as_slice(), &self.recent_points());
-        let grounds = Grounds { views, points, landmarks, matching, weigh, same: (*same_m, *same_rad) };
+        let grounds = Grounds { views: &self.views, points, landmarks, matching, weigh, same: (*same_m, *same_rad) };
         grounds.tell_apart(best, self.rivals(&best.map_from_base()), &self.config.distinction)
     }
 

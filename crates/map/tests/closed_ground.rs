@@ -183,3 +183,57 @@ fn beyond_the_budget_closed_edges_and_ground_stay_closed() {
     assert!(round > open + 2.0, "{open} {round}");
     assert_eq!(length(keeping_out(&[&[(6.0, 2.0), (6.2, 2.0), (6.2, 3.2), (6.0, 3.2)]])).unwrap(), round);
 }
+
+/// `count` blocked places on a circle, metres.
+fn ring(centre: (f64, f64), radius: f64, count: u32) -> SpaceConfig {
+    let angle = |k: u32| f64::from(k) / f64::from(count) * std::f64::consts::TAU;
+    let place = |k: u32| at(centre.0 + radius * angle(k).cos(), centre.1 + radius * angle(k).sin());
+    SpaceConfig { blocked: (0..count).map(place).collect(), ..SpaceConfig::default() }
+}
+
+#[test]
+fn no_path_leads_into_a_ring_of_blocked_places() {
+    let nodes = [((2.0, 5.0), [0.0, 0.0, 10.0, 10.0]), ((8.0, 5.0), [0.0, 0.0, 10.0, 10.0])];
+    let hall = map(&nodes, &[(0, 1)]);
+    for limits in [SpaceLimits::default(), SpaceLimits { outlines: 0, ..SpaceLimits::default() }] {
+        for radius in [0.1, 0.25, 0.35, 0.4, 0.5, 0.7, 1.0, 1.5] {
+            let config = SpaceConfig { limits: limits.clone(), ..ring((7.0, 5.0), radius, 64) };
+            let refusal = plan(&hall, &config, at(2.0, 5.0), at(7.0, 5.0));
+            assert!(matches!(refusal, Err(RouteError::NoPath { .. })), "{radius} m: {refusal:?}");
+            // Past it there is a way, and whoever stands in it may leave.
+            if limits != SpaceLimits::default() {
+                continue;
+            }
+            for from in [at(2.0, 5.0), at(7.0, 5.0)] {
+                let route = plan(&hall, &config, from, at(9.5, 5.0));
+                assert!(radius > 0.3 && from == at(7.0, 5.0) || route.is_ok(), "{radius} m: {route:?}");
+            }
+        }
+    }
+}
+
+proptest::proptest! {
+    #[test]
+    fn paths_keep_away_from_what_is_blocked(
+        places in proptest::collection::vec((0.0..14.0, 0.0..8.0), 1..40),
+        from in (0.3..13.7, 0.3..7.7),
+        to in (0.3..13.7, 0.3..7.7),
+    ) {
+        let (from, to) = (at(from.0, from.1), at(to.0, to.1));
+        let blocked: BTreeSet<FixedPoint> = places.iter().map(|&(x, y)| at(x, y)).collect();
+        let config = SpaceConfig { blocked: blocked.clone(), ..SpaceConfig::default() };
+        let Ok(route) = plan(&rooms(true), &config, from, to) else { return Ok(()) };
+        // The octagon around a place lies within its circle; whoever stands in it may leave it.
+        let inner_m = 0.3 * std::f64::consts::FRAC_PI_8.cos() - 0.002;
+        for place in blocked.iter().filter(|place| place.distance(from) > 0.3) {
+            for pair in route.waypoints.windows(2) {
+                let [a, b] = [pair[0].point, pair[1].point];
+                for share in (0..=100).map(|step| f64::from(step) / 100.0) {
+                    let x = a.x() + share * (b.x() - a.x()) - place.x();
+                    let y = a.y() + share * (b.y() - a.y()) - place.y();
+                    proptest::prop_assert!(x.hypot(y) >= inner_m, "{place:?} on the way {route:?}");
+                }
+            }
+        }
+    }
+}

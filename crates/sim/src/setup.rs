@@ -1,9 +1,10 @@
 //! Where a simulated robot is, and by which seeds.
 
 use crate::starts::{StartError, check_start};
-use crate::world::{World, WorldError, load};
+use crate::world::{World, WorldError, load, name_of};
 use fht_perception::pose::Pose2;
-use std::path::PathBuf;
+use fht_proto::{MapName, ParseIdError};
+use std::path::{Path, PathBuf};
 
 /// The building that a simulated robot is in, its place there, and the seeds that it runs by. With
 /// the feature `cli` these are flags.
@@ -39,6 +40,20 @@ impl SimSetup {
     #[must_use]
     pub fn of(world: &str) -> Self {
         Self { world: world.to_owned(), textures: None, world_seed: 1, start: None, map_origin: None, seed: 1 }
+    }
+
+    /// The name of the building's map unless somebody gives it another: the building's own, or its
+    /// file's without the ending.
+    ///
+    /// # Errors
+    /// When that is no name of a map.
+    ///
+    /// ```
+    /// assert_eq!(fht_sim::SimSetup::of("floors/second.yaml").map_name()?.as_str(), "second");
+    /// # Ok::<(), fht_proto::ParseIdError>(())
+    /// ```
+    pub fn map_name(&self) -> Result<MapName, ParseIdError> {
+        name_of(Path::new(&self.world)).parse()
     }
 
     /// Loads the building.

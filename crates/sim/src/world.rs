@@ -199,7 +199,7 @@ impl World {
         seed: u64,
         changes: Option<&Changes>,
     ) -> Result<Self, WorldError> {
-        let name = stem(path);
+        let name = name_of(path);
         let photographs = textures.map_or_else(|| Ok(Vec::new()), photographs::load)?;
         let mut plan = nav2::load(path)?;
         let mut layout = extrude::layout(&plan, seed);
@@ -214,7 +214,7 @@ impl World {
     }
 
     fn from_gazebo(path: &Path, changes: Option<&Changes>) -> Result<Self, WorldError> {
-        let name = stem(path);
+        let name = name_of(path);
         let gazebo =
             gazebo::load(path, changes).map_err(|source| WorldError::Gazebo { path: path.to_owned(), source })?;
         let scene = gazebo.scene.ok_or_else(|| WorldError::Empty(name.clone(), "surfaces"))?;
@@ -225,8 +225,8 @@ impl World {
     }
 }
 
-/// The name of a world that comes from a file.
-fn stem(path: &Path) -> String {
+/// The name of a world, from its own or from its file's.
+pub(crate) fn name_of(path: &Path) -> String {
     path.file_stem().map_or_else(|| "map".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 

@@ -2,10 +2,11 @@
 
 use clap::Parser;
 use fht_demo::run_role;
-use fht_demo::{Crew, HandoffConfig, hand_off, map_name};
+use fht_demo::{Crew, HandoffConfig, hand_off};
 use fht_demo::{HandoffArgs, HandoffCommand, leave_nothing_behind, this_executable};
 use fht_picture::default_file;
 use fht_program::Stop;
+use fht_sim::SimSetup;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -44,7 +45,7 @@ fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, String> {
     }
     let folder = tempfile::tempdir().map_err(|error| text(&error))?;
     leave_nothing_behind(stop, folder.path());
-    let map = map_name(&cli.world).map_err(|error| text(&error))?;
+    let map = SimSetup::of(&cli.world).map_name().map_err(|error| text(&error))?;
     let picture = cli.picture.clone().unwrap_or_else(|| default_file("handoff", map.as_str(), Some(cli.seed)));
     let config = HandoffConfig {
         executable: this_executable().map_err(|error| text(&error))?,

@@ -42,6 +42,9 @@ const DROP_RATHER_THAN_WAIT: &str = r#"[
     {id: "queries", messages: ["query"], flows: ["ingress"], overwrite: {congestion_control: "drop"}},
 ]"#;
 
+/// Robots and tools at one time. Zenoh's own default is 1000.
+const MAX_SESSIONS: &str = "4000";
+
 /// No endpoints, as Zenoh's configuration shows them.
 const NONE: &str = "[]";
 
@@ -61,6 +64,7 @@ fn to_zenoh(link: &ServerEndpoints) -> Result<Config, ConfigurationError> {
     set_default(&mut config, "mode", if is_client { "\"client\"" } else { "\"router\"" })?;
     if !is_client {
         set_default(&mut config, "qos/network", DROP_RATHER_THAN_WAIT)?;
+        set_default(&mut config, "transport/unicast/max_sessions", MAX_SESSIONS)?;
     }
     match link.patience {
         // Other routers may start later than this one.

@@ -1,10 +1,10 @@
 //! A fleet on one server, beside bare Zenoh queries: see `fht_tests::fleet`.
 
 use clap::{Parser, Subcommand};
-use fht_demo::this_executable;
-use fht_demo::{leave_nothing_behind, map_name};
+use fht_demo::{leave_nothing_behind, this_executable};
 use fht_program::Stop;
 use fht_program::stop::end_with_parent;
+use fht_sim::SimSetup;
 use fht_tests::fleet::clients::{self, ClientsConfig, Outcome};
 use fht_tests::fleet::{Computed, FleetReport, FleetTrialConfig, run, server};
 use fht_tests::maps::{explored, hall};
@@ -145,7 +145,7 @@ fn fleet(args: &FleetArgs) -> Result<bool, String> {
     let config = FleetTrialConfig {
         executable: this_executable().map_err(|error| text(&error))?,
         data: folder.path().join("data"),
-        map: map_name(&args.world).map_err(|error| text(&error))?,
+        map: SimSetup::of(&args.world).map_name().map_err(|error| text(&error))?,
         clients: args.clients,
         rate_hz: args.rate,
         seconds: args.seconds,

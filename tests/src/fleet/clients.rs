@@ -3,12 +3,13 @@
 
 use crate::fleet::latencies::Latencies;
 use crate::fleet::server::bare_selector;
-use fht_client::{AskError, LiveReplica, ReplicaConfig, ReplicaError, ask, ask_head};
+use crate::trial::TrialError;
+use fht_client::{LiveReplica, ReplicaConfig, ask, ask_head};
 use fht_map::{FreeSpace, MapState, SpaceConfig};
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::PathReply;
 use fht_proto::{FixedPoint, MapName};
-use fht_session::{SessionConfig, SessionError};
+use fht_session::SessionConfig;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -18,8 +19,10 @@ use std::time::{Duration, Instant};
 use zenoh::query::Reply;
 use zenoh::{Session, Wait};
 
-/// How long the whole fleet may take to join, to catch up, or to be answered at the end.
-const PATIENCE: Duration = Duration::from_secs(120);
+/// How long the whole fleet may take to join, to catch up, or to be answered at the end. Zenoh's
+/// routers look at all sessions at each declaration, so that joining takes time by the square of
+/// the clients.
+const PATIENCE: Duration = Duration::from_secs(600);
 /// How long one answer may take.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(10);
 /// How many sessions are opened at a time.
@@ -115,35 +118,6 @@ pub struct Report {
     pub version: u64,
 }
 
-/// Why clients cannot go on.
-#[derive(Debug, thiserror::Error)]
-pub enum ClientsError {
-    /// A session cannot be opened.
-    #[error(transparent)]
-    Link(#[from] SessionError),
-    /// A copy cannot be kept.
-    #[error(transparent)]
-    Replica(#[from] ReplicaError),
-    /// The server does not answer.
-    #[error(transparent)]
-    Ask(#[from] AskError),
-    /// Zenoh refuses.
-    #[error("Zenoh refuses: {}", fht_session::in_words(.0))]
-    Zenoh(#[from] zenoh::Error),
-    /// The system gives no threads.
-    #[error("no threads: {0}")]
-    Runtime(#[from] std::io::Error),
-    /// A client did not get the map in time.
-    #[error("a client did not get the map within {} s", PATIENCE.as_secs())]
-    Incomplete,
-    /// The map has no free space.
-    #[error("the map has no free space to ask for paths in")]
-    NoSpace,
-    /// An answer is no path.
-    #[error("an answer is no path: {0}")]
-    Answer(String),
-}
-
 /// Counts the answers to one kind of question.
 #[derive(Debug, Default)]
 struct Tally {
@@ -213,8 +187,8 @@ impl Pair {
 /// Runs the clients; `say` receives their reports.
 ///
 /// # Errors
-/// [`ClientsError`]. Unanswered questions are a result, not an error.
-pub fn run(config: &ClientsConfig, mut say: impl FnMut(&Event)) -> Result<(), ClientsError> {
+/// [`TrialError`]. Unanswered questions are a result, not an error.
+pub fn run(config: &ClientsConfig, mut say: impl FnMut(&Event)) -> Result<(), TrialError> {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let begin = Instant::now();
     let sessions = runtime.block_on(open_all(config))?;
@@ -225,10 +199,10 @@ pub fn run(config: &ClientsConfig, mut say: impl FnMut(&Event)) -> Result<(), Cl
             LiveReplica::start(session, &config.map, &format!("fleet-{number}"), ReplicaConfig::default())
         })
         .collect::<Result<Vec<_>, _>>()?;
-    let first = sessions.first().ok_or(ClientsError::Incomplete)?;
+    let first = sessions.first().ok_or(TrialError::Late("a client did not get the map"))?;
     let vector = ask_head(first, &config.map, PATIENCE)?.vector;
     if !replicas.iter().all(|replica| replica.wait_for(&vector, PATIENCE)) {
-        return Err(ClientsError::Incomplete);
+        return Err(TrialError::Late("a client did not get the map"));
     }
     say(&Event::Joined { seconds: begin.elapsed().as_secs_f64() });
 
@@ -266,14 +240,14 @@ pub fn run(config: &ClientsConfig, mut say: impl FnMut(&Event)) -> Result<(), Cl
     Ok(())
 }
 
-async fn open_all(config: &ClientsConfig) -> Result<Vec<Session>, ClientsError> {
+async fn open_all(config: &ClientsConfig) -> Result<Vec<Session>, TrialError> {
     let link = SessionConfig::from_options(vec![config.endpoint.clone()], None);
     let mut sessions = Vec::new();
     while sessions.len() < config.clients {
         let mut opening = tokio::task::JoinSet::new();
         for _ in 0..OPENING.min(config.clients - sessions.len()) {
             let link = link.clone();
-            opening.spawn(async move { fht_session::open(&link).await });
+            opening.spawn(async move { fht_session::open_within(&link, Some(PATIENCE)).await });
         }
         for session in opening.join_all().await {
             sessions.push(session?);
@@ -293,12 +267,12 @@ fn agrees(replica: &LiveReplica, session: &Session, map: &MapName) -> bool {
 }
 
 /// Pairs of places in free space; each is asked for once to learn the length of the answer.
-fn pairs(config: &ClientsConfig, session: &Session, map: &MapState) -> Result<Vec<Pair>, ClientsError> {
+fn pairs(config: &ClientsConfig, session: &Session, map: &MapState) -> Result<Vec<Pair>, TrialError> {
     let space = FreeSpace::of(map, &SpaceConfig::default());
     let places: Vec<FixedPoint> =
         map.nodes().map(|node| node.pose.position).filter(|place| space.contains(*place)).collect();
     if places.is_empty() {
-        return Err(ClientsError::NoSpace);
+        return Err(TrialError::NoSpace);
     }
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     let mut draw = || {
@@ -314,7 +288,7 @@ fn pairs(config: &ClientsConfig, session: &Session, map: &MapState) -> Result<Ve
     for _ in 0..PAIRS {
         let path = format!("{topic}?from={};to={}", draw(), draw());
         let answer = ask(session, &path, PATIENCE)?.pop().unwrap_or_default();
-        serde_json::from_slice::<PathReply>(&answer).map_err(|error| ClientsError::Answer(error.to_string()))?;
+        serde_json::from_slice::<PathReply>(&answer).map_err(|error| TrialError::Answer(error.to_string()))?;
         pairs.push(Pair { path, bare: bare_selector(answer.len()) });
     }
     Ok(pairs)
@@ -353,9 +327,9 @@ fn ask_all(config: &ClientsConfig, sessions: &[Session], pairs: &[Pair], kind: K
 
 /// A single client that waits for each answer, of both kinds in turn: the time until the program
 /// has the answer.
-fn ask_alone(session: &Session, pairs: &[Pair], count: usize) -> Result<(Latencies, Latencies), ClientsError> {
+fn ask_alone(session: &Session, pairs: &[Pair], count: usize) -> Result<(Latencies, Latencies), TrialError> {
     let mut latencies = (Latencies::default(), Latencies::default());
-    let timed = |selector: &str| -> Result<Duration, ClientsError> {
+    let timed = |selector: &str| -> Result<Duration, TrialError> {
         let at = Instant::now();
         ask(session, selector, ANSWER_TIMEOUT)?;
         Ok(at.elapsed())

@@ -119,9 +119,11 @@ pub struct FreeSpace {
     pub(crate) mesh: Mesh,
     /// Edges that something stands on, or that operators closed.
     pub(crate) closed: BTreeSet<EdgeKey>,
-    /// What no way may lead over: first what operators keep out, then barriers across closed edges.
+    /// What no way may lead over: first what operators keep out, then what stands around blocked
+    /// places, then barriers across closed edges.
     pub(crate) zones: Vec<ClosedZone>,
     keep_out_count: usize,
+    blocked_count: usize,
     /// The same for ways into the mesh, over ground that no rectangle covers.
     screens: Vec<ClosedZone>,
     over_budget: Option<OverBudget>,
@@ -152,16 +154,18 @@ impl FreeSpace {
     #[must_use]
     pub fn of(map: &MapState, config: &SpaceConfig) -> Self {
         let keep_out: Vec<ClosedZone> = config.keep_out.iter().filter_map(|corners| ClosedZone::of(corners)).collect();
-        let keep_out_count = keep_out.len();
-        let made = Self::within_limits(map, config, keep_out.clone());
+        let blocked: Vec<ClosedZone> = blocked_zones(config).collect();
+        let (keep_out_count, blocked_count) = (keep_out.len(), blocked.len());
+        let zones = [keep_out, blocked].concat();
+        let made = Self::within_limits(map, config, zones.clone());
         let mut space = made.unwrap_or_else(|over_budget| Self {
-            screens: keep_out.clone(),
-            zones: keep_out,
+            screens: zones.clone(),
+            zones,
             over_budget: Some(over_budget),
             approach: config.approach.clone(),
             ..Self::default()
         });
-        space.keep_out_count = keep_out_count;
+        (space.keep_out_count, space.blocked_count) = (keep_out_count, blocked_count);
         space.is_mesh_needed = !config.is_edge_enough;
         space.closed = space.closed_edges(map, config);
         space
@@ -204,14 +208,12 @@ impl FreeSpace {
                 }
             }
         }
-        let radius_mm = f64::from(config.blocked_radius_mm);
-        let blocked = config.blocked.iter().map(|at| octagon(*at, radius_mm).collect());
         let things = things.into_iter().map(|place| octagon(fixed_point(place), THING_MM).collect());
         // Each by itself first, and all in one sense: where two overlap, neither must open what the
         // other closes.
         let closed = zones.iter().flat_map(|zone| union(vec![zone.outline()]));
         let closed = closed.filter_map(|shape| shape.into_iter().next());
-        let obstacles = collect_outlines(blocked.chain(things).chain(closed), most_outlines)?;
+        let obstacles = collect_outlines(things.chain(closed), most_outlines)?;
         check_overlaps(&obstacles, overlaps)?;
         if !obstacles.is_empty() {
             free = difference(&free, &union(obstacles));
@@ -261,10 +263,25 @@ impl FreeSpace {
         self.zones[..self.keep_out_count].iter().any(|zone| zone.contains(corner_of(place)))
     }
 
+    /// Whether no path may end at a place: operators keep robots out, or something stands there that
+    /// a robot has reported.
+    pub(crate) fn is_closed_goal(&self, place: FixedPoint) -> bool {
+        let closed = &self.zones[..self.keep_out_count + self.blocked_count];
+        closed.iter().any(|zone| zone.contains(corner_of(place)))
+    }
+
     /// What may not be crossed on a way from a place. What it lies in itself may be left.
     pub(crate) fn screens_around(&self, place: Corner, reach_mm: f64) -> impl Iterator<Item = &ClosedZone> {
         self.screens.iter().filter(move |zone| zone.is_within(place, reach_mm) && !zone.contains(place))
     }
+}
+
+/// What stands around blocked places.
+fn blocked_zones(config: &SpaceConfig) -> impl Iterator<Item = ClosedZone> + '_ {
+    let outline = |at: &FixedPoint| -> Vec<FixedPoint> {
+        octagon(*at, f64::from(config.blocked_radius_mm)).map(|it| FixedPoint { x_mm: it.x, y_mm: it.y }).collect()
+    };
+    config.blocked.iter().filter_map(move |at| ClosedZone::of(&outline(at)))
 }
 
 fn check_corners(shapes: &IntShapes<i32>, most: usize) -> Result<(), OverBudget> {

@@ -36,7 +36,7 @@ pub fn plan(
         return Ok(route);
     }
     let over_nodes = || {
-        if space.is_kept_out(to) {
+        if is_closed_goal(space, to, config) {
             return Err(RouteError::NoPath { from, to, nearest: None });
         }
         let blocked = config.blocked.union(&space.closed).copied().collect();
@@ -99,7 +99,7 @@ impl<'a> Ways<'a> {
 
     /// The shortest way to the goal.
     fn shortest(&self) -> Option<NodeRoute> {
-        if self.space.is_kept_out(self.to) {
+        if is_closed_goal(self.space, self.to, self.config) {
             return None;
         }
         let goal = if self.config.ends == PathEnds::Known { PathEnd::Known } else { PathEnd::Goal };
@@ -140,8 +140,13 @@ impl<'a> Ways<'a> {
     }
 }
 
-/// A route over nodes and edges. The way is not looked for around what operators closed, beyond the
-/// edges that lead through it, but it must not lead over it; and its ends must not lead through
+/// A node may be joined though something stands beside it; where robots are to go, nothing may.
+fn is_closed_goal(space: &FreeSpace, goal: FixedPoint, config: &NodeRouteConfig) -> bool {
+    if config.ends == PathEnds::Known { space.is_kept_out(goal) } else { space.is_closed_goal(goal) }
+}
+
+/// A route over nodes and edges. The way is not looked for around what is closed or blocked, beyond
+/// the edges that lead through it, but it must not lead over it; and its ends must not lead through
 /// walls.
 fn checked(space: &FreeSpace, route: NodeRoute, config: &NodeRouteConfig) -> Option<NodeRoute> {
     let points: Vec<Corner> = route.waypoints.iter().map(|waypoint| corner_of(waypoint.point)).collect();
