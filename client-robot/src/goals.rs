@@ -20,6 +20,7 @@
 //! ```
 
 use crate::pilot::{DriveGoal, Failure, PilotStep, Task, TaskOutcome};
+use fht_proto::FixedPose;
 use fht_proto::api::goal::{GoalOrder, GoalState, GoalStatus};
 use fht_proto::api::reply::{ErrorCode, ErrorReply};
 use std::collections::VecDeque;
@@ -239,12 +240,15 @@ impl GoalQueue {
 
     fn status_of(&self, held: &Held, state: GoalState) -> GoalStatus {
         let waiting = self.waiting.as_ref().map(|next| next.order.id.clone());
+        // To the millimetre and to 1e-4 rad, like everything on the wire.
+        let (x, y, yaw) = (held.goal.position.x, held.goal.position.y, held.goal.yaw);
+        let at = FixedPose::from_metres(x, y, yaw.unwrap_or_default());
         GoalStatus {
             state,
             id: Some(held.order.id.clone()),
-            goal: Some([held.goal.position.x, held.goal.position.y]),
-            goal_yaw: held.goal.yaw,
-            to_go_m: held.to_go_m.filter(|_| state == GoalState::Driving),
+            goal: Some([at.position.x(), at.position.y()]),
+            goal_yaw: yaw.map(|_| at.yaw()),
+            to_go_m: held.to_go_m.filter(|_| state == GoalState::Driving).map(|metres| (metres * 1e3).round() / 1e3),
             waiting: waiting.filter(|next| *next != held.order.id),
             ..GoalStatus::idle(&self.robot)
         }

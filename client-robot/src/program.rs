@@ -24,7 +24,7 @@ use self::settings::ClientFile;
 use crate::mission::MissionGoal;
 use fht_perception::pose::Point2;
 use fht_program::flags::{missing_command, parse_args};
-use fht_program::{Stop, Waiting, logging};
+use fht_program::{ProgramFailure, Stop, Waiting, logging};
 use fht_proto::api::reply::PlaceRef;
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -38,8 +38,8 @@ pub fn command() -> clap::Command {
     <Cli as clap::CommandFactory>::command()
 }
 
-/// Runs the program. Exit code 0: the task is done; 1: it failed, and the robot said why; 2: it
-/// could not be tried; 130 or 143: it was interrupted.
+/// Runs the program. Exit code 0: the task is done; 1: it failed, and the robot said why; 2:
+/// wrong usage or bad input; 130 or 143: it was interrupted.
 pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli: Cli = match parse_args(args) {
         Ok(cli) => cli,
@@ -48,8 +48,7 @@ pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let stop = match Stop::on_signal("client-robot") {
         Ok(stop) => stop,
         Err(error) => {
-            eprintln!("client-robot: signals cannot be handled: {error}");
-            return ExitCode::from(2);
+            return ProgramFailure::of_run(format!("signals cannot be handled: {error}")).tell(NAME);
         }
     };
     logging::init(logging::ROBOT);
@@ -79,8 +78,8 @@ pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         None => return missing_command::<Cli>(),
     };
     outcome.unwrap_or_else(|error| {
-        eprintln!("client-robot: {error}");
-        stop.exit_code().unwrap_or(ExitCode::from(2))
+        let code = ProgramFailure::of(error.is_input(), error).tell(NAME);
+        stop.exit_code().unwrap_or(code)
     })
 }
 

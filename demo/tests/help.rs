@@ -73,6 +73,37 @@ fn every_command_has_examples_that_its_program_takes() {
 }
 
 #[test]
+fn no_help_has_lines_that_a_terminal_of_100_columns_breaks() {
+    for program in programs() {
+        for (name, command) in commands(&program, program.get_name()) {
+            for help in [command.get_after_help(), command.get_after_long_help()].into_iter().flatten() {
+                for line in help.to_string().lines() {
+                    assert!(line.chars().count() <= 100, "{name}: {line}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn coordinates_and_angles_may_be_negative() {
+    for line in [
+        "client-robot path --from -1,2 --to -3,-1",
+        "client-robot go --to -3,1 --start -1,2,-90 --map-origin -1,-2,-1.57rad",
+        "client-robot relocalize --start -1,2,0 --footprint -1,-1_1,-1_0,1",
+        "mapper explore --start -1,2,0 --map-origin -1,2",
+        "map-server place m dock -1,2,-90",
+        "map-server zone m wet '-1,-1 1,-1 1,1'",
+        "map-server send m tug -1,2,-90",
+    ] {
+        let words = words(line);
+        let program = programs().into_iter().find(|program| program.get_name() == words[0]).unwrap();
+        let taken = program.clone().try_get_matches_from(&words);
+        assert!(taken.is_ok(), "{line}: {}", taken.unwrap_err());
+    }
+}
+
+#[test]
 fn shells_get_completions() {
     for role in [None, Some("mapper"), Some("client-robot"), Some("map-server")] {
         for shell in ["bash", "zsh", "fish"] {

@@ -20,7 +20,7 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
 use fht_merge::MergeConfig;
 use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, parse_args, refuse};
-use fht_program::{Stop, Waiting, logging};
+use fht_program::{ProgramFailure, Stop, Waiting, logging};
 use fht_session::SessionConfig;
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -34,7 +34,7 @@ use tracing_subscriber::util::SubscriberInitExt;
 /// Explorers put increments; each is acknowledged once it is on the disk. Robots and people ask for
 /// maps, paths and nodes.
 #[derive(Debug, Parser)]
-#[command(name = "map-server", version, after_long_help = EXAMPLES)]
+#[command(name = "map-server", version, max_term_width = 100, after_long_help = EXAMPLES)]
 struct Cli {
     #[command(flatten)]
     config: ConfigArgs,
@@ -137,11 +137,11 @@ impl LimitArgs {
 struct LinkArgs {
     /// Connect to a Zenoh router, such as zenohd (repeatable). A server without --listen is its
     /// client; operators' commands go to tcp/127.0.0.1:7447 if nothing else is said.
-    #[arg(long, global = true, value_name = "ENDPOINT")]
+    #[arg(long, global = true, help_heading = "The way to the server", value_name = "ENDPOINT")]
     connect: Vec<String>,
     /// A Zenoh configuration file (JSON5): endpoints, TLS, access control. --listen and --connect
     /// go before what it says.
-    #[arg(long, global = true, value_name = "FILE")]
+    #[arg(long, global = true, help_heading = "The way to the server", value_name = "FILE")]
     zenoh_config: Option<PathBuf>,
 }
 
@@ -150,7 +150,7 @@ Examples:
   map-server --data maps
       keeps maps in ./maps and listens on this machine only
 
-  map-server --storages 3 --connect tcp/router-a:7447 --connect tcp/router-b:7447 --connect tcp/router-c:7447
+  map-server --storages 3 --connect router-a:7447 --connect router-b:7447 --connect router-c:7447
       one of several servers of a site: the maps are kept by its routers
 
   pip install zenoh-cli
@@ -167,8 +167,10 @@ Examples:
   map-server robots museum --watch
       operate it, from any machine that reaches it (--connect)
 
-Topics of a map: head, path?from=X,Y;to=NAME, nodes?near=X,Y;radius=R, since?vector=V, snapshot?version=N, match,
-releases, diff?from=A;to=B, rules, fleet";
+Topics of a map: head, path?from=X,Y;to=NAME, nodes?near=X,Y;radius=R, since?vector=V,
+snapshot?version=N, match, releases, diff?from=A;to=B, rules, fleet
+
+Exit code 0: done; 1: it failed; 2: wrong usage or bad input; 130 or 143: it was interrupted.";
 
 impl Cli {
     /// The flags over what the file says.
@@ -330,25 +332,24 @@ where
     let link = ConnectArgs { connect: cli.link.connect, zenoh_config: cli.link.zenoh_config, wait: None };
     let link = link.over(&file.connect);
     let outcome = match cli.command {
-        None => serve_until_signal(config, |_| Ok(())).map_err(|error| error.to_string()),
-        Some(Command::Operate(operation)) => {
-            operate(operation, &cli.operator, link, file.merge).map_err(|error| error.to_string())
-        }
+        None => serve_until_signal(config, |_| Ok(())).map_err(|error| {
+            let is_input = matches!(&error, ServerError::Session(error) if error.is_input());
+            ProgramFailure::of(is_input, error)
+        }),
+        Some(Command::Operate(operation)) => operate(operation, &cli.operator, link, file.merge)
+            .map_err(|error| ProgramFailure::of(error.is_input(), error)),
         Some(Command::Completions(shell)) => {
             shell.print::<Cli>();
             Ok(())
         }
         Some(Command::AccessControl(access)) => {
-            access.run().map(|text| print!("{text}")).map_err(|error| error.to_string())
+            access.run().map(|text| print!("{text}")).map_err(ProgramFailure::of_input)
         }
-        Some(Command::Repair(repair)) => repair.run(&config.data, cli.operator.json()),
+        Some(Command::Repair(repair)) => repair.run(&config.data, cli.operator.json()).map_err(ProgramFailure::of_run),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("map-server: {error}");
-            ExitCode::FAILURE
-        }
+        Err(failure) => failure.tell("map-server"),
     }
 }
 

@@ -46,12 +46,20 @@ pub async fn run_beside<T>(
     let shutdown = pin!(shutdown);
     let mut shutdown = ShutdownSignal::new(shutdown);
     let Some(quorum) = config.storages else {
-        // The log first: a data directory in use is reported before anybody can connect.
+        // A directory that is there comes first: that it is in use is reported before anybody can
+        // connect. One that is not there is made when the server can listen.
+        let early = match config.data.exists() {
+            true => None,
+            false => Some(network::open(&config.link).await?),
+        };
         let log: Arc<dyn IncrementLog> = Arc::new(RedbLog::open(&config.data)?);
         let file = config.data.join(FILE_NAME);
         let catalog = Catalog::load(log.as_ref()).map_err(|error| error.of_file(&file))?;
         let catalog = Arc::new(catalog);
-        let session = network::open(&config.link).await?;
+        let session = match early {
+            Some(session) => session,
+            None => network::open(&config.link).await?,
+        };
         let beside = beside(&session)?;
         let outcome = serve(&config, &session, log, catalog, None, &mut shutdown).await;
         drop(beside);

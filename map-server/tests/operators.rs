@@ -54,7 +54,10 @@ async fn paths_obey_what_operators_write() {
 
     for (args, reason) in [
         (&["close", "museum", "0000000a.1", "0000000a.6"][..], "no edge joins"),
-        (&["close", "museum", "0000000a.1", "0000000a.99"][..], "no edge joins"),
+        (&["close", "museum", "0000000a.1", "0000000a.99"][..], "has no node 0000000a.99"),
+        (&["open", "museum", "0000000b.5", "0000000a.6"][..], "has no node 0000000b.5"),
+        (&["open", "museum", "0000000b.5", "0000000b.6"][..], "neither a node 0000000b.5 nor a node 0000000b.6"),
+        (&["open", "museum", "0000000a.1", "0000000a.6"][..], "no edge joins"),
         (&["zone", "museum", "knot", "0,0 1,1 1,0 0,1"][..], "crosses itself"),
         (&["zone", "museum", "line", "0,0 1,1"][..], "three corners"),
         (&["place", "museum", "1st", "0,0"][..], "is not a name"),
@@ -62,23 +65,38 @@ async fn paths_obey_what_operators_write() {
         (&["place", "museum", "far", "500,500"][..], "no robot can be at (500.00, 500.00)"),
         (&["place", "museum", "turned", "5,0,900"][..], "a yaw of 900° is none"),
         (&["place", "museum", "nan", "nan,0"][..], "nan,0"),
-        (&["place", "museum", "beyond", "200000,0"][..], "200000,0 is not a point"),
-        (&["place", "museum", "beyond", "200000,0", "--force"][..], "200000,0 is not a point"),
+        (&["place", "museum", "beyond", "200000,0"][..], "200000,0 lies outside of all maps"),
+        (&["place", "museum", "beyond", "200000,0", "--force"][..], "200000,0 lies outside of all maps"),
         (&["place", "museum", "quay", "--remove"][..], "has no place quay (there is: dock)"),
         (&["zone", "museum", "attic", "--remove"][..], "has no zone attic (there is: lab)"),
         (&["zone", "museum", "line", "0,0 1,1 2,2"][..], "less than 0.01 m² is none"),
         (&["zone", "museum", "line", "0,0 1,1 2,2", "--force"][..], "less than 0.01 m² is none"),
         (&["zone", "museum", "far", "500,0 501,0 501,1"][..], "does not touch the map"),
         (&["zone", "museum", "huge", "-9000,-9000 9000,-9000 9000,9000 -9000,9000"][..], "beyond the map"),
-        (&["open", "museum", "0000000a.5", "0000000a.6"][..], "is not closed (none is)"),
         (&["close", "museum", "0000000b.5", "0000000a.6"][..], "has no node 0000000b.5"),
-        (&["release", "enable", "museum", "spring"][..], "has no release spring (it has none)"),
-        (&["release", "delete", "museum", "spring"][..], "has no release spring (it has none)"),
+        (&["release", "enable", "museum", "spring"][..], "has no release spring (there is none)"),
+        (&["release", "delete", "museum", "spring"][..], "has no release spring (there is none)"),
     ] {
         let complaint = site.complaint(args);
         assert!(complaint.contains(reason), "{args:?}: {complaint}");
     }
+    for topic in ["maps", "museum/head", "museum/rules", "museum/fleet", "museum/releases", "museum/diff?from=1"] {
+        let query = |more: &str| format!("fht/{topic}{}{more}", if topic.contains('?') { ";" } else { "?" });
+        assert!(ask(&site.session, &query("fmt=json")).await.remove(0).is_ok(), "{topic}");
+        for wrong in ["fmt=postcard", "colour=red"] {
+            let refused = ask(&site.session, &query(wrong)).await.remove(0).unwrap_err();
+            assert!(refused.message.contains("in JSON only") || refused.message.contains("takes: "), "{refused}");
+        }
+    }
     let before = head_when(&site.session, |_| true).await.version;
+    for args in [
+        &["place", "museum", "dock", "9,0,180"][..],
+        &["zone", "museum", "lab", "5,-2 7,-2 7,2 5,2", "--speed-limit", "0.3"][..],
+        &["open", "museum", "0000000a.5", "0000000a.6"][..],
+        &["release", "enable", "museum", "head"][..],
+    ] {
+        assert_eq!(site.run(args)["version"], before, "{args:?} changes nothing");
+    }
     site.run(&["place", "museum", "island", "500,500", "--force"]);
     site.run(&["zone", "museum", "far", "500,0 501,0 501,1", "--force"]);
     assert_eq!(head_when(&site.session, |_| true).await.version, before + 2, "nothing else was written");
@@ -219,6 +237,9 @@ async fn what_robots_report_is_obeyed_for_as_long_as_they_say_and_shown() {
     let site = Site::with(12).await;
     let blocked = Key::robot(&museum(), "r1", RobotTopic::Blocked).to_string();
     let report = r#"{"for_s": 2, "edges": [["0000000a.5", "0000000a.6"]]}"#;
+    // What is not there cannot be blocked.
+    let beyond = r#"{"for_s": 60, "edges": [["0000000a.5", "0000000a.99"]]}"#;
+    site.session.put(Key::robot(&museum(), "r2", RobotTopic::Blocked).to_string(), beyond).await.unwrap();
     let begin = std::time::Instant::now();
     site.session.put(&blocked, report).await.unwrap();
     loop {
@@ -229,6 +250,7 @@ async fn what_robots_report_is_obeyed_for_as_long_as_they_say_and_shown() {
     }
     let rules = site.run(&["rules", "museum"]);
     assert_eq!(rules["blocked"][0]["robot"], "r1");
+    assert_eq!(rules["blocked"].as_array().map(Vec::len), Some(1), "{rules}");
     tokio::time::sleep(Duration::from_secs(2).saturating_sub(begin.elapsed()) + Duration::from_millis(200)).await;
     assert!(site.path("from=0,0;to=9,0").await.is_ok(), "it was for two seconds");
 

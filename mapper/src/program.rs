@@ -22,7 +22,7 @@ pub use scoring::main_node_errors;
 use self::arguments::{Cli, Command};
 use self::settings::MapperFile;
 use fht_program::flags::{missing_command, parse_args};
-use fht_program::{Stop, logging};
+use fht_program::{ProgramFailure, Stop, logging};
 use std::ffi::OsString;
 use std::process::ExitCode;
 
@@ -44,7 +44,9 @@ where
     };
     let stop = match Stop::on_signal("mapper") {
         Ok(stop) => stop,
-        Err(error) => return fail(&format!("signals cannot be handled: {error}")),
+        Err(error) => {
+            return ProgramFailure::of_run(format!("signals cannot be handled: {error}")).tell("mapper");
+        }
     };
     logging::init(logging::ROBOT);
     let file = match cli.config.settle("mapper", cli.config.over(MapperFile::default())) {
@@ -61,18 +63,12 @@ where
         }
         None => return missing_command::<Cli>(),
     };
-    let failed = stop.exit_code().unwrap_or(ExitCode::FAILURE);
     match outcome {
         Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => failed,
-        Err(message) => {
-            fail(&message);
-            failed
+        Ok(false) => stop.exit_code().unwrap_or(ExitCode::FAILURE),
+        Err(failure) => {
+            let code = failure.tell("mapper");
+            stop.exit_code().unwrap_or(code)
         }
     }
-}
-
-fn fail(message: &str) -> ExitCode {
-    eprintln!("mapper: {message}");
-    ExitCode::FAILURE
 }

@@ -99,6 +99,18 @@ pub enum RunError {
     Loop(#[from] tokio::task::JoinError),
 }
 
+impl RunError {
+    /// Whether what was given is wrong, and not the run.
+    #[must_use]
+    pub fn is_input(&self) -> bool {
+        match self {
+            Self::Descriptor(_) | Self::Linked(LinkedError::RobotName(_) | LinkedError::MapExists { .. }) => true,
+            Self::Linked(LinkedError::Link(error)) => error.is_input(),
+            _ => false,
+        }
+    }
+}
+
 /// Explores with `robot` and publishes the map. The loop runs in a thread of its own; the robot's
 /// futures may use the Tokio runtime of the caller, which must have its clock and its I/O enabled,
 /// and more than one thread if there is a server. While the sensors are silent the robot stands,

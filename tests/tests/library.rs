@@ -80,7 +80,7 @@ fn the_examples_of_the_library_run() {
     let lost = begin(env!("CARGO_BIN_EXE_library_04_own_robot"), &[endpoint, "toy", "canteen"]);
     let lost = lost.wait_with_output().unwrap();
     let said = String::from_utf8_lossy(&lost.stderr).into_owned();
-    assert_eq!(said.trim(), "the own copy of the map has no place called canteen (none has a name yet)");
+    assert_eq!(said.trim(), "the own copy of the map has no place called canteen (there is none)");
 
     let follower = begin(env!("CARGO_BIN_EXE_library_02_follow_a_map"), &[endpoint, "toy", "40"]);
     let written = run(env!("CARGO_BIN_EXE_library_05_write"), &[endpoint, "toy"]);

@@ -21,8 +21,8 @@ use std::path::PathBuf;
   client-robot --print-config > robot.toml          every parameter, with what it means
   client-robot --config robot.toml go --to dock
 
-Exit code 0: the task is done; 1: it failed, and the robot said why; 2: it could not be tried; 130 or 143: it was
-interrupted by Ctrl-C or SIGTERM."
+Exit code 0: the task is done; 1: it failed, and the robot said why; 2: wrong usage or bad input,
+such as a place that the map does not have; 130 or 143: it was interrupted by Ctrl-C or SIGTERM."
 )]
 pub(super) struct Cli {
     #[command(flatten)]
@@ -41,8 +41,8 @@ pub(super) enum Command {
     /// Moves about until the robot knows where it is.
     #[command(after_help = "Examples:
   client-robot relocalize --map museum
-  client-robot relocalize --map museum --start 3,2,90 --seed 7     dropped there, unknown to the robot
-  client-robot relocalize --map museum --no-cameras                in the dark: by the scanner alone")]
+  client-robot relocalize --map museum --start 3,2,90 --seed 7     dropped there, untold
+  client-robot relocalize --map museum --no-cameras               by the scanner alone")]
     Relocalize {
         #[command(flatten)]
         link: LinkArgs,
@@ -53,7 +53,7 @@ pub(super) enum Command {
     #[command(after_help = "Examples:
   client-robot path --map museum --from 0,0 --to 5,3
   client-robot path --map museum --from dock --to Küche --json
-  client-robot path --map museum --from 1a2b3c4d.0 --to dock --wait 60     waits for the server, the map and the places")]
+  client-robot path --map museum --from 1a2b3c4d.0 --to dock --wait 60     waits for all of them")]
     Path {
         #[command(flatten)]
         link: LinkArgs,
@@ -86,12 +86,13 @@ pub(super) enum Command {
     /// at --rate.
     #[command(after_help = "Examples:
   client-robot serve --map museum --robot tug-1
-  client-robot serve --map museum --robot tug-1 --start 3,2,90 --rate 5      a world five times as fast
+  client-robot serve --map museum --robot tug-1 --start 3,2,90 --rate 5      five times as fast
   map-server send museum tug-1 dock --wait-arrived                        … and send it, twice
   map-server send museum tug-1 5,3
   map-server cancel museum tug-1
 
-Exit code 0: it was asked to end, by Ctrl-C or SIGTERM; 1: it does not find its place; 2: it could not be tried.")]
+Exit code 0: it was asked to end, by Ctrl-C or SIGTERM; 1: it does not find its place, or failed; 2:
+wrong usage or bad input.")]
     Serve {
         #[command(flatten)]
         link: LinkArgs,

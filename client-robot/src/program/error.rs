@@ -28,7 +28,7 @@ pub(crate) enum CliError {
     RobotName(#[from] ParseIdError),
     #[error("the map '{0}' has no main nodes yet; nothing to relocalize at")]
     EmptyMap(MapName),
-    #[error("map '{map}' has no {what}; {known}")]
+    #[error("map '{map}' has no {what} ({known})")]
     UnknownGoal { map: MapName, what: String, known: String },
     #[error("a robot called {0} is there already; give this one another --robot")]
     NameTaken(String),
@@ -46,4 +46,31 @@ pub(crate) enum CliError {
     Mission(#[from] crate::mission::MissionError),
     #[error("the report cannot be written as JSON: {0}")]
     Json(#[from] serde_json::Error),
+}
+
+impl CliError {
+    /// Whether what was given is wrong, or not there, and not the run.
+    pub(crate) fn is_input(&self) -> bool {
+        match self {
+            Self::Link(error) => error.is_input(),
+            Self::Refused(reply) | Self::Ask(AskError::Refused(reply)) => reply.code.is_input(),
+            Self::World(_)
+            | Self::Start(_)
+            | Self::Descriptor(_)
+            | Self::RobotName(_)
+            | Self::UnknownGoal { .. }
+            | Self::NameTaken(_) => true,
+            Self::Replica(_)
+            | Self::Ask(_)
+            | Self::Path(_)
+            | Self::EmptyMap(_)
+            | Self::Report(_)
+            | Self::Thread(_)
+            | Self::Runtime(_)
+            | Self::Zenoh(_)
+            | Self::Record(_)
+            | Self::Mission(_)
+            | Self::Json(_) => false,
+        }
+    }
 }

@@ -19,8 +19,9 @@ use fht_perception::frame::{Panorama, SensorFrame};
 use fht_perception::pose::Pose2;
 use fht_program::{Stop, Waiting};
 use fht_proto::api::fleet::RobotRole;
-use fht_proto::api::reply::Head;
+use fht_proto::api::reply::{Head, known_names};
 use fht_proto::{Descriptor, Footprint, MapName};
+use fht_session::check_owner;
 use fht_sim::{SimConfig, SimSetup, Simulator};
 use std::ops::ControlFlow;
 use std::process::ExitCode;
@@ -43,6 +44,7 @@ pub(super) fn mission(
 ) -> Result<ExitCode, CliError> {
     let began = Instant::now();
     let (map, name) = (file.map(), file.name().to_owned());
+    check_owner(&file.connect, "client", &name)?;
     tracing::info!(%map, robot = name, "looks for its place");
     let mut net = DescriptorNet::load(file.robot.model.as_deref())?;
     let (simulator, world_from_map) = robot(&args.setup, &file.sim, &file.robot.footprint)?;
@@ -86,6 +88,7 @@ pub(super) fn mission(
         wall_s: began.elapsed().as_secs_f64(),
         ..score.finish(&outcome)
     };
+    let report = report.rounded();
     let in_words = |report: &MissionReport| {
         if !args.quiet {
             print_report(report);
@@ -147,10 +150,7 @@ fn require(goal: &MissionGoal, map: &MapName, replica: &LiveReplica, waiting: &W
         if is_there {
             return Ok(());
         }
-        let names: Vec<String> =
-            replica.read().state().annotations().places().map(|(name, _)| name.to_string()).collect();
-        let known =
-            if names.is_empty() { "it has no places".to_owned() } else { format!("its places: {}", names.join(", ")) };
+        let known = known_names(replica.read().state().annotations().places().map(|(name, _)| name));
         let unknown = CliError::UnknownGoal { map: map.clone(), what, known };
         if !content.goes_on(&unknown) {
             return Err(unknown);

@@ -76,6 +76,38 @@ pub struct MissionReport {
     pub true_trajectory: Vec<[f64; 2]>,
 }
 
+impl MissionReport {
+    /// To the millimetre, the millisecond and 1e-4 rad: what is behind that is noise of the
+    /// arithmetic.
+    pub(super) fn rounded(mut self) -> Self {
+        let thousandths = |value: f64| (value * 1e3).round() / 1e3;
+        let yaw = |value: f64| (value * 1e4).round() / 1e4;
+        let [x, y, heading] = self.start;
+        self.start = [thousandths(x), thousandths(y), yaw(heading)];
+        self.goal_yaw = self.goal_yaw.map(yaw);
+        for figure in [
+            &mut self.relocalization_distance_m,
+            &mut self.relocalization_error_m,
+            &mut self.relocalization_error_deg,
+            &mut self.worst_error_m,
+            &mut self.final_error_m,
+            &mut self.final_error_deg,
+            &mut self.goal_distance_m,
+            &mut self.goal_turn_deg,
+            &mut self.path_length_m,
+            &mut self.shortest_length_m,
+            &mut self.planned_length_m,
+        ] {
+            *figure = figure.map(thousandths);
+        }
+        (self.sim_s, self.wall_s) = (thousandths(self.sim_s), thousandths(self.wall_s));
+        for point in self.goal.iter_mut().chain(&mut self.trajectory).chain(&mut self.true_trajectory) {
+            *point = point.map(thousandths);
+        }
+        self
+    }
+}
+
 /// Prints the figures in words.
 pub(super) fn print_report(report: &MissionReport) {
     match (report.relocalization_distance_m, report.relocalization_error_m, report.relocalization_error_deg) {

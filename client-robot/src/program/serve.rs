@@ -17,6 +17,7 @@ use fht_perception::robot::Paced;
 use fht_program::{Stop, Waiting};
 use fht_proto::api::fleet::RobotRole;
 use fht_proto::api::goal::{GoalState, GoalStatus};
+use fht_session::check_owner;
 use fht_worker::Taking;
 use serde::Serialize;
 use std::process::ExitCode;
@@ -65,6 +66,7 @@ pub(super) fn serving(
     // Nothing waits for work beside the loop: the robot is one among others.
     (file.client.walls, file.client.paths.taking) = (Taking::WhenThere, Taking::WhenThere);
     let (map, name) = (file.map(), file.name().to_owned());
+    check_owner(&file.connect, "client", &name)?;
     let mut net = DescriptorNet::load(file.robot.model.as_deref())?;
     let (simulator, _) = robot(&args.robot.setup, &file.sim, &file.robot.footprint)?;
 

@@ -1,7 +1,7 @@
 //! What a robot tells the others: that it is here, where it is, what it runs, what it could not
 //! pass.
 
-use fht_perception::pose::Pose2;
+use fht_perception::pose::{Pose2, to_fixed};
 use fht_proto::api::fleet::{BlockedReport, LocalizationState, RobotPose, RobotRole, RobotStatus};
 use fht_proto::api::keys::{Key, RobotTopic};
 use fht_proto::model::version::VersionVector;
@@ -36,8 +36,10 @@ impl Default for PoseReport {
     }
 }
 
+/// To the millimetre and to 1e-4 rad, like everything on the wire.
 fn x_y_yaw(at: &Pose2) -> [f64; 3] {
-    [at.translation.x, at.translation.y, at.rotation.angle()]
+    let fixed = to_fixed(at);
+    [fixed.position.x(), fixed.position.y(), fixed.yaw()]
 }
 
 /// The voice of one robot on one map. Lost messages do no harm: the next one comes soon.

@@ -3,10 +3,10 @@
 use crate::map::Map;
 use fht_client::ask_json_async;
 use fht_client::author::{Authorship, NotWritten, write};
-use fht_map::{DoubtfulWords, MapState, check_place, check_zone};
+use fht_map::{DoubtfulWords, check_place, check_zone};
 use fht_perception::pose::{Pose2, to_fixed};
 use fht_proto::api::keys::{Key, Topic};
-use fht_proto::api::reply::{Head, RulesReply};
+use fht_proto::api::reply::{Head, RulesReply, known_names};
 use fht_proto::{EdgeKey, FixedPoint, Invalid, Label, NodeId, Op, Zone, ZoneRule};
 
 impl Map {
@@ -38,7 +38,7 @@ pub enum AuthorError {
     #[error("{0}")]
     Doubtful(#[from] DoubtfulWords),
     /// There is no place or zone of this name.
-    #[error("there is no {what} {name} on the map ({})", in_words(known))]
+    #[error("there is no {what} {name} on the map ({})", known_names(known))]
     NoSuch {
         /// `place` or `zone`.
         what: &'static str,
@@ -47,6 +47,9 @@ pub enum AuthorError {
         /// Those that there are.
         known: Vec<String>,
     },
+    /// There is no such node, as far as the own copy knows.
+    #[error("there is no node {0} on the map")]
+    NoNode(NodeId),
     /// No edge joins these nodes, as far as the own copy knows.
     #[error("no edge joins {0} and {1}")]
     NoEdge(NodeId, NodeId),
@@ -65,10 +68,6 @@ pub struct Author {
     map: Map,
     name: String,
     is_sure: bool,
-}
-
-fn in_words(known: &[String]) -> String {
-    if known.is_empty() { "there is none".to_owned() } else { format!("there is: {}", known.join(", ")) }
 }
 
 fn is_there(what: &'static str, name: &Label, known: Vec<String>) -> Result<(), AuthorError> {
@@ -96,11 +95,6 @@ impl Author {
         Ok(ask_json_async(&inner.session, &selector, inner.timeout).await?)
     }
 
-    /// The newest state of the own copy.
-    fn copy(&self) -> MapState {
-        self.map.inner.replica.read().state().clone()
-    }
-
     /// Names a place, or moves the one that has the name, so that queries and robots can go there
     /// by name.
     ///
@@ -109,7 +103,7 @@ impl Author {
     pub async fn set_place(&self, name: &str, map_from_place: Pose2) -> Result<Head, AuthorError> {
         let (name, pose) = (label(name)?, to_fixed(&map_from_place));
         if !self.is_sure {
-            let map = self.copy();
+            let map = self.map.newest();
             // It blocks for as long as it takes to find the free space of the whole map.
             let checked = tokio::task::spawn_blocking(move || check_place(&map, pose.position)).await;
             checked.unwrap_or(Ok(()))?;
@@ -138,7 +132,7 @@ impl Author {
         let zone = Zone { rule, corners };
         zone.check_border().map_err(|reason| AuthorError::Border { name: name.to_owned(), reason })?;
         if !self.is_sure {
-            check_zone(&self.copy(), &zone)?;
+            check_zone(&self.map.newest(), &zone)?;
         }
         self.write(vec![Op::SetZone { name: label(name)?, zone: Some(zone) }]).await
     }
@@ -172,7 +166,11 @@ impl Author {
     }
 
     async fn set_closed(&self, a: NodeId, b: NodeId, closed: bool) -> Result<Head, AuthorError> {
-        if a == b || !self.map.has_edge(EdgeKey::new(a, b)) {
+        let map = self.map.newest();
+        if let Some(missing) = [a, b].into_iter().find(|id| map.node(*id).is_none()) {
+            return Err(AuthorError::NoNode(missing));
+        }
+        if a == b || !map.has_edge(EdgeKey::new(a, b)) {
             return Err(AuthorError::NoEdge(a, b));
         }
         self.write(vec![Op::SetClosed { edge: EdgeKey::new(a, b), closed }]).await

@@ -8,7 +8,7 @@ use fht_proto::api::fleet::{BlockedReport, FleetReply, LocalizationState, RobotV
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::Head;
 use fht_proto::model::validate::Validate;
-use fht_proto::{EdgeKey, Footprint, Invalid, MapName, NodeId, NodeKind, ReleaseId, VersionVector};
+use fht_proto::{Footprint, Invalid, MapName, NodeId, NodeKind, ReleaseId, VersionVector};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::watch;
@@ -84,6 +84,9 @@ pub enum ReportError {
     /// Only robots report.
     #[error("only a robot can report this: connect with Map::connect(…).robot(name)")]
     NotARobot,
+    /// An edge ends at a node that the own copy does not have.
+    #[error("the own copy of the map has no node {0}: it cannot be blocked")]
+    NoNode(NodeId),
     /// Nobody would take the report.
     #[error(transparent)]
     Invalid(#[from] Invalid),
@@ -199,13 +202,19 @@ impl Map {
             places: points.iter().map(|&(x, y)| [x, y]).collect(),
         };
         report.validate()?;
+        let (newest, running) = (self.newest(), self.state());
+        let is_there = |id: NodeId| newest.node(id).or_else(|| running.node(id)).is_some();
+        let mut ends = edges.iter().flat_map(|&(a, b)| [a, b]);
+        if let Some(missing) = ends.find(|id| !is_there(*id)) {
+            return Err(ReportError::NoNode(missing));
+        }
         presence.report_blocked(&report);
         Ok(())
     }
 
-    /// Whether an edge joins two nodes of the own copy.
-    pub(crate) fn has_edge(&self, edge: EdgeKey) -> bool {
-        self.inner.replica.read().state().has_edge(edge)
+    /// The newest state of the own copy.
+    pub(crate) fn newest(&self) -> MapState {
+        self.inner.replica.read().state().clone()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use fht_map::MapState;
 use fht_perception::pose::{Point2, Pose2};
-use fht_proto::api::reply::{ErrorCode, ErrorReply, PlaceRef};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, PlaceRef, known_names};
 use fht_proto::{FixedPose, NodeId};
 
 /// A place on the map. Every function that takes one takes whatever turns into it:
@@ -113,9 +113,7 @@ pub(crate) fn locate(
             .map(|node| (point(node.pose), None))
             .ok_or_else(|| unknown(ErrorCode::UnknownNode, format!("the own copy of the map has no node {id}"))),
         PlaceRef::Named(name) => now.annotations().place(name).map(|at| (point(at), Some(at.yaw()))).ok_or_else(|| {
-            let known: Vec<&str> = now.annotations().places().map(|(name, _)| name.as_str()).take(10).collect();
-            let known =
-                if known.is_empty() { "none has a name yet".into() } else { format!("there is: {}", known.join(", ")) };
+            let known = known_names(now.annotations().places().map(|(name, _)| name));
             unknown(ErrorCode::UnknownPlace, format!("the own copy of the map has no place called {name} ({known})"))
         }),
     }

@@ -40,11 +40,11 @@ pub fn missing_command<C: CommandFactory>() -> ExitCode {
 pub struct ConfigArgs {
     /// Read this configuration file (TOML). Flags go before it; --print-config shows all of its
     /// keys.
-    #[arg(long, global = true, value_name = "FILE")]
+    #[arg(long, global = true, help_heading = "The configuration file", value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// Print the configuration with the documentation of every key, and end. With --config: as that
     /// file has it.
-    #[arg(long, global = true)]
+    #[arg(long, global = true, help_heading = "The configuration file")]
     pub print_config: bool,
 }
 
@@ -84,17 +84,17 @@ impl ConfigArgs {
 pub struct ConnectArgs {
     /// Where the map server (or a Zenoh router) listens (repeatable) [default: tcp/127.0.0.1:7447,
     /// unless --zenoh-config is given].
-    #[arg(long, value_name = "ENDPOINT")]
+    #[arg(long, help_heading = "The way to the server", value_name = "ENDPOINT")]
     pub connect: Vec<String>,
     /// A Zenoh configuration file (JSON5): endpoints, TLS, credentials. --connect goes before what
     /// it says.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = "The way to the server", value_name = "FILE")]
     pub zenoh_config: Option<PathBuf>,
     /// Wait so long, from the start on, for the server, and for the map and the place that it is
     /// asked for; 'inf' is for ever. What is waited for is said every five seconds [default: a
     /// robot that maps or drives waits for ever to be connected, and everything else 10 seconds for
     /// the server; what the server does not have is not waited for].
-    #[arg(long, value_name = "SECONDS", value_parser = wait)]
+    #[arg(long, help_heading = "The way to the server", value_name = "SECONDS", value_parser = wait)]
     pub wait: Option<f64>,
 }
 

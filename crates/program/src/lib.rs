@@ -6,6 +6,7 @@
 //! | `sections` | `cli` | sections of that file that several programs read |
 //! | `flags` | `cli` | flags that several programs have, and what a wrong one ends in |
 //! | `logging` | `cli` | logs on standard error |
+//! | [`ProgramFailure`] | – | how a program ends that does not what it was told |
 //! | [`Waiting`] | – | how long a server, a map or a place is waited for |
 //! | [`Stop`] | – | ending soon when asked to, with files in order |
 //!
@@ -45,6 +46,7 @@
 
 #[cfg(feature = "config")]
 mod config;
+mod failure;
 #[cfg(feature = "cli")]
 pub mod flags;
 #[cfg(feature = "cli")]
@@ -58,6 +60,7 @@ mod waiting;
 pub use config::{
     ConfigError, Configuration, PrintError, Problem, SECTIONS, load, load_over, parse, parse_over, print,
 };
+pub use failure::ProgramFailure;
 #[cfg(feature = "cli")]
 pub use sections::RobotConfig;
 pub use stop::{Order, Stop, StopSignal};

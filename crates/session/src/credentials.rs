@@ -1,7 +1,8 @@
-//! Whether the certificates and keys that a configuration names can be read. Zenoh reads them at
+//! Whether the certificates and keys that a configuration names can be read, and are this robot's. Zenoh reads them at
 //! each attempt to connect and would retry for ever with a missing file.
 
 use std::path::{Path, PathBuf};
+use x509_parser::pem::Pem;
 use zenoh::Config;
 
 /// Why a certificate or key is of no use.
@@ -27,6 +28,24 @@ pub enum CredentialError {
         /// What it should hold.
         expected: &'static str,
     },
+    /// The certificate is another robot's.
+    #[error(
+        "transport.link.tls.connect_certificate: {} is of {common_name}, but this {role} is called {name}, and would not \
+         be let write: start it with --robot {owner}, or with a certificate of its own",
+        file.display()
+    )]
+    OtherName {
+        /// The certificate.
+        file: PathBuf,
+        /// Whom it names: `ROLE:NAME`.
+        common_name: String,
+        /// The name in it.
+        owner: String,
+        /// What the program is: `explorer` or `client`.
+        role: &'static str,
+        /// What it is called.
+        name: String,
+    },
     /// Mutual TLS is asked for, but half of it is not there.
     #[error("transport.link.tls.enable_mtls is set, but {option} is not: the robot has no certificate to show")]
     Missing {
@@ -43,17 +62,20 @@ const FILES: [(&str, &str); 3] = [
     ("connect_private_key", "PRIVATE KEY"),
 ];
 
+fn needs_tls(endpoints: &[String]) -> bool {
+    endpoints.iter().any(|endpoint| endpoint.starts_with("tls/") || endpoint.starts_with("quic/"))
+}
+
 /// Checks what `config` says of TLS, if one of `endpoints` needs it. Inline certificates
 /// (`…_base64`) are left to Zenoh.
 ///
 /// # Errors
 /// The first thing that is wrong.
 pub fn check(config: &Config, endpoints: &[String]) -> Result<(), CredentialError> {
-    if !endpoints.iter().any(|endpoint| endpoint.starts_with("tls/") || endpoint.starts_with("quic/")) {
+    if !needs_tls(endpoints) {
         return Ok(());
     }
-    let json = config.get_json("transport/link/tls").unwrap_or_default();
-    let tls: serde_json::Value = serde_json::from_str(&json).unwrap_or_default();
+    let tls = tls_options(config);
     let is_mutual = tls.get("enable_mtls").and_then(serde_json::Value::as_bool).unwrap_or(false);
     for (option, expected) in FILES {
         match tls.get(option).and_then(serde_json::Value::as_str) {
@@ -68,6 +90,45 @@ pub fn check(config: &Config, endpoints: &[String]) -> Result<(), CredentialErro
         }
     }
     Ok(())
+}
+
+fn tls_options(config: &Config) -> serde_json::Value {
+    let json = config.get_json("transport/link/tls").unwrap_or_default();
+    serde_json::from_str(&json).unwrap_or_default()
+}
+
+/// Checks that the certificate which a robot shows over TLS does not carry another robot's name: a
+/// common name of `ROLE:NAME` with this `role` and another name. What cannot be read is left to
+/// [`check`], and other common names to the routers.
+///
+/// # Errors
+/// [`CredentialError::OtherName`].
+pub fn check_owner(
+    config: &Config,
+    endpoints: &[String],
+    role: &'static str,
+    name: &str,
+) -> Result<(), CredentialError> {
+    let tls = tls_options(config);
+    let file = tls.get("connect_certificate").and_then(serde_json::Value::as_str).map(PathBuf::from);
+    let Some(file) = file.filter(|_| needs_tls(endpoints)) else { return Ok(()) };
+    let Some(common_name) = common_name(&file) else { return Ok(()) };
+    match common_name.split_once(':') {
+        Some((of, owner)) if of == role && owner != name => {
+            let (owner, name) = (owner.to_owned(), name.to_owned());
+            Err(CredentialError::OtherName { file, owner, role, name, common_name })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The common name in the first certificate of a PEM file, if there is one.
+fn common_name(file: &Path) -> Option<String> {
+    let text = std::fs::read(file).ok()?;
+    let pem = Pem::iter_from_buffer(&text).filter_map(Result::ok).find(|pem| pem.label == "CERTIFICATE")?;
+    let certificate = pem.parse_x509().ok()?;
+    let name = certificate.subject().iter_common_name().next()?;
+    name.as_str().ok().map(str::to_owned)
 }
 
 fn check_file(option: &'static str, file: &Path, expected: &'static str) -> Result<(), CredentialError> {

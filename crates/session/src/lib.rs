@@ -8,7 +8,7 @@
 //! | `robot_session` | a robot's or tool's session and its options ([`SessionConfig`], [`open`]) |
 //! | `configuration` | a file and endpoints for Zenoh ([`read_config`], [`set_endpoints`]) |
 //! | `waiting` | any configuration as a session, waited for ([`open_configured`]) |
-//! | `credentials` | whether certificates and keys can be read, checked before connecting |
+//! | `credentials` | whether certificates and keys can be read and are one's own, checked before connecting |
 //! | `trouble` | why nobody answers, in words that name the remedy |
 //! | `attempt` | one attempt to open a session, off the async threads |
 //!
@@ -36,6 +36,6 @@ mod waiting;
 
 pub use configuration::{ConfigurationError, read_config, set, set_default, set_endpoints};
 pub use credentials::CredentialError;
-pub use robot_session::{SessionConfig, SessionError, open, open_within};
+pub use robot_session::{SessionConfig, SessionError, check_owner, open, open_within};
 pub use trouble::{in_words, without_source_paths};
 pub use waiting::{ConnectError, open_configured};

@@ -1,6 +1,7 @@
 //! The session of a robot or tool: a client of the map server or of a router.
 
 use crate::configuration::{ConfigurationError, read_config, set_default, set_endpoints};
+use crate::credentials;
 use crate::waiting::{ConnectError, FOREVER, endpoints, open_configured};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -63,6 +64,14 @@ pub enum SessionError {
     Open(#[from] ConnectError),
 }
 
+impl SessionError {
+    /// Whether what was given is wrong: a server that comes later would not help.
+    #[must_use]
+    pub fn is_input(&self) -> bool {
+        !matches!(self, Self::Open(ConnectError::Refused { .. }))
+    }
+}
+
 /// Opens the session of a robot or tool: a client of the server or router that `link` names.
 ///
 /// It waits until a server is there, for as long as that takes, and logs every five seconds why it
@@ -89,6 +98,17 @@ pub async fn open_within(link: &SessionConfig, patience: Option<Duration>) -> Re
         return Err(SessionError::NoEndpoint);
     }
     Ok(open_configured(config, patience).await?)
+}
+
+/// Checks, before anybody connects, that the certificate which `link` names is not that of another
+/// robot of the same `role` (`explorer`, `client`): routers with access control drop what a robot
+/// writes under a name that is not its own, and nobody tells it.
+///
+/// # Errors
+/// [`SessionError`], with both names.
+pub fn check_owner(link: &SessionConfig, role: &'static str, name: &str) -> Result<(), SessionError> {
+    let config = config(link)?;
+    Ok(credentials::check_owner(&config, &endpoints(&config), role, name).map_err(ConnectError::from)?)
 }
 
 fn config(link: &SessionConfig) -> Result<Config, ConfigurationError> {

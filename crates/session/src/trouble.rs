@@ -3,17 +3,34 @@
 
 use crate::attempt::attempt;
 use std::borrow::Cow;
+use std::net::{TcpStream, ToSocketAddrs};
+use std::time::Duration;
 use zenoh::Config;
+
+/// How long an endpoint may take to say why.
+const ANSWER: Duration = Duration::from_secs(3);
+/// How long one that says nothing may take to be there at all.
+const LISTENS: Duration = Duration::from_secs(1);
 
 /// Why a session with `config` cannot be opened at each of `endpoints`, tried one after the other.
 pub async fn reasons(config: &Config, endpoints: &[String]) -> String {
     let mut reasons = Vec::new();
     for endpoint in endpoints {
-        let reason = match trial(config, endpoint).await {
-            Ok(()) => "there is one now".to_owned(),
-            Err(error) => in_words(&error),
+        let reason = match tokio::time::timeout(ANSWER, trial(config, endpoint)).await {
+            Ok(Ok(())) => Some("there is one now".to_owned()),
+            Ok(Err(error)) => Some(in_words(&error)),
+            Err(_) => None,
         };
-        reasons.push(match hint(&reason) {
+        let other = match &reason {
+            Some(reason) => other_protocol(endpoint, reason),
+            None => silent_to_tls(endpoint).await,
+        };
+        let reason = reason.unwrap_or_else(|| "no answer".to_owned());
+        let hint = match other {
+            Some(other) => Some(format!("it does not answer in Zenoh's protocol: perhaps it wants {other}")),
+            None => hint(&reason).map(str::to_owned),
+        };
+        reasons.push(match hint {
             Some(hint) => format!("{endpoint}: {hint} ({reason})"),
             None => format!("{endpoint}: {reason}"),
         });
@@ -37,6 +54,30 @@ async fn trial(config: &Config, endpoint: &str) -> Result<(), zenoh::Error> {
         config.insert_json5(key, value)?;
     }
     attempt(config).await?.close().await
+}
+
+/// The endpoint that was perhaps meant: `tls/…` where a TLS server was asked over TCP, and the other
+/// way round. Each side takes what the other says for nonsense, and closes the connection.
+fn other_protocol(endpoint: &str, reason: &str) -> Option<String> {
+    let is = |texts: &[&str]| texts.iter().any(|text| reason.contains(text));
+    if let Some(at) = endpoint.strip_prefix("tcp/") {
+        return is(&["eof", "reset by peer"]).then(|| format!("tls/{at}"));
+    }
+    let at = endpoint.strip_prefix("tls/")?;
+    is(&["eof", "reset by peer", "InvalidContentType", "corrupt message"]).then(|| format!("tcp/{at}"))
+}
+
+/// `tcp/…`, if a TLS endpoint is there but says nothing: a Zenoh router without TLS waits for more of
+/// what it takes for a long message.
+async fn silent_to_tls(endpoint: &str) -> Option<String> {
+    let at = endpoint.strip_prefix("tls/")?.to_owned();
+    let address = at.split(['?', '#']).next()?.to_owned();
+    let listens = move || {
+        let mut addresses = address.to_socket_addrs().ok()?;
+        addresses.find_map(|address| TcpStream::connect_timeout(&address, LISTENS).ok())
+    };
+    tokio::task::spawn_blocking(listens).await.ok()??;
+    Some(format!("tcp/{at}"))
 }
 
 /// What to look at. Zenoh's errors are texts, and the best of them are those of rustls.

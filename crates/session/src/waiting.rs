@@ -11,6 +11,9 @@ const REMARK_AFTER: Duration = Duration::from_secs(3);
 /// … and again after each such time, until the session is open.
 const REMARK_EVERY: Duration = Duration::from_secs(5);
 
+/// So long the reasons of all endpoints may take when the patience is over.
+const REASONS_WITHIN: Duration = Duration::from_secs(5);
+
 /// Between two attempts to open a session, at first and at most.
 const FIRST_DELAY: Duration = Duration::from_millis(100);
 const LONGEST_DELAY: Duration = Duration::from_secs(2);
@@ -61,8 +64,8 @@ pub async fn open_configured(mut config: Config, patience: Option<Duration>) -> 
     if let Ok(session) = tokio::time::timeout(patience, trying).await {
         return Ok(session);
     }
-    // Long enough to be refused, but a silent endpoint is not waited for.
-    let reasons = tokio::time::timeout(REMARK_AFTER, trouble::reasons(&config, &endpoints)).await;
+    // Long enough to be refused, but many silent endpoints are not waited for.
+    let reasons = tokio::time::timeout(REASONS_WITHIN, trouble::reasons(&config, &endpoints)).await;
     Err(refused(reasons.unwrap_or_else(|_| "no answer".to_owned())))
 }
 

@@ -1,6 +1,6 @@
 //! Clients that wait for their routers, on loopback.
 
-use fht_session::{ConnectError, open_configured, without_source_paths};
+use fht_session::{ConnectError, SessionConfig, check_owner, open_configured, without_source_paths};
 use std::net::TcpListener;
 use std::time::{Duration, Instant};
 use zenoh::Config;
@@ -49,4 +49,66 @@ async fn patience_ends_with_the_reason() {
     let ConnectError::Refused { reason, .. } = error else { panic!("{error}") };
     assert!(endpoints.iter().all(|endpoint| reason.contains(endpoint)), "{reason}");
     assert!(reason.contains("nobody listens there") && reason == without_source_paths(&reason), "{reason}");
+}
+
+/// A certificate for this machine that vouches for itself, and its key.
+fn certificate(folder: &std::path::Path, common_name: &str) -> [String; 2] {
+    let at = |name: &str| folder.join(name).to_str().expect("UTF-8").to_owned();
+    let (certificate, key) = (at("robot.pem"), at("robot.key"));
+    let (subject, host) = (format!("/CN={common_name}"), "subjectAltName=DNS:localhost");
+    let made = std::process::Command::new("openssl")
+        .args(["req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2"])
+        .args(["-subj", &subject, "-addext", host, "-keyout", &key, "-out", &certificate])
+        .output()
+        .expect("openssl");
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    [certificate, key]
+}
+
+/// Why nobody answers at an endpoint within two seconds.
+async fn refusal(mut config: Config, certificate: &str) -> String {
+    config.insert_json5("transport/link/tls/root_ca_certificate", &format!("{certificate:?}")).expect("accepted");
+    let error = open_configured(config, Some(Duration::from_secs(2))).await.expect_err("another protocol");
+    let ConnectError::Refused { reason, .. } = error else { panic!("{error}") };
+    reason
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn who_speaks_another_protocol_is_told_which() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [certificate, key] = certificate(folder.path(), "router");
+    let (plain, secure) = (free_endpoint(), free_endpoint().replace("tcp/127.0.0.1", "tls/localhost"));
+    let mut router = config("router", &[&plain, &secure], &[]);
+    for (option, file) in [("listen_certificate", &certificate), ("listen_private_key", &key)] {
+        router.insert_json5(&format!("transport/link/tls/{option}"), &format!("{file:?}")).expect("accepted");
+    }
+    let router = open_configured(router, None).await.expect("a router");
+    let (swapped, told) = (secure.replace("tls/", "tcp/"), plain.replace("tcp/127.0.0.1", "tls/localhost"));
+    let reason = refusal(config("client", &[], &[&swapped]), &certificate).await;
+    assert!(reason.contains(&format!("perhaps it wants {secure}")), "{reason}");
+    let reason = refusal(config("client", &[], &[&told]), &certificate).await;
+    assert!(reason.contains(&format!("perhaps it wants tcp/{}", &told["tls/".len()..])), "{reason}");
+    router.close().await.expect("closed");
+}
+
+#[test]
+fn a_certificate_of_another_robot_is_refused_before_anybody_connects() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [certificate, key] = certificate(folder.path(), "client:amr-7");
+    let file = folder.path().join("zenoh.json5");
+    let tls = format!(
+        "{{root_ca_certificate: {certificate:?}, connect_certificate: {certificate:?}, connect_private_key: {key:?}}}"
+    );
+    std::fs::write(&file, format!("{{transport: {{link: {{tls: {tls}}}}}}}")).expect("written");
+    let said = |endpoint: &str, role: &'static str, name: &str| {
+        let link = SessionConfig::from_options(vec![endpoint.to_owned()], Some(file.clone()));
+        check_owner(&link, role, name).err().map(|error| error.to_string()).unwrap_or_default()
+    };
+    let told = said("tls/localhost:7447", "client", "amr-8");
+    for part in ["robot.pem is of client:amr-7", "this client is called amr-8", "--robot amr-7"] {
+        assert!(told.contains(part), "{told}");
+    }
+    assert_eq!(said("tls/localhost:7447", "client", "amr-7"), "");
+    assert_eq!(said("tls/localhost:7447", "explorer", "amr-8"), "", "the routers know what it may do");
+    assert_eq!(said("tcp/localhost:7447", "client", "amr-8"), "", "nobody sees the certificate");
 }

@@ -5,7 +5,7 @@ use fht_demo::run_role;
 use fht_demo::{Crew, HandoffConfig, hand_off};
 use fht_demo::{HandoffArgs, HandoffCommand, leave_nothing_behind, this_executable};
 use fht_picture::default_file;
-use fht_program::Stop;
+use fht_program::{ProgramFailure, Stop};
 use fht_sim::SimSetup;
 use std::process::ExitCode;
 
@@ -22,8 +22,7 @@ fn main() -> ExitCode {
     let stop = match Stop::on_signal("handoff") {
         Ok(stop) => stop,
         Err(error) => {
-            eprintln!("handoff: signals cannot be handled: {error}");
-            return ExitCode::FAILURE;
+            return ProgramFailure::of_run(format!("signals cannot be handled: {error}")).tell("handoff");
         }
     };
     match demo(&cli, &stop) {
@@ -31,21 +30,19 @@ fn main() -> ExitCode {
         Ok(false) => ExitCode::FAILURE,
         // What was killed failed.
         Err(_) if stop.is_set() => stop.leave(),
-        Err(message) => {
-            eprintln!("handoff: {message}");
-            ExitCode::FAILURE
-        }
+        Err(failure) => failure.tell("handoff"),
     }
 }
 
-fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, String> {
-    let text = |error: &dyn std::fmt::Display| error.to_string();
+fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, ProgramFailure> {
+    let text = |error: &dyn std::fmt::Display| ProgramFailure::of_run(error);
     if std::net::TcpStream::connect(cli.listen.trim_start_matches("tcp/")).is_ok() {
-        return Err(format!("something listens on {} already; choose another --listen", cli.listen));
+        let taken = format!("something listens on {} already; choose another --listen", cli.listen);
+        return Err(ProgramFailure::of_run(taken));
     }
     let folder = tempfile::tempdir().map_err(|error| text(&error))?;
     leave_nothing_behind(stop, folder.path());
-    let map = SimSetup::of(&cli.world).map_name().map_err(|error| text(&error))?;
+    let map = SimSetup::of(&cli.world).map_name().map_err(ProgramFailure::of_input)?;
     let picture = cli.picture.clone().unwrap_or_else(|| default_file("handoff", map.as_str(), Some(cli.seed)));
     let config = HandoffConfig {
         executable: this_executable().map_err(|error| text(&error))?,
@@ -62,14 +59,15 @@ fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, String> {
         picture: picture.clone(),
         progress: !cli.quiet,
     };
-    let (report, server) = hand_off(&config).map_err(|error| text(&error))?;
+    let (report, server) = hand_off(&config).map_err(|error| ProgramFailure::of(error.is_input(), error))?;
     // From here on only the server still runs, and it ends below.
     let _order = stop.in_order();
     print!("{report}");
     println!("picture       {}", picture.display());
     if let Some(file) = &cli.report {
         let json = serde_json::to_string_pretty(&report).map_err(|error| text(&error))?;
-        std::fs::write(file, json).map_err(|error| format!("{} cannot be written: {error}", file.display()))?;
+        let written = std::fs::write(file, json);
+        written.map_err(|error| ProgramFailure::of_run(format!("{} cannot be written: {error}", file.display())))?;
     }
     if cli.keep {
         println!("\nThe server stays up on {}. Ask it, from another terminal:", cli.listen);

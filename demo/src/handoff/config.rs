@@ -86,3 +86,15 @@ pub enum HandoffError {
     #[error(transparent)]
     MapName(#[from] fht_proto::model::ids::ParseIdError),
 }
+
+impl HandoffError {
+    /// Whether what was given is wrong: a program says so by its exit code, 2.
+    #[must_use]
+    pub fn is_input(&self) -> bool {
+        match self {
+            Self::Process(ProcessError::Failed { status, .. }) => status.code() == Some(2),
+            Self::World(_) | Self::MapName(_) => true,
+            _ => false,
+        }
+    }
+}

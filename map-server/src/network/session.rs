@@ -32,6 +32,14 @@ pub enum ServerSessionError {
     },
 }
 
+impl ServerSessionError {
+    /// Whether what was given is wrong.
+    #[must_use]
+    pub fn is_input(&self) -> bool {
+        matches!(self, Self::NoEndpoint | Self::Configuration(_) | Self::Link(ConnectError::Credentials(_)))
+    }
+}
+
 /// A lost router is tried again after a tenth of a second, then at least every two seconds.
 const RETRY: &str = "{period_init_ms: 100, period_max_ms: 2000, period_increase_factor: 2}";
 /// A router drops what a link cannot take instead of waiting for it: Zenoh would block the thread

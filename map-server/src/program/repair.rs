@@ -23,8 +23,8 @@ pub(super) enum Repair {
     #[command(after_help = "Examples:
   map-server rescue fht-data fht-rescued        then: map-server --data fht-rescued
 
-The source stays as it is. Explorers and operators write on with the numbers that they had; robots notice that the map
-differs from their copies, and fetch it anew.")]
+The source stays as it is. Explorers and operators write on with the numbers that they had; robots
+notice that the map differs from their copies, and fetch it anew.")]
     Rescue {
         /// The data directory of a server that does not run, or the file maps.redb in it.
         source: PathBuf,
@@ -36,9 +36,9 @@ differs from their copies, and fetch it anew.")]
     #[command(after_help = "Examples:
   map-server restore /backup/fht-data --store fht-data      a copy of a data directory
   map-server restore /backup/maps --store fht-data          a folder of exported maps (*.fht)
-  map-server restore fht-data/maps.redb.replaced-2026-11-21T10-00-00Z --store fht-data       back again
+  map-server restore fht-data/maps.redb.replaced-2026-11-21T10-00-00Z --store fht-data  back again
 
-The store then has the maps of the backup, and no others. Robots notice, and fetch their maps anew.")]
+The store then has the maps of the backup, and no others. Robots notice, and fetch them anew.")]
     Restore {
         /// A data directory, or its file maps.redb; an exported map, or a folder of them.
         backup: PathBuf,

@@ -21,7 +21,7 @@ pub use sources::AnswerSources;
 
 use crate::catalog::Catalog;
 use fht_proto::MapName;
-use fht_proto::api::reply::{ErrorCode, ErrorReply, MapsReply};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, MapsReply, known_names};
 use fht_proto::api::request::{Question, Request};
 use reply::error;
 
@@ -80,13 +80,10 @@ pub fn answer_at_once(
 }
 
 pub(crate) fn unknown_map(map: &MapName, catalog: &Catalog) -> ErrorReply {
-    /// How many names are listed.
-    const SHOWN: usize = 10;
-    let names: Vec<String> = catalog.heads().iter().take(SHOWN).map(|head| head.map.to_string()).collect();
     let was = match catalog.deletion(map) {
         Some(record) => format!(": {}", record.deletion.sentence(map)),
         None => String::new(),
     };
-    let known = if names.is_empty() { "no maps yet".to_owned() } else { format!("there is: {}", names.join(", ")) };
+    let known = known_names(catalog.heads().iter().map(|head| &head.map));
     error(ErrorCode::UnknownMap, format!("there is no map {map} here ({known}){was}"))
 }

@@ -93,7 +93,7 @@ impl Fleet {
             let lacks = lacks_anything(&status, head);
             // The head may have grown since the robot reported.
             seen.lacks_since_us = lacks.then(|| seen.lacks_since_us.unwrap_or(now_us));
-            let since_s = |at_us: u64| (now_us.saturating_sub(at_us) as f64 * 1e-5).round() * 0.1;
+            let since_s = |at_us: u64| (now_us.saturating_sub(at_us) as f64 * 1e-5).round() / 10.0;
             let behind_s = seen.lacks_since_us.map_or(0.0, since_s);
             let behind = lacking(&head.vector, &status.vector);
             let late = behind_s > self.config.late_after_s;

@@ -15,7 +15,7 @@ use std::path::PathBuf;
     max_term_width = 100,
     arg_required_else_help = true,
     after_help = "Examples:
-  mapper explore --world museum --map museum        explores a simulated building, and publishes its map
+  mapper explore --world museum --map museum        explores, and publishes the map
   mapper replay run.mcap --map lab                  makes a map from a recorded run
   mapper info run.mcap                              what is in a recording?
   mapper --print-config > robot.toml                every parameter, with what it means
@@ -40,34 +40,38 @@ pub(super) enum Command {
     #[command(after_help = "Examples:
   map-server --data maps &
   mapper explore --world museum --map museum
-  mapper explore --world museum --map museum --robot second --start 1,0,0   # a second robot, at the same time or later
-  mapper explore --world museum --map museum --robot third --again          # after the building has changed
-  mapper explore --world museum --map museum --spool /var/lib/mapper        # what is not acknowledged survives the program
+  mapper explore --world museum --map museum --robot second --start 1,0,0   # a second robot
+  mapper explore --world museum --map museum --robot third --again     # the building has changed
+  mapper explore --world museum --map museum --spool /var/lib/mapper   # keeps what is not stored
   mapper explore --world floor/map.yaml --textures pictures/ --map floor --seed 3
   mapper explore --world office --offline --json        # no server: how good is the map?
   mapper explore --world museum --offline --record run.mcap   # look at it in Foxglove, or replay it
   mapper explore --world museum --offline --picture     # draws the map: explore-museum-1.png
 
-Exit code 0: the map is complete and delivered; 1: it is not, or it failed; 2: a wrong argument; 130 or 143: it was
-interrupted. Ctrl-C (or SIGTERM) ends the exploration within a second, finishes the map as it is, and says what the
-server has not acknowledged; a second one ends the program at once. Set RUST_LOG=info (or debug) for logs.")]
+Exit code 0: the map is complete and delivered; 1: it is not, or it failed; 2: wrong usage or bad
+input; 130 or 143: it was interrupted. Ctrl-C (or SIGTERM) ends the exploration within a second,
+finishes the map as it is, and says what the server has not acknowledged; a second one ends the
+program at once. Set RUST_LOG=info (or debug) for logs.")]
     Explore(Box<ExploreArgs>),
     /// Builds the map from a recorded run: a rosbag2 folder or an MCAP file with scans and
     /// odometry.
     #[command(after_help = "Examples:
-  mapper replay run/ --map lab                           # a rosbag2 folder: /scan, /odom, /tf_static
+  mapper replay run/ --map lab                         # a rosbag2 folder: /scan, /odom, /tf_static
   mapper replay run.mcap --offline --json                # no server: what comes of it?
   mapper replay run/ --map lab --scan-topic /front/scan --odom-topic /tf --base-frame base_footprint
   mapper replay run/ --map lab --camera-topics /cam0/image,/cam1/image,/cam2/image,/cam3/image
   mapper replay run/ --map lab --record mapped.mcap      # with /map, /path and /fht_map to look at
   mapper replay run.mcap --offline --picture lab.png     # draws the map
 
-Needed are sensor_msgs/LaserScan and nav_msgs/Odometry (or odom → base in /tf); the scanner's place on the robot comes
-from /tf_static. Four cameras ahead, left, behind and right (90° each, square pictures) give nodes their appearance;
-without them the map has scans only. 'mapper info BAG' says what a bag has.
+Needed are sensor_msgs/LaserScan and nav_msgs/Odometry (or odom → base in /tf); the scanner's place
+on the robot comes from /tf_static. Four cameras ahead, left, behind and right (90° each, square
+pictures) give nodes their appearance; without them the map has scans only. 'mapper info BAG' says
+what a bag has.
 
-Ctrl-C (or SIGTERM) ends the replay within a second and finishes the map as it is (exit code 130 or 143); a second one
-ends the program at once. Set RUST_LOG=info (or debug) for logs.")]
+Exit code 0: the map is made and delivered; 1: it is not; 2: wrong usage or bad input, such as a bag
+without scans; 130 or 143: it was interrupted. Ctrl-C (or SIGTERM) ends the replay within a second
+and finishes the map as it is; a second one ends the program at once. Set RUST_LOG=info (or debug)
+for logs.")]
     Replay(Box<ReplayArgs>),
     /// Says what is in a bag: topics, types, counts, times, and whether it can be read to its end.
     #[command(after_help = "Examples:

@@ -66,6 +66,18 @@ pub enum ExploreError {
     Robot(#[from] RobotError),
 }
 
+impl ExploreError {
+    /// Whether what was given is wrong, and not the run.
+    #[must_use]
+    pub fn is_input(&self) -> bool {
+        match self {
+            Self::World(_) | Self::Start(_) => true,
+            Self::Run(error) => error.is_input(),
+            _ => false,
+        }
+    }
+}
+
 /// What happens while it runs, for progress displays.
 #[derive(Clone, Debug)]
 pub struct ExploreProgress {

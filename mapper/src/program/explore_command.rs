@@ -5,7 +5,7 @@ use super::explore::{ExploreProgress, ExploreTask, explore};
 use super::report::ExploreReport;
 use super::running::{RunEnd, increments, runtime};
 use super::settings::MapperFile;
-use fht_program::Stop;
+use fht_program::{ProgramFailure, Stop};
 use fht_sim::SimConfig;
 use fht_worker::Pace;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -40,10 +40,10 @@ impl ExploreArgs {
 }
 
 /// Runs `mapper explore`; `false` if the map is not complete, or the server did not take all of it.
-pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) -> Result<bool, String> {
-    let task = args.task(file, stop)?;
+pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) -> Result<bool, ProgramFailure> {
+    let task = args.task(file, stop).map_err(ProgramFailure::of_input)?;
     let (linger_s, spool) = (task.mapping.linger_s, task.mapping.spool.clone());
-    let runtime = runtime()?;
+    let runtime = runtime().map_err(ProgramFailure::of_run)?;
     tracing::info!(map = %task.mapping.map, robot = task.mapping.robot, world = args.setup.world, "explores");
     let bar = if args.run.quiet || args.progress_json { ProgressBar::hidden() } else { spinner() };
     let progress_json = args.progress_json;
@@ -72,14 +72,15 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
         ));
         watched.tick();
     };
-    let report = runtime.block_on(explore(task, watch)).map_err(|error| error.to_string())?;
+    let report = runtime.block_on(explore(task, watch));
+    let report = report.map_err(|error| ProgramFailure::of(error.is_input(), error))?;
     bar.finish_and_clear();
     let in_words = |report: &ExploreReport| {
         if !args.progress_json {
             print_report(report);
         }
     };
-    args.run.report.give(&report, in_words)?;
+    args.run.report.give(&report, in_words).map_err(ProgramFailure::of_run)?;
     let end = RunEnd {
         ending: report.ending,
         is_offline: args.run.offline,
@@ -117,12 +118,16 @@ fn print_report(report: &ExploreReport) {
         report.trajectory_error.max_m,
         report.collisions
     );
-    println!(
-        "nodes       {:.0} % of the main nodes within 0.05 m of the truth, greatest error {:.3} m; {} loop closures",
-        report.main_nodes_within_5cm * 100.0,
-        report.main_node_error_max_m,
-        report.closures.iter().sum::<usize>()
-    );
+    let closures = report.closures.iter().sum::<usize>();
+    match report.own_main_nodes {
+        0 => println!("nodes       none of the main nodes is this robot's; {closures} loop closures"),
+        own => println!(
+            "nodes       {:.0} % of the {own} main nodes that it made within 0.05 m of the truth, greatest error {:.3} m; \
+             {closures} loop closures",
+            report.main_nodes_within_5cm * 100.0,
+            report.main_node_error_max_m
+        ),
+    }
     println!(
         "time        {:.0} s of robot time in {:.1} s; slowest frame {:.0} ms",
         report.sim_s, report.wall_s, report.frame_max_ms

@@ -60,6 +60,18 @@ pub enum ReplayError {
     Robot(RobotError),
 }
 
+impl ReplayError {
+    /// Whether what was given is wrong, and not the run.
+    #[must_use]
+    pub fn is_input(&self) -> bool {
+        match self {
+            Self::Frames(_) | Self::NoFrames(_) => true,
+            Self::Run(error) => error.is_input(),
+            _ => false,
+        }
+    }
+}
+
 impl From<RobotError> for ReplayError {
     fn from(error: RobotError) -> Self {
         match error {

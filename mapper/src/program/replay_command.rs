@@ -5,7 +5,7 @@ use super::running::{RunArgs, RunEnd, increments, runtime};
 use super::settings::MapperFile;
 use clap::Args;
 use fht_bag::{BagInfo, FrameConfig, TopicConfig, survey};
-use fht_program::Stop;
+use fht_program::{ProgramFailure, Stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 
@@ -109,8 +109,8 @@ impl ReplayArgs {
 }
 
 /// Runs `mapper replay`; `false` if the server did not take the whole map.
-pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Result<bool, String> {
-    let task = args.task(file, stop)?;
+pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Result<bool, ProgramFailure> {
+    let task = args.task(file, stop).map_err(ProgramFailure::of_input)?;
     let linger_s = task.mapping.linger_s;
     tracing::info!(map = %task.mapping.map, robot = task.mapping.robot, bag = %task.bag.display(), "replays");
     let bar = if args.run.quiet || args.run.report.json { ProgressBar::hidden() } else { progress_bar() };
@@ -126,9 +126,11 @@ pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Res
             increments(snapshot.written, snapshot.acknowledged, is_offline)
         ));
     };
-    let report = runtime()?.block_on(replay(task, watch)).map_err(|error| error.to_string())?;
+    let runtime = runtime().map_err(ProgramFailure::of_run)?;
+    let report = runtime.block_on(replay(task, watch));
+    let report = report.map_err(|error| ProgramFailure::of(error.is_input(), error))?;
     bar.finish_and_clear();
-    args.run.report.give(&report, print_replay)?;
+    args.run.report.give(&report, print_replay).map_err(ProgramFailure::of_run)?;
     if report.has_cameras && report.bag.panoramas == 0 {
         eprintln!("mapper: none of the pictures could be used, so the map has no main nodes; try --no-cameras");
     }
@@ -176,10 +178,10 @@ pub(super) struct InfoArgs {
 }
 
 /// Runs `mapper info`; `false` if the bag is broken.
-pub(super) fn info(args: &InfoArgs) -> Result<bool, String> {
-    let info = survey(&args.bag).map_err(|error| error.to_string())?;
+pub(super) fn info(args: &InfoArgs) -> Result<bool, ProgramFailure> {
+    let info = survey(&args.bag).map_err(ProgramFailure::of_input)?;
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&info).map_err(|error| error.to_string())?);
+        println!("{}", serde_json::to_string_pretty(&info).map_err(ProgramFailure::of_run)?);
     } else {
         print_info(&info);
     }

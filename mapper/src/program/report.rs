@@ -53,6 +53,9 @@ pub struct ExploreReport {
     pub trajectory_error: TrajectoryError,
     /// Error of the same poses as they are known at the end.
     pub corrected_trajectory_error: TrajectoryError,
+    /// Main nodes of the map that this robot made, and that were scored.
+    #[serde(default)]
+    pub own_main_nodes: usize,
     /// Share of the main nodes that lie within 0.05 m of where they truly were seen.
     pub main_nodes_within_5cm: f64,
     /// Greatest error of a main node's position, metres.

@@ -9,6 +9,7 @@ use fht_picture::{default_file, png_file};
 use fht_program::Waiting;
 use fht_program::flags::{ConnectArgs, ReportArgs, number, seconds};
 use fht_proto::{MapName, RobotName};
+use fht_session::check_owner;
 use std::path::{Path, PathBuf};
 
 /// The robot's name if neither a flag nor the file says one.
@@ -65,8 +66,12 @@ impl RunArgs {
             }
         };
         let name = self.robot.as_ref().or(robot.name.as_ref()).map_or(DEFAULT_ROBOT, RobotName::as_str);
+        let link = (!self.offline).then(|| self.link.over(connect));
+        if let Some(link) = &link {
+            check_owner(link, "explorer", name).map_err(|error| error.to_string())?;
+        }
         Ok(MappingTask {
-            link: (!self.offline).then(|| self.link.over(connect)),
+            link,
             spool: section.spool.clone().filter(|_| !self.offline),
             window: section.window.clone(),
             model: self.model.as_ref().or(robot.model.as_ref()).cloned(),

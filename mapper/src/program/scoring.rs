@@ -92,6 +92,7 @@ impl ExplorationScore {
             collisions: self.truth.collisions(),
             trajectory_error: trajectory_error(&online, &truth, world_from_map),
             corrected_trajectory_error: trajectory_error(&corrected, &truth, world_from_map),
+            own_main_nodes: node_errors_m.len(),
             main_nodes_within_5cm: near as f64 / node_errors_m.len().max(1) as f64,
             main_node_error_max_m: node_errors_m.into_iter().fold(0.0, f64::max),
             closures: [mapper.closures().near, mapper.closures().far],

@@ -5,6 +5,7 @@
 mod diff;
 mod error;
 mod head;
+mod known_names;
 mod nodes;
 mod path;
 mod place;
@@ -16,6 +17,7 @@ pub use crate::model::compaction::Series;
 pub use diff::{DiffReply, MovedNode, StateView};
 pub use error::{ErrorCode, ErrorReply};
 pub use head::{Head, MapsReply};
+pub use known_names::known_names;
 pub use nodes::{NodeView, NodesCursor, NodesReply, ParseCursorError};
 pub use path::{Obeyed, PathReply, SpeedLimit, Waypoint};
 pub use place::{PlaceRef, parse_angle, parse_point};

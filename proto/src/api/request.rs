@@ -190,7 +190,7 @@ pub fn parse<'a>(
     payload: Option<&[u8]>,
 ) -> Result<Request, ErrorReply> {
     match key {
-        Key::Maps => Parameters::of(parameters, &[]).map(|_| Request::Maps),
+        Key::Maps => Parameters::json_only("maps", parameters).map(|()| Request::Maps),
         Key::Topic { map, topic } => Ok(Request::Map(map, question(topic, parameters, payload)?)),
         Key::Increment { .. }
         | Key::Refused { .. }
@@ -213,20 +213,20 @@ pub fn parse_order<'a>(
 ) -> Result<AdminOrder, ErrorReply> {
     match action {
         AdminAction::Retain => {
-            let given = Parameters::of(parameters, &["keep"])?;
+            let given = Parameters::of("retain", parameters, &["keep"])?;
             let keep = given.parsed("keep", "a number of versions")?;
             let missing = || bad_request("say how many versions are to stay, such as retain?keep=1000".to_owned());
             keep.map(|keep| AdminOrder::Retain { keep }).ok_or_else(missing)
         }
         AdminAction::Import => {
-            Parameters::of(parameters, &[])?;
+            Parameters::of("import", parameters, &[])?;
             let missing = || bad_request("import needs a series of increments in the payload".to_owned());
             let series = decode(payload.ok_or_else(missing)?)
                 .map_err(|error| bad_request(format!("the payload is not a series of increments: {error}")))?;
             Ok(AdminOrder::Import { series })
         }
         AdminAction::Delete => {
-            Parameters::of(parameters, &[])?;
+            Parameters::of("delete", parameters, &[])?;
             let missing = || {
                 bad_request("delete needs a payload, such as {grace_s: 604800, reason: mistyped, by: desk}".to_owned())
             };
@@ -235,7 +235,7 @@ pub fn parse_order<'a>(
             order.validate().map_err(|error| bad_request(error.to_string()))?;
             Ok(AdminOrder::Delete(order))
         }
-        AdminAction::Undelete => Parameters::of(parameters, &[]).map(|_| AdminOrder::Undelete),
+        AdminAction::Undelete => Parameters::of("undelete", parameters, &[]).map(|_| AdminOrder::Undelete),
     }
 }
 
@@ -245,15 +245,15 @@ fn question<'a>(
     payload: Option<&[u8]>,
 ) -> Result<Question, ErrorReply> {
     match topic {
-        Topic::Head => Parameters::of(parameters, &[]).map(|_| Question::Head),
+        Topic::Head => Parameters::json_only("head", parameters).map(|()| Question::Head),
         Topic::Since => {
-            let given = Parameters::of(parameters, &["vector", "max_bytes", "piece_bytes", "fmt"])?;
+            let given = Parameters::of("since", parameters, &["vector", "max_bytes", "piece_bytes", "fmt"])?;
             let have = given.vector("vector")?.unwrap_or_default();
             increments(&given, Moment::Now, have)
         }
         Topic::Snapshot => {
             let known = ["version", "vector", "release", "have", "max_bytes", "piece_bytes", "fmt"];
-            let given = Parameters::of(parameters, &known)?;
+            let given = Parameters::of("snapshot", parameters, &known)?;
             let version = given.parsed("version", "a whole number")?.map(Moment::Version);
             let vector = given.vector("vector")?.map(Moment::Vector);
             let release = given.text("release").map(release_name).transpose()?.map(Moment::Release);
@@ -267,7 +267,7 @@ fn question<'a>(
         }
         Topic::Path => {
             let known = ["from", "to", "to_nearest", "release", "footprint", "goal_yaw", "fmt"];
-            let given = Parameters::of(parameters, &known)?;
+            let given = Parameters::of("path", parameters, &known)?;
             let place = |name| given.required(name, "path?from=0,0;to=5,3").and_then(str::parse);
             let on = match given.text("release") {
                 None => PathOn::Enabled,
@@ -281,7 +281,7 @@ fn question<'a>(
             Ok(Question::Path { from, to, on, footprint, to_nearest, goal_yaw, format })
         }
         Topic::Nodes => {
-            let given = Parameters::of(parameters, &["near", "radius", "limit", "after", "fmt"])?;
+            let given = Parameters::of("nodes", parameters, &["near", "radius", "limit", "after", "fmt"])?;
             let near = parse_point(given.required("near", "nodes?near=0,0;radius=5")?)?;
             let radius_m = given.parsed("radius", "a number of metres")?.unwrap_or(RADIUS_M.0);
             if !(0.0..=RADIUS_M.1).contains(&radius_m) {
@@ -295,17 +295,18 @@ fn question<'a>(
                 format: given.format(Format::Json)?,
             })
         }
-        Topic::Releases => Parameters::of(parameters, &[]).map(|_| Question::Releases),
-        Topic::Rules => Parameters::of(parameters, &[]).map(|_| Question::Rules),
-        Topic::Fleet => Parameters::of(parameters, &[]).map(|_| Question::Fleet),
+        Topic::Releases => Parameters::json_only("releases", parameters).map(|()| Question::Releases),
+        Topic::Rules => Parameters::json_only("rules", parameters).map(|()| Question::Rules),
+        Topic::Fleet => Parameters::json_only("fleet", parameters).map(|()| Question::Fleet),
         Topic::Diff => {
-            let given = Parameters::of(parameters, &["from", "to"])?;
+            let given = Parameters::of("diff", parameters, &["from", "to", "fmt"])?;
+            given.in_json("diff")?;
             let from = Moment::parse(given.required("from", "diff?from=2026-11-21.1;to=head")?)?;
             let to = given.text("to").map_or(Ok(Moment::Now), Moment::parse)?;
             Ok(Question::Diff { from, to })
         }
         Topic::Match => {
-            let given = Parameters::of(parameters, &["limit", "fmt"])?;
+            let given = Parameters::of("match", parameters, &["limit", "fmt"])?;
             let missing = || bad_request("match needs a descriptor in the payload".to_owned());
             let descriptor = decode(payload.ok_or_else(missing)?)
                 .map_err(|error| bad_request(format!("the payload is not a descriptor: {error}")))?;

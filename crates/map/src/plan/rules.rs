@@ -146,7 +146,7 @@ impl Rules {
     pub fn speed_limits_along(&self, points: &[FixedPoint]) -> Vec<SpeedLimit> {
         let limits = self.slow.iter().flat_map(|(name, zone)| {
             let ZoneRule::SpeedLimit(mm_per_s) = zone.rule else { return Vec::new() };
-            let limit = |along_m| SpeedLimit { zone: name.to_string(), max_mps: f64::from(mm_per_s) * 1e-3, along_m };
+            let limit = |along_m| SpeedLimit { zone: name.to_string(), max_mps: f64::from(mm_per_s) / 1000.0, along_m };
             inside(points, zone).into_iter().map(limit).collect()
         });
         let mut limits: Vec<SpeedLimit> = limits.collect();

@@ -17,7 +17,16 @@ use std::process::ExitCode;
 
 /// Measures the map service as the field does.
 #[derive(Debug, Parser)]
-#[command(name = "evaluate", version)]
+#[command(
+    name = "evaluate",
+    version,
+    max_term_width = 100,
+    after_help = "Examples:
+  evaluate tables --worlds ../shared/data/maps/museum.yaml --starts 10 --pairs 100
+  evaluate relocalize --worlds museum --starts 20
+  evaluate slam ../shared/data/lidar/intel ../shared/data/lidar/intel.relations
+  evaluate explore --worlds museum --seeds 3 --no-cameras"
+)]
 struct Cli {
     #[command(subcommand)]
     part: Part,
@@ -29,16 +38,17 @@ enum Part {
     /// measuring the accuracy of SLAM algorithms", Autonomous Robots 2009).
     #[command(after_help = "Examples:
   evaluate slam ../shared/data/lidar/intel ../shared/data/lidar/intel.relations
-  evaluate slam ../shared/data/lidar/aces ../shared/data/lidar/aces.relations --json aces.json --picture aces.png
+  evaluate slam ../shared/data/lidar/aces aces.relations --json aces.json --picture aces.png
   evaluate slam ../shared/data/lidar/mit-csail             # no relations: a picture only
 
-LOG is a rosbag2 folder or an MCAP file with /scan and /odom. Each line of RELATIONS is 't1 t2 x y z roll pitch yaw': the
-pose of the scan taken at t2 in the frame of the scan taken at t1, metres and radians.")]
+LOG is a rosbag2 folder or an MCAP file with /scan and /odom. Each line of RELATIONS is
+'t1 t2 x y z roll pitch yaw': the pose of the scan taken at t2 in the frame of the scan taken at t1,
+metres and radians.")]
     Slam(slam::SlamArgs),
     /// Whole explorations of simulated buildings with drifting wheels: the error of trajectory and
     /// main nodes.
     #[command(after_help = "Examples:
-  evaluate explore                                         museum and office, drift 1 and 2, ten seeds: about an hour
+  evaluate explore                                   all of them: about an hour
   evaluate explore --worlds museum --seeds 3 --no-cameras")]
     Explore(explore::ExploreArgs),
     /// Several explorers in one building, against one: the time they take, and how good their map
@@ -46,14 +56,14 @@ pose of the scan taken at t2 in the frame of the scan taken at t1, metres and ra
     #[command(after_help = "Examples:
   evaluate team --worlds office --seeds 3                  two explorers that begin in one room
   evaluate team --worlds office --apart-m inf              … or anywhere in the building
-  evaluate team --worlds office --succeed-at 0.5           the first one dies half-way, and another finishes the map")]
+  evaluate team --worlds office --succeed-at 0.5   one dies half-way, another finishes")]
     Team(team::TeamArgs),
     /// Both tables of the paper, with our figures beside the printed ones: relocalization, paths
     /// and storage of our map, of MR-TopoMap, of the grid map and of main nodes only. Goes on where
     /// it stopped.
     #[command(after_help = "Examples:
-  evaluate tables --worlds ../shared/data/maps/museum.yaml,../shared/data/maps/large_indoor.yaml --out docs/results/tables.md
-  evaluate tables --worlds ../shared/data/maps/museum.yaml --starts 10 --pairs 100 --json tables.json
+  evaluate tables --worlds museum,../shared/data/maps/large_indoor.yaml --out tables.md
+  evaluate tables --worlds ../shared/data/maps/museum.yaml --starts 10 --json tables.json
 
 100 starts in a world take about half an hour on two cores.")]
     Tables(tables::TablesArgs),
@@ -71,7 +81,7 @@ pose of the scan taken at t2 in the frame of the scan taken at t1, metres and ra
     /// what its map is worth then.
     #[command(after_help = "Examples:
   evaluate knobs --worlds ../shared/data/maps/museum.yaml --starts 50
-  evaluate knobs --worlds ../shared/data/maps/museum.yaml --knobs few-main-nodes,no-coverage --out knobs.md")]
+  evaluate knobs --worlds museum --knobs few-main-nodes,no-coverage --out knobs.md")]
     Knobs(knobs::KnobsArgs),
     /// Robots dropped anywhere in an explored building: how soon and how well they know where they
     /// are.
@@ -82,7 +92,7 @@ pose of the scan taken at t2 in the frame of the scan taken at t1, metres and ra
     /// Maps of one building that were made from different starts, merged; and maps of different
     /// buildings, refused.
     #[command(after_help = "Examples:
-  evaluate merge                                             the museum from three starts, and a second building
+  evaluate merge                               the museum from three starts, and a second building
   evaluate merge --worlds museum,office,../shared/data/maps/museum.yaml --starts 4 --no-cameras")]
     Merge(merge::MergeArgs),
 }
@@ -106,6 +116,29 @@ fn main() -> ExitCode {
         Err(message) => {
             eprintln!("evaluate: {message}");
             ExitCode::FAILURE
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn every_part_has_examples_that_are_taken() {
+        let command = Cli::command();
+        let parts = command.get_subcommands().filter(|part| part.get_name() != "help");
+        for part in std::iter::once(&command).chain(parts) {
+            let help = part.get_after_help().map(ToString::to_string).unwrap_or_default();
+            let examples: Vec<&str> = help.lines().filter_map(|line| line.strip_prefix("  ")).collect();
+            assert!(!examples.is_empty(), "{} has no examples", part.get_name());
+            for example in examples {
+                let line = example.split("  ").next().unwrap_or_default();
+                let parsed = Cli::try_parse_from(line.split_whitespace());
+                assert!(parsed.is_ok(), "{line}: {:?}", parsed.err().map(|error| error.to_string()));
+            }
+            assert!(help.lines().all(|line| line.chars().count() <= 100), "{help}");
         }
     }
 }

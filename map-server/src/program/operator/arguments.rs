@@ -29,7 +29,7 @@ pub struct OperatorArgs {
     /// Wait so long, from the start on, for the server and for the map; 'inf' is for ever. What is
     /// waited for is said every five seconds [default: 10 for the server; a map that it does not
     /// have is not waited for].
-    #[arg(long, global = true, help_heading = "Operators' commands", value_name = "SECONDS", value_parser = wait)]
+    #[arg(long, global = true, help_heading = "The way to the server", value_name = "SECONDS", value_parser = wait)]
     wait: Option<f64>,
 }
 
@@ -162,7 +162,7 @@ pub enum Operation {
     },
     /// Names a place, so that robots and queries can go there by name.
     #[command(after_help = "Examples:
-  map-server place museum dock 1.5,-2,90        1.5 m ahead of the map's origin, 2 m right of it, facing left
+  map-server place museum dock 1.5,-2,90        1.5 m ahead of the origin, 2 m right, facing left
   map-server place museum Küche 4,1
   map-server place museum dock --remove")]
     Place {

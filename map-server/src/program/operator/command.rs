@@ -3,7 +3,7 @@
 use crate::config::{DEFAULT_LISTEN, ServerEndpoints};
 use crate::ingest::Retained;
 use crate::program::operator::arguments::{Operation, OperatorArgs};
-use crate::program::operator::asking::{ask, ask_json, connect, until_there};
+use crate::program::operator::asking::{self, ask, ask_json, connect, until_there};
 use crate::program::operator::deletion;
 use crate::program::operator::error::OperatorError;
 use crate::program::operator::merge::{self, MergeOrder};
@@ -179,7 +179,14 @@ fn retained_in_words(done: &Retained) -> String {
     )
 }
 
+/// Writes the operation, unless the map is the same after it.
 async fn change(session: &Session, args: &OperatorArgs, map: &MapName, op: Op) -> Result<(), OperatorError> {
+    if rule::changes_nothing(&rule::list(session, map).await?, &op) {
+        let head = asking::head(session, map).await?;
+        return show(&head, args.json, |head| {
+            format!("nothing to change; map {} stays at version {}", head.map, head.version)
+        });
+    }
     let head = write(session, map, args.operator.as_str(), vec![op]).await?;
     show(&head, args.json, |head| format!("written; map {} is at version {}", head.map, head.version))
 }

@@ -112,6 +112,18 @@ pub enum OperatorError {
 }
 
 impl OperatorError {
+    /// Whether what was given is wrong, or not there.
+    #[must_use]
+    pub fn is_input(&self) -> bool {
+        match self {
+            Self::Session(error) => error.is_input(),
+            Self::Refused(reply) => reply.code.is_input(),
+            Self::Usage(_) | Self::File { .. } | Self::Archive { .. } => true,
+            Self::NotRenamed { reason, .. } => reason.is_input(),
+            _ => false,
+        }
+    }
+
     pub(super) fn json(error: &serde_json::Error) -> Self {
         Self::Answer(error.to_string())
     }

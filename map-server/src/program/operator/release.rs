@@ -6,7 +6,7 @@ use crate::program::operator::error::OperatorError;
 use crate::program::operator::write::write;
 use clap::Subcommand;
 use fht_proto::api::keys::{Key, Topic};
-use fht_proto::api::reply::{ReleaseView, ReleasesReply};
+use fht_proto::api::reply::{ReleaseView, ReleasesReply, known_names};
 use fht_proto::{AuthorId, MapName, Op, Release, ReleaseId, ReleaseName};
 use std::time::{Duration, UNIX_EPOCH};
 use zenoh::Session;
@@ -90,10 +90,7 @@ fn find<'a>(releases: &'a ReleasesReply, text: &str) -> Result<&'a ReleaseView, 
     match found.as_slice() {
         [one] => Ok(one),
         [] => {
-            let names: Vec<String> =
-                releases.releases.iter().map(|view| format!("{}@{}", view.name, view.author)).collect();
-            let known =
-                if names.is_empty() { "it has none".to_owned() } else { format!("there is: {}", names.join(", ")) };
+            let known = known_names(releases.releases.iter().map(|view| format!("{}@{}", view.name, view.author)));
             Err(OperatorError::Usage(format!("map {} has no release {text} ({known})", releases.map)))
         }
         several => {
@@ -148,18 +145,27 @@ pub(super) async fn create(
     }
 }
 
-/// Tells robots to use a release, or the newest state.
+fn nothing_to_change(releases: ReleasesReply) -> ReleasesReply {
+    eprintln!("map-server: nothing to change; map {} stays at version {}", releases.map, releases.version);
+    releases
+}
+
+/// Tells robots to use a release, or the newest state, unless they do.
 pub(super) async fn enable(
     session: &Session,
     map: &MapName,
     operator: &str,
     name: Option<&str>,
 ) -> Result<ReleasesReply, OperatorError> {
+    let releases = list(session, map).await?;
     let release = match name {
+        None if releases.releases.iter().all(|view| !view.enabled) => return Ok(nothing_to_change(releases)),
         None => None,
         Some(name) => {
-            let releases = list(session, map).await?;
             let view = find(&releases, name)?;
+            if view.enabled {
+                return Ok(nothing_to_change(releases));
+            }
             if !view.available {
                 return Err(OperatorError::Usage(format!("the server does not have all of release {name}")));
             }

@@ -5,7 +5,7 @@ use crate::program::operator::error::OperatorError;
 use crate::program::operator::transfer::fetch_state;
 use fht_map::{DoubtfulWords, check_place, check_zone};
 use fht_proto::api::keys::{Key, Topic};
-use fht_proto::api::reply::{NodesReply, RulesReply, parse_angle, parse_point};
+use fht_proto::api::reply::{NodesReply, RulesReply, known_names, parse_angle, parse_point};
 use fht_proto::{EdgeKey, FixedPoint, FixedPose, Label, MapName, NodeId, Op, Zone};
 use std::f64::consts::TAU;
 use zenoh::Session;
@@ -106,18 +106,15 @@ fn is_there<'a>(
     map: &MapName,
     what: &str,
     name: &Label,
-    known: impl Iterator<Item = &'a str>,
+    known: impl Iterator<Item = &'a str> + Clone,
 ) -> Result<(), OperatorError> {
-    let known: Vec<&str> = known.collect();
-    if known.contains(&name.as_str()) {
+    if known.clone().any(|known| known == name.as_str()) {
         return Ok(());
     }
-    let known = if known.is_empty() { "it has none".to_owned() } else { format!("there is: {}", known.join(", ")) };
-    Err(OperatorError::Usage(format!("map {map} has no {what} {name} ({known})")))
+    Err(OperatorError::Usage(format!("map {map} has no {what} {name} ({})", known_names(known))))
 }
 
-/// The operation that closes or opens the edge between two nodes, if the map has it, and if that
-/// changes anything.
+/// The operation that closes or opens the edge between two nodes, if the map has it.
 pub(super) async fn closing(
     session: &Session,
     map: &MapName,
@@ -129,39 +126,64 @@ pub(super) async fn closing(
         return usage("an edge has two ends".to_owned());
     }
     let edge = EdgeKey::new(a, b);
-    let rules = list(session, map).await?;
-    let is_closed = rules.closed_edges.contains(&edge.to_texts());
-    if !closed && !is_closed {
-        let known: Vec<String> = rules.closed_edges.iter().map(|[a, b]| format!("{a} {b}")).collect();
-        let known = if known.is_empty() { "none is".to_owned() } else { format!("closed: {}", known.join(", ")) };
-        return usage(format!("the edge {a} {b} of map {map} is not closed ({known})"));
-    }
+    let op = Op::SetClosed { edge, closed };
     // One that was closed while it was there can be opened when it is not.
-    let known = neighbours(session, map, a).await?;
-    match known {
-        None if !is_closed => usage(format!("map {map} has no node {a}")),
-        Some(known) if !is_closed && !known.contains(&b.to_string()) => {
-            let known = known.join(", ");
+    if list(session, map).await?.closed_edges.contains(&edge.to_texts()) {
+        return Ok(op);
+    }
+    match neighbours(session, map, [a, b]).await? {
+        [None, None] => usage(format!("map {map} has neither a node {a} nor a node {b}")),
+        [None, Some(_)] => usage(format!("map {map} has no node {a}")),
+        [Some(_), None] => usage(format!("map {map} has no node {b}")),
+        [Some(known), Some(_)] if !known.contains(&b.to_string()) => {
+            let known = if known.is_empty() { "nothing".to_owned() } else { known.join(", ") };
             usage(format!("no edge joins {a} and {b}; {a} is joined to: {known}"))
         }
-        _ => Ok(Op::SetClosed { edge, closed }),
+        _ => Ok(op),
     }
 }
 
-/// The nodes that edges join to a node; none if the map has no such node.
-async fn neighbours(session: &Session, map: &MapName, node: NodeId) -> Result<Option<Vec<String>>, OperatorError> {
-    let (text, key) = (node.to_string(), Key::topic(map, Topic::Nodes));
-    let mut after = String::new();
+/// The nodes that edges join to each of two nodes; none if the map has no such node.
+async fn neighbours(
+    session: &Session,
+    map: &MapName,
+    nodes: [NodeId; 2],
+) -> Result<[Option<Vec<String>>; 2], OperatorError> {
+    let (texts, key) = (nodes.map(|node| node.to_string()), Key::topic(map, Topic::Nodes));
+    let (mut found, mut after) = ([None, None], String::new());
     loop {
         let selector = format!("{key}?near=0,0;radius=100000;limit=1000;after={after}");
         let page: NodesReply = ask_json(session, &selector).await?;
-        if let Some(found) = page.nodes.into_iter().find(|found| found.id == text) {
-            return Ok(Some(found.neighbours));
+        for node in page.nodes {
+            if let Some(index) = texts.iter().position(|text| *text == node.id) {
+                found[index] = Some(node.neighbours);
+            }
         }
         match page.next {
-            Some(next) if next != after => after = next,
-            _ => return Ok(None),
+            Some(next) if next != after && found.contains(&None) => after = next,
+            _ => return Ok(found),
         }
+    }
+}
+
+/// Whether a map on which `rules` hold is the same after the operation: the same place, the same
+/// zone, an edge that is closed or open already.
+pub(super) fn changes_nothing(rules: &RulesReply, op: &Op) -> bool {
+    match op {
+        Op::SetPlace { name, pose: Some(pose) } => {
+            // As it was written: 180° as the wire has it is a little more than π.
+            let fixed = |[x, y, yaw]: [f64; 3]| FixedPose {
+                position: FixedPoint::from_metres(x, y),
+                yaw_e4: (yaw * 1e4).round() as i16,
+            };
+            rules.places.iter().any(|place| place.name == name.as_str() && fixed(place.pose) == *pose)
+        }
+        Op::SetZone { name, zone: Some(zone) } => rules.zones.iter().any(|known| {
+            let corners = known.corners.iter().map(|[x, y]| FixedPoint::from_metres(*x, *y));
+            known.name == name.as_str() && known.rule == zone.rule.into() && corners.eq(zone.corners.iter().copied())
+        }),
+        Op::SetClosed { edge, closed } => rules.closed_edges.contains(&edge.to_texts()) == *closed,
+        _ => false,
     }
 }
 

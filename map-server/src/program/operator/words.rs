@@ -49,7 +49,8 @@ pub(super) fn rules_in_words(reply: &RulesReply) -> String {
             RuleView::KeepOut => "keep out".to_owned(),
             RuleView::SpeedLimit(mps) => format!("at most {mps} m/s"),
         };
-        format!("zone {}: {rule}, {} corners", zone.name, zone.corners.len())
+        let corners: Vec<String> = zone.corners.iter().map(|[x, y]| format!("{x},{y}")).collect();
+        format!("zone {}: {rule}, corners {}", zone.name, corners.join(" "))
     });
     let edges = reply.closed_edges.iter().map(|[a, b]| format!("edge {a} {b}: closed"));
     let blocked = reply.blocked.iter().map(|by| {

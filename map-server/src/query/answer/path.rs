@@ -9,9 +9,9 @@ use fht_map::graph::astar::Workspace;
 use fht_map::plan::node_route::{IndexedGraph, NodeRoute};
 use fht_map::{FreeSpace, MapIndex, MapState, NodeRouteConfig, PathEnds, PlanError, Rules};
 use fht_proto::api::compact::{CompactPath, CompactPathWithGoal, CompactWaypoint};
-use fht_proto::api::reply::{ErrorCode, ErrorReply, PathReply, PlaceRef, Waypoint};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, PathReply, PlaceRef, SpeedLimit, Waypoint, known_names};
 use fht_proto::api::request::{Format, PathOn, Question};
-use fht_proto::{FixedPoint, FixedPose, Footprint, Label, MapName, ReleaseId};
+use fht_proto::{FixedPoint, FixedPose, Footprint, MapName, ReleaseId};
 use std::cell::RefCell;
 use std::sync::Arc;
 
@@ -167,18 +167,12 @@ fn locate(view: &MapView, map: &MapState, place: &PlaceRef) -> Result<FixedPoint
         }
         PlaceRef::Named(name) => {
             let annotations = view.state.annotations();
-            let known = || annotations.places().map(|(name, _)| name.clone()).take(10).collect::<Vec<Label>>();
-            let pose = annotations.place(name);
-            pose.map(|pose| pose.position).ok_or_else(|| no_place(name, &known()))
+            annotations.place(name).map(|pose| pose.position).ok_or_else(|| {
+                let known = known_names(annotations.places().map(|(name, _)| name));
+                error(ErrorCode::UnknownPlace, format!("there is no place {name} on this map ({known})"))
+            })
         }
     }
-}
-
-fn no_place(name: &Label, known: &[Label]) -> ErrorReply {
-    let known: Vec<&str> = known.iter().map(Label::as_str).collect();
-    let known =
-        if known.is_empty() { "none has a name yet".to_owned() } else { format!("there is: {}", known.join(", ")) };
-    error(ErrorCode::UnknownPlace, format!("there is no place {name} on this map ({known})"))
 }
 
 fn no_route(cause: &PlanError, footprint: &Footprint) -> ErrorReply {
@@ -200,6 +194,7 @@ fn reply(
     let (map, version) = (view.head.map.clone(), planning.version());
     // To the millimetre, like everything else.
     let in_mm = |metres: f64| (metres * 1000.0).round();
+    let to_mm = |limit: SpeedLimit| SpeedLimit { along_m: limit.along_m.map(|at| in_mm(at) / 1000.0), ..limit };
     let goal_yaw_e4 = asked.goal_yaw_e4(view);
     match asked.format {
         Format::Json => {
@@ -218,7 +213,7 @@ fn reply(
                 unmapped_m: in_mm(route.unmapped_m) / 1000.0,
                 goal_yaw: goal_yaw_e4.map(|yaw_e4| FixedPose { position: FixedPoint::default(), yaw_e4 }.yaw()),
                 obeyed: rules.obeyed(),
-                speed_limits: rules.speed_limits(route),
+                speed_limits: rules.speed_limits(route).into_iter().map(to_mm).collect(),
             })
         }
         Format::Postcard => {

@@ -2,6 +2,7 @@
 
 use fht_map::MapState;
 use fht_proto::ReleaseId;
+use fht_proto::api::reply::known_names;
 
 /// The id of the release that `text` names: `name@author`, or the name alone if only one author has
 /// used it.
@@ -11,9 +12,7 @@ use fht_proto::ReleaseId;
 pub(super) fn find_release(state: &MapState, text: &str) -> Result<ReleaseId, String> {
     let releases = || state.annotations().releases().map(|release| release.id);
     let unknown = || {
-        let known: Vec<String> = releases().take(10).map(ToString::to_string).collect();
-        let known =
-            if known.is_empty() { "there are none".to_owned() } else { format!("there is: {}", known.join(", ")) };
+        let known = known_names(releases());
         format!("there is no release {text} ({known})")
     };
     if let Ok(id) = text.parse::<ReleaseId>() {

@@ -55,6 +55,22 @@ pub enum ErrorCode {
 }
 
 impl ErrorCode {
+    /// Whether what was asked for is wrong, or not there.
+    #[must_use]
+    pub fn is_input(self) -> bool {
+        matches!(
+            self,
+            Self::BadRequest
+                | Self::OutOfMap
+                | Self::UnknownMap
+                | Self::UnknownVersion
+                | Self::UnknownNode
+                | Self::UnknownPlace
+                | Self::UnknownGoal
+                | Self::IncompatibleModel
+        )
+    }
+
     /// Whether a refused increment would be refused again, however often it is sent, unless an
     /// operator changes that.
     #[must_use]

@@ -38,8 +38,10 @@ impl NodeView {
     /// The corners `[min_x, min_y, max_x, max_y]` of a node's rectangle.
     #[must_use]
     pub fn corners(node: FixedPoint, rect: &Rect) -> [f64; 4] {
-        let (min, max) = (rect.min(node), rect.max(node));
-        [min.0, min.1, max.0, max.1]
+        // In whole millimetres: differences of metres are not to the millimetre any more.
+        let metres = |at_mm: i32, reach_mm: i64| (i64::from(at_mm) + reach_mm) as f64 / 1000.0;
+        let [west, south, east, north] = [rect.west_mm, rect.south_mm, rect.east_mm, rect.north_mm].map(i64::from);
+        [metres(node.x_mm, -west), metres(node.y_mm, -south), metres(node.x_mm, east), metres(node.y_mm, north)]
     }
 }
 

@@ -26,8 +26,7 @@ impl FromStr for PlaceRef {
         if let Ok(name) = text.parse() {
             return Ok(Self::Named(name));
         }
-        let point = read_point(text);
-        point.map(Self::Point).ok_or_else(|| bad(text, "place", ", a node id or the name of a place"))
+        read_point(text, "place", ", a node id or the name of a place").map(Self::Point)
     }
 }
 
@@ -47,17 +46,40 @@ pub fn parse_angle(text: &str) -> Option<f64> {
 /// # Errors
 /// `BAD_REQUEST` with the text and what was expected.
 pub fn parse_point(text: &str) -> Result<FixedPoint, ErrorReply> {
-    read_point(text).ok_or_else(|| bad(text, "point", ""))
+    read_point(text, "point", "")
 }
 
-fn read_point(text: &str) -> Option<FixedPoint> {
-    let (x, y) = text.split_once(',')?;
-    let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite() && v.abs() <= FixedPoint::MAX_M);
-    Some(FixedPoint::from_metres(number(x)?, number(y)?))
-}
-
-fn bad(text: &str, what: &str, or: &str) -> ErrorReply {
+/// `what` the text should be, `or` what else it could have been.
+fn read_point(text: &str, what: &str, or: &str) -> Result<FixedPoint, ErrorReply> {
+    let refused = |why: String| ErrorReply::new(ErrorCode::BadRequest, &why);
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+    let pair = text.split_once(',').and_then(|(x, y)| number(x).zip(number(y)));
     let shown: String = text.chars().take(80).collect();
-    let text = format!("{shown} is not a {what}: give x,y in metres, such as 1.5,-2{or}");
-    ErrorReply::new(ErrorCode::BadRequest, &text)
+    let Some((x, y)) = pair else {
+        return Err(refused(format!("{shown} is not a {what}: give x,y in metres, such as 1.5,-2{or}")));
+    };
+    let most = FixedPoint::MAX_M;
+    if x.abs().max(y.abs()) > most {
+        return Err(refused(format!("{shown} lies outside of all maps: x and y are metres, from -{most} to {most}")));
+    }
+    Ok(FixedPoint::from_metres(x, y))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_too_far_is_told_from_what_is_no_point() {
+        let said = |text: &str| parse_point(text).map_err(|refusal| refusal.message);
+        assert_eq!(said("-1.5,2"), Ok(FixedPoint { x_mm: -1500, y_mm: 2000 }));
+        for far in ["1e9,1", "0,-100000.1"] {
+            let expected = format!("{far} lies outside of all maps: x and y are metres, from -100000 to 100000");
+            assert_eq!(said(far), Err(expected.clone()));
+            assert_eq!(far.parse::<PlaceRef>().map_err(|refusal| refusal.message), Err(expected));
+        }
+        for none in ["1", "nan,0", "inf,0", "a,b", "1,2,3"] {
+            assert!(said(none).is_err_and(|said| said.contains("is not a point: give x,y in metres")), "{none}");
+        }
+    }
 }

@@ -19,7 +19,7 @@ pub fn parse_goal<'a>(
     parameters: impl Iterator<Item = (&'a str, &'a str)>,
     payload: Option<&[u8]>,
 ) -> Result<GoalOrder, ErrorReply> {
-    read(parameters, payload, &OF_A_GOAL, |given| {
+    read("a goal", parameters, payload, &OF_A_GOAL, |given| {
         let id = given.required("id", "goal?id=7;to=dock").and_then(checked_id)?;
         let number = |name| given.parsed::<f64>(name, "a number");
         let (x, y, yaw) = (number("x")?, number("y")?, number("yaw")?);
@@ -60,7 +60,7 @@ pub fn parse_goal_id<'a>(
     parameters: impl Iterator<Item = (&'a str, &'a str)>,
     payload: Option<&[u8]>,
 ) -> Result<Option<String>, ErrorReply> {
-    read(parameters, payload, &["id"], |given| given.text("id").map(checked_id).transpose())
+    read("this query", parameters, payload, &["id"], |given| given.text("id").map(checked_id).transpose())
 }
 
 fn checked_id(id: &str) -> Result<String, ErrorReply> {
@@ -69,24 +69,27 @@ fn checked_id(id: &str) -> Result<String, ErrorReply> {
 }
 
 fn point(x: f64, y: f64) -> Result<FixedPoint, ErrorReply> {
-    let is_near = |metres: f64| metres.abs() <= FixedPoint::MAX_M;
-    let far = || bad_request(format!("({x}, {y}) is no place: x and y are metres, up to {}", FixedPoint::MAX_M));
+    let most = FixedPoint::MAX_M;
+    let is_near = |metres: f64| metres.abs() <= most;
+    let far =
+        || bad_request(format!("({x}, {y}) lies outside of all maps: x and y are metres, from -{most} to {most}"));
     (is_near(x) && is_near(y)).then(|| FixedPoint::from_metres(x, y)).ok_or_else(far)
 }
 
-/// Reads what was given, as JSON if there is a payload.
+/// Reads what was given to `of`, as JSON if there is a payload.
 fn read<'a, T>(
+    of: &str,
     parameters: impl Iterator<Item = (&'a str, &'a str)>,
     payload: Option<&[u8]>,
     known: &[&str],
     take: impl FnOnce(&Parameters<'_>) -> Result<T, ErrorReply>,
 ) -> Result<T, ErrorReply> {
     let Some(payload) = payload.filter(|payload| !payload.is_empty()) else {
-        return take(&Parameters::of(parameters, known)?);
+        return take(&Parameters::of(of, parameters, known)?);
     };
-    Parameters::of(parameters, &[])?;
+    Parameters::of("a selector with a payload", parameters, &[])?;
     let texts = texts(payload)?;
-    take(&Parameters::of(texts.iter().map(|(name, text)| (name.as_str(), text.as_str())), known)?)
+    take(&Parameters::of(of, texts.iter().map(|(name, text)| (name.as_str(), text.as_str())), known)?)
 }
 
 /// The fields of a JSON object, each as a text.
@@ -146,7 +149,7 @@ mod tests {
         for (json, expected) in [
             ("{}", "parameter id is missing"),
             (r#"{"id": "7"}"#, "say where to"),
-            (r#"{"id": "7", "too": "dock"}"#, "unknown parameter too; known: id, to, x"),
+            (r#"{"id": "7", "too": "dock"}"#, "unknown parameter too; a goal takes: id, to, x"),
             (r#"{"id": "7/8", "to": "dock"}"#, "is not 1 to 64 letters"),
             (long.as_str(), "is not 1 to 64 letters"),
             (huge.as_str(), "bytes are too many"),
@@ -156,8 +159,8 @@ mod tests {
             (r#"{"id": "7", "to": "dock", "yaw": 1}"#, "yaw goes with coordinates"),
             (r#"{"id": "7", "x": 1, "y": 2, "yaw": 90}"#, "it is in radians"),
             (r#"{"id": "7", "x": 1, "y": 2, "yaw": "nan"}"#, "it is in radians"),
-            (r#"{"id": "7", "x": 1e300, "y": 2}"#, "is no place"),
-            (r#"{"id": "7", "x": "inf", "y": 2}"#, "is no place"),
+            (r#"{"id": "7", "x": 1e300, "y": 2}"#, "lies outside of all maps"),
+            (r#"{"id": "7", "x": "inf", "y": 2}"#, "lies outside of all maps"),
             (r#"{"id": "7", "x": 1e999, "y": 2}"#, "no goal in JSON"),
             (r#"{"id": "7", "x": [1], "y": 2}"#, "x is a list or an object"),
             (r#"{"id": "7", "to": "dock", "to_nearest": "maybe"}"#, "is not true or false"),
@@ -179,6 +182,6 @@ mod tests {
         assert_eq!(parse_goal_id(std::iter::empty(), None), Ok(None));
         assert_eq!((read(""), read("{}")), (Ok(None), Ok(None)));
         assert_eq!(read(r#"{"id": "7"}"#), Ok(Some("7".to_owned())));
-        assert!(read(r#"{"ids": "7"}"#).is_err_and(|error| error.message.contains("known: id")));
+        assert!(read(r#"{"ids": "7"}"#).is_err_and(|error| error.message.contains("this query takes: id")));
     }
 }

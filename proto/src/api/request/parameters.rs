@@ -32,13 +32,21 @@ pub(super) struct Parameters<'a> {
 }
 
 impl<'a> Parameters<'a> {
-    pub(super) fn of(pairs: impl Iterator<Item = (&'a str, &'a str)>, known: &[&str]) -> Result<Self, ErrorReply> {
+    /// Those of the query that is called `of`, which takes the `known` ones.
+    pub(super) fn of(
+        of: &str,
+        pairs: impl Iterator<Item = (&'a str, &'a str)>,
+        known: &[&str],
+    ) -> Result<Self, ErrorReply> {
         let mut values = BTreeMap::new();
         // Names with an underscore are Zenoh's own.
         for (name, value) in pairs.filter(|(name, _)| !name.is_empty() && !name.starts_with('_')) {
             if !known.contains(&name) {
-                let hint = if known.is_empty() { "there are none here".to_owned() } else { known.join(", ") };
-                return Err(bad_request(format!("unknown parameter {}; known: {hint}", shown(name))));
+                let name = shown(name);
+                return Err(bad_request(match known.is_empty() {
+                    true => format!("unknown parameter {name}; {of} takes none"),
+                    false => format!("unknown parameter {name}; {of} takes: {}", known.join(", ")),
+                }));
             }
             if value.contains('&') {
                 return Err(bad_request(format!("{name}={}: parameters are joined by ; and not by &", shown(value))));
@@ -48,6 +56,19 @@ impl<'a> Parameters<'a> {
             }
         }
         Ok(Self { values })
+    }
+
+    /// Those of a query that is answered in JSON and asks for nothing in particular.
+    pub(super) fn json_only(of: &str, pairs: impl Iterator<Item = (&'a str, &'a str)>) -> Result<(), ErrorReply> {
+        Self::of(of, pairs, &["fmt"])?.in_json(of)
+    }
+
+    /// That a query is not asked for another form than the one that it has.
+    pub(super) fn in_json(&self, of: &str) -> Result<(), ErrorReply> {
+        match self.format(Format::Json)? {
+            Format::Json => Ok(()),
+            Format::Postcard => Err(bad_request(format!("fmt=postcard: {of} is answered in JSON only"))),
+        }
     }
 
     pub(super) fn required(&self, name: &str, example: &str) -> Result<&'a str, ErrorReply> {
