@@ -47,7 +47,7 @@ pub(super) fn path(
             Err(AskError::Refused(refusal)) => {
                 let code = serde_json::to_string(&refusal.code)?;
                 eprintln!("client-robot: {}: {}", code.trim_matches('"'), refusal.message);
-                return Ok(ExitCode::from(1));
+                return Ok(ExitCode::from(if refusal.code.is_input() { 2 } else { 1 }));
             }
             Err(error) => return Err(error.into()),
         }
