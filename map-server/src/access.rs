@@ -16,6 +16,9 @@
 //! | server | heads, refusals, replies, admin notices, questions, what storages keep | everything |
 //! | router | everything | everything |
 //!
+//! What an increment does the routers cannot see: that the server judges, by the same list
+//! ([`Roles::writers`], [`fht_map::may_write`]).
+//!
 //! Routers trust each other: each has checked what it passes on, by the same list.
 
 #[cfg(feature = "program")]
@@ -27,7 +30,7 @@ mod rules;
 mod section;
 
 #[cfg(feature = "program")]
-pub(crate) use command::AccessArgs;
+pub(crate) use command::{AccessArgs, AccessCommandError, read_roles};
 #[cfg(feature = "program")]
 pub(crate) use denials::layer as denials_layer;
 pub use roles::{AccessError, Roles, parse};

@@ -23,7 +23,7 @@ pub use view::MapView;
 use crate::store::{DeletionRecord, IncrementLog, StoreError};
 use fht_map::MapIndex;
 use fht_proto::api::reply::Head;
-use fht_proto::{CompactedSeries, Increment, MapName, VersionVector};
+use fht_proto::{AuthorId, CompactedSeries, Increment, MapName, VersionVector};
 use replay::MapReplay;
 use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
@@ -34,6 +34,15 @@ use view::head_of;
 pub struct Catalog {
     maps: RwLock<BTreeMap<MapName, MapView>>,
     deletions: RwLock<BTreeMap<MapName, DeletionRecord>>,
+}
+
+/// What was added to a map, in elements ([`fht_map::MapState::elements`]).
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct AddedElements {
+    /// How many the map then has.
+    pub total: usize,
+    /// How many each series and each increment has added, in order.
+    pub by_author: Vec<(AuthorId, usize)>,
 }
 
 impl Catalog {
@@ -100,8 +109,7 @@ impl Catalog {
     }
 
     /// Applies compacted series and increments that are durable, `bytes` long in all; `vector` is
-    /// what the map then contains. Returns how many elements the map then has
-    /// ([`fht_map::MapState::elements`]). For one thread at a time.
+    /// what the map then contains. Returns what that has added. For one thread at a time.
     ///
     /// # Errors
     /// [`StoreError`] when the release that is enabled now cannot be read.
@@ -113,16 +121,25 @@ impl Catalog {
         vector: VersionVector,
         bytes: u64,
         log: &dyn IncrementLog,
-    ) -> Result<usize, StoreError> {
+    ) -> Result<AddedElements, StoreError> {
         // On a copy, so that readers wait only while it takes the old one's place.
         let old = self.view(map);
         let mut state = old.as_ref().map(|view| view.state.as_ref().clone()).unwrap_or_default();
-        compacted.iter().for_each(|series| state.apply_fold(series));
-        increments.iter().for_each(|increment| state.apply(increment));
+        let mut by_author = Vec::with_capacity(compacted.len() + increments.len());
+        for series in compacted {
+            let before = state.elements();
+            state.apply_fold(series);
+            by_author.push((series.author, state.elements() - before));
+        }
+        for increment in increments {
+            let before = state.elements();
+            state.apply(increment);
+            by_author.push((increment.author, state.elements() - before));
+        }
         let (old_bytes, refused) = old.as_ref().map_or((0, 0), |view| (view.head.bytes, view.head.refused));
         let mut head = head_of(map, &state, vector, old_bytes + bytes, refused);
         head.deletion = old.as_ref().and_then(|view| view.head.deletion.clone());
-        let elements = state.elements();
+        let added = AddedElements { total: state.elements(), by_author };
         let view = MapView::new(state, head, old.as_ref(), log)?;
         drop(old);
         let rests = compacted.iter().flat_map(|series| &series.rests);
@@ -131,7 +148,7 @@ impl Catalog {
         let (index, state) = (Arc::clone(&view.index), Arc::clone(&view.state));
         let replaced = index.follow_ops(&state, ops, || self.write().insert(map.clone(), view));
         drop(replaced); // dropping a large map takes a while; the lock is free by now
-        Ok(elements)
+        Ok(added)
     }
 
     /// Adds to the count of refused increments, if there is such a map.

@@ -1,7 +1,7 @@
 //! How a server is configured: where it keeps its maps, what writers may do, how it answers.
 
-use fht_map::NodeRouteConfig;
 use fht_map::crdt::reorder_buffer::SequenceConfig;
+use fht_map::{NodeRouteConfig, WriterRole, WriterRoles};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -21,6 +21,12 @@ pub struct ServerConfig {
     pub link: ServerEndpoints,
     /// What writers may do.
     pub limits: Limits,
+    /// Who may write what. None: whoever reaches the server may write everything. Default none.
+    pub writers: Option<WriterRoles>,
+    /// How much room one writer may take, where `writers` says who is who.
+    pub quotas: Quotas,
+    /// Whether strangers are meant to write: the server does not warn of it. Default false.
+    pub open: bool,
     /// How queries are answered.
     pub answers: AnswerConfig,
     /// When robots count as late.
@@ -34,8 +40,18 @@ impl ServerConfig {
     /// everything else.
     #[must_use]
     pub fn new(data: PathBuf, link: ServerEndpoints) -> Self {
-        let (limits, answers, fleet) = (Limits::default(), AnswerConfig::default(), FleetConfig::default());
-        Self { data, storages: None, link, limits, answers, fleet, gaps: GapFillConfig::default() }
+        Self {
+            data,
+            storages: None,
+            link,
+            limits: Limits::default(),
+            writers: None,
+            quotas: Quotas::default(),
+            open: false,
+            answers: AnswerConfig::default(),
+            fleet: FleetConfig::default(),
+            gaps: GapFillConfig::default(),
+        }
     }
 }
 
@@ -126,6 +142,72 @@ impl Default for Limits {
             early: SequenceConfig { max_ahead: 4096, max_waiting_bytes: 4 << 20 },
             max_pending_bytes: 4 << 20,
         }
+    }
+}
+
+/// How much of the room that [`Limits`] give one writer may take, by its role. They hold where the
+/// roles are known.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
+pub struct Quotas {
+    /// What one explorer may take.
+    pub explorers: WriterQuota,
+    /// What one operator may take. Default: everything.
+    pub operators: WriterQuota,
+    /// Share of every limit (maps, and bytes and elements of a map and of all) that is kept for
+    /// operators, so that they can still write when explorers have filled the rest. Default 0.1.
+    #[cfg_attr(feature = "schema", schemars(range(min = 0, max = 1)))]
+    pub operators_reserve_share: f64,
+}
+
+impl Quotas {
+    /// The quota of one writer.
+    #[must_use]
+    pub fn of(&self, role: WriterRole) -> &WriterQuota {
+        if role == WriterRole::Operator { &self.operators } else { &self.explorers }
+    }
+}
+
+/// How much one writer may take.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
+pub struct WriterQuota {
+    /// Share of one map's bytes and elements (`limits.max_map_bytes`, `limits.max_map_elements`).
+    /// Default 0.5; of an operator 1.
+    #[cfg_attr(feature = "schema", schemars(range(min = 0, max = 1)))]
+    pub map_share: f64,
+    /// Share of the bytes and elements of all maps together (`limits.max_total_bytes`,
+    /// `limits.max_total_elements`), and of the maps themselves (`limits.max_maps`): who writes in
+    /// so many maps begins no other. Default 0.25; of an operator 1.
+    #[cfg_attr(feature = "schema", schemars(range(min = 0, max = 1)))]
+    pub total_share: f64,
+    /// Increments a second, ten times as many in a burst. What comes faster is dropped, and its
+    /// writer sends it again. Default 1000.
+    #[cfg_attr(feature = "schema", schemars(range(min = 1, max = 1000000)))]
+    pub increments_per_s: f64,
+    /// Share of the nodes of others in a map that a writer may take away within an hour, rounded up
+    /// to whole nodes. Default 0.25; of an operator 1.
+    #[cfg_attr(feature = "schema", schemars(range(min = 0, max = 1)))]
+    pub taken_per_hour_share: f64,
+}
+
+impl WriterQuota {
+    /// All that there is.
+    const EVERYTHING: Self =
+        Self { map_share: 1.0, total_share: 1.0, increments_per_s: 1000.0, taken_per_hour_share: 1.0 };
+}
+
+impl Default for WriterQuota {
+    fn default() -> Self {
+        Self { map_share: 0.5, total_share: 0.25, taken_per_hour_share: 0.25, ..Self::EVERYTHING }
+    }
+}
+
+impl Default for Quotas {
+    fn default() -> Self {
+        Self { explorers: WriterQuota::default(), operators: WriterQuota::EVERYTHING, operators_reserve_share: 0.1 }
     }
 }
 

@@ -2,7 +2,7 @@
 //! Nothing here knows the network, so everything can be tested with bytes.
 //!
 //! ```text
-//! WriterQueue ─→ check ─→ room? ─→ reorder ─→ commit to log ─→ apply to catalog ─→ BatchOutcome
+//! WriterQueue ─→ check ─→ role, room ─→ reorder ─→ commit to log ─→ catalog ─→ BatchOutcome
 //!                  └ refusal ─→ RefusalThrottle ─→ RefusalNotice
 //! ```
 //!
@@ -10,6 +10,7 @@
 //! | --- | --- |
 //! | `queue` | what has arrived, bounded in bytes, and the operators' jobs |
 //! | `check` | what is wrong with an increment |
+//! | `admission` | who may write what, and how much |
 //! | `pipeline` | check, order, commit, apply: the one writer |
 //! | `batch` | what one commit adds |
 //! | `import` | takes in maps from files, and from storages |
@@ -18,6 +19,7 @@
 //! | `retention` | compacts old increments |
 //! | `deletion` | deletes maps after a grace period |
 
+mod admission;
 mod batch;
 mod check;
 mod deletion;

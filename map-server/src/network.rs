@@ -18,4 +18,5 @@ pub(crate) use announcements::{publish_head, publish_refusal};
 pub(crate) use increments::subscribe_increments;
 pub(crate) use queryable::QueryService;
 pub(crate) use robot_topics::{RobotTopicSubscriptions, learn_blockages, subscribe_robot_topics};
-pub use session::{ServerSessionError, open};
+pub use session::ServerSessionError;
+pub(crate) use session::{open, open_to_strangers};

@@ -2,19 +2,22 @@
 //!
 //! | module | idea |
 //! | --- | --- |
+//! | `serve_arguments` | the flags for serving |
 //! | `settings` | what the program reads from the configuration file |
 //! | `repair` | what can be done with a damaged store |
 //! | `operator` | what operators do, talking to a running server |
 
 mod operator;
 mod repair;
+mod serve_arguments;
 mod settings;
 
 use self::operator::{Operation, OperatorArgs, OperatorError};
 use self::repair::Repair;
+use self::serve_arguments::ServeArgs;
 use self::settings::{ServerFile, ServerSection};
-use crate::access::{AccessArgs, denials_layer};
-use crate::config::{DEFAULT_LISTEN, Limits, QuorumConfig, ServerConfig, ServerEndpoints};
+use crate::access::{AccessArgs, AccessCommandError, denials_layer, read_roles};
+use crate::config::{DEFAULT_LISTEN, QuorumConfig, ServerConfig, ServerEndpoints};
 use crate::server::{ServerError, run_beside};
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
@@ -60,80 +63,6 @@ enum Command {
 }
 
 #[derive(Debug, clap::Args)]
-struct ServeArgs {
-    /// Directory that keeps the maps; made if absent. One server at a time [default: fht-data].
-    #[arg(long, value_name = "DIR")]
-    data: Option<PathBuf>,
-    /// Keep nothing here: the maps are in so many replicated Zenoh storages (fht/*/kept/**), each
-    /// in a router of its own.
-    ///
-    /// Any number of servers may stand on the same storages. Each has the maps in memory and reads
-    /// them at its start; the nearest answers. It needs --connect or --zenoh-config, with all
-    /// routers.
-    #[arg(long, value_name = "COUNT", conflicts_with = "data", value_parser = clap::value_parser!(u8).range(1..=99))]
-    storages: Option<u8>,
-    /// Storages that must hold an increment before it counts as acknowledged [default: more than
-    /// half of them].
-    #[arg(long, value_name = "COUNT", requires = "storages", value_parser = clap::value_parser!(u8).range(1..=99))]
-    confirm: Option<u8>,
-    /// Listen here for robots and tools (repeatable) [default: tcp/127.0.0.1:7447, unless --connect
-    /// or --zenoh-config is given].
-    ///
-    /// The server then is a Zenoh router: whoever connects sees everyone else. Use tcp/0.0.0.0:7447
-    /// to be reached from other machines.
-    #[arg(long, value_name = "ENDPOINT")]
-    listen: Vec<String>,
-    #[command(flatten)]
-    limits: LimitArgs,
-    /// Say more: once for what is asked and stored, and which robots come and go; twice for
-    /// everything. RUST_LOG is obeyed, too.
-    #[arg(short, long, action = clap::ArgAction::Count)]
-    verbose: u8,
-}
-
-/// Limits on what explorers may store. A writer that exceeds one is told so; nothing else happens.
-#[derive(Debug, clap::Args)]
-struct LimitArgs {
-    /// Nodes and edges of one map, removed ones included: some 0.7 KB of memory for each [default:
-    /// 500000].
-    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
-    max_map_elements: Option<u64>,
-    /// Nodes and edges of all maps together [default: 2000000, or as many as one map may have].
-    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
-    max_total_elements: Option<u64>,
-    /// What the increments of one map may take up on the disk, MiB [default: 1024].
-    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..=1 << 30))]
-    max_map_mib: Option<u64>,
-    /// What those of all maps may take up together, MiB [default: 4096, or as much as one map].
-    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u64).range(1..=1 << 30))]
-    max_total_mib: Option<u64>,
-}
-
-impl LimitArgs {
-    fn is_given(&self) -> bool {
-        let Self { max_map_elements, max_total_elements, max_map_mib, max_total_mib } = self;
-        [max_map_elements, max_total_elements, max_map_mib, max_total_mib].iter().any(|limit| limit.is_some())
-    }
-
-    /// These flags over `usual`.
-    fn over(&self, usual: Limits) -> Limits {
-        let bytes = |mib: Option<u64>, otherwise: u64| mib.map_or(otherwise, |mib| mib << 20);
-        let elements = |count: Option<u64>, otherwise| {
-            count.map_or(otherwise, |count| usize::try_from(count).unwrap_or(usize::MAX))
-        };
-        let max_map_elements = elements(self.max_map_elements, usual.max_map_elements);
-        let max_map_bytes = bytes(self.max_map_mib, usual.max_map_bytes);
-        Limits {
-            max_map_elements,
-            max_total_elements: elements(self.max_total_elements, usual.max_total_elements.max(max_map_elements)),
-            max_map_bytes,
-            max_total_bytes: bytes(self.max_total_mib, usual.max_total_bytes.max(max_map_bytes)),
-            ..usual
-        }
-    }
-}
-
-#[derive(Debug, clap::Args)]
 struct LinkArgs {
     /// Connect to a Zenoh router, such as zenohd (repeatable). A server without --listen is its
     /// client; operators' commands go to tcp/127.0.0.1:7447 if nothing else is said.
@@ -149,6 +78,9 @@ const EXAMPLES: &str = "\
 Examples:
   map-server --data maps
       keeps maps in ./maps and listens on this machine only
+
+  map-server --data maps --listen 0.0.0.0:7447 --roles roles.json5
+      reached from other machines; who may write what is in the list of roles
 
   map-server --storages 3 --connect router-a:7447 --connect router-b:7447 --connect router-c:7447
       one of several servers of a site: the maps are kept by its routers
@@ -174,7 +106,10 @@ Exit code 0: done; 1: it failed; 2: wrong usage or bad input; 130 or 143: it was
 
 impl Cli {
     /// The flags over what the file says.
-    fn server(&self, file: ServerSection) -> ServerConfig {
+    ///
+    /// # Errors
+    /// [`AccessCommandError`]: the list of roles cannot be read.
+    fn server(&self, file: ServerSection) -> Result<ServerConfig, AccessCommandError> {
         let link = self.endpoints(&file);
         // A directory that was asked for goes before storages that the file names.
         let storages = self.serve.storages.or(file.storages.filter(|_| self.serve.data.is_none()));
@@ -184,15 +119,20 @@ impl Cli {
             let confirm = confirm.map_or(majority.confirm, usize::from).min(majority.storages);
             QuorumConfig { confirm, ..majority }
         };
-        ServerConfig {
+        // Other commands than serving need no roles.
+        let roles = self.serve.roles.as_ref().or(file.roles.as_ref()).filter(|_| self.command.is_none());
+        Ok(ServerConfig {
             data: self.serve.data.clone().unwrap_or(file.data),
             storages: storages.map(quorum),
             link,
             limits: self.serve.limits.over(file.limits),
+            writers: roles.map(|file| read_roles(file)).transpose()?,
+            quotas: file.quotas,
+            open: self.serve.open || file.open,
             answers: file.answers,
             fleet: file.fleet,
             gaps: file.gaps,
-        }
+        })
     }
 
     /// A Zenoh configuration file that was asked for brings endpoints of its own, in place of those
@@ -216,20 +156,18 @@ impl Cli {
 impl Cli {
     /// What clap cannot tell: what does not go together, of the flags and of the file with them.
     fn check(&self, config: &ServerConfig) -> Result<(), clap::Error> {
-        let ServeArgs { data, storages, confirm, listen, limits, .. } = &self.serve;
         let wrong = |text: &str| Err(Self::command().error(ErrorKind::ArgumentConflict, text));
-        let is_for_serving =
-            data.is_some() || storages.is_some() || confirm.is_some() || !listen.is_empty() || limits.is_given();
         if self.command.is_some() {
-            return if is_for_serving {
+            return if self.serve.is_for_serving() {
                 wrong(
-                    "--data, --storages, --confirm, --listen and limits are for serving: leave them out, or the command",
+                    "--data, --storages, --confirm, --listen, --roles, --open and limits are for serving: leave them out, \
+                     or the command",
                 )
             } else {
                 Ok(())
             };
         }
-        match (&config.storages, confirm) {
+        match (&config.storages, &self.serve.confirm) {
             (None, Some(_)) => wrong("--confirm goes with --storages: a disk of one's own needs no others"),
             (Some(quorum), Some(confirm)) if usize::from(*confirm) > quorum.storages => {
                 wrong(&format!("--confirm {confirm}: there are {} storages", quorum.storages))
@@ -325,7 +263,10 @@ where
         Ok(file) => file,
         Err(code) => return code,
     };
-    let config = cli.server(file.server);
+    let config = match cli.server(file.server) {
+        Ok(config) => config,
+        Err(error) => return ProgramFailure::of_input(error).tell("map-server"),
+    };
     if let Err(error) = cli.check(&config) {
         return refuse(&error);
     }
@@ -359,7 +300,7 @@ mod tests {
 
     fn server(file: &str, args: &[&str]) -> ServerConfig {
         let file: ServerFile = fht_program::parse(file, std::path::Path::new("robot.toml")).unwrap();
-        Cli::try_parse_from(["map-server"].iter().chain(args)).unwrap().server(file.server)
+        Cli::try_parse_from(["map-server"].iter().chain(args)).unwrap().server(file.server).unwrap()
     }
 
     fn link(args: &[&str]) -> ServerEndpoints {

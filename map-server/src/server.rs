@@ -43,6 +43,7 @@ pub async fn run_beside<T>(
     shutdown: impl Future<Output = ()>,
     beside: impl FnOnce(&Session) -> Result<T, zenoh::Error>,
 ) -> Result<(), ServerError> {
+    warn_of_strangers(&config);
     let shutdown = pin!(shutdown);
     let mut shutdown = ShutdownSignal::new(shutdown);
     let Some(quorum) = config.storages else {
@@ -72,6 +73,23 @@ pub async fn run_beside<T>(
     drop(beside);
     session.close().await?;
     outcome
+}
+
+/// Says at which endpoints anybody may write, unless that is meant.
+fn warn_of_strangers(config: &ServerConfig) {
+    // A configuration that cannot be used is an error when the session is opened.
+    let endpoints = network::open_to_strangers(&config.link).unwrap_or_default().join(", ");
+    if config.open || endpoints.is_empty() {
+        return;
+    }
+    let who = match config.writers {
+        None => "every stranger who reaches it may write and delete maps and send robots",
+        Some(_) => "every stranger who reaches it may write under any name in the list of roles",
+    };
+    tracing::warn!(
+        "{endpoints}: there is no access control, and {who}. deploy/README.md says how to set it up, with --roles; \
+         --open says that it is meant to be so"
+    );
 }
 
 /// Serves what storages hold; starts over when another server's increment stands before one of this

@@ -173,7 +173,8 @@ fn mounts_what_there_is(file: &str, zenohd: &str, made: &impl Fn(&str) -> bool) 
                 assert!(there, "{name}: {file} is nowhere");
                 // Where the configuration looks for it.
                 let target = parts[1].trim_end_matches(".json5");
-                assert!(["/etc/fht-map/zenohd", "/etc/fht-map/server"].contains(&target) || zenohd.contains(target));
+                let is_own = ["/etc/fht-map/zenohd", "/etc/fht-map/server", "/etc/fht-map/roles"].contains(&target);
+                assert!(is_own || zenohd.contains(target));
             } else {
                 assert!(volumes.contains_key(parts[0]) && used.insert(parts[0].to_owned()), "{name}: {mount}");
             }
@@ -235,6 +236,10 @@ fn names_what_it_runs(file: &str) {
             // Sessions look for the routers under these names.
             assert!(read("explorer.json5").contains(&format!("tls/{name}:7447")));
         } else {
+            // The server judges by the list that is mounted.
+            let roles = command.iter().skip_while(|word| **word != "--roles").nth(1).unwrap();
+            let mounts = service["volumes"].as_array().unwrap();
+            assert!(mounts.contains(&format!("./roles.json5:{roles}:ro").into()), "{name}");
             // Words that the parser does not know come before the help.
             assert!(map_server(&[&command[..], &["--help"]].concat()).status.success(), "{command:?}");
         }
@@ -310,6 +315,7 @@ fn the_units_are_sound_and_start_what_there_is() {
         let words: Vec<&str> = start.split(' ').collect();
         if unit == "fht-map-server.service" {
             assert!(map_server(&[&words[1..], &["--help"]].concat()).status.success(), "{start}");
+            assert!(words.windows(2).any(|pair| pair == ["--roles", "/etc/fht-map/roles.json5"]), "{start}");
             let state = format!("/var/lib/{}", values("StateDirectory")[0]);
             assert!(words.contains(&state.as_str()), "it may write there only");
         } else {

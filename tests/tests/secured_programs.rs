@@ -133,7 +133,9 @@ fn the_readmes_steps_lead_from_nothing_to_a_robot_that_arrives() {
     assert_eq!((into.as_str(), zenohd.as_str()), (">", "zenohd.json5"));
     walk.guard(command, zenohd);
     walk.listen(fht_tests::router::NAME, &["-c", "zenohd.json5"]);
-    walk.running.push(walk.start(Role::MapServer, &["--data", "maps", "--zenoh-config", "server.json5"]));
+    walk.running.push(
+        walk.start(Role::MapServer, &["--data", "maps", "--zenoh-config", "server.json5", "--roles", "roles.json5"]),
+    );
 
     walk.explore(&[]);
     let go = words("client-robot ", "go");
@@ -181,7 +183,7 @@ fn programs_with_a_clients_certificate_change_nothing_and_say_that_they_failed()
     }
     assert!(make_certificates(&made, &["server", "maps", "127.0.0.1"]).status.success());
     walk.guard(&["access-control", "roles.json5", "--into", "server-alone.json5"], "guarded.json5");
-    walk.listen(Role::MapServer, &["--data", "maps", "--zenoh-config", "guarded.json5"]);
+    walk.listen(Role::MapServer, &["--data", "maps", "--zenoh-config", "guarded.json5", "--roles", "roles.json5"]);
     walk.explore(&["--no-cameras"]);
     let before: MapsReply = walk.operate(&["maps"]);
     assert!(before.maps[0].version > 20);

@@ -6,8 +6,10 @@
 mod site;
 
 use fht_proto::api::keys::Key;
-use fht_proto::api::reply::{ErrorReply, Head, MapsReply, Series};
-use fht_proto::encode;
+use fht_proto::api::reply::{ErrorCode, ErrorReply, Head, MapsReply, Series};
+use fht_proto::{
+    FixedPoint, FixedPose, Increment, NodeId, Op, Release, ReleaseId, VersionVector, Zone, ZoneRule, encode,
+};
 use fht_session::SessionConfig;
 use map_server::ingest::Retained;
 use site::{
@@ -18,10 +20,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::time::timeout;
-use zenoh::Wait;
 use zenoh::handlers::FifoChannelHandler;
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::Sample;
+use zenoh::{Session, Wait};
 
 type Heard = Subscriber<FifoChannelHandler<Sample>>;
 
@@ -135,6 +137,81 @@ async fn increments_are_written_under_the_name_of_the_certificate_and_by_no_clie
         session.close().await.unwrap();
     }
     site.end().await;
+}
+
+/// Certificates and keys let an explorer write; what it writes, the server judges.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_explorers_certificate_decides_nothing_that_is_for_operators() {
+    let site = Site::start().await;
+    let ana = site.session("explorer.json5", "explorer-ana").await;
+    let ben = site.session("explorer.json5", "explorer-ben").await;
+    let desk = site.session("operator.json5", "operator-desk").await;
+    for number in 1..=8 {
+        write(&ana, "ana", number).await;
+    }
+    let of = |robot: &str, number: u64, ops: Vec<Op>| Increment { ops, ..increment(robot, number) };
+    let send = async |session: &Session, increment: &Increment| {
+        let key = Key::increment(&museum(), increment.author, increment.number).to_string();
+        session.put(key, encode(increment).unwrap()).await.unwrap();
+    };
+    let place = |x| Op::SetPlace { name: "dock".parse().unwrap(), pose: Some(FixedPose::from_metres(x, 0.0, 0.0)) };
+    let corners = [(0, 0), (1000, 0), (0, 1000)].map(|(x_mm, y_mm)| FixedPoint { x_mm, y_mm }).to_vec();
+    let zone =
+        |rule| Op::SetZone { name: "stairs".parse().unwrap(), zone: Some(Zone { rule, corners: corners.clone() }) };
+    let release = ReleaseId { author: author("desk"), name: "first".parse().unwrap() };
+    let made = Release { vector: VersionVector::default(), digest: head(&desk).await.digest };
+    let decided = of(
+        "desk",
+        1,
+        vec![place(1.0), zone(ZoneRule::KeepOut), Op::PutRelease { name: release.name.clone(), release: made }],
+    );
+    send(&desk, &decided).await;
+    let before = until(&ana, |head| head.vector.get(author("desk")) == 1).await;
+
+    let refusals = ben.declare_subscriber(Key::refused(&museum(), author("ben")).to_string()).await.unwrap();
+    let nodes = (1..=8).map(|number| Op::RemoveNode { id: NodeId { author: author("ana"), number } }).collect();
+    let attacks = [
+        vec![place(2.0)],
+        vec![zone(ZoneRule::SpeedLimit(1000))],
+        vec![Op::RemoveRelease { id: release }],
+        vec![Op::SetPose { id: NodeId { author: author("ana"), number: 1 }, pose: FixedPose::default() }],
+        nodes,
+    ];
+    for ops in attacks {
+        let attack = of("ben", 1, ops);
+        let begin = std::time::Instant::now();
+        let told: ErrorReply = loop {
+            send(&ben, &attack).await;
+            if let Ok(Ok(sample)) = timeout(MOMENT, refusals.recv_async()).await {
+                break serde_json::from_slice(&sample.payload().to_bytes()).unwrap();
+            }
+            assert!(begin.elapsed() < PATIENCE, "nobody refuses {attack:?}");
+        };
+        assert!(told.code == ErrorCode::NotPermitted && told.message.starts_with("ben"), "{told}");
+    }
+    let after = head(&ana).await;
+    assert_eq!((after.version, after.digest), (before.version, before.digest));
+    // What is an explorer's it writes, beside everybody else.
+    write(&ben, "ben", 1).await;
+    write(&ana, "ana", 9).await;
+    send(&desk, &of("desk", 2, vec![place(3.0)])).await;
+    until(&desk, |head| head.vector.get(author("desk")) == 2).await;
+    for session in [ana, ben, desk] {
+        session.close().await.unwrap();
+    }
+    site.end().await;
+}
+
+async fn until(session: &Session, done: impl Fn(&Head) -> bool) -> Head {
+    let begin = std::time::Instant::now();
+    loop {
+        let head = head(session).await;
+        if done(&head) {
+            return head;
+        }
+        assert!(begin.elapsed() < PATIENCE, "{head:?}");
+        tokio::time::sleep(MOMENT / 8).await;
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

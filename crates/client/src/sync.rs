@@ -13,7 +13,7 @@
 //! digest is right; until then the robot goes on with what it ran.
 
 use crate::staleness::{Staleness, StalenessConfig, StalenessStep, seconds};
-use fht_map::{Accepted, MapState, Replica};
+use fht_map::{Accepted, MapState, Replica, WriterRoles};
 use fht_proto::api::reply::{Head, Series};
 use fht_proto::{Increment, Release, ReleaseId, VersionVector};
 use serde::{Deserialize, Serialize};
@@ -99,6 +99,7 @@ impl Part {
 #[derive(Debug)]
 pub struct Sync {
     config: SyncConfig,
+    roles: Option<WriterRoles>,
     follow: Staleness,
     part: Option<Part>,
     /// A map that was being fetched again when the server fell silent: the next attempt goes on
@@ -130,6 +131,7 @@ impl Sync {
         Self {
             follow: Staleness::new(config.follow.clone()),
             config,
+            roles: None,
             part: Some(Part::of(Fetch::Rest { brought: 0 })),
             begun: None,
             running: None,
@@ -137,6 +139,13 @@ impl Sync {
             head_asked_at: None,
             is_head_under_way: false,
         }
+    }
+
+    /// The same for a copy that knows who may write what: of what writers put it takes only what
+    /// their roles allow, as the server does. What the server has stored it takes in any case.
+    #[must_use]
+    pub fn with_roles(self, roles: Option<WriterRoles>) -> Self {
+        Self { roles, ..self }
     }
 
     /// What to ask for at `now`, if anything. Call it until it has no more.
@@ -199,6 +208,10 @@ impl Sync {
 
     /// A writer has put an increment. Returns how many were applied.
     pub fn live(&mut self, copy: &mut Replica, increment: Increment) -> usize {
+        if let Some(violation) = self.roles.as_ref().and_then(|roles| roles.check(&increment).err()) {
+            tracing::debug!("an increment is left out unless the server takes it: {violation}");
+            return 0;
+        }
         let outcome = copy.accept(increment);
         self.note(std::slice::from_ref(&outcome));
         count(&[outcome])

@@ -15,6 +15,7 @@
 //! | [`index`] | nodes by place and by appearance, kept up with the map |
 //! | `navmesh` | free space as a mesh of triangles, and Polyanya's search through it |
 //! | [`plan`] | paths (the paper's section III-C-2, equation 11) that obey what is closed |
+//! | `permission` | who may write what, by role |
 //!
 //! ```
 //! use fht_map::{FreeSpace, MapState, NodeRouteConfig, Rules};
@@ -49,6 +50,7 @@ pub mod crdt;
 pub mod graph;
 pub mod index;
 mod navmesh;
+mod permission;
 pub mod plan;
 
 pub use crdt::annotations::{Annotations, ReleaseRef};
@@ -60,6 +62,7 @@ pub use navmesh::entry_config::EntryConfig;
 pub use navmesh::free_space::{FreeSpace, SpaceConfig};
 pub use navmesh::limits::{OverBudget, SpaceLimits};
 pub use navmesh::outside::Ground;
+pub use permission::{NotPermitted, RoleViolation, WriterRole, WriterRoles, may_write, takes_from_others};
 pub use plan::node_route::{NodeRoute, NodeRouteConfig, PathEnds, RouteError};
 pub use plan::rules::{PlanError, Rules};
 pub use plan::words::{DoubtfulWords, check_place, check_zone};

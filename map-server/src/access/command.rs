@@ -3,6 +3,7 @@
 use crate::access::roles::{AccessError, parse};
 use crate::access::section::{configuration, object};
 use clap::Args;
+use fht_map::WriterRoles;
 use serde_json::Map;
 use std::path::{Path, PathBuf};
 
@@ -35,9 +36,10 @@ A list of roles:
     explorers: ['ana'], clients: ['tug-1', 'tug-2'], operators: ['desk'],
   }
 
-Everything that a role does not need is denied. Routers read this at their start only.";
+Everything that a role does not need is denied. Routers read this at their start only. Give the
+same list to the servers (map-server --roles): they also judge what an increment does.";
 
-/// Why nothing was written.
+/// Why a list of roles, or a configuration, is not taken.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum AccessCommandError {
     /// A file cannot be read.
@@ -60,6 +62,15 @@ pub(crate) enum AccessCommandError {
 
 fn read(file: &Path) -> Result<String, AccessCommandError> {
     std::fs::read_to_string(file).map_err(|source| AccessCommandError::Read { file: file.to_owned(), source })
+}
+
+/// Who may write what, from a list of roles.
+///
+/// # Errors
+/// [`AccessCommandError`], which names the file.
+pub(crate) fn read_roles(file: &Path) -> Result<WriterRoles, AccessCommandError> {
+    let in_file = |source| AccessCommandError::Access { file: file.to_owned(), source };
+    parse(&read(file)?).and_then(|roles| roles.writers()).map_err(in_file)
 }
 
 impl AccessArgs {

@@ -1,5 +1,6 @@
 //! Who has which role.
 
+use fht_map::{WriterRole, WriterRoles};
 use fht_proto::AuthorId;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -66,6 +67,21 @@ pub enum AccessError {
 /// [`AccessError::Syntax`].
 pub fn parse(text: &str) -> Result<Roles, AccessError> {
     Ok(json5::from_str(text)?)
+}
+
+impl Roles {
+    /// Who may write what, for a server that judges increments by it.
+    ///
+    /// # Errors
+    /// [`AccessError`]: invalid names, or names that could be taken for one another.
+    pub fn writers(&self) -> Result<WriterRoles, AccessError> {
+        check(self)?;
+        let of = |role, names: &[String]| names.iter().map(|name| (role, name.clone())).collect::<Vec<_>>();
+        let explorers = of(WriterRole::Explorer, &self.explorers);
+        let clients = of(WriterRole::Client, &self.clients);
+        let operators = of(WriterRole::Operator, &self.operators);
+        Ok([explorers, clients, operators].into_iter().flatten().collect())
+    }
 }
 
 /// All members, with their role's name in certificates.

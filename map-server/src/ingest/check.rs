@@ -3,6 +3,7 @@
 
 use crate::config::Limits;
 use crate::store::IncrementOrigin;
+use fht_map::{RoleViolation, WriterRole};
 use fht_proto::api::keys::Key;
 use fht_proto::api::reply::{ErrorCode, ErrorReply};
 use fht_proto::codec::envelope::is_canonical;
@@ -54,7 +55,7 @@ impl PartialEq for Checked {
 }
 
 /// Why an increment was refused.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
     /// The key is neither `fht/{map}/inc/{author}/{number}` nor `fht/{map}/kept/{author}/{number}`.
     #[error("the key is not that of an increment")]
@@ -111,6 +112,47 @@ pub enum Refusal {
     /// One of [`Limits`] is exceeded, or the limit of authors.
     #[error("the limit of {0} is reached")]
     Full(&'static str),
+    /// What is left of one of [`Limits`] is kept for operators.
+    #[error("the limit of {0} is reached, but for what is kept for operators")]
+    Reserved(&'static str),
+    /// The author's role does not allow it.
+    #[error("{0}")]
+    NotPermitted(#[from] RoleViolation),
+    /// The author has taken away too much of what others made.
+    #[error(
+        "{name} has taken away {taken} nodes of others within an hour, and {more} more are over its quota of {allowed}: \
+         an operator may remove them"
+    )]
+    TakenAway {
+        /// The author's name.
+        name: String,
+        /// How many it has taken away.
+        taken: usize,
+        /// How many this increment would take away.
+        more: usize,
+        /// How many it may take away.
+        allowed: usize,
+    },
+    /// The author has used up its [quota](crate::config::Quotas).
+    #[error("{role} {name} has used up its quota of {of}: {most}")]
+    Quota {
+        /// The author's role.
+        role: WriterRole,
+        /// The author's name.
+        name: String,
+        /// What there is a quota of.
+        of: &'static str,
+        /// The quota.
+        most: u64,
+    },
+    /// The author writes faster than its quota allows.
+    #[error("{name} writes more than {per_s} increments a second: some were dropped, and may be sent again")]
+    TooFast {
+        /// The author's name.
+        name: String,
+        /// The quota, increments a second.
+        per_s: f64,
+    },
 }
 
 impl Refusal {
@@ -120,7 +162,9 @@ impl Refusal {
         let code = match self {
             Self::Conflict | Self::CompactedBeside => ErrorCode::Conflict,
             Self::NotCanonical => ErrorCode::NotCanonical,
-            Self::Full(_) => ErrorCode::Full,
+            Self::Full(_) | Self::Reserved(_) | Self::Quota { .. } => ErrorCode::Full,
+            Self::NotPermitted(_) | Self::TakenAway { .. } => ErrorCode::NotPermitted,
+            Self::TooFast { .. } => ErrorCode::Busy,
             Self::Deleted(_) => ErrorCode::Deleted,
             Self::Future { .. } => ErrorCode::Future,
             Self::TooLong { .. } => ErrorCode::TooLong,

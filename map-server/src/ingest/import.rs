@@ -108,9 +108,12 @@ impl Ingest {
         self.log.add_compacted(map, &floor, &[record])?;
         self.forget_deletion(map)?;
         let series = std::slice::from_ref(series);
-        let elements = self.catalog.apply(map, series, &[], vector.clone(), length, self.log.as_ref())?;
+        let added = self.catalog.apply(map, series, &[], vector.clone(), length, self.log.as_ref())?;
         let sequence = ReorderBuffer::starting_at(vector, self.limits.early.clone());
-        self.maps.insert(map.clone(), Intake { sequence, bytes: bytes_before + length, elements });
+        let mut by_author = self.maps.remove(map).map(|intake| intake.by_author).unwrap_or_default();
+        by_author.entry(author).or_default().add(length, added.by_author.iter().map(|(_, elements)| elements).sum());
+        let intake = Intake { sequence, bytes: bytes_before + length, elements: added.total, by_author };
+        self.maps.insert(map.clone(), intake);
         Ok(Ok(()))
     }
 }

@@ -3,6 +3,7 @@
 
 use crate::catalog::{Catalog, MapView};
 use crate::config::Limits;
+use crate::ingest::admission::{Admission, WriterUse};
 use crate::ingest::batch::{Batch, BatchOutcome};
 use crate::ingest::check::{Arrival, Checked, Refusal, check, check_words, map_of};
 use crate::ingest::pending_maps::PendingMaps;
@@ -32,6 +33,8 @@ pub struct Ingest {
     pending: PendingMaps,
     throttle: Throttle,
     refusals: RefusalThrottle,
+    /// Who may write what, if the roles are known.
+    pub(super) admission: Option<Admission>,
 }
 
 /// What the writer knows about one map.
@@ -41,6 +44,8 @@ pub(super) struct Intake {
     pub(super) bytes: u64,
     /// An upper bound of what the map has.
     pub(super) elements: usize,
+    /// What of both is there for whom. Without roles only what has come since the start.
+    pub(super) by_author: BTreeMap<AuthorId, WriterUse>,
 }
 
 /// What became of an increment that there is room for.
@@ -61,6 +66,7 @@ impl Ingest {
             sequence: ReorderBuffer::starting_at(view.head.vector.clone(), limits.early.clone()),
             bytes: view.head.bytes,
             elements: view.state.elements(),
+            by_author: BTreeMap::new(),
         };
         let maps = catalog.views().iter().map(|view| (view.head.map.clone(), intake(view))).collect();
         let pending = PendingMaps::new(limits.early.clone(), limits.max_pending_bytes);
@@ -72,6 +78,7 @@ impl Ingest {
             pending,
             throttle: Throttle::new(LOG_PERIOD),
             refusals: RefusalThrottle::new(NOTICE_PERIOD),
+            admission: None,
         }
     }
 
@@ -85,8 +92,9 @@ impl Ingest {
         for arrival in arrivals {
             let key = arrival.key.clone();
             let outcome = match check(arrival, &self.limits, now_us).and_then(check_words) {
-                Ok(checked) => match self.check_deleted(checked) {
-                    Ok(checked) => self.sort(checked, &mut batch)?,
+                Ok(checked) => match self.check_deleted(checked).and_then(|checked| self.admit(checked, now_us)) {
+                    Ok(Some(checked)) => self.sort(checked, &mut batch)?,
+                    Ok(None) => Ok(()),
                     Err(refusal) => Err(refusal),
                 },
                 Err(refusal) => Err(refusal),
@@ -114,6 +122,7 @@ impl Ingest {
         let retained = retain(map, keep, &self.catalog, self.log.as_ref())?;
         if let Some((intake, retained)) = self.maps.get_mut(map).zip(retained.as_ref()) {
             intake.bytes = retained.bytes;
+            self.recount(map)?;
         }
         Ok(retained)
     }
@@ -129,7 +138,8 @@ impl Ingest {
             let Some(intake) = self.maps.get_mut(map) else { continue };
             let bytes = batch.added_bytes.get(map).copied().unwrap_or(0);
             let vector = intake.sequence.vector().clone();
-            intake.elements = self.catalog.apply(map, &[], increments, vector, bytes, self.log.as_ref())?;
+            let added = self.catalog.apply(map, &[], increments, vector, bytes, self.log.as_ref())?;
+            intake.added(&added, increments);
         }
         Ok(())
     }
@@ -251,7 +261,12 @@ impl Ingest {
             return Placed::from(&self.pending.keep(checked));
         }
         let pending = &mut self.pending;
-        let begin = |map: &MapName| Intake { sequence: pending.take_map(map), bytes: 0, elements: 0 };
+        let begin = |map: &MapName| Intake {
+            sequence: pending.take_map(map),
+            bytes: 0,
+            elements: 0,
+            by_author: BTreeMap::new(),
+        };
         let intake = self.maps.entry(checked.map.clone()).or_insert_with_key(begin);
         let first_sequence = intake.sequence.vector().version() + 1;
         let (author, stamp_us, memory) = (checked.increment.author, checked.increment.hlc_us, checked.memory_bytes());
@@ -259,8 +274,10 @@ impl Ingest {
         let placed = Placed::from(&offered);
         if let Offered::Ready(ready) = offered {
             for (sequence, item) in (first_sequence..).zip(ready) {
-                intake.bytes += item.bytes.len() as u64;
-                intake.elements += item.increment.ops.len();
+                let (bytes, elements) = (item.bytes.len() as u64, item.increment.ops.len());
+                intake.bytes += bytes;
+                intake.elements += elements;
+                intake.by_author.entry(author).or_default().add(bytes, elements);
                 batch.add(sequence, item);
             }
         }

@@ -99,6 +99,34 @@ fn reaches_anyone(config: &Config) -> bool {
     !is("listen/endpoints", NONE) || !is("connect/endpoints", NONE) || is("scouting/multicast/enabled", "true")
 }
 
+/// The endpoints of a configuration that other machines may reach, if they find no access control
+/// there.
+fn exposed(config: &Config) -> Vec<String> {
+    let json = |key: &str| config.get_json(key).unwrap_or_default();
+    if json("access_control/enabled") == "true" {
+        return Vec::new();
+    }
+    let listen: serde_json::Value = serde_json::from_str(&json("listen/endpoints")).unwrap_or_default();
+    // For all modes alike, or a list for each.
+    let lists = listen.as_object().map_or_else(|| vec![&listen], |by_mode| by_mode.values().collect());
+    let endpoints = lists.into_iter().flat_map(|list| list.as_array().into_iter().flatten());
+    let texts = endpoints.filter_map(|endpoint| endpoint.as_str());
+    texts.filter(|endpoint| !is_on_this_machine(endpoint)).map(str::to_owned).collect()
+}
+
+fn is_on_this_machine(endpoint: &str) -> bool {
+    let address = endpoint.split_once('/').map_or(endpoint, |(_, address)| address);
+    ["127.", "localhost:", "[::1]"].iter().any(|here| address.starts_with(here)) || endpoint.starts_with("unix")
+}
+
+/// What to warn of before a server is opened: the endpoints at which every stranger may write.
+///
+/// # Errors
+/// [`ConfigurationError`].
+pub fn open_to_strangers(link: &ServerEndpoints) -> Result<Vec<String>, ConfigurationError> {
+    Ok(exposed(&to_zenoh(link)?))
+}
+
 /// Opens the session. A client waits for its routers and tries all of them
 /// ([`fht_session::open_configured`]).
 ///
@@ -158,6 +186,29 @@ mod tests {
         let client = to_zenoh(&link).unwrap();
         assert_eq!((json(&client, "mode").as_str(), json(&client, "listen/endpoints").as_str()), ("\"client\"", NONE));
         assert!(reaches_anyone(&client));
+    }
+
+    #[test]
+    fn strangers_reach_what_listens_beyond_this_machine_without_access_control() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("zenoh.json5");
+        let link = |listen: &[&str], zenoh_config| ServerEndpoints {
+            listen: listen.iter().map(|&endpoint| endpoint.to_owned()).collect(),
+            zenoh_config,
+            ..ServerEndpoints::default()
+        };
+        let here = ["tcp/127.0.0.1:1", "tcp/localhost:1", "tcp/[::1]:1"];
+        assert_eq!(open_to_strangers(&link(&here, None)).unwrap(), Vec::<String>::new());
+        let everywhere = ["tcp/0.0.0.0:1", "tcp/[::]:1", "tls/maps:1"];
+        assert_eq!(open_to_strangers(&link(&everywhere, None)).unwrap(), everywhere);
+        for (enabled, expected) in [(true, 0), (false, 1)] {
+            let text = format!(
+                "{{listen: {{endpoints: ['tls/[::]:1']}}, access_control: {{enabled: {enabled}, default_permission: 'deny',
+                    rules: [], subjects: [], policies: []}}}}"
+            );
+            std::fs::write(&file, text).unwrap();
+            assert_eq!(open_to_strangers(&link(&[], Some(file.clone()))).unwrap().len(), expected);
+        }
     }
 
     #[test]

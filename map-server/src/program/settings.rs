@@ -1,6 +1,6 @@
 //! What `map-server` reads from the configuration file.
 
-use crate::config::{AnswerConfig, FleetConfig, GapFillConfig, Limits};
+use crate::config::{AnswerConfig, FleetConfig, GapFillConfig, Limits, Quotas};
 use fht_merge::MergeConfig;
 use fht_session::SessionConfig;
 use schemars::JsonSchema;
@@ -46,8 +46,15 @@ pub(crate) struct ServerSection {
     /// A Zenoh configuration file (`--zenoh-config`, JSON5): endpoints, TLS, access control.
     /// `listen` and `connect` go before what it says. Default none.
     pub(crate) zenoh_config: Option<PathBuf>,
+    /// The list of roles (`--roles`, JSON5): who may write what. Default none: everybody may write
+    /// everything.
+    pub(crate) roles: Option<PathBuf>,
+    /// Strangers are meant to reach this server (`--open`): it does not warn of it. Default false.
+    pub(crate) open: bool,
     /// What writers may do.
     pub(crate) limits: Limits,
+    /// How much room one writer may take, where the roles are known.
+    pub(crate) quotas: Quotas,
     /// How queries are answered.
     pub(crate) answers: AnswerConfig,
     /// When robots count as late.
@@ -65,7 +72,10 @@ impl Default for ServerSection {
             listen: Vec::new(),
             connect: Vec::new(),
             zenoh_config: None,
+            roles: None,
+            open: false,
             limits: Limits::default(),
+            quotas: Quotas::default(),
             answers: AnswerConfig::default(),
             fleet: FleetConfig::default(),
             gaps: GapFillConfig::default(),

@@ -62,8 +62,12 @@ pub(super) async fn serve(
     let robots = subscribe_robot_topics(session, &sources).await?;
     let max_bytes = config.limits.max_increment_bytes;
     let increments = subscribe_increments(session, &queue, max_bytes, stateless.is_some()).await?;
+    let mut ingest = Ingest::new(log, catalog, config.limits.clone());
+    if let Some(writers) = &config.writers {
+        ingest = ingest.guarded_by(writers.clone(), config.quotas.clone())?;
+    }
     let writer = Writer {
-        ingest: Ingest::new(log, catalog, config.limits.clone()),
+        ingest,
         queue: Arc::clone(&queue),
         sources: sources.clone(),
         session: session.clone(),

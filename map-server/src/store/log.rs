@@ -187,6 +187,16 @@ pub enum Piece<'a> {
     Compacted(&'a [u8]),
 }
 
+impl<'a> Piece<'a> {
+    /// The envelope.
+    #[must_use]
+    pub fn bytes(self) -> &'a [u8] {
+        match self {
+            Self::Increment(bytes) | Self::Compacted(bytes) => bytes,
+        }
+    }
+}
+
 /// Receives a log: map, author, the last number that a piece stands for, the piece.
 pub type Visit<'a> = dyn FnMut(&str, AuthorId, u64, Piece<'_>) -> Result<(), StoreError> + 'a;
 

@@ -97,6 +97,14 @@ impl Server {
         Self(child)
     }
 
+    /// One with more arguments, which writes what it says to a file.
+    pub fn with(data: &Path, endpoint: &str, more: &[&str], log: &Path) -> Self {
+        let program = env!("CARGO_BIN_EXE_map-server");
+        let args = ["--data", data.to_str().unwrap(), "--listen", endpoint];
+        let file = std::fs::File::create(log).unwrap();
+        Self(Command::new(program).args(args).args(more).env_remove("RUST_LOG").stderr(file).spawn().unwrap())
+    }
+
     /// One that writes more than usual of what it does to a file.
     pub fn saying_more(data: &Path, endpoint: &str, log: &Path) -> Self {
         let program = env!("CARGO_BIN_EXE_map-server");

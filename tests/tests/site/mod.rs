@@ -193,11 +193,12 @@ impl Site {
     }
 }
 
-/// A map-server in this process.
+/// A map-server in this process, with the fleet's roles.
 pub fn serve(data: &Path, file: PathBuf) -> (oneshot::Sender<()>, JoinHandle<Result<(), ServerError>>) {
     let link = ServerEndpoints { zenoh_config: Some(file), ..ServerEndpoints::default() };
     let (stop, stopped) = oneshot::channel::<()>();
-    let config = ServerConfig::new(data.to_owned(), link);
+    let writers = Some(fleet().writers().unwrap());
+    let config = ServerConfig { writers, ..ServerConfig::new(data.to_owned(), link) };
     (stop, tokio::spawn(map_server::run(config, async { _ = stopped.await })))
 }
 

@@ -1,5 +1,6 @@
 //! How a replica keeps up with the server.
 
+use fht_map::WriterRoles;
 use serde::{Deserialize, Serialize};
 
 /// How a replica keeps up.
@@ -28,6 +29,10 @@ pub struct ReplicaConfig {
     /// In pieces of about so many bytes: what is lost when the link breaks. Default 4 KiB.
     #[cfg_attr(feature = "schema", schemars(range(min = 256, max = 1073741824)))]
     pub piece_bytes: usize,
+    /// Who may write what: what writers put against it is taken only if the server takes it. Not in
+    /// files. Default none: everybody may write everything.
+    #[serde(skip)]
+    pub roles: Option<WriterRoles>,
 }
 
 impl Default for ReplicaConfig {
@@ -40,6 +45,7 @@ impl Default for ReplicaConfig {
             head_every_s: 2.0,
             part_bytes: 64 << 10,
             piece_bytes: 4 << 10,
+            roles: None,
         }
     }
 }

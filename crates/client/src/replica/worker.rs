@@ -89,6 +89,7 @@ impl Worker {
         let follow =
             StalenessConfig { behind_s: config.grace_s, ahead_s: config.ahead_s, ..StalenessConfig::default() };
         let sync = SyncConfig { follow, head_every_s: config.head_every_s, ..SyncConfig::default() };
+        let sync = Sync::new(sync).with_roles(config.roles.clone());
         let (to_events, events) = channel();
         Self {
             session,
@@ -98,7 +99,7 @@ impl Worker {
             arrivals,
             events,
             to_events,
-            sync: Sync::new(sync),
+            sync,
             part: (0, false),
             link_seen_at: Instant::now(),
             closures,

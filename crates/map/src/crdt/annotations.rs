@@ -2,7 +2,7 @@
 //! which of them is enabled.
 
 use crate::crdt::register::{ContentHash, Register, content_hash, join_into};
-use fht_proto::{DescriptorModel, FixedPose, Label, ModelId, Op, Release, ReleaseId, Stamp, Zone};
+use fht_proto::{AuthorId, DescriptorModel, FixedPose, Label, ModelId, Op, Release, ReleaseId, Stamp, Zone};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -88,6 +88,18 @@ impl Annotations {
             | Op::RemoveEdge { .. }
             | Op::SetClosed { .. } => {}
         }
+    }
+
+    /// Who each of them is there for: who wrote it last.
+    pub(crate) fn writers(&self) -> impl Iterator<Item = AuthorId> {
+        let models = self.models.values().map(Register::stamp);
+        let places = self.places.values().map(Register::stamp);
+        let zones = self.zones.values().map(Register::stamp);
+        let releases = self
+            .releases
+            .values()
+            .filter_map(|release| release.put.as_ref().map(|(_, stamp, _)| *stamp).or(release.removed));
+        models.chain(places).chain(zones).chain(releases).map(|stamp| stamp.author)
     }
 
     /// The descriptor models used, in the order of their ids.

@@ -13,7 +13,7 @@ use crate::crdt::register::content_hash;
 use crate::crdt::state::MapState;
 use element::Element;
 use fht_proto::model::compaction::Series;
-use fht_proto::{AuthorId, CompactedSeries, Op, Stamp};
+use fht_proto::{AuthorId, CompactedSeries, Increment, Op, Stamp};
 use std::collections::{BTreeMap, BTreeSet};
 use way_back::WayBack;
 
@@ -64,8 +64,39 @@ pub fn inverse(map: &Series, author: AuthorId, count: u64) -> Result<Inverse, In
     if first <= folded {
         return Err(InverseError::Compacted { author, last: folded });
     }
+    take_back(map, author, author, (first, last), |increment| increment.number >= first)
+}
+
+/// What takes those increments of `author` back that `is_undone` finds, whichever they are; `by`
+/// is who will write that. Of what was folded nothing is taken back.
+///
+/// # Errors
+/// [`InverseError`].
+pub fn inverse_of(
+    map: &Series,
+    author: AuthorId,
+    by: AuthorId,
+    is_undone: impl Fn(&Increment) -> bool,
+) -> Result<Inverse, InverseError> {
+    let numbers = || {
+        let own = map.increments.iter().filter(|increment| increment.author == author && is_undone(increment));
+        own.map(|increment| increment.number)
+    };
+    let Some((first, last)) = numbers().min().zip(numbers().max()) else {
+        return Err(InverseError::NoneSuch { author });
+    };
+    take_back(map, author, by, (first, last), &is_undone)
+}
+
+fn take_back(
+    map: &Series,
+    author: AuthorId,
+    by: AuthorId,
+    (first, last): (u64, u64),
+    is_undone: impl Fn(&Increment) -> bool,
+) -> Result<Inverse, InverseError> {
     let (undone, kept): (Vec<_>, Vec<_>) =
-        map.increments.iter().partition(|increment| increment.author == author && increment.number >= first);
+        map.increments.iter().partition(|increment| increment.author == author && is_undone(increment));
     let (mut mine, mut others) = (Writes::new(), Writes::new());
     for (stamp, op) in undone.iter().flat_map(|increment| increment.stamped()) {
         note(&mut mine, Element::of(author, op), stamp, op);
@@ -97,7 +128,7 @@ pub fn inverse(map: &Series, author: AuthorId, count: u64) -> Result<Inverse, In
     let mut now = before.clone();
     undone.iter().for_each(|increment| now.apply(increment));
 
-    let mut way = WayBack::new(author, before, now, releases);
+    let mut way = WayBack::new(by, before, now, releases);
     for (element, newest) in &mine {
         way.take_back(element, newest.op, others.get(element).map(|newest| newest.op))?;
     }

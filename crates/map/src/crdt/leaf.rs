@@ -85,6 +85,19 @@ impl NodeState {
         }
     }
 
+    /// Who it is there for: who put it, else who removed it, else who wrote anything to it.
+    pub(crate) fn writer(&self) -> Option<AuthorId> {
+        let stamps = [
+            self.kind.as_ref().map(Register::stamp),
+            self.removed,
+            self.trust.as_ref().map(|register| register.stamp()),
+            self.free_space.as_ref().map(Register::stamp),
+            self.pose.as_ref().map(Register::stamp),
+            self.signature.as_ref().map(Register::stamp),
+        ];
+        stamps.into_iter().flatten().next().map(|stamp| stamp.author)
+    }
+
     /// Its kind if it is shown.
     pub(crate) fn shown_kind(&self) -> Option<NodeKind> {
         self.kind.as_ref().map(|kind| *kind.value())
@@ -100,6 +113,12 @@ pub(crate) struct EdgeState {
 }
 
 impl EdgeState {
+    /// Who it is there for.
+    pub(crate) fn writer(&self) -> Option<AuthorId> {
+        let closed = self.closed.as_ref().map(|register| register.stamp());
+        self.put.as_ref().map(Register::stamp).or(closed).map(|stamp| stamp.author)
+    }
+
     pub(crate) fn is_put(&self) -> bool {
         self.put.as_ref().is_some_and(|register| *register.value())
     }

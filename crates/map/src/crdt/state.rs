@@ -313,6 +313,19 @@ impl MapState {
         self.elements + self.annotations.count()
     }
 
+    /// How many of the [elements](Self::elements) are there for whom: whoever put each, or else
+    /// wrote to it last. Looks at all of the map.
+    #[must_use]
+    pub fn elements_by_writer(&self) -> BTreeMap<AuthorId, usize> {
+        let nodes = self.all_nodes().filter_map(|(_, node)| node.writer());
+        let edges = self.all_edges().filter_map(|(_, edge)| edge.writer());
+        let mut counts = BTreeMap::new();
+        for writer in nodes.chain(edges).chain(self.annotations.writers()) {
+            *counts.entry(writer).or_default() += 1;
+        }
+        counts
+    }
+
     fn is_shown(&self, id: NodeId) -> bool {
         self.node_state(id).is_some_and(|node| node.kind.is_some())
     }

@@ -233,6 +233,8 @@ pub enum Operation {
     #[command(after_help = "Examples:
   map-server undo museum                        the last change of this operator
   map-server undo museum --last 3 --operator desk
+  map-server undo museum --author amr-7 --against-roles roles.json5
+      what an explorer wrote that only operators may write
 
 An undo is a change, too: the next one takes it back.")]
     Undo {
@@ -242,6 +244,12 @@ An undo is a change, too: the next one takes it back.")]
         /// several.
         #[arg(long, value_name = "COUNT", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
         last: u64,
+        /// Instead of the operator's own changes, those of this robot that its role does not allow.
+        #[arg(long, value_name = "NAME", requires = "against_roles", conflicts_with = "last")]
+        author: Option<RobotName>,
+        /// The list of roles (JSON5); who is not in it counts as an explorer.
+        #[arg(long, value_name = "ROLES.json5", requires = "author")]
+        against_roles: Option<PathBuf>,
     },
     /// Folds old increments: the newest versions and all releases stay what they are, what only
     /// older versions needed goes.

@@ -112,8 +112,12 @@ impl Operation {
             Self::Open { map, a, b } => {
                 change(session, args, &map, rule::closing(session, &map, [a, b], false).await?).await
             }
-            Self::Undo { map, last } => {
-                show(&undo::undo(session, &map, operator, last, json).await?, json, undo::in_words)
+            Self::Undo { map, last, author, against_roles } => {
+                let undone = match author.zip(against_roles) {
+                    None => undo::Undone::Newest(last),
+                    Some((author, file)) => undo::Undone::against_roles(author.as_str(), &file)?,
+                };
+                show(&undo::undo(session, &map, operator, undone, json).await?, json, undo::in_words)
             }
             Self::Retain { map, keep } => show(&retain(session, map, keep).await?, json, retained_in_words),
             Self::Delete { map, reason, grace } => {

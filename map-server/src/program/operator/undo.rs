@@ -1,16 +1,40 @@
-//! An operator's last changes, taken back.
+//! An operator's last changes, taken back; or those of a robot that its role does not allow.
 
+use crate::access::read_roles;
 use crate::program::operator::asking::state_of;
 use crate::program::operator::error::OperatorError;
 use crate::program::operator::transfer::fetch_state;
 use crate::program::operator::write::write;
-use fht_map::crdt::inverse::{Inverse, inverse};
+use fht_map::crdt::inverse::{Inverse, inverse, inverse_of};
+use fht_map::{WriterRole, WriterRoles, may_write};
 use fht_proto::{AuthorId, Increment, MapName, Op, Release};
 use serde::Serialize;
+use std::path::Path;
 use zenoh::Session;
 
 /// About how long an increment may be, in memory.
 const MAX_BYTES: usize = 512 << 10;
+
+/// What is to be taken back.
+pub(super) enum Undone {
+    /// So many of the operator's newest increments.
+    Newest(u64),
+    /// What an author wrote that its role does not allow.
+    AgainstRoles {
+        /// Who wrote it.
+        author: AuthorId,
+        /// The roles.
+        writers: WriterRoles,
+    },
+}
+
+impl Undone {
+    /// What the robot called `name` wrote against the list of roles in `file`.
+    pub(super) fn against_roles(name: &str, file: &Path) -> Result<Self, OperatorError> {
+        let writers = read_roles(file).map_err(|error| OperatorError::Usage(error.to_string()))?;
+        Ok(Self::AgainstRoles { author: AuthorId::of_robot(name), writers })
+    }
+}
 
 /// What was taken back.
 #[derive(Clone, Debug, Serialize)]
@@ -19,7 +43,7 @@ pub(super) struct TakenBack {
     map: MapName,
     /// Its version now.
     version: u64,
-    /// Numbers of the operator's increments that were taken back: the first and the last.
+    /// Numbers of the increments that were taken back: the first and the last.
     undone: [u64; 2],
     /// In how many increments.
     increments: usize,
@@ -27,17 +51,25 @@ pub(super) struct TakenBack {
     words: Vec<String>,
 }
 
-/// Takes the last `count` increments of the operator back.
+/// Takes increments back.
 pub(super) async fn undo(
     session: &Session,
     map: &MapName,
     operator: &str,
-    count: u64,
+    undone: Undone,
     quiet: bool,
 ) -> Result<TakenBack, OperatorError> {
     let (series, _) = fetch_state(session, map, quiet).await?;
     let author = AuthorId::of_robot(operator);
-    let computed = tokio::task::spawn_blocking(move || inverse(&series, author, count)).await?;
+    let computed = tokio::task::spawn_blocking(move || match undone {
+        Undone::Newest(count) => inverse(&series, author, count),
+        Undone::AgainstRoles { author: of, writers } => {
+            let role = writers.role(of).unwrap_or(WriterRole::Explorer);
+            let is_against = |op: &Op| may_write(role, of, op).is_err();
+            inverse_of(&series, of, author, |increment| increment.ops.iter().any(is_against))
+        }
+    })
+    .await?;
     let Inverse { first, last, ops, words } =
         computed.map_err(|source| OperatorError::Undo { map: map.clone(), source })?;
     for op in &ops {

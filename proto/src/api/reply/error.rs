@@ -39,6 +39,8 @@ pub enum ErrorCode {
     TooLong,
     /// The map will be deleted, or was: nothing more is written to it.
     Deleted,
+    /// The writer's role does not allow what the increment does.
+    NotPermitted,
     /// The robot does not know where it is.
     NotLocalized,
     /// The robot has more to read than it takes in at a time.
@@ -75,7 +77,16 @@ impl ErrorCode {
     /// operator changes that.
     #[must_use]
     pub fn is_permanent_refusal(self) -> bool {
-        matches!(self, Self::Conflict | Self::NotCanonical | Self::Full | Self::Future | Self::TooLong | Self::Deleted)
+        matches!(
+            self,
+            Self::Conflict
+                | Self::NotCanonical
+                | Self::Full
+                | Self::Future
+                | Self::TooLong
+                | Self::Deleted
+                | Self::NotPermitted
+        )
     }
 }
 

@@ -16,6 +16,12 @@ pub enum InverseError {
         /// How many were asked for.
         count: u64,
     },
+    /// There are no such increments.
+    #[error("{author} has written nothing in this map that is to be taken back")]
+    NoneSuch {
+        /// The author.
+        author: AuthorId,
+    },
     /// What was before is not known any more.
     #[error("the increments of {author} up to {last} are folded: what was before them is not known any more")]
     Compacted {
