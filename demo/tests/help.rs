@@ -120,6 +120,19 @@ fn shells_get_completions() {
 }
 
 #[test]
+fn readers_may_stop_reading() {
+    for line in [&["completions", "bash"][..], &["role", "map-server", "--", "completions", "zsh"]] {
+        let mut command = Process::new(env!("CARGO_BIN_EXE_handoff"));
+        command.args(line).stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        let complaint = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && complaint.is_empty(), "{line:?}: {complaint}");
+    }
+}
+
+#[test]
 fn old_spellings_are_taken() {
     for line in [
         "client-robot go --to 1,2 --no-camera --max-time-s 5",

@@ -5,6 +5,7 @@ use super::connection::{ASK_AGAIN, TIMEOUT, connect, wait_for_map};
 use super::error::CliError;
 use super::settings::ClientFile;
 use fht_client::{AskError, PathQuestion, PlannedPath, ask_path, planned};
+use fht_program::print_line;
 use fht_program::{Stop, Waiting};
 use fht_proto::api::reply::{ErrorCode, PlaceRef, SpeedLimit};
 use std::process::ExitCode;
@@ -28,12 +29,12 @@ pub(super) fn path(
     let (path, goal_yaw) = loop {
         match ask_path(&session, &map, &question, TIMEOUT) {
             Ok(reply) if json => {
-                println!("{}", serde_json::to_string_pretty(&reply)?);
+                print_line!("{}", serde_json::to_string_pretty(&reply)?);
                 return Ok(ExitCode::SUCCESS);
             }
             Ok(reply) => {
                 for SpeedLimit { zone, max_mps, along_m: [from_m, to_m] } in &reply.speed_limits {
-                    println!("at most {max_mps} m/s in zone {zone}, from {from_m:.2} m to {to_m:.2} m of the way");
+                    print_line!("at most {max_mps} m/s in zone {zone}, from {from_m:.2} m to {to_m:.2} m of the way");
                 }
                 let goal_yaw = reply.goal_yaw;
                 break (planned(reply)?, goal_yaw);
@@ -57,18 +58,18 @@ pub(super) fn path(
 }
 
 fn print_path(path: &PlannedPath, goal_yaw: Option<f64>) {
-    println!("{:.2} m, {} points", path.length_m, path.points.len());
+    print_line!("{:.2} m, {} points", path.length_m, path.points.len());
     if path.goal_moved_m > 0.0 {
-        println!("it ends {:.2} m from the goal, at the nearest point that can be reached", path.goal_moved_m);
+        print_line!("it ends {:.2} m from the goal, at the nearest point that can be reached", path.goal_moved_m);
     }
     if path.unmapped_m > 0.0 {
-        println!("{:.2} m of it lead over ground that the map knows nothing of", path.unmapped_m);
+        print_line!("{:.2} m of it lead over ground that the map knows nothing of", path.unmapped_m);
     }
     for point in &path.points {
         let node = point.node.map(|id| id.to_string()).unwrap_or_default();
-        println!("{:9.3} {:9.3}  {node}", point.position.x, point.position.y);
+        print_line!("{:9.3} {:9.3}  {node}", point.position.x, point.position.y);
     }
     if let Some(yaw) = goal_yaw {
-        println!("heading there: {:.1} degrees", yaw.to_degrees());
+        print_line!("heading there: {:.1} degrees", yaw.to_degrees());
     }
 }

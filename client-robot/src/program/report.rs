@@ -2,6 +2,7 @@
 //! nothing else.
 
 use fht_client::Planner;
+use fht_program::print_line;
 use serde::Serialize;
 
 /// The outcome of a mission in a simulated world.
@@ -112,21 +113,21 @@ impl MissionReport {
 pub(super) fn print_report(report: &MissionReport) {
     match (report.relocalization_distance_m, report.relocalization_error_m, report.relocalization_error_deg) {
         (Some(driven), Some(metres), Some(degrees)) => {
-            println!("localized after {driven:.1} m, error {metres:.3} m and {degrees:.2} degrees");
+            print_line!("localized after {driven:.1} m, error {metres:.3} m and {degrees:.2} degrees");
         }
-        _ => println!("not localized"),
+        _ => print_line!("not localized"),
     }
     if report.arrived
         && let (Some(driven), Some(left)) = (report.path_length_m, report.goal_distance_m)
     {
         let shortest = report.shortest_length_m.map(|m| format!(" (shortest {m:.1} m)")).unwrap_or_default();
         let turn = report.goal_turn_deg.map(|degrees| format!(" and {degrees:.1} degrees")).unwrap_or_default();
-        println!("arrived after {driven:.1} m{shortest}, {left:.2} m{turn} from the goal");
+        print_line!("arrived after {driven:.1} m{shortest}, {left:.2} m{turn} from the goal");
     }
     if let Some(failure) = &report.failure {
-        println!("failed: {failure}");
+        print_line!("failed: {failure}");
     }
     if report.planner == Some(Planner::Replica) {
-        println!("the server was silent: the path was planned on the robot's own copy of the map");
+        print_line!("the server was silent: the path was planned on the robot's own copy of the map");
     }
 }

@@ -14,6 +14,7 @@ use crate::serving::{ServeError, serve};
 use fht_client::{Presence, ServerPaths};
 use fht_descriptor::DescriptorNet;
 use fht_perception::robot::Paced;
+use fht_program::print_line;
 use fht_program::{Stop, Waiting};
 use fht_proto::api::fleet::RobotRole;
 use fht_proto::api::goal::{GoalState, GoalStatus};
@@ -85,7 +86,7 @@ pub(super) fn serving(
     let mut desk = GoalService::start(&session, &map, &name, move |news| {
         counted.lock().unwrap_or_else(PoisonError::into_inner).count(news.state);
         if says {
-            println!("{}", in_words(news));
+            print_line!("{}", in_words(news));
         }
     })?;
     // The robot stands, all is said and the bag is whole before the program ends.
@@ -123,7 +124,7 @@ pub(super) fn serving(
 fn give(args: &RobotArgs, report: &ServeReport) -> Result<(), CliError> {
     let in_words = |report: &ServeReport| {
         if !args.quiet {
-            println!("{} arrived, {} failed, {} cancelled", report.arrived, report.failed, report.cancelled);
+            print_line!("{} arrived, {} failed, {} cancelled", report.arrived, report.failed, report.cancelled);
         }
     };
     args.report.give(report, in_words).map_err(CliError::Report)

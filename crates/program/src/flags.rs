@@ -136,7 +136,7 @@ impl ReportArgs {
             std::fs::write(file, &json).map_err(|error| format!("{} cannot be written: {error}", file.display()))?;
         }
         if self.json {
-            println!("{json}");
+            crate::print_line!("{json}");
         } else {
             in_words(report);
         }
@@ -165,7 +165,9 @@ impl CompletionsArgs {
     pub fn print<C: CommandFactory>(&self) {
         let mut command = C::command();
         let name = command.get_name().to_owned();
-        clap_complete::generate(self.shell, &mut command, name, &mut std::io::stdout());
+        let mut script = Vec::new();
+        clap_complete::generate(self.shell, &mut command, name, &mut script);
+        crate::print_line!("{}", String::from_utf8_lossy(&script).trim_end());
     }
 }
 

@@ -6,6 +6,7 @@
 //! | `sections` | `cli` | sections of that file that several programs read |
 //! | `flags` | `cli` | flags that several programs have, and what a wrong one ends in |
 //! | `logging` | `cli` | logs on standard error |
+//! | [`print_line!`] | – | lines for readers that may stop reading |
 //! | [`ProgramFailure`] | – | how a program ends that does not what it was told |
 //! | [`Waiting`] | – | how long a server, a map or a place is waited for |
 //! | [`Stop`] | – | ending soon when asked to, with files in order |
@@ -51,6 +52,7 @@ mod failure;
 pub mod flags;
 #[cfg(feature = "cli")]
 pub mod logging;
+mod output;
 #[cfg(feature = "cli")]
 mod sections;
 pub mod stop;
@@ -61,6 +63,7 @@ pub use config::{
     ConfigError, Configuration, PrintError, Problem, SECTIONS, load, load_over, parse, parse_over, print,
 };
 pub use failure::ProgramFailure;
+pub use output::write_line;
 #[cfg(feature = "cli")]
 pub use sections::RobotConfig;
 pub use stop::{Order, Stop, StopSignal};

@@ -82,12 +82,13 @@ async fn silent_to_tls(endpoint: &str) -> Option<String> {
 
 /// What to look at. Zenoh's errors are texts, and the best of them are those of rustls.
 fn hint(reason: &str) -> Option<&'static str> {
-    let kinds: [(&[&str], &str); 5] = [
+    let kinds: [(&[&str], &str); 6] = [
         (&["UnknownIssuer", "BadSignature"], "its certificate is not from our authority (root_ca_certificate)"),
         (&["NotValidForName", "not valid for name"], "its certificate does not name this host"),
         (&["Expired", "NotValidYet"], "a certificate has expired, or a clock is wrong"),
         (&["fatal alert", "peer closed connection"], "it refuses our certificate, or the lack of one"),
-        (&["Connection refused", "No route", "timed out", "failed to lookup"], "nobody listens there"),
+        (&["failed to lookup"], "no computer has this name"),
+        (&["Connection refused", "No route", "timed out"], "nobody listens there"),
     ];
     kinds.iter().find(|(texts, _)| texts.iter().any(|text| reason.contains(text))).map(|(_, hint)| *hint)
 }

@@ -5,6 +5,7 @@ use fht_demo::run_role;
 use fht_demo::{Crew, HandoffConfig, hand_off};
 use fht_demo::{HandoffArgs, HandoffCommand, leave_nothing_behind, this_executable};
 use fht_picture::default_file;
+use fht_program::print_line;
 use fht_program::{ProgramFailure, Stop};
 use fht_sim::SimSetup;
 use std::process::ExitCode;
@@ -63,19 +64,19 @@ fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, ProgramFailure> {
     // From here on only the server still runs, and it ends below.
     let _order = stop.in_order();
     print!("{report}");
-    println!("picture       {}", picture.display());
+    print_line!("picture       {}", picture.display());
     if let Some(file) = &cli.report {
         let json = serde_json::to_string_pretty(&report).map_err(|error| text(&error))?;
         let written = std::fs::write(file, json);
         written.map_err(|error| ProgramFailure::of_run(format!("{} cannot be written: {error}", file.display())))?;
     }
     if cli.keep {
-        println!("\nThe server stays up on {}. Ask it, from another terminal:", cli.listen);
-        println!("  pip install zenoh-cli");
+        print_line!("\nThe server stays up on {}. Ask it, from another terminal:", cli.listen);
+        print_line!("  pip install zenoh-cli");
         for question in ["path?from=0,0;to=5,3", "nodes?near=0,0;radius=3", "head"] {
-            println!("  zenoh --connect {} get -s 'fht/{map}/{question}' --decoder json", cli.listen);
+            print_line!("  zenoh --connect {} get -s 'fht/{map}/{question}' --decoder json", cli.listen);
         }
-        println!("Ctrl-C ends it.");
+        print_line!("Ctrl-C ends it.");
         let runtime =
             tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|error| text(&error))?;
         runtime.block_on(stop.requested());

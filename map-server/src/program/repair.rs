@@ -3,6 +3,7 @@
 
 use crate::rescue::{Rescued, RescuedAuthor, Restored, check, rescue, restore};
 use clap::Subcommand;
+use fht_program::print_line;
 use std::path::{Path, PathBuf};
 
 /// What can be done with a store while no server uses it.
@@ -82,38 +83,38 @@ impl Repair {
 
 fn print_restored(restored: &Restored, json: bool) -> Result<(), String> {
     if json {
-        println!("{}", serde_json::to_string(restored).map_err(|error| error.to_string())?);
+        print_line!("{}", serde_json::to_string(restored).map_err(|error| error.to_string())?);
         return Ok(());
     }
     let Restored { file, replaced, authors } = restored;
     for RescuedAuthor { map, author, last, .. } in authors {
-        println!("map {map}, author {author}: {last} increments");
+        print_line!("map {map}, author {author}: {last} increments");
     }
-    println!("{} is the backup now", file.display());
+    print_line!("{} is the backup now", file.display());
     match replaced {
-        Some(replaced) => println!("what it was is kept: {}", replaced.display()),
-        None => println!("there was no store before"),
+        Some(replaced) => print_line!("what it was is kept: {}", replaced.display()),
+        None => print_line!("there was no store before"),
     }
     Ok(())
 }
 
 fn print(found: &Rescued, what: &str, json: bool) -> Result<(), String> {
     if json {
-        println!("{}", serde_json::to_string(found).map_err(|error| error.to_string())?);
+        print_line!("{}", serde_json::to_string(found).map_err(|error| error.to_string())?);
         return Ok(());
     }
     match &found.damage {
-        None => println!("the store is whole"),
-        Some(damage) => println!("the store is damaged: {damage}"),
+        None => print_line!("the store is whole"),
+        Some(damage) => print_line!("the store is damaged: {damage}"),
     }
     for RescuedAuthor { map, author, last, lost, first_lost } in &found.authors {
         let numbers: Vec<String> = first_lost.iter().map(ToString::to_string).collect();
         let more = if *lost > first_lost.len() as u64 { " …" } else { "" };
         let lost_ones = if *lost == 0 { String::new() } else { format!(" (number {}{more})", numbers.join(", ")) };
-        println!("map {map}, author {author}: {} of {last} increments {what}, {lost} lost{lost_ones}", last - lost);
+        print_line!("map {map}, author {author}: {} of {last} increments {what}, {lost} lost{lost_ones}", last - lost);
     }
     if found.authors.is_empty() {
-        println!("there are no increments");
+        print_line!("there are no increments");
     }
     Ok(())
 }

@@ -5,6 +5,7 @@ use super::explore::{ExploreProgress, ExploreTask, explore};
 use super::report::ExploreReport;
 use super::running::{RunEnd, increments, runtime};
 use super::settings::MapperFile;
+use fht_program::print_line;
 use fht_program::{ProgramFailure, Stop};
 use fht_sim::SimConfig;
 use fht_worker::Pace;
@@ -50,7 +51,7 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
     let (watched, is_offline) = (bar.clone(), args.run.offline);
     let watch = move |snapshot: ExploreProgress| {
         if progress_json {
-            println!(
+            print_line!(
                 "{}",
                 serde_json::json!({
                     "sim_s": snapshot.sim_s,
@@ -100,17 +101,20 @@ fn spinner() -> ProgressBar {
 }
 
 fn print_report(report: &ExploreReport) {
-    println!("explored    {:.1} % of {:.0} m²", report.explored_fraction * 100.0, report.free_area_m2);
-    println!("ended       {}", report.ending);
+    print_line!("explored    {:.1} % of {:.0} m²", report.explored_fraction * 100.0, report.free_area_m2);
+    print_line!("ended       {}", report.ending);
     if let Some([seconds, metres]) = report.joined.filter(|[seconds, _]| *seconds > 0.0) {
-        println!("joined      the map after {seconds:.0} s and {metres:.1} m");
+        print_line!("joined      the map after {seconds:.0} s and {metres:.1} m");
     }
-    println!(
+    print_line!(
         "map         {} main nodes, {} support nodes, {} edges, version {}",
-        report.main_nodes, report.support_nodes, report.edges, report.version
+        report.main_nodes,
+        report.support_nodes,
+        report.edges,
+        report.version
     );
-    println!("bytes       {} of increments, {} on the wire", report.map_bytes, report.wire_bytes);
-    println!(
+    print_line!("bytes       {} of increments, {} on the wire", report.map_bytes, report.wire_bytes);
+    print_line!(
         "trajectory  {:.1} m driven, mean error {:.3} m and {:.2}°, greatest {:.3} m, {} collisions",
         report.driven_m,
         report.trajectory_error.mean_m,
@@ -120,21 +124,23 @@ fn print_report(report: &ExploreReport) {
     );
     let closures = report.closures.iter().sum::<usize>();
     match report.own_main_nodes {
-        0 => println!("nodes       none of the main nodes is this robot's; {closures} loop closures"),
-        own => println!(
+        0 => print_line!("nodes       none of the main nodes is this robot's; {closures} loop closures"),
+        own => print_line!(
             "nodes       {:.0} % of the {own} main nodes that it made within 0.05 m of the truth, greatest error {:.3} m; \
              {closures} loop closures",
             report.main_nodes_within_5cm * 100.0,
             report.main_node_error_max_m
         ),
     }
-    println!(
+    print_line!(
         "time        {:.0} s of robot time in {:.1} s; slowest frame {:.0} ms",
-        report.sim_s, report.wall_s, report.frame_max_ms
+        report.sim_s,
+        report.wall_s,
+        report.frame_max_ms
     );
-    println!("digest      {}", report.digest);
+    print_line!("digest      {}", report.digest);
     if let Some(picture) = &report.picture {
-        println!("picture     {}", picture.display());
+        print_line!("picture     {}", picture.display());
     }
 }
 

@@ -5,6 +5,7 @@ use super::running::{RunArgs, RunEnd, increments, runtime};
 use super::settings::MapperFile;
 use clap::Args;
 use fht_bag::{BagInfo, FrameConfig, TopicConfig, survey};
+use fht_program::print_line;
 use fht_program::{ProgramFailure, Stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
@@ -152,19 +153,26 @@ fn progress_bar() -> ProgressBar {
 }
 
 fn print_replay(report: &ReplayReport) {
-    println!("bag         {}", report.bag.to_string().replace('\n', "\n            "));
-    println!(
+    print_line!("bag         {}", report.bag.to_string().replace('\n', "\n            "));
+    print_line!(
         "map         {} main nodes, {} support nodes, {} edges, version {}, {:.0} m² free",
-        report.main_nodes, report.support_nodes, report.edges, report.version, report.free_area_m2
+        report.main_nodes,
+        report.support_nodes,
+        report.edges,
+        report.version,
+        report.free_area_m2
     );
-    println!("bytes       {} of increments, {} on the wire", report.map_bytes, report.wire_bytes);
-    println!(
+    print_line!("bytes       {} of increments, {} on the wire", report.map_bytes, report.wire_bytes);
+    print_line!(
         "time        {:.0} s and {:.0} m of the robot in {:.1} s; slowest frame {:.0} ms",
-        report.bag_s, report.driven_m, report.wall_s, report.frame_max_ms
+        report.bag_s,
+        report.driven_m,
+        report.wall_s,
+        report.frame_max_ms
     );
-    println!("digest      {}", report.digest);
+    print_line!("digest      {}", report.digest);
     if let Some(picture) = &report.picture {
-        println!("picture     {}", picture.display());
+        print_line!("picture     {}", picture.display());
     }
 }
 
@@ -181,7 +189,7 @@ pub(super) struct InfoArgs {
 pub(super) fn info(args: &InfoArgs) -> Result<bool, ProgramFailure> {
     let info = survey(&args.bag).map_err(ProgramFailure::of_input)?;
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&info).map_err(ProgramFailure::of_run)?);
+        print_line!("{}", serde_json::to_string_pretty(&info).map_err(ProgramFailure::of_run)?);
     } else {
         print_info(&info);
     }
@@ -190,18 +198,18 @@ pub(super) fn info(args: &InfoArgs) -> Result<bool, ProgramFailure> {
 
 fn print_info(info: &BagInfo) {
     for file in &info.files {
-        println!("file      {}", file.display());
+        print_line!("file      {}", file.display());
     }
-    println!("size      {:.1} MB, {} messages", info.bytes as f64 * 1e-6, info.messages);
+    print_line!("size      {:.1} MB, {} messages", info.bytes as f64 * 1e-6, info.messages);
     if let (Some(start), Some(end)) = (info.start_ns, info.end_ns) {
         let (start, end) = (start as f64 * 1e-9, end as f64 * 1e-9);
-        println!("time      {start:.3} s to {end:.3} s since the epoch: {:.1} s", end - start);
+        print_line!("time      {start:.3} s to {end:.3} s since the epoch: {:.1} s", end - start);
     }
     for topic in &info.topics {
         let encoding = if topic.encoding == "cdr" { String::new() } else { format!(" ({})", topic.encoding) };
-        println!("topic     {:<36} {:>8} × {}{encoding}", topic.name, topic.messages, topic.type_name);
+        print_line!("topic     {:<36} {:>8} × {}{encoding}", topic.name, topic.messages, topic.type_name);
     }
     for broken in &info.broken {
-        println!("broken    {broken}");
+        print_line!("broken    {broken}");
     }
 }

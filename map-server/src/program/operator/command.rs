@@ -18,6 +18,7 @@ use crate::program::operator::words::{maps_in_words, releases_in_words, rules_in
 use crate::program::operator::write::write;
 use fht_merge::MergeConfig;
 use fht_program::Waiting;
+use fht_program::print_line;
 use fht_proto::api::keys::{AdminAction, Key, Topic};
 use fht_proto::api::reply::{DiffReply, MapsReply};
 use fht_proto::{MapName, Op, ReleaseName, RobotName, Zone, ZoneRule};
@@ -30,9 +31,9 @@ use zenoh::Session;
 /// Prints the value as JSON, or what `words` makes of it.
 fn show<T: Serialize>(value: &T, json: bool, words: impl FnOnce(&T) -> String) -> Result<(), OperatorError> {
     if json {
-        println!("{}", serde_json::to_string(value).map_err(|error| OperatorError::json(&error))?);
+        print_line!("{}", serde_json::to_string(value).map_err(|error| OperatorError::json(&error))?);
     } else {
-        println!("{}", words(value));
+        print_line!("{}", words(value));
     }
     Ok(())
 }
