@@ -11,6 +11,8 @@
 //! | `queue` | what has arrived, bounded in bytes, and the operators' jobs |
 //! | `check` | what is wrong with an increment |
 //! | `admission` | who may write what, and how much |
+//! | `guard` | the writer judges by that |
+//! | `intake` | what the writer knows about a map |
 //! | `pipeline` | check, order, commit, apply: the one writer |
 //! | `batch` | what one commit adds |
 //! | `import` | takes in maps from files, and from storages |
@@ -23,7 +25,9 @@ mod admission;
 mod batch;
 mod check;
 mod deletion;
+mod guard;
 mod import;
+mod intake;
 mod pending_maps;
 mod pipeline;
 mod queue;

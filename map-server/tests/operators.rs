@@ -51,7 +51,13 @@ async fn paths_obey_what_operators_write() {
     assert!(site.path("from=0,0;to=5,0").await.is_ok(), "on this side");
     site.run(&["open", "museum", "0000000a.5", "0000000a.6"]);
     assert!(site.path("from=0,0;to=dock").await.is_ok());
+}
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_is_wrong_is_told_and_what_changes_nothing_is_not_written() {
+    let site = Site::with(12).await;
+    site.run(&["place", "museum", "dock", "9,0,180"]);
+    site.run(&["zone", "museum", "lab", "5,-2 7,-2 7,2 5,2", "--speed", "0.3"]);
     for (args, reason) in [
         (&["close", "museum", "0000000a.1", "0000000a.6"][..], "no edge joins"),
         (&["close", "museum", "0000000a.1", "0000000a.99"][..], "has no node 0000000a.99"),
@@ -100,7 +106,11 @@ async fn paths_obey_what_operators_write() {
     site.run(&["place", "museum", "island", "500,500", "--force"]);
     site.run(&["zone", "museum", "far", "500,0 501,0 501,1", "--force"]);
     assert_eq!(head_when(&site.session, |_| true).await.version, before + 2, "nothing else was written");
-    // Whoever does not ask first is told by the server.
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn whoever_does_not_ask_first_is_told_by_the_server() {
+    let site = Site::with(12).await;
     for corners in [&[(0, 0), (1000, 1000), (2000, 2000)][..], &[(0, 0), (1000, 1000), (1000, 0), (0, 1000)][..]] {
         let refusals = site.session.declare_subscriber(Key::refused(&museum(), BEN).to_string()).await.unwrap();
         let corners = corners.iter().map(|&(x_mm, y_mm)| FixedPoint { x_mm, y_mm }).collect();

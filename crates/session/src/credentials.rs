@@ -1,5 +1,5 @@
-//! Whether the certificates and keys that a configuration names can be read, and are this robot's. Zenoh reads them at
-//! each attempt to connect and would retry for ever with a missing file.
+//! Whether the certificates and keys that a configuration names can be read, and are this robot's.
+//! Zenoh reads them at each attempt to connect and would retry for ever with a missing file.
 
 use std::path::{Path, PathBuf};
 use x509_parser::pem::Pem;

@@ -56,8 +56,8 @@ async fn trial(config: &Config, endpoint: &str) -> Result<(), zenoh::Error> {
     attempt(config).await?.close().await
 }
 
-/// The endpoint that was perhaps meant: `tls/…` where a TLS server was asked over TCP, and the other
-/// way round. Each side takes what the other says for nonsense, and closes the connection.
+/// The endpoint that was perhaps meant: `tls/…` where a TLS server was asked over TCP, and the
+/// other way round. Each side takes what the other says for nonsense, and closes the connection.
 fn other_protocol(endpoint: &str, reason: &str) -> Option<String> {
     let is = |texts: &[&str]| texts.iter().any(|text| reason.contains(text));
     if let Some(at) = endpoint.strip_prefix("tcp/") {
@@ -67,8 +67,8 @@ fn other_protocol(endpoint: &str, reason: &str) -> Option<String> {
     is(&["eof", "reset by peer", "InvalidContentType", "corrupt message"]).then(|| format!("tcp/{at}"))
 }
 
-/// `tcp/…`, if a TLS endpoint is there but says nothing: a Zenoh router without TLS waits for more of
-/// what it takes for a long message.
+/// `tcp/…`, if a TLS endpoint is there but says nothing: a Zenoh router without TLS waits for more
+/// of what it takes for a long message.
 async fn silent_to_tls(endpoint: &str) -> Option<String> {
     let at = endpoint.strip_prefix("tls/")?.to_owned();
     let address = at.split(['?', '#']).next()?.to_owned();

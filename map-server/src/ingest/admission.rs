@@ -2,33 +2,17 @@
 //! before it finds its place. Only what writers put is judged. What is stored, what storages hold
 //! and what an operator imports was let in before.
 
-use crate::catalog::AddedElements;
 use crate::config::{Limits, Quotas, WriterQuota};
-use crate::ingest::check::{Checked, Refusal};
-use crate::ingest::pipeline::{Ingest, Intake};
-use crate::store::{IncrementLog, IncrementOrigin, Piece, StoreError};
-use fht_map::{WriterRole, WriterRoles, takes_from_others};
-use fht_proto::{AuthorId, CompactedSeries, Increment, MapName, NodeId, decode};
-use std::collections::{BTreeMap, BTreeSet};
+use crate::ingest::check::Refusal;
+use crate::ingest::intake::{Intake, WriterUse};
+use fht_map::{WriterRole, WriterRoles};
+use fht_proto::{AuthorId, MapName};
+use std::collections::BTreeMap;
 
 /// For how long it counts that somebody has taken away what others made, microseconds.
 const TAKEN_FOR_US: u64 = 3_600_000_000;
 /// How long a burst of increments may last that comes faster than the quota, seconds.
 const BURST_S: f64 = 10.0;
-
-/// What of a map is there for one author.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct WriterUse {
-    bytes: u64,
-    elements: usize,
-}
-
-impl WriterUse {
-    pub(super) fn add(&mut self, bytes: u64, elements: usize) {
-        self.bytes += bytes;
-        self.elements += elements;
-    }
-}
 
 /// Increments that an author may still write at once.
 #[derive(Clone, Copy, Debug)]
@@ -48,29 +32,34 @@ struct Taken {
 /// The roles and quotas of a server, and what the writers have used of them.
 #[derive(Debug)]
 pub(super) struct Admission {
-    writers: WriterRoles,
-    quotas: Quotas,
+    pub(super) writers: WriterRoles,
+    pub(super) quotas: Quotas,
     allowances: BTreeMap<AuthorId, Allowance>,
     taken: BTreeMap<(MapName, AuthorId), Taken>,
 }
 
 /// A writer whose role is known.
 #[derive(Clone, Debug)]
-struct Writer {
-    author: AuthorId,
-    role: WriterRole,
-    name: String,
+pub(super) struct Writer {
+    pub(super) author: AuthorId,
+    pub(super) role: WriterRole,
+    pub(super) name: String,
     quota: WriterQuota,
 }
 
 impl Admission {
-    fn writer(&self, author: AuthorId) -> Option<Writer> {
+    /// Nobody has written yet.
+    pub(super) fn new(writers: WriterRoles, quotas: Quotas) -> Self {
+        Self { writers, quotas, allowances: BTreeMap::new(), taken: BTreeMap::new() }
+    }
+
+    pub(super) fn writer(&self, author: AuthorId) -> Option<Writer> {
         let (role, name) = self.writers.role(author).zip(self.writers.name(author))?;
         Some(Writer { author, role, name: name.to_owned(), quota: self.quotas.of(role).clone() })
     }
 
     /// A token bucket.
-    fn check_pace(&mut self, writer: &Writer, now_us: u64) -> Result<(), Refusal> {
+    pub(super) fn check_pace(&mut self, writer: &Writer, now_us: u64) -> Result<(), Refusal> {
         let per_s = writer.quota.increments_per_s;
         let full = per_s * BURST_S;
         let known = self.allowances.entry(writer.author).or_insert(Allowance { left: full, at_us: now_us });
@@ -85,7 +74,7 @@ impl Admission {
 
     /// Counts `more` nodes of others that a writer takes away; `others` counts those that there
     /// are.
-    fn take_away(
+    pub(super) fn take_away(
         &mut self,
         map: &MapName,
         writer: &Writer,
@@ -108,16 +97,16 @@ impl Admission {
 }
 
 /// Where room is needed: in a map, in all of them.
-struct Room<'a> {
-    maps: &'a BTreeMap<MapName, Intake>,
-    map: &'a MapName,
-    limits: &'a Limits,
+pub(super) struct Room<'a> {
+    pub(super) maps: &'a BTreeMap<MapName, Intake>,
+    pub(super) map: &'a MapName,
+    pub(super) limits: &'a Limits,
 }
 
 impl Room<'_> {
     /// Whether an increment of so many bytes and at most so many elements is within its writer's
     /// quota, and outside of what is kept for operators.
-    fn check(&self, writer: &Writer, reserve: f64, bytes: u64, elements: usize) -> Result<(), Refusal> {
+    pub(super) fn check(&self, writer: &Writer, reserve: f64, bytes: u64, elements: usize) -> Result<(), Refusal> {
         let limits = self.limits;
         let uses = || self.maps.values().filter_map(|intake| intake.by_author.get(&writer.author));
         let (known, own) = match self.maps.get(self.map) {
@@ -171,121 +160,5 @@ impl Room<'_> {
             }
         }
         Ok(())
-    }
-}
-
-impl Intake {
-    /// What was added is durable, and counted.
-    pub(super) fn added(&mut self, added: &AddedElements, increments: &[Increment]) {
-        self.elements = added.total;
-        for ((author, elements), increment) in added.by_author.iter().zip(increments) {
-            let own = self.by_author.entry(*author).or_default();
-            // It was counted by its operations.
-            own.elements = (own.elements + elements).saturating_sub(increment.ops.len());
-        }
-    }
-
-    /// Counts again how many bytes are there for whom.
-    fn recount_bytes(&mut self, map: &MapName, log: &dyn IncrementLog) -> Result<(), StoreError> {
-        self.by_author.values_mut().for_each(|own| own.bytes = 0);
-        log.reader().for_each(Some(map), &mut |_, author, _, piece| {
-            self.by_author.entry(author).or_default().bytes += piece.bytes().len() as u64;
-            Ok(())
-        })
-    }
-}
-
-/// Counts the increments in a piece of a log that its author may not write.
-fn against_roles(writers: &WriterRoles, piece: Piece<'_>) -> usize {
-    match piece {
-        Piece::Increment(bytes) => {
-            decode::<Increment>(bytes).is_ok_and(|increment| writers.check(&increment).is_err()).into()
-        }
-        Piece::Compacted(bytes) => decode::<CompactedSeries>(bytes).map_or(0, |series| {
-            let is_against = |op| writers.check_op(series.author, op).is_err();
-            series.rests.iter().filter(|rest| rest.ops.iter().any(|(_, op)| is_against(op))).count()
-        }),
-    }
-}
-
-impl Ingest {
-    /// The same, where only those may write who have a role, and what it allows, within the quotas.
-    /// What the log holds against the roles stays, and is named in the program's log.
-    ///
-    /// # Errors
-    /// [`StoreError`] when the log cannot be read.
-    pub fn guarded_by(mut self, writers: WriterRoles, quotas: Quotas) -> Result<Self, StoreError> {
-        for view in self.catalog.views() {
-            let Some(intake) = self.maps.get_mut(&view.head.map) else { continue };
-            for (author, elements) in view.state.elements_by_writer() {
-                intake.by_author.entry(author).or_default().elements = elements;
-            }
-        }
-        let mut against: BTreeMap<(String, AuthorId), usize> = BTreeMap::new();
-        let maps = &mut self.maps;
-        self.log.reader().for_each(None, &mut |name, author, _, piece| {
-            if let Some(intake) = name.parse::<MapName>().ok().and_then(|map| maps.get_mut(&map)) {
-                intake.by_author.entry(author).or_default().bytes += piece.bytes().len() as u64;
-            }
-            // Who has left the fleet has no role, and may have had any.
-            if writers.role(author).is_some() {
-                *against.entry((name.to_owned(), author)).or_default() += against_roles(&writers, piece);
-            }
-            Ok(())
-        })?;
-        for ((map, author), count) in against.iter().filter(|(_, count)| **count > 0) {
-            let name = writers.name(*author).unwrap_or_default();
-            tracing::warn!(
-                "map {map} has {count} increments of {name} that its role does not allow, from before the roles: \
-                 map-server undo {map} --author {name} --against-roles FILE takes them back"
-            );
-        }
-        let (allowances, taken) = (BTreeMap::new(), BTreeMap::new());
-        self.admission = Some(Admission { writers, quotas, allowances, taken });
-        Ok(self)
-    }
-
-    /// Counts again what is there for whom in a map that was compacted.
-    pub(super) fn recount(&mut self, map: &MapName) -> Result<(), StoreError> {
-        match self.maps.get_mut(map).filter(|_| self.admission.is_some()) {
-            Some(intake) => intake.recount_bytes(map, self.log.as_ref()),
-            None => Ok(()),
-        }
-    }
-
-    /// Holds an increment against its author's role and quota. `None`: it comes too early to be
-    /// judged, and its writer sends it again.
-    pub(super) fn admit(&mut self, checked: Checked, now_us: u64) -> Result<Option<Checked>, Refusal> {
-        let Some(admission) = self.admission.as_mut().filter(|_| checked.origin == IncrementOrigin::Writer) else {
-            return Ok(Some(checked));
-        };
-        let Checked { map, increment, bytes, .. } = &checked;
-        let Increment { author, number, ops, .. } = increment;
-        admission.writers.check(increment)?;
-        // Increments have at least one operation, and so their author has a role.
-        let Some(writer) = admission.writer(*author) else { return Ok(None) };
-        admission.check_pace(&writer, now_us)?;
-        let written = self.maps.get(map).map_or(0, |intake| intake.sequence.vector().get(*author));
-        if *number <= written {
-            return Ok(Some(checked)); // it is there, or is another one of its number
-        }
-        let reserve = admission.quotas.operators_reserve_share;
-        let room = Room { maps: &self.maps, map, limits: &self.limits };
-        room.check(&writer, reserve, bytes.len() as u64, ops.len())?;
-        let taken: BTreeSet<NodeId> = ops.iter().filter_map(|op| takes_from_others(*author, op)).collect();
-        if taken.is_empty() || writer.role == WriterRole::Operator {
-            return Ok(Some(checked));
-        }
-        // In order, so that each is counted once and none that waits goes uncounted.
-        if *number != written + 1 {
-            return Ok(None);
-        }
-        let state = self.catalog.view(map).map(|view| view.state);
-        let others = || {
-            let nodes = state.iter().flat_map(|state| state.nodes());
-            nodes.filter(|node| node.id.author != *author).count()
-        };
-        admission.take_away(map, &writer, taken.len(), others, now_us)?;
-        Ok(Some(checked))
     }
 }

@@ -3,7 +3,8 @@
 
 use crate::ingest::batch::Batch;
 use crate::ingest::check::{Arrival, Checked, Refusal, check, check_stamp};
-use crate::ingest::pipeline::{Ingest, Intake};
+use crate::ingest::intake::Intake;
+use crate::ingest::pipeline::Ingest;
 use crate::store::{CompactedRecord, CompactionFloor, IncrementOrigin, StoreError};
 use fht_map::crdt::reorder_buffer::ReorderBuffer;
 use fht_proto::api::keys::Key;

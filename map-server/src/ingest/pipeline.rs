@@ -3,9 +3,10 @@
 
 use crate::catalog::{Catalog, MapView};
 use crate::config::Limits;
-use crate::ingest::admission::{Admission, WriterUse};
+use crate::ingest::admission::Admission;
 use crate::ingest::batch::{Batch, BatchOutcome};
 use crate::ingest::check::{Arrival, Checked, Refusal, check, check_words, map_of};
+use crate::ingest::intake::Intake;
 use crate::ingest::pending_maps::PendingMaps;
 use crate::ingest::refusals::{RefusalNotice, RefusalThrottle};
 use crate::ingest::retention::{Retained, retain};
@@ -35,17 +36,6 @@ pub struct Ingest {
     refusals: RefusalThrottle,
     /// Who may write what, if the roles are known.
     pub(super) admission: Option<Admission>,
-}
-
-/// What the writer knows about one map.
-#[derive(Debug)]
-pub(super) struct Intake {
-    pub(super) sequence: ReorderBuffer<Checked>,
-    pub(super) bytes: u64,
-    /// An upper bound of what the map has.
-    pub(super) elements: usize,
-    /// What of both is there for whom. Without roles only what has come since the start.
-    pub(super) by_author: BTreeMap<AuthorId, WriterUse>,
 }
 
 /// What became of an increment that there is room for.

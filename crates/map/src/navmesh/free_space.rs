@@ -263,8 +263,8 @@ impl FreeSpace {
         self.zones[..self.keep_out_count].iter().any(|zone| zone.contains(corner_of(place)))
     }
 
-    /// Whether no path may end at a place: operators keep robots out, or something stands there that
-    /// a robot has reported.
+    /// Whether no path may end at a place: operators keep robots out, or a robot has reported that
+    /// something stands there.
     pub(crate) fn is_closed_goal(&self, place: FixedPoint) -> bool {
         let closed = &self.zones[..self.keep_out_count + self.blocked_count];
         closed.iter().any(|zone| zone.contains(corner_of(place)))

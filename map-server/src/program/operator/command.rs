@@ -21,7 +21,7 @@ use fht_program::Waiting;
 use fht_program::print_line;
 use fht_proto::api::keys::{AdminAction, Key, Topic};
 use fht_proto::api::reply::{DiffReply, MapsReply};
-use fht_proto::{MapName, Op, ReleaseName, RobotName, Zone, ZoneRule};
+use fht_proto::{MapName, NodeId, Op, ReleaseName, RobotName, Zone, ZoneRule};
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::path::Path;
@@ -107,12 +107,8 @@ impl Operation {
                 };
                 change(session, args, &map, op).await
             }
-            Self::Close { map, a, b } => {
-                change(session, args, &map, rule::closing(session, &map, [a, b], true).await?).await
-            }
-            Self::Open { map, a, b } => {
-                change(session, args, &map, rule::closing(session, &map, [a, b], false).await?).await
-            }
+            Self::Close { map, a, b } => close_edge(session, args, &map, [a, b], true).await,
+            Self::Open { map, a, b } => close_edge(session, args, &map, [a, b], false).await,
             Self::Undo { map, last, author, against_roles } => {
                 let undone = match author.zip(against_roles) {
                     None => undo::Undone::Newest(last),
@@ -145,6 +141,16 @@ impl Operation {
             }
         }
     }
+}
+
+async fn close_edge(
+    session: &Session,
+    args: &OperatorArgs,
+    map: &MapName,
+    ends: [NodeId; 2],
+    is_closed: bool,
+) -> Result<(), OperatorError> {
+    change(session, args, map, rule::closing(session, map, ends, is_closed).await?).await
 }
 
 async fn export(

@@ -5,8 +5,8 @@ use std::fmt::Display;
 /// How many names are listed.
 const LISTED: usize = 10;
 
-/// `there is: dock, hall`, or `there is none`. Of more than ten names the first ten stand there, and
-/// how many more there are.
+/// `there is: dock, hall`, or `there is none`. Of more than ten names the first ten stand there,
+/// and how many more there are.
 #[must_use]
 pub fn known_names<T: Display>(names: impl IntoIterator<Item = T>) -> String {
     let mut names = names.into_iter();
