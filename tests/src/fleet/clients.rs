@@ -27,6 +27,8 @@ const PATIENCE: Duration = Duration::from_secs(600);
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(10);
 /// How many sessions are opened at a time.
 const OPENING: usize = 8;
+/// How many clients fetch the map at a time.
+const JOINING: usize = 50;
 /// How many pairs of places are asked for in turn.
 const PAIRS: usize = 500;
 /// One of so many replies is fully decoded; all are checked.
@@ -192,17 +194,19 @@ pub fn run(config: &ClientsConfig, mut say: impl FnMut(&Event)) -> Result<(), Tr
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let begin = Instant::now();
     let sessions = runtime.block_on(open_all(config))?;
-    let replicas = sessions
-        .iter()
-        .enumerate()
-        .map(|(number, session)| {
-            LiveReplica::start(session, &config.map, &format!("fleet-{number}"), ReplicaConfig::default())
-        })
-        .collect::<Result<Vec<_>, _>>()?;
     let first = sessions.first().ok_or(TrialError::Late("a client did not get the map"))?;
     let vector = ask_head(first, &config.map, PATIENCE)?.vector;
-    if !replicas.iter().all(|replica| replica.wait_for(&vector, PATIENCE)) {
-        return Err(TrialError::Late("a client did not get the map"));
+    let mut replicas = Vec::new();
+    // Not all at once: who waits too long for a server asks again, and keeps it from the others.
+    for joining in sessions.chunks(JOINING) {
+        let count = replicas.len();
+        for (number, session) in (count..).zip(joining) {
+            let name = format!("fleet-{number}");
+            replicas.push(LiveReplica::start(session, &config.map, &name, ReplicaConfig::default())?);
+        }
+        if !replicas.iter().skip(count).all(|replica| replica.wait_for(&vector, PATIENCE)) {
+            return Err(TrialError::Late("a client did not get the map"));
+        }
     }
     say(&Event::Joined { seconds: begin.elapsed().as_secs_f64() });
 
