@@ -184,6 +184,19 @@ fn beyond_the_budget_closed_edges_and_ground_stay_closed() {
     assert_eq!(length(keeping_out(&[&[(6.0, 2.0), (6.2, 2.0), (6.2, 3.2), (6.0, 3.2)]])).unwrap(), round);
 }
 
+#[test]
+fn a_start_on_the_border_of_closed_ground_is_left_and_a_goal_there_is_closed() {
+    let hall = map(&[((2.0, 5.0), [0.0, 0.0, 10.0, 10.0])], &[]);
+    let config = keeping_out(&[&[(4.0, 4.0), (6.0, 4.0), (6.0, 6.0), (4.0, 6.0)]]);
+    for border in [at(4.0, 5.0), at(6.0, 5.0), at(5.0, 4.0), at(5.0, 6.0), at(4.0, 4.0), at(6.0, 6.0)] {
+        let route = plan(&hall, &config, border, at(1.0, 1.0));
+        assert!(route.is_ok(), "from {border:?}: {route:?}");
+        let refusal = plan(&hall, &config, at(1.0, 1.0), border);
+        assert!(matches!(refusal, Err(RouteError::NoPath { .. })), "to {border:?}: {refusal:?}");
+        assert!(FreeSpace::of(&hall, &config).is_kept_out(border));
+    }
+}
+
 /// `count` blocked places on a circle, metres.
 fn ring(centre: (f64, f64), radius: f64, count: u32) -> SpaceConfig {
     let angle = |k: u32| f64::from(k) / f64::from(count) * std::f64::consts::TAU;

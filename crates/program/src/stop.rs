@@ -17,6 +17,8 @@ use tokio::sync::watch;
 
 /// How long a program may take to put its files in order after it was asked to end.
 const GRACE: Duration = Duration::from_secs(5);
+/// Signals as soon after each other are one request.
+const SAME_REQUEST: Duration = Duration::from_millis(200);
 
 /// What asks a program to end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,8 +116,14 @@ impl Stop {
         if self.work().orders == 0 {
             self.say_interrupted(program);
         } else {
+            // Some send a signal to the program and to its group: that is asked once.
+            let asked_again = async {
+                tokio::time::sleep(SAME_REQUEST).await;
+                signals.forget().await;
+                signals.next().await
+            };
             tokio::select! {
-                _ = signals.next() => say(&format!("{program}: asked twice: it ends at once")),
+                _ = asked_again => say(&format!("{program}: asked twice: it ends at once")),
                 () = tokio::time::sleep(GRACE) => {
                     say(&format!("{program}: its files are not in order after {} s: it ends", GRACE.as_secs()));
                 }
@@ -222,6 +230,19 @@ impl Signals {
         tokio::select! {
             _ = self.interrupt.recv() => StopSignal::Interrupt,
             _ = self.terminate.recv() => StopSignal::Terminate,
+        }
+    }
+}
+
+impl Signals {
+    /// Forgets the signals that have come.
+    async fn forget(&mut self) {
+        loop {
+            tokio::select! {
+                biased;
+                _ = self.next() => {}
+                () = std::future::ready(()) => return,
+            }
         }
     }
 }

@@ -42,7 +42,7 @@ impl ExploreArgs {
 
 /// Runs `mapper explore`; `false` if the map is not complete, or the server did not take all of it.
 pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) -> Result<bool, ProgramFailure> {
-    let task = args.task(file, stop).map_err(ProgramFailure::of_input)?;
+    let task = args.task(file, stop.clone()).map_err(ProgramFailure::of_input)?;
     let (linger_s, spool) = (task.mapping.linger_s, task.mapping.spool.clone());
     let runtime = runtime().map_err(ProgramFailure::of_run)?;
     tracing::info!(map = %task.mapping.map, robot = task.mapping.robot, world = args.setup.world, "explores");
@@ -89,6 +89,7 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
         written: report.written,
         acknowledged: report.acknowledged,
         linger_s,
+        is_asked_to_end: stop.is_set(),
         spool: spool.as_deref(),
     };
     Ok(end.tell())

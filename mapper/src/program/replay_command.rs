@@ -111,7 +111,7 @@ impl ReplayArgs {
 
 /// Runs `mapper replay`; `false` if the server did not take the whole map.
 pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Result<bool, ProgramFailure> {
-    let task = args.task(file, stop).map_err(ProgramFailure::of_input)?;
+    let task = args.task(file, stop.clone()).map_err(ProgramFailure::of_input)?;
     let linger_s = task.mapping.linger_s;
     tracing::info!(map = %task.mapping.map, robot = task.mapping.robot, bag = %task.bag.display(), "replays");
     let bar = if args.run.quiet || args.run.report.json { ProgressBar::hidden() } else { progress_bar() };
@@ -142,6 +142,7 @@ pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Res
         written: report.written,
         acknowledged: report.acknowledged,
         linger_s,
+        is_asked_to_end: stop.is_set(),
         spool: None,
     };
     Ok(end.tell())

@@ -118,6 +118,7 @@ pub(super) struct RunEnd<'a> {
     pub(super) written: u64,
     pub(super) acknowledged: u64,
     pub(super) linger_s: f64,
+    pub(super) is_asked_to_end: bool,
     pub(super) spool: Option<&'a Path>,
 }
 
@@ -132,6 +133,8 @@ impl RunEnd<'_> {
                 _ => self.not_taken(),
             };
             eprintln!("mapper: interrupted: the map is not complete; {stored}");
+        } else if !is_taken && self.is_asked_to_end {
+            eprintln!("mapper: interrupted while waiting for the server to acknowledge the map; {}", self.not_taken());
         } else if !is_taken {
             eprintln!(
                 "mapper: the server did not acknowledge the whole map within {} s; may this robot write? (access control drops \

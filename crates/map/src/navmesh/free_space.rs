@@ -260,19 +260,19 @@ impl FreeSpace {
     /// Whether operators keep robots out of a place.
     #[must_use]
     pub fn is_kept_out(&self, place: FixedPoint) -> bool {
-        self.zones[..self.keep_out_count].iter().any(|zone| zone.contains(corner_of(place)))
+        self.zones[..self.keep_out_count].iter().any(|zone| zone.covers(corner_of(place)))
     }
 
     /// Whether no path may end at a place: operators keep robots out, or a robot has reported that
     /// something stands there.
     pub(crate) fn is_closed_goal(&self, place: FixedPoint) -> bool {
         let closed = &self.zones[..self.keep_out_count + self.blocked_count];
-        closed.iter().any(|zone| zone.contains(corner_of(place)))
+        closed.iter().any(|zone| zone.covers(corner_of(place)))
     }
 
     /// What may not be crossed on a way from a place. What it lies in itself may be left.
     pub(crate) fn screens_around(&self, place: Corner, reach_mm: f64) -> impl Iterator<Item = &ClosedZone> {
-        self.screens.iter().filter(move |zone| zone.is_within(place, reach_mm) && !zone.contains(place))
+        self.screens.iter().filter(move |zone| zone.is_within(place, reach_mm) && !zone.covers(place))
     }
 }
 

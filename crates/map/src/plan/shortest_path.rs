@@ -69,7 +69,11 @@ pub fn plan(
         _ => return Err(refusal),
     }
     match (ways.nearest(), config.ends) {
-        (Some(spot), PathEnds::ToNearest) => ways.shortest_to_spot(spot).ok_or(refusal),
+        (Some(spot), PathEnds::ToNearest) => {
+            ways.shortest_to_spot(spot).ok_or(RouteError::NoPath { from, to, nearest: None })
+        }
+        // Nothing leads away from the start.
+        (None, PathEnds::ToNearest) => Err(RouteError::NoPath { from, to, nearest: None }),
         (Some(spot), _) => Err(RouteError::NoPath { from, to, nearest: Some(fixed_point(spot.place)) }),
         (None, _) => Err(refusal),
     }
@@ -152,7 +156,7 @@ fn checked(space: &FreeSpace, route: NodeRoute, config: &NodeRouteConfig) -> Opt
     let points: Vec<Corner> = route.waypoints.iter().map(|waypoint| corner_of(waypoint.point)).collect();
     let (Some(start), Some(goal)) = (points.first(), points.last()) else { return Some(route) };
     let leads_over =
-        |zone: &ClosedZone| !zone.contains(*start) && points.windows(2).any(|pair| zone.is_met([pair[0], pair[1]]));
+        |zone: &ClosedZone| !zone.covers(*start) && points.windows(2).any(|pair| zone.is_met([pair[0], pair[1]]));
     if space.zones.iter().any(leads_over) {
         return None;
     }

@@ -22,6 +22,7 @@ use fht_program::print_line;
 use fht_proto::api::keys::{AdminAction, Key, Topic};
 use fht_proto::api::reply::{DiffReply, MapsReply};
 use fht_proto::{MapName, NodeId, Op, ReleaseName, RobotName, Zone, ZoneRule};
+use fht_session::{SessionConfig, check_owner};
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::path::Path;
@@ -54,6 +55,9 @@ impl Operation {
         if link.connect.is_empty() && link.zenoh_config.is_none() {
             link.connect.push(DEFAULT_LISTEN.to_owned());
         }
+        let certified = SessionConfig::from_options(link.connect.clone(), link.zenoh_config.clone());
+        check_owner(&certified, "operator", args.operator.as_str())
+            .map_err(|error| OperatorError::Usage(error.to_string()))?;
         let session = connect(&link, waiting).await?;
         let outcome = match until_there(&session, self.map(), waiting).await {
             Ok(()) => self.with(&session, args, merge).await,

@@ -1,7 +1,7 @@
 //! Ground that no way may lead over, whatever the map says: what operators keep out, and barriers
 //! across edges that they closed.
 
-use crate::navmesh::plane::{Corner, between, corner_of, cross, distance, meet};
+use crate::navmesh::plane::{Corner, between, corner_of, cross, distance, meet, nearest_on};
 use fht_proto::FixedPoint;
 use i_overlay::i_float::int::point::IntPoint;
 use i_overlay::i_shape::int::shape::{IntContour, IntShapes};
@@ -54,6 +54,11 @@ impl ClosedZone {
         self.sides().filter(crosses).count() % 2 == 1
     }
 
+    /// Whether a place lies inside or on the border.
+    pub(crate) fn covers(&self, place: Corner) -> bool {
+        self.contains(place) || self.sides().any(|side| distance(nearest_on(side, place), place) <= BORDER_MM)
+    }
+
     /// Whether a place lies within a distance of the box around it.
     pub(crate) fn is_within(&self, place: Corner, reach_mm: f64) -> bool {
         (0..2).all(|axis| place[axis] >= self.low[axis] - reach_mm && place[axis] <= self.high[axis] + reach_mm)
@@ -68,6 +73,8 @@ impl ClosedZone {
     }
 }
 
+/// What is as near to a side is on it, millimetres.
+const BORDER_MM: f64 = 1.0;
 /// A passage is looked for at places this far apart along an edge, millimetres.
 const STEP_MM: f64 = 50.0;
 /// A barrier is this long in the direction of its edge, millimetres.
