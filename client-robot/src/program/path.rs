@@ -5,8 +5,7 @@ use super::connection::{ASK_AGAIN, TIMEOUT, connect, wait_for_map};
 use super::error::CliError;
 use super::settings::ClientFile;
 use fht_client::{AskError, PathQuestion, PlannedPath, ask_path, planned};
-use fht_program::print_line;
-use fht_program::{Stop, Waiting};
+use fht_program::{ProgramFailure, Stop, Waiting, print_line};
 use fht_proto::api::reply::{ErrorCode, PlaceRef, SpeedLimit};
 use std::process::ExitCode;
 
@@ -47,8 +46,8 @@ pub(super) fn path(
             }
             Err(AskError::Refused(refusal)) => {
                 let code = serde_json::to_string(&refusal.code)?;
-                eprintln!("client-robot: {}: {}", code.trim_matches('"'), refusal.message);
-                return Ok(ExitCode::from(if refusal.code.is_input() { 2 } else { 1 }));
+                let reason = format!("{}: {}", code.trim_matches('"'), refusal.message);
+                return Ok(ProgramFailure::of(refusal.code.is_input(), reason).tell("client-robot"));
             }
             Err(error) => return Err(error.into()),
         }

@@ -2,6 +2,7 @@
 
 use crate::place::NamedPlace;
 use fht_client::{AskError, FreeSpaceCache, LiveReplica, PoseReport, Presence, ask_head_async, ask_json_async};
+use fht_map::plan::blocked::missing_node;
 use fht_map::{MapState, Rules};
 use fht_perception::pose::{Pose2, from_fixed};
 use fht_proto::api::fleet::{BlockedReport, FleetReply, LocalizationState, RobotView};
@@ -202,10 +203,7 @@ impl Map {
             places: points.iter().map(|&(x, y)| [x, y]).collect(),
         };
         report.validate()?;
-        let (newest, running) = (self.newest(), self.state());
-        let is_there = |id: NodeId| newest.node(id).or_else(|| running.node(id)).is_some();
-        let mut ends = edges.iter().flat_map(|&(a, b)| [a, b]);
-        if let Some(missing) = ends.find(|id| !is_there(*id)) {
+        if let Some(missing) = missing_node(&report.edge_keys()?, [&self.newest(), &self.state()]) {
             return Err(ReportError::NoNode(missing));
         }
         presence.report_blocked(&report);

@@ -5,8 +5,7 @@ use fht_demo::run_role;
 use fht_demo::{Crew, HandoffConfig, hand_off};
 use fht_demo::{HandoffArgs, HandoffCommand, leave_nothing_behind, this_executable};
 use fht_picture::default_file;
-use fht_program::print_line;
-use fht_program::{ProgramFailure, Stop};
+use fht_program::{ProgramFailure, Stop, print_line};
 use fht_sim::SimSetup;
 use std::process::ExitCode;
 

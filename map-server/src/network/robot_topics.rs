@@ -3,7 +3,7 @@
 use crate::clock::now_us;
 use crate::query::AnswerSources;
 use crate::throttle::Throttle;
-use fht_proto::NodeId;
+use fht_map::plan::blocked::missing_node;
 use fht_proto::api::fleet::{BlockedReport, RobotStatus};
 use fht_proto::api::keys::{ALL_ROBOT_TOPICS, ALL_ROBOTS, Key, RobotTopic, Topic};
 use fht_proto::api::reply::{BlockedView, RulesReply};
@@ -107,9 +107,7 @@ fn take_sample(sample: &Sample, sources: &AnswerSources) -> Result<(), String> {
         RobotTopic::Blocked => {
             let report: BlockedReport = serde_json::from_slice(&payload).map_err(|error| error.to_string())?;
             let edges = report.edge_keys().map_err(|error| error.to_string())?;
-            let (newest, running) = (&view.state, view.running.state());
-            let is_there = |id: NodeId| newest.node(id).or_else(|| running.node(id)).is_some();
-            if let Some(missing) = edges.iter().flat_map(|edge| [edge.low(), edge.high()]).find(|id| !is_there(*id)) {
+            if let Some(missing) = missing_node(&edges, [&view.state, view.running.state()]) {
                 return Err(format!("map {map} has no node {missing}: it cannot be blocked"));
             }
             sources.active_rules.take_report(&map, &robot, &report, now_us()).map_err(|error| error.to_string())?;

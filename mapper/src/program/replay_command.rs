@@ -5,8 +5,7 @@ use super::running::{RunArgs, RunEnd, increments, runtime};
 use super::settings::MapperFile;
 use clap::Args;
 use fht_bag::{BagInfo, FrameConfig, TopicConfig, survey};
-use fht_program::print_line;
-use fht_program::{ProgramFailure, Stop};
+use fht_program::{ProgramFailure, Stop, print_line};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 

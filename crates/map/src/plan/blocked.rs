@@ -1,7 +1,8 @@
 //! What robots found blocked, for as long as their reports hold. Servers and robots alike keep it.
 
+use crate::crdt::state::MapState;
 use fht_proto::api::fleet::BlockedReport;
-use fht_proto::{EdgeKey, FixedPoint, Invalid};
+use fht_proto::{EdgeKey, FixedPoint, Invalid, NodeId};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What one robot found blocked.
@@ -13,6 +14,14 @@ pub struct BlockedBy {
     pub edges: BTreeSet<EdgeKey>,
     /// Places, map frame.
     pub places: BTreeSet<FixedPoint>,
+}
+
+/// The first node at an end of `edges` that neither of two states of a map has: the newest, and the
+/// one that robots use. What is not there cannot be blocked.
+#[must_use]
+pub fn missing_node(edges: &[EdgeKey], [newest, running]: [&MapState; 2]) -> Option<NodeId> {
+    let is_there = |id: NodeId| newest.node(id).or_else(|| running.node(id)).is_some();
+    edges.iter().flat_map(|edge| [edge.low(), edge.high()]).find(|id| !is_there(*id))
 }
 
 /// The reports that hold. Times are the keeper's own, microseconds; they must not go back.

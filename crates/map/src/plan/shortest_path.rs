@@ -69,11 +69,11 @@ pub fn plan(
         _ => return Err(refusal),
     }
     match (ways.nearest(), config.ends) {
-        (Some(spot), PathEnds::ToNearest) => {
-            ways.shortest_to_spot(spot).ok_or(RouteError::NoPath { from, to, nearest: None })
+        // If there is none, nothing leads away from the start.
+        (spot, PathEnds::ToNearest) => {
+            let route = spot.and_then(|spot| ways.shortest_to_spot(spot));
+            route.ok_or(RouteError::NoPath { from, to, nearest: None })
         }
-        // Nothing leads away from the start.
-        (None, PathEnds::ToNearest) => Err(RouteError::NoPath { from, to, nearest: None }),
         (Some(spot), _) => Err(RouteError::NoPath { from, to, nearest: Some(fixed_point(spot.place)) }),
         (None, _) => Err(refusal),
     }
