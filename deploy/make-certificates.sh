@@ -9,12 +9,14 @@ out=certificates
 
 usage() {
     cat <<'HELP'
-Usage: make-certificates.sh [--out DIR] [--days N] authority
-       make-certificates.sh [--out DIR] [--days N] ROLE NAME [HOST...]
+Usage: make-certificates.sh [OPTIONS] authority|renew-authority|finish-authority
+       make-certificates.sh [OPTIONS] ROLE NAME [HOST...]
 
 Makes what mutual TLS needs, as PEM files in DIR (default: certificates):
 
   authority               ca.pem, which everybody gets, and ca.key, which stays here
+  renew-authority         a new authority: old files move to DIR/old, and ca.pem holds both, the new one first
+  finish-authority        ca.pem holds the new authority alone: once routers have it, old certificates are refused
   router NAME HOST...     ROLE-NAME.pem and ROLE-NAME.key for a Zenoh router that is reached as HOST
   server NAME [HOST...]   … for a map-server; with HOST when robots connect to it directly
   explorer NAME           … for a robot that may write maps
@@ -24,9 +26,15 @@ Makes what mutual TLS needs, as PEM files in DIR (default: certificates):
 NAME is the robot's name (--robot), 1 to 55 of a-z A-Z 0-9 _ -; the certificate's common name is ROLE:NAME, for example
 explorer:ana. A HOST is an IP address or a DNS name.
 
-  --out DIR    where the files are
-  --days N     how long the certificate is valid, in days (default: 365; the authority: 3650)
-  --help       this text
+  --out DIR                where the files are
+  --days N                 how long the certificate is valid, in days (default: 365; the authority: 3650)
+  --passphrase-file FILE   the first line of FILE is the passphrase of the authority's key
+  --no-passphrase          the authority's key is stored as it is
+  --help                   this text
+
+Who has ca.key makes certificates for every role, so it is stored encrypted with a passphrase: that of --passphrase-file, or
+of the environment variable FHT_CA_PASSPHRASE, or one that is asked for on the terminal. Without any of them it is stored as
+it is. The keys of routers, servers and robots are not encrypted, since these start without a person.
 
 Keys are elliptic (P-256), private ones are readable by their owner only, and nothing is ever overwritten: to renew a
 certificate, move the old files away first.
@@ -44,8 +52,21 @@ fail() {
     exit 1
 }
 
+passphrase=${FHT_CA_PASSPHRASE-}
+asks=yes
 while [ $# -gt 0 ]; do
     case $1 in
+        --passphrase-file)
+            [ $# -ge 2 ] || fail "$1 needs a value"
+            [ -r "$2" ] || fail "$2, which has the passphrase, cannot be read"
+            passphrase=
+            IFS= read -r passphrase <"$2" || [ -n "$passphrase" ] || fail "$2, which has the passphrase, is empty"
+            shift 2
+            ;;
+        --no-passphrase)
+            passphrase= asks=
+            shift
+            ;;
         --out | --days)
             [ $# -ge 2 ] || fail "$1 needs a value"
             if [ "$1" = --out ]; then out=$2; else days=$2 ca_days=$2; fi
@@ -69,12 +90,30 @@ shift
 umask 077
 mkdir -p "$out"
 work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+restores=
+trap '[ -z "$restores" ] || stty "$restores"; rm -rf "$work"' EXIT
 trap 'exit 1' HUP INT TERM
 
 # Runs openssl; what it says is shown only when it fails.
 quietly() {
     "$@" >"$work/said" 2>&1 || { cat "$work/said" >&2; fail "openssl failed"; }
+}
+
+# Asks on the terminal for the passphrase, unseen.
+ask() {
+    printf '%s' "$1" >&2
+    restores=$(stty -g)
+    stty -echo
+    IFS= read -r answer || answer=
+    stty "$restores"
+    restores=
+    echo >&2
+}
+
+# Openssl reads the passphrase here: arguments are seen by everybody on the machine.
+lend_passphrase() {
+    FHT_CA_PASSPHRASE=$passphrase
+    export FHT_CA_PASSPHRASE
 }
 
 # Moves a finished pair into place: key first, so that a certificate never lies there without one.
@@ -89,6 +128,27 @@ publish() {
     echo "$out/$1.pem, $out/$1.key"
 }
 
+if [ "$role" = renew-authority ]; then
+    [ $# -eq 0 ] || fail "renew-authority takes no further arguments"
+    [ -r "$out/ca.key" ] && [ -r "$out/ca.pem" ] || fail "$out has no authority; run: make-certificates.sh --out $out authority"
+    [ ! -e "$out/old" ] || fail "$out/old exists: finish-authority, and move it away first"
+    mkdir "$out/old"
+    mv "$out"/*.pem "$out"/*.key "$out/old/"
+    sh "$0" --out "$out" --days "$ca_days" authority
+    # Whoever reads the first only, reads the one that signs from now on.
+    cat "$out/old/ca.pem" >>"$out/ca.pem"
+    echo "$out/ca.pem holds both authorities; make all certificates anew, but those that are revoked"
+    exit 0
+fi
+if [ "$role" = finish-authority ]; then
+    [ $# -eq 0 ] || fail "finish-authority takes no further arguments"
+    [ -r "$out/old/ca.pem" ] || fail "no authority is being renewed in $out: there is no $out/old/ca.pem"
+    quietly openssl x509 -in "$out/ca.pem" -out "$work/certificate"
+    mv "$work/certificate" "$out/ca.pem"
+    chmod 644 "$out/ca.pem"
+    echo "$out/ca.pem holds the new authority alone"
+    exit 0
+fi
 if [ "$role" = authority ]; then
     [ $# -eq 0 ] || fail "authority takes no further arguments"
     [ ! -e "$out/ca.key" ] && [ ! -e "$out/ca.pem" ] || fail "$out has an authority; move ca.key and ca.pem away first"
@@ -104,9 +164,23 @@ basicConstraints = critical, CA:TRUE, pathlen:0
 keyUsage = critical, keyCertSign, cRLSign
 subjectKeyIdentifier = hash
 CONFIG
+    if [ -z "$passphrase" ] && [ -n "$asks" ] && [ -t 0 ]; then
+        ask "Passphrase for the authority's key (empty: none): "
+        passphrase=$answer
+        [ -z "$passphrase" ] || ask "Once more: "
+        [ "$passphrase" = "$answer" ] || fail "the two are not the same"
+    fi
     quietly openssl ecparam -name prime256v1 -genkey -noout -out "$work/plain"
-    quietly openssl pkcs8 -topk8 -nocrypt -in "$work/plain" -out "$work/key"
-    quietly openssl req -new -x509 -sha256 -key "$work/key" -days "$ca_days" -config "$work/config" -out "$work/certificate"
+    if [ -n "$passphrase" ]; then
+        [ ${#passphrase} -ge 8 ] || fail "the passphrase is shorter than 8 characters"
+        lend_passphrase
+        quietly openssl pkcs8 -topk8 -v2 aes-256-cbc -iter 600000 -passout env:FHT_CA_PASSPHRASE -in "$work/plain" -out "$work/key"
+    else
+        quietly openssl pkcs8 -topk8 -nocrypt -in "$work/plain" -out "$work/key"
+        [ -z "$asks" ] ||
+            echo "make-certificates.sh: $out/ca.key has no passphrase: whoever reads it makes certificates for every role" >&2
+    fi
+    quietly openssl req -new -x509 -sha256 -key "$work/plain" -days "$ca_days" -config "$work/config" -out "$work/certificate"
     publish ca
     exit 0
 fi
@@ -124,6 +198,16 @@ esac
 # X.509 allows 64 characters for role and name.
 [ ${#name} -le 55 ] || fail "the name '$name' is longer than 55 characters"
 [ -r "$out/ca.key" ] && [ -r "$out/ca.pem" ] || fail "$out has no authority; run: make-certificates.sh --out $out authority"
+
+if grep -q 'BEGIN ENCRYPTED' "$out/ca.key"; then
+    if [ -z "$passphrase" ] && [ -t 0 ]; then
+        ask "Passphrase of the authority's key: "
+        passphrase=$answer
+    fi
+    [ -n "$passphrase" ] || fail "$out/ca.key is encrypted; its passphrase is that of --passphrase-file or of FHT_CA_PASSPHRASE"
+    lend_passphrase
+    openssl pkey -in "$out/ca.key" -passin env:FHT_CA_PASSPHRASE -noout 2>/dev/null || fail "the passphrase of $out/ca.key is another"
+fi
 
 # Robots only ever connect, so their certificates are no good for listening.
 purpose=clientAuth
@@ -175,5 +259,5 @@ quietly openssl pkcs8 -topk8 -nocrypt -in "$work/plain" -out "$work/key"
 quietly openssl req -new -sha256 -key "$work/key" -config "$work/config" -out "$work/request"
 # A serial number of its own, from the system's randomness: two people may issue at one time.
 quietly openssl x509 -req -sha256 -in "$work/request" -CA "$out/ca.pem" -CAkey "$out/ca.key" \
-    -set_serial "0x01$(openssl rand -hex 15)" -days "$days" -extfile "$work/config" -extensions leaf -out "$work/certificate"
+    ${passphrase:+-passin env:FHT_CA_PASSPHRASE} -set_serial "0x01$(openssl rand -hex 15)" -days "$days" -extfile "$work/config" -extensions leaf -out "$work/certificate"
 publish "$role-$name"

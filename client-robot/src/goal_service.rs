@@ -117,7 +117,7 @@ impl GoalService {
             (Ok(status), Some(query)) => self.send(Outgoing::Reply(query, Ok(stamped(status)))),
             (Ok(_), None) => {}
             (Err(refusal), Some(query)) => self.send(Outgoing::Reply(query, Err(refusal))),
-            (Err(ErrorReply { code, message }), None) => {
+            (Err(ErrorReply { code, message, .. }), None) => {
                 // Whoever puts gets no reply.
                 let refused = GoalStatus {
                     state: GoalState::Failed,

@@ -133,10 +133,16 @@ impl GoalQueue {
             return Err(ErrorReply::new(ErrorCode::UnknownGoal, "the robot has no goal"));
         }
         self.is_to_stay |= current.as_ref().is_some_and(|held| held.is_begun);
+        let next = waiting.as_ref().filter(|_| current.is_some()).map(|held| held.order.id.clone());
         for held in [waiting, current].into_iter().flatten() {
             self.end(held, GoalState::Cancelled, reason());
         }
-        self.status(id)
+        let mut status = self.status(id)?;
+        // The reply is of the goal that was under way, and tells of the other one.
+        if let (Some(next), Some(reason)) = (next, &mut status.reason) {
+            *reason = format!("{reason}, and so was goal {next}, which was next");
+        }
+        Ok(status)
     }
 
     /// What has become of a goal; without an id of the one under way, or else of the last one.

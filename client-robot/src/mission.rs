@@ -3,19 +3,20 @@
 //! same map, world and seeds give the same run.
 
 use crate::pilot::{DriveGoal, Failure, Pilot, PilotConfig, PilotStep, Task, TaskOutcome};
-use fht_client::{LiveReplica, PathSource};
+use fht_client::{FreeSpaceCache, LiveReplica, PathSource};
 use fht_localization::landmarks::Landmarks;
 use fht_localization::preparation::Preparation;
-use fht_map::{MapState, NodeRef};
+use fht_map::{MapState, NodeRef, Rules};
 use fht_perception::frame::{Panorama, SensorFrame};
 use fht_perception::pose::{Point2, Pose2, from_fixed};
 use fht_perception::robot::{Robot, RobotError, SilenceConfig, Supervised};
 use fht_proto::api::reply::{ErrorCode, ErrorReply};
-use fht_proto::{Descriptor, Label, NodeId};
+use fht_proto::{Descriptor, Footprint, Label, NodeId};
 use fht_worker::Taking;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// A map that may change while it is used.
 pub trait MapSource {
@@ -65,7 +66,7 @@ pub enum MissionGoal {
     Node(NodeId),
     /// A place that an operator has named, and its heading.
     Named(Label),
-    /// A node far from the robot, drawn by this seed.
+    /// A node far from the robot that it can reach, drawn by this seed.
     FarNode(u64),
 }
 
@@ -87,6 +88,11 @@ pub struct MissionConfig {
     pub pilot: PilotConfig,
     /// How long the sensors may be silent.
     pub silence: SilenceConfig,
+    /// The ground that the robot covers: a goal that is drawn is one that it fits at. Default the
+    /// paper's robot, of 0.105 m radius.
+    pub footprint: Footprint,
+    /// Whether a goal that cannot be reached means the nearest point that can. Default false.
+    pub to_nearest: bool,
     /// When the walls of a map that has changed are used. Default two frames after the change, for
     /// simulated time; a live robot takes them [when they are there](Taking::WhenThere).
     pub walls: Taking,
@@ -94,7 +100,13 @@ pub struct MissionConfig {
 
 impl Default for MissionConfig {
     fn default() -> Self {
-        Self { pilot: PilotConfig::default(), silence: SilenceConfig::default(), walls: Taking::AfterFrames(2) }
+        Self {
+            pilot: PilotConfig::default(),
+            silence: SilenceConfig::default(),
+            footprint: Footprint::default(),
+            to_nearest: false,
+            walls: Taking::AfterFrames(2),
+        }
     }
 }
 
@@ -179,7 +191,7 @@ pub async fn run<R: Robot>(
 ) -> Result<MissionOutcome, MissionError> {
     let mut robot = Supervised::new(robot, config.silence);
     let mut pilot = Pilot::new(config.pilot, Task::Relocalize);
-    let mut director = OneGoal(goal);
+    let mut director = OneGoal { goal, footprint: &config.footprint, to_nearest: config.to_nearest };
     let task = direct(&mut robot, &mut pilot, config.walls, &mut director, services, observer).await;
     robot.stop().await;
     Ok(MissionOutcome { task: task?, plans: pilot.plans(), refixes: pilot.localizer().refixes() })
@@ -196,7 +208,11 @@ pub(crate) trait Director {
 }
 
 /// Finding the place, and then one goal.
-struct OneGoal<'a>(&'a MissionGoal);
+struct OneGoal<'a> {
+    goal: &'a MissionGoal,
+    footprint: &'a Footprint,
+    to_nearest: bool,
+}
 
 impl Director for OneGoal<'_> {
     fn before(&mut self, _: &dyn MapSource) -> Option<Task> {
@@ -205,8 +221,10 @@ impl Director for OneGoal<'_> {
 
     fn after(&mut self, step: &PilotStep, _: &Pilot, map: &dyn MapSource) -> ControlFlow<TaskOutcome, Option<Task>> {
         match &step.outcome {
-            Some(TaskOutcome::Localized) if *self.0 != MissionGoal::None => match choose(self.0, map, step) {
-                Ok(place) => ControlFlow::Continue(Some(Task::GoTo(place))),
+            Some(TaskOutcome::Localized) if *self.goal != MissionGoal::None => match self.choose(map, step) {
+                Ok(place) => {
+                    ControlFlow::Continue(Some(Task::GoTo(DriveGoal { to_nearest: self.to_nearest, ..place })))
+                }
                 Err(unknown) => ControlFlow::Break(TaskOutcome::Failed(Failure::NoPath(unknown))),
             },
             Some(outcome) => ControlFlow::Break(outcome.clone()),
@@ -260,14 +278,17 @@ fn give(pilot: &mut Pilot, task: Task, observer: &mut impl MissionObserver) {
     pilot.set_task(task);
 }
 
-/// Where to go, now that the robot knows where it is; or why there is no such place.
-fn choose(goal: &MissionGoal, map: &dyn MapSource, step: &PilotStep) -> Result<DriveGoal, ErrorReply> {
-    match goal {
-        MissionGoal::FarNode(seed) => {
-            let found = far_node(map, step, *seed).map(DriveGoal::from);
-            found.ok_or_else(|| unknown(ErrorCode::UnknownNode, "node to drive to"))
+impl OneGoal<'_> {
+    /// Where to go, now that the robot knows where it is; or why there is no such place.
+    fn choose(&self, map: &dyn MapSource, step: &PilotStep) -> Result<DriveGoal, ErrorReply> {
+        match self.goal {
+            MissionGoal::FarNode(seed) => {
+                let here = step.localization.map_from_base().map(|pose| Point2::from(pose.translation.vector));
+                let found = here.and_then(|here| far_node(map, here, self.footprint, *seed)).map(DriveGoal::from);
+                found.ok_or_else(|| unknown(ErrorCode::UnknownNode, "node to drive to"))
+            }
+            goal => place_of(goal, map),
         }
-        goal => place_of(goal, map),
     }
 }
 
@@ -294,17 +315,75 @@ pub(crate) fn place_of(goal: &MissionGoal, map: &dyn MapSource) -> Result<DriveG
     }
 }
 
-fn far_node(map: &dyn MapSource, step: &PilotStep, seed: u64) -> Option<Point2> {
-    let here = Point2::from(step.localization.map_from_base()?.translation.vector);
-    let mut places = Vec::new();
-    map.view(&mut |map| places = map.nodes().map(position).collect());
-    places.sort_by(|a, b| (b - here).norm().total_cmp(&(a - here).norm()));
-    places.truncate(places.len().div_ceil(3));
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let index = rng.random_range(0..places.len().max(1));
-    places.get(index).copied()
+/// A node drawn from the farthest third of those that a robot of this footprint can reach from
+/// `here`. If it can reach none of those that are tried, the first that was drawn: the robot then
+/// says why.
+fn far_node(map: &dyn MapSource, here: Point2, footprint: &Footprint, seed: u64) -> Option<Point2> {
+    /// So many are tried.
+    const TRIES: usize = 200;
+    let mut drawn = None;
+    map.view(&mut |map| {
+        let mut places: Vec<Point2> = map.nodes().map(position).collect();
+        places.sort_by(|a, b| (b - here).norm().total_cmp(&(a - here).norm()));
+        let far = places.len().div_ceil(3);
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let first = rng.random_range(0..far.max(1));
+        // Those after it, then those before it, then nearer ones.
+        let order = (first..far).chain(0..first).chain(far..places.len());
+        let mut space = FreeSpaceCache::default().for_footprint(footprint.clone());
+        let rules = Arc::new(Rules::of(map, Vec::new()));
+        let mut is_reached = |to: Point2| space.plan(map, 0, here, to, &rules).is_ok();
+        let reached = order.take(TRIES).map(|index| places[index]).find(|&place| is_reached(place));
+        drawn = reached.or(places.get(first).copied());
+    });
+    drawn
 }
 
 fn position(node: NodeRef<'_>) -> Point2 {
     Point2::new(node.pose.position.x(), node.pose.position.y())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::far_node;
+    use fht_map::MapState;
+    use fht_perception::pose::Point2;
+    use fht_proto::{AuthorId, EdgeKey, FixedPose, Footprint, Increment, NodeId, NodeKind, Op, Rect};
+
+    /// Rooms on the left and on the right of a hall; a gap of 0.4 m leads to the one on the right.
+    fn rooms() -> MapState {
+        let author = AuthorId(1);
+        let id = |number: u32| NodeId { author, number };
+        let node = |number: u32, (x, y): (f64, f64), low: (f64, f64), high: (f64, f64)| {
+            let pose = FixedPose::from_metres(x, y, 0.0);
+            let rect = Rect::around(pose.position, low, high);
+            [
+                Op::PutNode { id: id(number), kind: NodeKind::Support, pose },
+                Op::SetFreeSpace { id: id(number), rect: Some(rect) },
+            ]
+        };
+        let mut ops = Vec::new();
+        ops.extend(node(0, (0.0, 0.0), (-2.0, -2.0), (2.0, 2.0)));
+        ops.extend(node(1, (-4.0, 0.0), (-6.0, -2.0), (-1.5, 2.0)));
+        ops.extend(node(2, (4.0, 0.0), (1.5, -0.2), (6.5, 0.2)));
+        for (number, y) in (3..9).zip([-1.5, -1.0, -0.5, 0.5, 1.0, 1.5]) {
+            ops.extend(node(number, (8.0, y), (6.0, -2.0), (10.0, 2.0)));
+            ops.push(Op::PutEdge { edge: EdgeKey::new(id(2), id(number)) });
+        }
+        ops.extend([(0, 1), (0, 2)].map(|(a, b)| Op::PutEdge { edge: EdgeKey::new(id(a), id(b)) }));
+        let mut map = MapState::new();
+        map.apply(&Increment { author, number: 1, hlc_us: 1, ops });
+        map
+    }
+
+    #[test]
+    fn a_goal_that_is_drawn_is_one_that_the_robot_fits_at() {
+        let (map, here) = (rooms(), Point2::origin());
+        let large = Footprint::disc(0.3).expect("a footprint");
+        for seed in 0..20 {
+            let drawn = |footprint: &Footprint| far_node(&map, here, footprint, seed).map(|place| place.x);
+            assert_eq!(drawn(&Footprint::default()), Some(8.0), "seed {seed}: the far room");
+            assert_eq!(drawn(&large), Some(-4.0), "seed {seed}: it does not fit through the gap");
+        }
+    }
 }

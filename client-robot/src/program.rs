@@ -64,8 +64,12 @@ pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Some(Command::Relocalize { link, robot }) => {
             mission(file.with_link(&link).with_robot(&robot), &robot, &MissionGoal::None, &link.waiting(), &stop)
         }
-        Some(Command::Go { link, robot, to }) => match parse_goal(&to, robot.setup.seed) {
-            Ok(goal) => mission(file.with_link(&link).with_robot(&robot), &robot, &goal, &link.waiting(), &stop),
+        Some(Command::Go { link, robot, to, to_nearest }) => match parse_goal(&to, robot.setup.seed) {
+            Ok(goal) => {
+                let mut file = file.with_link(&link).with_robot(&robot);
+                file.client.to_nearest |= to_nearest;
+                mission(file, &robot, &goal, &link.waiting(), &stop)
+            }
             Err(refusal) => Err(refusal.into()),
         },
         Some(Command::Serve { link, args }) => {

@@ -36,7 +36,7 @@ impl PathSource for Scripted<'_> {
             return OwnPaths(self.map).plan(from, to, blocked);
         }
         if !blocked.is_empty() {
-            return Err(ErrorReply { code: ErrorCode::NoPath, message: "the only way is blocked".to_owned() });
+            return Err(ErrorReply::new(ErrorCode::NoPath, "the only way is blocked"));
         }
         let node = |number| Some(NodeId { author: AuthorId(1), number });
         let outside = PathPoint { position: from + Vector2::new(200.0, 0.0), node: node(2) };

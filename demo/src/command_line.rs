@@ -57,6 +57,9 @@ pub struct HandoffArgs {
     /// Write the figures to this file as JSON.
     #[arg(long, alias = "json", value_name = "FILE")]
     pub report: Option<PathBuf>,
+    /// Do not fetch a missing ONNX Runtime library from PyPI: start no process for it.
+    #[arg(long)]
+    pub no_fetch: bool,
     /// No progress bars.
     #[arg(long, short)]
     pub quiet: bool,

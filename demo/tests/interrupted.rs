@@ -49,7 +49,11 @@ impl Running {
         let pipe = self.child.stdout.as_mut().unwrap();
         let mut byte = [0];
         while !seen.contains(text) {
-            assert_eq!(pipe.read(&mut byte).unwrap(), 1, "it ended after: {seen}");
+            if pipe.read(&mut byte).unwrap() == 0 {
+                let mut said = String::new();
+                let _ = self.child.stderr.as_mut().unwrap().read_to_string(&mut said); // whatever it is
+                panic!("it ended after: {seen}; it said: {said}");
+            }
             seen.push(byte[0].into());
         }
     }

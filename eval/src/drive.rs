@@ -44,7 +44,7 @@ struct NoPaths;
 
 impl PathSource for NoPaths {
     fn plan(&mut self, _: Point2, _: Point2, _: &BTreeSet<FixedPoint>) -> Result<PlannedPath, ErrorReply> {
-        Err(ErrorReply { code: ErrorCode::UnknownMap, message: "a robot without a map".to_owned() })
+        Err(ErrorReply::new(ErrorCode::UnknownMap, "a robot without a map"))
     }
 }
 

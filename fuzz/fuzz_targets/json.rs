@@ -1,7 +1,7 @@
 #![no_main]
 //! Everything that is read as JSON: servers' answers and robots' messages.
 
-use fht_map::plan::blocked::Reports;
+use fht_map::plan::blocked::{Reporter, Reports};
 use fht_proto::api::fleet::{BlockedReport, ExplorerGoal, FleetReply, RobotPose, RobotStatus};
 use fht_proto::api::goal::GoalStatus;
 use fht_proto::api::reply::{DiffReply, ErrorReply, Head, MapsReply, NodesReply, PathReply, ReleasesReply, RulesReply};
@@ -14,7 +14,7 @@ fuzz_target!(|bytes: &[u8]| {
     }
     if let Ok(report) = serde_json::from_slice::<BlockedReport>(bytes) {
         let mut reports = Reports::default();
-        if reports.take("robot", &report, 5).is_ok() {
+        if reports.take("robot", Reporter::Robot { has_token: true }, &report, &[], 5).is_ok() {
             assert!(reports.at(5).count() <= 1);
         }
     }

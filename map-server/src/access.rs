@@ -19,19 +19,35 @@
 //! What an increment does the routers cannot see: that the server judges, by the same list
 //! ([`Roles::writers`], [`fht_map::may_write`]).
 //!
-//! Routers trust each other: each has checked what it passes on, by the same list.
+//! Routers trust each other: each has checked what it passes on, by the same list. What is between
+//! them access control does not see; there a router's fixed id, and who counts as a router, decide
+//! ([`router_id`], [`openings`]).
 
+mod backbone;
 #[cfg(feature = "program")]
 mod command;
 #[cfg(feature = "program")]
 mod denials;
+#[cfg(feature = "program")]
+mod door;
+mod role_list;
 mod roles;
 mod rules;
 mod section;
+mod site_check;
+#[cfg(feature = "program")]
+mod site_command;
 
+pub use backbone::router_id;
 #[cfg(feature = "program")]
 pub(crate) use command::{AccessArgs, AccessCommandError, read_roles};
 #[cfg(feature = "program")]
 pub(crate) use denials::layer as denials_layer;
+#[cfg(feature = "program")]
+pub(crate) use door::layer as door_layer;
+pub use role_list::{RoleList, RoleListWriter};
 pub use roles::{AccessError, Roles, parse};
 pub use section::{configuration, object};
+pub use site_check::{RouterFile, openings};
+#[cfg(feature = "program")]
+pub(crate) use site_command::SiteArgs;

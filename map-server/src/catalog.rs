@@ -8,10 +8,12 @@
 //! | `planning_state` | a state that paths are planned on: the newest, or a release |
 //! | `head_index` | finds things in the newest state of a large map |
 //! | `replay` | a state of a map, from the log |
+//! | `loading` | maps from the log, at the start and again |
 //! | `deletions` | the maps that will be deleted, or were |
 
 mod deletions;
 mod head_index;
+mod loading;
 mod planning_state;
 mod replay;
 mod view;
@@ -24,7 +26,6 @@ use crate::store::{DeletionRecord, IncrementLog, StoreError};
 use fht_map::MapIndex;
 use fht_proto::api::reply::Head;
 use fht_proto::{AuthorId, CompactedSeries, Increment, MapName, VersionVector};
-use replay::MapReplay;
 use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use view::head_of;
@@ -34,6 +35,8 @@ use view::head_of;
 pub struct Catalog {
     maps: RwLock<BTreeMap<MapName, MapView>>,
     deletions: RwLock<BTreeMap<MapName, DeletionRecord>>,
+    /// The maps that cannot be read, and why.
+    damaged: RwLock<BTreeMap<MapName, String>>,
 }
 
 /// What was added to a map, in elements ([`fht_map::MapState::elements`]).
@@ -46,34 +49,6 @@ pub struct AddedElements {
 }
 
 impl Catalog {
-    /// Reads all maps from the log.
-    ///
-    /// # Errors
-    /// [`StoreError::Damaged`] if increments are missing or unreadable,
-    /// [`StoreError::IncrementFormat`], [`StoreError::Disk`].
-    pub fn load(log: &dyn IncrementLog) -> Result<Self, StoreError> {
-        let mut maps: BTreeMap<MapName, MapReplay> = BTreeMap::new();
-        log.reader().for_each(None, &mut |name, author, last, piece| {
-            let damaged = |reason: String| StoreError::Damaged { map: name.to_owned(), reason };
-            let map: MapName = name.parse().map_err(|error| damaged(format!("{error}")))?;
-            maps.entry(map).or_default().add((author, last), piece).map_err(|error| error.in_log(name, author, last))
-        })?;
-        let mut deletions = log.reader().deletions()?;
-        // A map that was deleted and is there has begun anew.
-        deletions.retain(|map, record| record.last.is_some() != maps.contains_key(map));
-        let mut views = BTreeMap::new();
-        for (map, MapReplay { state, vector, bytes }) in maps {
-            if log.reader().vector_at(&map, vector.version())?.as_ref() != Some(&vector) {
-                let reason = "its log does not name its increments".to_owned();
-                return Err(StoreError::Damaged { map: map.to_string(), reason });
-            }
-            let mut head = head_of(&map, &state, vector, bytes, 0);
-            head.deletion = deletions.get(&map).map(|record| record.deletion.clone());
-            views.insert(map, MapView::new(state, head, None, log)?);
-        }
-        Ok(Self { maps: RwLock::new(views), deletions: RwLock::new(deletions) })
-    }
-
     // A panic while the lock was held is a bug; the maps are replaced by whole operations and stay
     // usable.
     fn read(&self) -> RwLockReadGuard<'_, BTreeMap<MapName, MapView>> {
@@ -138,7 +113,10 @@ impl Catalog {
         }
         let (old_bytes, refused) = old.as_ref().map_or((0, 0), |view| (view.head.bytes, view.head.refused));
         let mut head = head_of(map, &state, vector, old_bytes + bytes, refused);
-        head.deletion = old.as_ref().and_then(|view| view.head.deletion.clone());
+        if let Some(view) = &old {
+            head.deletion.clone_from(&view.head.deletion);
+            head.reports_cleared = view.head.reports_cleared;
+        }
         let added = AddedElements { total: state.elements(), by_author };
         let view = MapView::new(state, head, old.as_ref(), log)?;
         drop(old);
@@ -156,6 +134,21 @@ impl Catalog {
         if let Some(view) = self.write().get_mut(map) {
             Arc::make_mut(&mut view.head).refused += count;
         }
+    }
+
+    /// Operators have cleared what robots reported blocked. The head that says so; `None` if there
+    /// is no such map.
+    pub fn count_cleared(&self, map: &MapName) -> Option<Arc<Head>> {
+        let mut maps = self.write();
+        let head = &mut maps.get_mut(map)?.head;
+        let cleared = &mut Arc::make_mut(head).reports_cleared;
+        *cleared = cleared.wrapping_add(1);
+        Some(Arc::clone(head))
+    }
+
+    /// Shows in all heads whether the server takes nothing in at present.
+    pub fn set_read_only(&self, read_only: bool) {
+        self.write().values_mut().for_each(|view| Arc::make_mut(&mut view.head).read_only = read_only);
     }
 
     /// Sets how many bytes a map's increments take up after a compaction.

@@ -1,13 +1,18 @@
 //! How a server is configured: where it keeps its maps, what writers may do, how it answers.
 
+use crate::access::RoleList;
 use fht_map::crdt::reorder_buffer::SequenceConfig;
-use fht_map::{NodeRouteConfig, WriterRole, WriterRoles};
+use fht_map::plan::blocked::ReportLimits;
+use fht_map::{NodeRouteConfig, WriterRole};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::time::Duration;
 
 /// Where a server listens, and operators connect, unless told otherwise.
 pub const DEFAULT_LISTEN: &str = "tcp/127.0.0.1:7447";
+
+/// With less room left on its disk a server warns, unless told otherwise.
+pub(crate) const MIN_FREE_BYTES: u64 = 256 << 20;
 
 /// How a server runs.
 #[derive(Clone, Debug)]
@@ -19,16 +24,20 @@ pub struct ServerConfig {
     pub storages: Option<QuorumConfig>,
     /// The network.
     pub link: ServerEndpoints,
+    /// With less room left on the disk of `data` the server warns, bytes. Default 256 MiB.
+    pub min_free_bytes: u64,
     /// What writers may do.
     pub limits: Limits,
     /// Who may write what. None: whoever reaches the server may write everything. Default none.
-    pub writers: Option<WriterRoles>,
+    pub writers: Option<RoleList>,
     /// How much room one writer may take, where `writers` says who is who.
     pub quotas: Quotas,
     /// Whether strangers are meant to write: the server does not warn of it. Default false.
     pub open: bool,
     /// How queries are answered.
     pub answers: AnswerConfig,
+    /// How much robots may close by what they report blocked.
+    pub reports: ReportLimits,
     /// When robots count as late.
     pub fleet: FleetConfig,
     /// How a server that stands on storages fetches what it lacks.
@@ -44,11 +53,13 @@ impl ServerConfig {
             data,
             storages: None,
             link,
+            min_free_bytes: MIN_FREE_BYTES,
             limits: Limits::default(),
             writers: None,
             quotas: Quotas::default(),
             open: false,
             answers: AnswerConfig::default(),
+            reports: ReportLimits::default(),
             fleet: FleetConfig::default(),
             gaps: GapFillConfig::default(),
         }
@@ -222,18 +233,45 @@ pub struct AnswerConfig {
     /// that the server is busy. Default 2048: what a large fleet asks in some tenths of a second.
     #[cfg_attr(feature = "schema", schemars(range(min = 1, max = 1000000)))]
     pub max_queries: usize,
+    /// The same for long questions: `diff`, and paths on releases that are not enabled. Default 8.
+    #[cfg_attr(feature = "schema", schemars(range(min = 1, max = 1000000)))]
+    pub max_long: usize,
+    /// Long questions, and snapshots, that are answered at a time; further ones wait. They have
+    /// threads of their own, so no other question waits for them. Default 1.
+    #[cfg_attr(feature = "schema", schemars(range(min = 1, max = 1024)))]
+    pub long_at_once: usize,
+    /// How long they wait for their turn before they are told that the server is busy, seconds.
+    /// Default 8: whoever asks gives up after 10, unless told otherwise.
+    #[cfg_attr(feature = "schema", schemars(range(min = 0, max = 3600)))]
+    pub max_wait_s: f64,
     /// Paths on meshes of at most this many triangles are planned on the thread that brings the
     /// query, if nothing has to be built or waited for first: handing such a query to another
     /// thread would take as long as answering it. Default 4000.
     pub at_once_triangles: usize,
-    /// Threads that answer. Default 4.
+    /// Threads that answer short questions. Default 4.
     #[cfg_attr(feature = "schema", schemars(range(min = 1, max = 1024)))]
     pub threads: usize,
 }
 
+impl AnswerConfig {
+    /// Threads that answer questions of all kinds.
+    #[must_use]
+    pub fn all_threads(&self) -> usize {
+        self.threads.max(1) + 2 * self.long_at_once.max(1)
+    }
+}
+
 impl Default for AnswerConfig {
     fn default() -> Self {
-        Self { route: NodeRouteConfig::default(), max_queries: 2048, at_once_triangles: 4000, threads: 4 }
+        Self {
+            route: NodeRouteConfig::default(),
+            max_queries: 2048,
+            max_long: 8,
+            long_at_once: 1,
+            max_wait_s: 8.0,
+            at_once_triangles: 4000,
+            threads: 4,
+        }
     }
 }
 
@@ -247,11 +285,16 @@ pub struct FleetConfig {
     pub late_after_s: f64,
     /// How many robots are remembered; anybody can invent names. Default 4096.
     pub max_robots: usize,
+    /// How many of one map. Default 1000.
+    pub max_robots_of_map: usize,
+    /// How much memory what they told may take, bytes: who was not heard for the longest time is
+    /// forgotten first. Default 16 MiB.
+    pub max_bytes: usize,
 }
 
 impl Default for FleetConfig {
     fn default() -> Self {
-        Self { late_after_s: 10.0, max_robots: 4096 }
+        Self { late_after_s: 10.0, max_robots: 4096, max_robots_of_map: 1000, max_bytes: 16 << 20 }
     }
 }
 

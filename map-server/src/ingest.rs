@@ -20,6 +20,7 @@
 //! | `refusals` | what writers are told about refused increments |
 //! | `retention` | compacts old increments |
 //! | `deletion` | deletes maps after a grace period |
+//! | `standstill` | what is refused while nothing can be stored, and how the writer goes on |
 
 mod admission;
 mod batch;
@@ -33,6 +34,7 @@ mod pipeline;
 mod queue;
 mod refusals;
 mod retention;
+mod standstill;
 
 pub use batch::BatchOutcome;
 pub use check::{Arrival, Checked, Refusal, check};

@@ -7,16 +7,23 @@
 //! | `robot_topics` | subscribes to what robots say about themselves |
 //! | `announcements` | publishes heads, and refusals to their writers |
 //! | `queryable` | answers queries |
+//! | `query_door` | keeps those waiting that come before the store is read |
+//! | `query_rooms` | … and which of them wait for which |
+//! | `addressed` | what a key expression asks for |
 
+mod addressed;
 mod announcements;
 mod increments;
+mod query_door;
+mod query_rooms;
 mod queryable;
 mod robot_topics;
 mod session;
 
 pub(crate) use announcements::{publish_head, publish_refusal};
 pub(crate) use increments::subscribe_increments;
+pub(crate) use query_door::QueryDoor;
 pub(crate) use queryable::QueryService;
 pub(crate) use robot_topics::{RobotTopicSubscriptions, learn_blockages, subscribe_robot_topics};
 pub use session::ServerSessionError;
-pub(crate) use session::{open, open_to_strangers};
+pub(crate) use session::{open, open_to_strangers, replacement, to_zenoh};

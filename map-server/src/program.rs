@@ -4,19 +4,22 @@
 //! | --- | --- |
 //! | `serve_arguments` | the flags for serving |
 //! | `settings` | what the program reads from the configuration file |
+//! | `role_reload` | the list of roles, read anew while the server serves |
 //! | `repair` | what can be done with a damaged store |
 //! | `operator` | what operators do, talking to a running server |
 
 mod operator;
 mod repair;
+mod role_reload;
 mod serve_arguments;
 mod settings;
 
 use self::operator::{Operation, OperatorArgs, OperatorError};
 use self::repair::Repair;
+use self::role_reload::RoleReload;
 use self::serve_arguments::ServeArgs;
 use self::settings::{ServerFile, ServerSection};
-use crate::access::{AccessArgs, AccessCommandError, denials_layer, read_roles};
+use crate::access::{AccessArgs, AccessCommandError, SiteArgs, denials_layer, door_layer};
 use crate::config::{DEFAULT_LISTEN, QuorumConfig, ServerConfig, ServerEndpoints};
 use crate::server::{ServerError, run_beside};
 use clap::error::ErrorKind;
@@ -56,6 +59,7 @@ enum Command {
     #[command(flatten)]
     Operate(Operation),
     AccessControl(AccessArgs),
+    CheckSite(SiteArgs),
     #[command(flatten)]
     Repair(Repair),
     /// Writes completions for a shell to standard output.
@@ -109,7 +113,7 @@ impl Cli {
     ///
     /// # Errors
     /// [`AccessCommandError`]: the list of roles cannot be read.
-    fn server(&self, file: ServerSection) -> Result<ServerConfig, AccessCommandError> {
+    fn server(&self, file: ServerSection) -> Result<(ServerConfig, Option<RoleReload>), AccessCommandError> {
         let link = self.endpoints(&file);
         // A directory that was asked for goes before storages that the file names.
         let storages = self.serve.storages.or(file.storages.filter(|_| self.serve.data.is_none()));
@@ -121,18 +125,22 @@ impl Cli {
         };
         // Other commands than serving need no roles.
         let roles = self.serve.roles.as_ref().or(file.roles.as_ref()).filter(|_| self.command.is_none());
-        Ok(ServerConfig {
+        let (writers, reload) = roles.map(|file| RoleReload::of(file)).transpose()?.unzip();
+        let config = ServerConfig {
             data: self.serve.data.clone().unwrap_or(file.data),
             storages: storages.map(quorum),
             link,
+            min_free_bytes: file.min_free_bytes,
             limits: self.serve.limits.over(file.limits),
-            writers: roles.map(|file| read_roles(file)).transpose()?,
+            writers,
             quotas: file.quotas,
             open: self.serve.open || file.open,
             answers: file.answers,
+            reports: file.reports,
             fleet: file.fleet,
             gaps: file.gaps,
-        })
+        };
+        Ok((config, reload))
     }
 
     /// A Zenoh configuration file that was asked for brings endpoints of its own, in place of those
@@ -187,7 +195,8 @@ fn log(verbose: u8) {
         _ => "info,map_server=debug",
     };
     // Fails only if the calling program has set up its own.
-    let _ = tracing_subscriber::registry().with(logging::lines(default)).with(denials_layer()).try_init();
+    let lines = tracing_subscriber::registry().with(logging::lines(default));
+    let _ = lines.with(denials_layer()).with(door_layer()).try_init();
 }
 
 /// Runs a server on threads of its own until it is told to end (SIGTERM, Ctrl-C); `beside` as for
@@ -197,20 +206,39 @@ fn log(verbose: u8) {
 /// [`ServerError`].
 pub fn serve_until_signal<T>(
     config: ServerConfig,
-    beside: impl FnOnce(&zenoh::Session) -> Result<T, zenoh::Error>,
+    beside: impl Fn(&zenoh::Session) -> Result<T, zenoh::Error>,
+) -> Result<(), ServerError> {
+    serve(config, None, beside)
+}
+
+/// The same, with a list of roles that may be read anew.
+fn serve<T>(
+    config: ServerConfig,
+    reload: Option<RoleReload>,
+    beside: impl Fn(&zenoh::Session) -> Result<T, zenoh::Error>,
 ) -> Result<(), ServerError> {
     let stop = Stop::on_signal("map-server").map_err(ServerError::Runtime)?;
     stop.doing("starting");
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(1)
-        .max_blocking_threads(config.answers.threads.max(1))
+        .max_blocking_threads(config.answers.all_threads())
         .enable_all()
         .build()
         .map_err(ServerError::Runtime)?;
+    let _limit = {
+        let _entered = runtime.enter();
+        spare_at_file_limit().map_err(ServerError::Runtime)?
+    };
     let mut order = None;
     // Waited for once it serves: until then there is nothing to put in order.
     let shutdown = async {
         order = Some(stop.in_order());
+        if let Some(reload) = reload {
+            tokio::spawn(async move {
+                let followed = reload.follow().await;
+                followed.unwrap_or_else(|error| tracing::warn!("SIGHUP does not read the roles anew: {error}"));
+            });
+        }
         stop.requested().await;
     };
     let outcome = runtime.block_on(run_beside(config, shutdown, beside));
@@ -218,6 +246,21 @@ pub fn serve_until_signal<T>(
     runtime.shutdown_timeout(LAST_ANSWERS);
     drop(order);
     outcome
+}
+
+/// A file that may not get longer is an error like any other, and no reason to be ended: for as
+/// long as this is kept.
+#[cfg(target_os = "linux")]
+fn spare_at_file_limit() -> std::io::Result<tokio::signal::unix::Signal> {
+    /// SIGXFSZ.
+    const FILE_LIMIT: i32 = 25;
+    tokio::signal::unix::signal(tokio::signal::unix::SignalKind::from_raw(FILE_LIMIT))
+}
+
+/// Elsewhere the system does as it likes.
+#[cfg(not(target_os = "linux"))]
+fn spare_at_file_limit() -> std::io::Result<()> {
+    Ok(())
 }
 
 /// How long computing answers may go on after a server was told to end.
@@ -263,8 +306,8 @@ where
         Ok(file) => file,
         Err(code) => return code,
     };
-    let config = match cli.server(file.server) {
-        Ok(config) => config,
+    let (config, reload) = match cli.server(file.server) {
+        Ok(server) => server,
         Err(error) => return ProgramFailure::of_input(error).tell("map-server"),
     };
     if let Err(error) = cli.check(&config) {
@@ -273,7 +316,7 @@ where
     let link = ConnectArgs { connect: cli.link.connect, zenoh_config: cli.link.zenoh_config, wait: None };
     let link = link.over(&file.connect);
     let outcome = match cli.command {
-        None => serve_until_signal(config, |_| Ok(())).map_err(|error| {
+        None => serve(config, reload, |_| Ok(())).map_err(|error| {
             let is_input = matches!(&error, ServerError::Session(error) if error.is_input());
             ProgramFailure::of(is_input, error)
         }),
@@ -286,6 +329,7 @@ where
         Some(Command::AccessControl(access)) => {
             access.run().map(|text| print!("{text}")).map_err(ProgramFailure::of_input)
         }
+        Some(Command::CheckSite(site)) => site.run().map_err(|error| ProgramFailure::of(error.is_input(), error)),
         Some(Command::Repair(repair)) => repair.run(&config.data, cli.operator.json()).map_err(ProgramFailure::of_run),
     };
     match outcome {
@@ -300,7 +344,7 @@ mod tests {
 
     fn server(file: &str, args: &[&str]) -> ServerConfig {
         let file: ServerFile = fht_program::parse(file, std::path::Path::new("robot.toml")).unwrap();
-        Cli::try_parse_from(["map-server"].iter().chain(args)).unwrap().server(file.server).unwrap()
+        Cli::try_parse_from(["map-server"].iter().chain(args)).unwrap().server(file.server).unwrap().0
     }
 
     fn link(args: &[&str]) -> ServerEndpoints {

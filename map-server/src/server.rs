@@ -5,20 +5,24 @@
 //! | --- | --- |
 //! | `serving` | the parts of a running server, and their shutdown |
 //! | `writer` | the thread that writes |
+//! | `disk_watch` | what becomes of the server when its disk takes nothing, and when it does again |
 //! | `error` | why a server ends |
 
+mod disk_watch;
 mod error;
 mod serving;
 mod writer;
 
 pub use error::ServerError;
 
+use crate::access::{RouterFile, openings};
 use crate::catalog::Catalog;
-use crate::config::{QuorumConfig, ServerConfig};
-use crate::network;
+use crate::config::{QuorumConfig, ServerConfig, ServerEndpoints};
+use crate::network::{self, QueryDoor};
+use crate::query::{ActiveRules, AnswerSources, Fleet};
 use crate::replicated::{QuorumLog, Stateless};
 use crate::store::{FILE_NAME, IncrementLog, RedbLog, StoreError};
-use serving::{ShutdownSignal, serve};
+use serving::{Served, ServingTask, ShutdownSignal, serve};
 use std::pin::pin;
 use std::sync::Arc;
 use zenoh::Session;
@@ -34,45 +38,88 @@ pub async fn run(config: ServerConfig, shutdown: impl Future<Output = ()>) -> Re
 }
 
 /// Like [`run`], with something else on the server's session: `beside` is called when the session
-/// is open, and what it returns is kept until the server ends.
+/// is open, and what it returns is kept until the server ends, or goes on with another session:
+/// then it is called again.
 ///
 /// # Errors
 /// As [`run`]; [`ServerError::Zenoh`] when `beside` fails.
 pub async fn run_beside<T>(
     config: ServerConfig,
     shutdown: impl Future<Output = ()>,
-    beside: impl FnOnce(&Session) -> Result<T, zenoh::Error>,
+    beside: impl Fn(&Session) -> Result<T, zenoh::Error>,
 ) -> Result<(), ServerError> {
     warn_of_strangers(&config);
+    warn_of_openings(&config);
     let shutdown = pin!(shutdown);
     let mut shutdown = ShutdownSignal::new(shutdown);
     let Some(quorum) = config.storages else {
         // A directory that is there comes first: that it is in use is reported before anybody can
         // connect. One that is not there is made when the server can listen.
-        let early = match config.data.exists() {
-            true => None,
-            false => Some(network::open(&config.link).await?),
-        };
-        let log: Arc<dyn IncrementLog> = Arc::new(RedbLog::open(&config.data)?);
+        let is_there = config.data.exists();
+        let early = if is_there { None } else { Some(reachable(&config.link).await?) };
+        let log: Arc<dyn IncrementLog> = Arc::new(RedbLog::open(&config.data)?.warning_below(config.min_free_bytes));
         let file = config.data.join(FILE_NAME);
-        let catalog = Catalog::load(log.as_ref()).map_err(|error| error.of_file(&file))?;
+        let catalog = Catalog::load_what_reads(log.as_ref()).map_err(|error| error.of_file(&file))?;
+        for head in catalog.damaged_heads() {
+            tracing::error!("{}", catalog.damage(&head.map).unwrap_or_default());
+        }
         let catalog = Arc::new(catalog);
-        let session = match early {
-            Some(session) => session,
-            None => network::open(&config.link).await?,
+        let (session, door) = match early {
+            Some(early) => early,
+            None => reachable(&config.link).await?,
         };
-        let beside = beside(&session)?;
-        let outcome = serve(&config, &session, log, catalog, None, &mut shutdown).await;
-        drop(beside);
-        session.close().await?;
-        return outcome;
+        let sources = sources(&config, catalog, log);
+        let (mut session, mut door) = (session, Some(door));
+        loop {
+            let kept = beside(&session)?;
+            let task = ServingTask { sources: sources.clone(), stateless: None, door: door.take() };
+            let served = serve(&config, &session, task, &mut shutdown).await;
+            drop(kept);
+            match end(served, session).await? {
+                Some(other) => session = other,
+                None => return Ok(()),
+            }
+        }
     };
-    let session = network::open(&config.link).await?;
-    let beside = beside(&session)?;
-    let outcome = serve_storages(&config, &session, quorum, &mut shutdown).await;
-    drop(beside);
+    let mut session = network::open(&config.link).await?;
+    loop {
+        let kept = beside(&session)?;
+        let served = serve_storages(&config, &session, quorum, &mut shutdown).await;
+        drop(kept);
+        match end(served, session).await? {
+            Some(other) => session = other,
+            None => return Ok(()),
+        }
+    }
+}
+
+/// Ends a session when serving has ended. Returns the one to go on with, if there is one.
+async fn end(served: Result<Served, ServerError>, session: Session) -> Result<Option<Session>, ServerError> {
+    if let Ok(Served::Refused(other)) = served {
+        fht_session::abandon(session).await;
+        return Ok(Some(other));
+    }
     session.close().await?;
-    outcome
+    served.map(|_| None)
+}
+
+/// What questions are answered from. It outlives sessions.
+fn sources(config: &ServerConfig, catalog: Arc<Catalog>, log: Arc<dyn IncrementLog>) -> AnswerSources {
+    AnswerSources {
+        catalog,
+        log,
+        writers: config.writers.clone(),
+        active_rules: Arc::new(ActiveRules::new(config.reports.clone())),
+        fleet: Arc::new(Fleet::new(config.fleet.clone())),
+        config: Arc::new(config.answers.clone()),
+    }
+}
+
+/// Opens the session, and has whoever asks at once wait for an answer.
+async fn reachable(link: &ServerEndpoints) -> Result<(Session, QueryDoor), ServerError> {
+    let session = network::open(link).await?;
+    let door = QueryDoor::declare(&session).await?;
+    Ok((session, door))
 }
 
 /// Says at which endpoints anybody may write, unless that is meant.
@@ -92,6 +139,19 @@ fn warn_of_strangers(config: &ServerConfig) {
     );
 }
 
+/// Says what leaves a router with access control open all the same, as `map-server check-site`
+/// does.
+fn warn_of_openings(config: &ServerConfig) {
+    let Some(file) = &config.link.zenoh_config else { return };
+    // What cannot be used is an error when the session is opened.
+    let Ok(zenoh) = network::to_zenoh(&config.link) else { return };
+    let is = |key: &str, value: &str| zenoh.get_json(key).is_ok_and(|set| set == value);
+    if is("mode", "\"router\"") && is("access_control/enabled", "true") {
+        let router = RouterFile { name: file.display().to_string(), config: zenoh };
+        openings(&[router]).iter().for_each(|text| tracing::warn!("{text}"));
+    }
+}
+
 /// Serves what storages hold; starts over when another server's increment stands before one of this
 /// server's.
 async fn serve_storages(
@@ -99,11 +159,14 @@ async fn serve_storages(
     session: &Session,
     quorum: QuorumConfig,
     shutdown: &mut ShutdownSignal<'_, impl Future<Output = ()>>,
-) -> Result<(), ServerError> {
+) -> Result<Served, ServerError> {
     loop {
         let stateless = Stateless::new(session, quorum, config.gaps.clone());
         let log = Arc::new(QuorumLog::new(stateless.storages(), quorum));
-        match serve(config, session, log, Arc::default(), Some(stateless), shutdown).await {
+        // Another server of the site answers while this one reads.
+        let sources = sources(config, Arc::default(), log);
+        let task = ServingTask { sources, stateless: Some(stateless), door: None };
+        match serve(config, session, task, shutdown).await {
             Err(ServerError::Store(reason @ StoreError::Overruled { .. })) => {
                 tracing::error!("{reason}: everything is read anew");
             }

@@ -61,7 +61,11 @@ fn an_empty_file_and_one_of_something_else_are_damaged() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join(FILE_NAME), &bytes).unwrap();
         let error = RedbLog::open(dir.path()).err().unwrap();
-        assert!(matches!(error, StoreError::Broken { .. }), "{} bytes: {error}", bytes.len());
+        assert_eq!(matches!(error, StoreError::Empty { .. }), bytes.is_empty(), "{error}");
+        assert_eq!(matches!(error, StoreError::Broken { .. }), !bytes.is_empty(), "{error}");
+        let (code, said) = refused_start(dir.path(), &support::free_endpoint());
+        assert!(code == Some(1) && said.contains("backup"), "{said}");
+        assert!(bytes.is_empty() == said.contains("move the file away"), "{said}");
         assert!(check(dir.path(), &dir.path().join("scratch")).unwrap().damage.is_some());
     }
 }
@@ -165,7 +169,7 @@ fn what_still_reads_of_a_damaged_store_is_rescued_and_nothing_else() {
         );
         kept += found.len();
         // As a server opens it, and reads all of it.
-        let opened = RedbLog::open(&damaged).and_then(|log| Catalog::load(&log).map(|_| ()));
+        let opened = RedbLog::open(&damaged).and_then(|log| Catalog::load_what_reads(&log).map(|_| ()));
         loaded += usize::from(opened.is_ok());
         assert!(begin.elapsed() < Duration::from_secs(60), "seed {seed}, {what}");
     }
@@ -205,7 +209,7 @@ fn the_program_says_what_is_wrong_and_what_can_be_done() {
         let target = dir.path().join(format!("rescued-{seed}"));
         let (code, said, complaint) = run(&["rescue", path, target.to_str().unwrap()]);
         assert!(code == Some(0) && said.contains("map museum, author"), "seed {seed}: {said}{complaint}");
-        if RedbLog::open(&source).and_then(|log| Catalog::load(&log).map(|_| ())).is_err() {
+        if RedbLog::open(&source).and_then(|log| Catalog::load_what_reads(&log).map(|_| ())).is_err() {
             refused += 1;
             let (code, said) = refused_start(&source, &support::free_endpoint());
             assert_eq!(code, Some(1), "seed {seed}: {said}");
@@ -281,6 +285,7 @@ fn a_server_goes_on_when_its_log_cannot_be_read() {
     let catalog = Arc::new(Catalog::load(log.as_ref()).unwrap());
     let mut ingest = Ingest::new(Arc::clone(&log), Arc::clone(&catalog), Limits::default());
     let sources = AnswerSources {
+        writers: None,
         catalog: Arc::clone(&catalog),
         log,
         active_rules: Arc::default(),

@@ -234,7 +234,17 @@ async fn a_map_is_folded_moved_and_goes_on() {
     );
     assert_eq!(site.run(&["import", file, "--map", "copy"])["digest"], imported["digest"], "again: nothing changes");
 
-    let mut damaged = std::fs::read(file).unwrap();
+    // Whole, and another map than it says: nobody notices before everything is added up.
+    let whole = std::fs::read(file).unwrap();
+    let digest = exported["digest"].as_str().unwrap();
+    let at = whole.windows(64).position(|window| window == digest.as_bytes()).unwrap();
+    let mut other = whole.clone();
+    other[at] = if other[at] == b'0' { b'1' } else { b'0' };
+    std::fs::write(file, other).unwrap();
+    assert!(site.complaint(&["import", file, "--map", "other"]).contains("the map is not what the file says it is"));
+    assert!(site.complaint(&["release", "list", "other"]).contains("there is no map other"), "nothing of it was taken");
+
+    let mut damaged = whole;
     let middle = damaged.len() / 2;
     damaged[middle] ^= 1;
     std::fs::write(file, damaged).unwrap();
@@ -289,4 +299,17 @@ async fn what_robots_report_is_obeyed_for_as_long_as_they_say_and_shown() {
     while fleet().robots[0].alive {
         assert!(begin.elapsed() < Duration::from_secs(10), "its session is gone");
     }
+    // More than one reply tells of: all of them are shown.
+    let status = fleet().robots.remove(0).status;
+    for number in 0..450 {
+        let status = RobotStatus { robot: format!("x{number:03}"), ..status.clone() };
+        let key = Key::robot(&museum(), &status.robot, RobotTopic::Status).to_string();
+        site.session.put(&key, serde_json::to_vec(&status).unwrap()).await.unwrap();
+    }
+    while fleet().robots.len() < 451 {
+        assert!(begin.elapsed() < Duration::from_secs(20), "{}", fleet().robots.len());
+    }
+    let page = ask(&site.session, "fht/museum/fleet?limit=300;after=x001").await.remove(0).unwrap();
+    let page: FleetReply = serde_json::from_slice(&page).unwrap();
+    assert_eq!((page.robots.len(), page.truncated, page.next.as_deref()), (300, true, Some("x301")));
 }

@@ -383,7 +383,12 @@ fn who_writes_too_fast_waits_and_nothing_is_lost() {
     assert!(bench.take(&[puts("ana", 1, 0, 1)], now_us).is_empty(), "others are not held up");
     bench.take(&all[20..], now_us + 2_000_000);
     assert_eq!(bench.written("ben"), 24);
-    bench.take(&all[24..], now_us + 60_000_000);
+    // The clock is set back by half an hour, and time passes as before.
+    let set_back_us = now_us - 1_800_000_000;
+    bench.take(&all[24..], set_back_us);
+    bench.take(&all[24..], set_back_us + 2_000_000);
+    assert_eq!(bench.written("ben"), 28);
+    bench.take(&all[28..], set_back_us + 60_000_000);
     assert_eq!(bench.written("ben"), 30);
 }
 

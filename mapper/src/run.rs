@@ -13,7 +13,7 @@ use crate::explore::Ending;
 use crate::mapping::{Mapper, MapperConfig, MapperStep};
 use crate::publish::{Handover, Linked, LinkedError, Outbox, Publication, WindowConfig};
 use crate::team::{MapEntry, Peers};
-use fht_descriptor::{DescriptorError, DescriptorNet};
+use fht_descriptor::{DescriptorError, DescriptorNet, Fetching};
 use fht_perception::frame::SensorFrame;
 use fht_perception::robot::{Robot, RobotError, Sensors, SilenceConfig, Supervised};
 use fht_program::Stop;
@@ -40,6 +40,8 @@ pub struct MappingTask {
     pub window: WindowConfig,
     /// Another descriptor model than the built-in one.
     pub model: Option<PathBuf>,
+    /// What may be done if there is no ONNX Runtime.
+    pub fetching: Fetching,
     /// Whether nodes carry descriptors: the robot has four cameras.
     pub cameras: bool,
     /// Give up after this much time of the sensors' clock, seconds.
@@ -68,6 +70,7 @@ impl MappingTask {
             spool: None,
             window: WindowConfig::default(),
             model: None,
+            fetching: Fetching::default(),
             cameras: true,
             max_s: 14_400.0,
             wait: None,
@@ -124,7 +127,7 @@ where
     R: Robot + Send + 'static,
     O: MappingObserver + Send + 'static,
 {
-    let net = || task.cameras.then(|| DescriptorNet::load(task.model.as_deref())).transpose();
+    let net = || net(&task);
     let author = AuthorId::of_robot(&task.robot);
     let runtime = Handle::current();
     let Some(link) = task.link.clone() else {
@@ -161,7 +164,7 @@ where
     S: Sensors + Send + 'static,
     O: MappingObserver + Send + 'static,
 {
-    let net = task.cameras.then(|| DescriptorNet::load(task.model.as_deref())).transpose()?;
+    let net = net(&task)?;
     let mapper = Mapper::new(task.mapper.clone(), AuthorId::of_robot(&task.robot), net)?;
     let runtime = Handle::current();
     let Some(link) = task.link.clone() else {
@@ -174,6 +177,11 @@ where
     linked.require_new()?;
     let (outcome, published) = linked.publish_while(MapEntry::Found { stored: 0 }, run).await?;
     Ok(outcome?.with(published))
+}
+
+/// The network, if nodes carry descriptors.
+fn net(task: &MappingTask) -> Result<Option<DescriptorNet>, DescriptorError> {
+    task.cameras.then(|| DescriptorNet::load_with(task.model.as_deref(), task.fetching)).transpose()
 }
 
 fn publication(task: &MappingTask, link: SessionConfig) -> Publication {

@@ -1,9 +1,11 @@
 //! The other explorers of the same map.
 
+mod founding;
 mod joining;
 mod peers;
 
+pub(crate) use founding::{CLAIM_TIME, ROLL_CALL};
 pub use joining::JoinConfig;
 pub(crate) use joining::Joining;
 pub use peers::EnterError;
-pub(crate) use peers::{CLAIM_TIME, MapEntry, Peers, ROLL_CALL};
+pub(crate) use peers::{MapEntry, Peers};

@@ -164,6 +164,9 @@ fn a_head_is_readable() {
         edges: 5,
         bytes: 6,
         refused: 0,
+        reports_cleared: 0,
+        read_only: false,
+        damaged: false,
     };
     assert_eq!(serde_json::to_string(&head).unwrap(), json);
     assert_eq!(serde_json::from_str::<Head>(json).unwrap(), head);
@@ -187,6 +190,9 @@ fn only_heads_that_make_sense_pass() {
         edges: 0,
         bytes: 0,
         refused: 0,
+        reports_cleared: 0,
+        read_only: false,
+        damaged: false,
     };
     assert!(head.clone().checked(&map).is_err(), "the version is not the vector's");
     head.vector.set(AuthorId(1), u64::MAX);
@@ -202,7 +208,7 @@ fn only_heads_that_make_sense_pass() {
 
 #[test]
 fn error_replies_are_readable() {
-    let reply = ErrorReply { code: ErrorCode::NoPath, message: "no path".to_owned() };
+    let reply = ErrorReply::new(ErrorCode::NoPath, "no path");
     assert_eq!(serde_json::to_string(&reply).unwrap(), r#"{"code":"NO_PATH","message":"no path"}"#);
     let newer = r#"{"code":"OUT_OF_CHEESE","message":"later"}"#;
     assert_eq!(serde_json::from_str::<ErrorReply>(newer).unwrap().code, ErrorCode::Unknown, "a newer server is read");

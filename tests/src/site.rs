@@ -9,6 +9,8 @@
 //! | `machines` | routers and servers as processes |
 //! | `load` | the robots that write and ask |
 //! | `sessions` | the robots' sessions |
+//! | `secured` | certificates and access control, as in `deploy/` |
+//! | `strangers` | who attacks it |
 //! | `agreement` | what all servers answer, and whether they agree |
 //! | `config`, `report` | how a run goes, and what it has shown |
 
@@ -17,7 +19,9 @@ mod config;
 mod load;
 mod machines;
 mod report;
+mod secured;
 mod sessions;
+mod strangers;
 
 pub use config::SiteConfig;
 pub use report::{SiteError, SiteReport};
@@ -27,10 +31,12 @@ use load::{Asked, Reader, Writer, Written};
 use machines::Machines;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sessions::session;
+use secured::{OPERATOR, Secured};
+use sessions::Way;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+use strangers::Strangers;
 
 /// Runs a site. `say` receives what happens, as text.
 ///
@@ -44,29 +50,35 @@ pub fn run(config: &SiteConfig, say: impl Fn(&str)) -> Result<SiteReport, SiteEr
 }
 
 async fn run_within(config: &SiteConfig, say: &impl Fn(&str)) -> Result<SiteReport, SiteError> {
-    let mut machines = Machines::start(config)?;
-    let endpoints = machines.endpoints().to_vec();
-    let watcher = session(&endpoints, 0).await?;
+    let secured = config.is_attacked.then(|| Secured::make(config)).transpose()?.map(Arc::new);
+    let mut machines = Machines::start(config, secured.clone())?;
+    let way = Way { endpoints: machines.endpoints().to_vec(), secured };
+    let watcher = way.session("operator", OPERATOR, 0).await?;
     until_all_answer(&watcher, config).await?;
     say("all servers are there");
 
     let written = Arc::new(Written::default());
-    load::write_floor(&session(&endpoints, 0).await?, &written, config.patience).await?;
+    load::write_floor(&way.session("explorer", "floor", 0).await?, &written, config.patience).await?;
     let is_over = Arc::new(AtomicBool::new(false));
     let mut writers = Vec::new();
     for index in 0..config.writers {
-        let link = session(&endpoints, index).await?;
+        let link = way.session("explorer", &format!("writer-{index}"), index).await?;
         let writer = Writer::new(index, config.increments_per_s, Arc::clone(&written));
         writers.push(tokio::spawn(writer.run(link, Arc::clone(&is_over), config.patience)));
     }
     let mut readers = Vec::new();
     for index in 0..config.readers {
-        let link = session(&endpoints, index).await?;
+        let link = way.session("client", &format!("reader-{index}"), index).await?;
         let reader = Reader::new(index, config.questions_per_s, config.limit);
         let is_over = Arc::clone(&is_over);
         readers.push(tokio::task::spawn_blocking(move || reader.run(&link, &is_over)));
     }
 
+    if let Some(site) = &way.secured {
+        let (site, endpoints) = (Arc::clone(site), way.endpoints.clone());
+        Strangers { site, endpoints, is_over: Arc::clone(&is_over) }.begin();
+        say("the attacks begin");
+    }
     let kills = kill_in_turns(config, &mut machines, say).await?;
     is_over.store(true, Ordering::Relaxed);
 

@@ -99,6 +99,33 @@ fn the_script_makes_what_its_help_says_and_overwrites_nothing() {
 }
 
 #[test]
+fn the_key_of_the_authority_is_encrypted_with_a_passphrase() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("certificates");
+    let file = dir.path().join("passphrase");
+    std::fs::write(&file, "Pass phrase, 'quoted' \"twice\" $HOME").unwrap();
+    let make = |words: &[&str], passphrase: &str| {
+        let mut command = Command::new("sh");
+        command.arg(deploy("make-certificates.sh")).arg("--out").arg(&out).args(words);
+        command.env("FHT_CA_PASSPHRASE", passphrase).output().unwrap()
+    };
+    let of_file = ["--passphrase-file", file.to_str().unwrap()];
+    assert!(said(&make(&["authority"], "short")).contains("shorter than 8"));
+    assert!(make(&[&of_file[..], &["authority"]].concat(), "").status.success());
+    let key = std::fs::read_to_string(out.join("ca.key")).unwrap();
+    assert!(key.starts_with("-----BEGIN ENCRYPTED PRIVATE KEY-----"), "{key}");
+    assert!(said(&make(&["explorer", "ana"], "")).contains("ca.key is encrypted"));
+    assert!(said(&make(&["explorer", "ana"], "another passphrase")).contains("the passphrase of"));
+    assert!(!out.join("explorer-ana.pem").exists());
+    let output = make(&["explorer", "ana"], &std::fs::read_to_string(&file).unwrap());
+    assert!(output.status.success(), "{}", said(&output));
+    let robot = std::fs::read_to_string(out.join("explorer-ana.key")).unwrap();
+    assert!(robot.starts_with("-----BEGIN PRIVATE KEY-----"), "robots start without a person");
+    let verify = ["verify", "-CAfile", "ca.pem", "explorer-ana.pem"];
+    assert!(Command::new("openssl").args(verify).current_dir(&out).output().unwrap().status.success());
+}
+
+#[test]
 fn the_walk_through_makes_every_file_that_the_compose_file_mounts() {
     let dir = tempfile::tempdir().unwrap();
     make_certificates_of_the_readme(dir.path());
@@ -106,27 +133,11 @@ fn the_walk_through_makes_every_file_that_the_compose_file_mounts() {
     for member in members() {
         assert!(made(&format!("{member}.pem")) && made(&format!("{member}.key")), "{member}");
     }
-    assert!(read("README.md").contains("map-server access-control roles.json5 --into router.json5 > zenohd.json5"));
-    let written = map_server(&[
-        "access-control",
-        deploy("roles.json5").to_str().unwrap(),
-        "--into",
-        deploy("router.json5").to_str().unwrap(),
-    ]);
-    assert!(written.status.success(), "{}", said(&written));
-    let zenohd = String::from_utf8(written.stdout).unwrap();
+    let command = "map-server access-control roles.json5 --router a --into router.json5 > zenohd-a.json5";
+    assert!(read("README.md").contains(command));
+    let zenohd = for_router("a", &["router.json5"]);
     assert!(zenohd.contains(&AuthorId::of_robot(&roles().explorers[0]).to_string()));
-
-    let with_storages = map_server(&[
-        "access-control",
-        deploy("roles.json5").to_str().unwrap(),
-        "--into",
-        deploy("router.json5").to_str().unwrap(),
-        "--into",
-        deploy("storages.json5").to_str().unwrap(),
-    ]);
-    assert!(with_storages.status.success(), "{}", said(&with_storages));
-    let with_storages = String::from_utf8(with_storages.stdout).unwrap();
+    let with_storages = for_router("a", &["router.json5", "storages.json5"]);
     config(&with_storages);
 
     // Further servers are made in the same way.
@@ -141,6 +152,62 @@ fn the_walk_through_makes_every_file_that_the_compose_file_mounts() {
     }
 }
 
+/// What `map-server access-control` writes for a router of `deploy/roles.json5`.
+fn for_router(name: &str, into: &[&str]) -> String {
+    let files = into.iter().flat_map(|file| ["--into".to_owned(), deploy(file).to_str().unwrap().to_owned()]);
+    let words = ["access-control", deploy("roles.json5").to_str().unwrap(), "--router", name].map(str::to_owned);
+    let words: Vec<String> = words.into_iter().chain(files).collect();
+    let written = map_server(&words.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(written.status.success(), "{}", said(&written));
+    String::from_utf8(written.stdout).unwrap()
+}
+
+#[test]
+fn a_site_of_these_files_leaves_nothing_open_and_what_is_open_is_said() {
+    let dir = tempfile::tempdir().unwrap();
+    let names: Vec<String> = roles().routers;
+    let checked = |texts: &[String]| {
+        let files: Vec<String> = (texts.iter().zip(&names))
+            .map(|(text, name)| site::in_file(dir.path(), name, text).to_str().unwrap().to_owned())
+            .collect();
+        let words: Vec<&str> = std::iter::once("check-site").chain(files.iter().map(String::as_str)).collect();
+        let output = map_server(&words);
+        (output.status.code(), String::from_utf8(output.stdout).unwrap())
+    };
+    let fine: Vec<String> = names.iter().map(|name| for_router(name, &["router.json5", "storages.json5"])).collect();
+    assert_eq!(checked(&fine), (Some(0), "3 router(s): nothing is open\n".to_owned()));
+    let alone = for_router("a", &["server-alone.json5"]);
+    assert_eq!(checked(&[alone]).0, Some(0));
+
+    // The routers of all sites until now.
+    let bare: Vec<String> = names.iter().map(|_| read("router.json5")).collect();
+    let (code, told) = checked(&bare);
+    assert_eq!(code, Some(1));
+    for part in ["a.json5: it has no fixed id", "gateway/south does not keep apart", "there is no access control"] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    let changes = [
+        ("\"enable_mtls\": true", "\"enable_mtls\": false", "enable_mtls is not set"),
+        ("\"default_permission\": \"deny\"", "\"default_permission\": \"allow\"", "default_permission must be deny"),
+        ("\"weight\": 1", "\"weight\": 100", "can draw to itself what goes between them"),
+        ("\"negated\": true", "\"negated\": false", "gateway/south does not keep apart"),
+        ("\"write\": false", "\"write\": true", "changed over the network"),
+        ("\"accept_pending\": 2000", "\"accept_pending\": 100", "accept_pending is 100 and should be at least"),
+        ("\"lease\": 6000", "\"lease\": 10000", "lease is 10000 and should be at most 6000"),
+        ("tls/[::]:7447", "tcp/[::]:7447", "listens without TLS"),
+        ("\"storage_manager\": {", "\"rest\": { \"http_port\": 8000 }, \"storage_manager\": {", "the REST plugin"),
+    ];
+    for (from, to, expected) in changes {
+        assert!(fine[0].contains(from), "{from}");
+        let (code, told) = checked(&[fine[0].replace(from, to), fine[1].clone(), fine[2].clone()]);
+        assert!(code == Some(1) && told.contains("a.json5: ") && told.contains(expected), "{to}: {told}");
+    }
+    let (_, told) = checked(&[fine[0].clone(), fine[0].clone(), fine[2].clone()]);
+    assert!(told.contains("have the same id") && told.contains("which is none of these"), "{told}");
+    let missing = map_server(&["check-site", "nowhere.json5"]);
+    assert!(missing.status.code() == Some(2) && said(&missing).contains("nowhere.json5"), "{}", said(&missing));
+}
+
 /// Everything that a compose file mounts is made by the README's commands or lies in this folder,
 /// where the routers' configuration looks for it; except the plugins' libraries, which come from
 /// elsewhere.
@@ -149,6 +216,9 @@ fn mounts_what_there_is(file: &str, zenohd: &str, made: &impl Fn(&str) -> bool) 
     let services = compose["services"].as_object().unwrap();
     let volumes = compose["volumes"].as_object().unwrap();
     let mut used = BTreeSet::new();
+    let is_of_router = |service: &str, file: &str| {
+        Some(file) == service.strip_prefix("router-").map(|name| format!("zenohd-{name}.json5")).as_deref()
+    };
     let runs_zenohd = |service: &Value| service["command"].to_string().contains("zenohd.json5");
     let zenohd_needs: Vec<&str> =
         ["/etc/fht-map/tls/ca.pem", "/etc/fht-map/tls/own.pem", "/etc/fht-map/tls/own.key", "/opt/fht-map/plugins"]
@@ -169,7 +239,7 @@ fn mounts_what_there_is(file: &str, zenohd: &str, made: &impl Fn(&str) -> bool) 
                 assert_eq!(parts.len(), 3, "{name}: {file} is mounted for writing");
                 let there = file
                     .strip_prefix("certificates/")
-                    .map_or_else(|| ["zenohd.json5", "plugins"].contains(&file) || deploy(file).exists(), made);
+                    .map_or_else(|| file == "plugins" || is_of_router(name, file) || deploy(file).exists(), made);
                 assert!(there, "{name}: {file} is nowhere");
                 // Where the configuration looks for it.
                 let target = parts[1].trim_end_matches(".json5");
@@ -217,6 +287,7 @@ fn names_what_it_runs(file: &str) {
         assert!(tag != "latest", "{image}");
         assert_eq!(service["restart"], "always", "{name}");
         assert!(service["healthcheck"]["test"].is_array() && service["read_only"] == true, "{name}");
+        assert!(service["mem_limit"].is_string() && service["pids_limit"].is_number(), "{name}");
         if image.starts_with("eclipse/zenoh:") {
             assert_eq!(tag, zenoh, "routers and programs have one version");
             let port = service["ports"][0].as_str().unwrap().to_owned();
@@ -258,7 +329,14 @@ fn the_compose_files_name_what_they_run() {
     );
     let manifest = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.toml")).unwrap();
     let rust = manifest.split("rust-version = \"").nth(1).unwrap().split('"').next().unwrap();
-    assert!(dockerfile.contains(&format!("FROM rust:{rust}-")), "the toolchain that the workspace needs");
+    assert!(dockerfile.contains(&format!("FROM rust:{rust}.")), "the toolchain that the workspace needs");
+    // A digest, or a version that nobody moves: three numbers, or a day.
+    let is_exact = |image: &&str| {
+        let tag = image.split_once(':').map_or("", |(_, tag)| tag.split(' ').next().unwrap());
+        let numbers = tag.split(|c: char| !c.is_ascii_digit()).filter(|number| !number.is_empty());
+        image.contains("@sha256:") || numbers.clone().count() == 3 || numbers.into_iter().any(|day| day.len() == 8)
+    };
+    assert!(images.clone().all(|image| is_exact(&image)), "{dockerfile}");
 }
 
 #[test]
@@ -308,9 +386,13 @@ fn the_units_are_sound_and_start_what_there_is() {
             ("LimitNOFILE", "65536"),
             ("User", "fht-map"),
             ("CapabilityBoundingSet", ""),
+            ("TasksMax", "512"),
         ] {
             assert_eq!(values(key), [value], "{unit}: {key}");
         }
+        let memory =
+            [values("MemoryHigh"), values("MemoryMax")].map(|it| it[0].trim_end_matches('%').parse::<u8>().unwrap());
+        assert!(memory[0] < memory[1] && memory[1] <= 80, "{unit}: {memory:?}");
         let start = values("ExecStart").remove(0);
         let words: Vec<&str> = start.split(' ').collect();
         if unit == "fht-map-server.service" {

@@ -1,5 +1,5 @@
 //! Several explorers in one building: together, one after the other, and after the building has
-//! changed. In simulated time, without cameras; the last two tests run real processes.
+//! changed. In simulated time, without cameras; the last three tests run real processes.
 
 #![allow(clippy::unwrap_used)] // tests may panic
 
@@ -9,6 +9,7 @@ use fht_map::plan::shortest_path;
 use fht_map::{FreeSpace, MapState, NodeRouteConfig, SpaceConfig};
 use fht_perception::pose::{Point2, Pose2};
 use fht_proto::FixedPoint;
+use fht_session::SessionConfig;
 use fht_sim::{Changes, SimConfig, World, load, load_with, start_near};
 use mapper::MapperConfig;
 use mapper::explore::Ending;
@@ -144,6 +145,7 @@ fn two_explorers_hand_over_to_a_client_as_processes() {
         endpoint: free_endpoint().unwrap(),
         folder: folder.path().to_owned(),
         picture: folder.path().join("museum.png"),
+        fetch: true,
         progress: false,
     };
     let (report, _server) = hand_off(&config).unwrap();
@@ -184,4 +186,22 @@ fn a_robot_that_comes_back_under_its_own_name_goes_on() {
     let (_, third) = explore("other", "3600", &folder.path().join("third.json"));
     assert!(third.joined.is_some() && third.delivered, "{third:?}");
     assert_eq!(third.version, second.written + third.written, "{third:?}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn who_only_says_that_it_explores_keeps_nobody_from_beginning_a_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let endpoint = free_endpoint().unwrap();
+    let data = folder.path().join("data");
+    let _server = Process::map_server(executable(), &data, &endpoint, Duration::from_secs(20)).unwrap();
+    // Its name comes first.
+    let idle = fht_session::open(&SessionConfig::from_options(vec![endpoint.clone()], None)).await.unwrap();
+    let _token = idle.liveliness().declare_token("fht/museum/robots/a-idle/goal").await.unwrap();
+    let report = folder.path().join("report.json");
+    let flags = ["explore", "--world", "museum", "--map", "museum", "--connect", &endpoint, "--no-cameras"];
+    let more = ["--progress-json", "--robot", "explorer", "--max-sim", "20", "--report", report.to_str().unwrap()];
+    let explorer = Process::start(executable(), Role::Mapper, flags.into_iter().chain(more)).unwrap();
+    let _ = explorer.follow(|_| {}); // its time is short
+    let report: ExploreReport = serde_json::from_str(&std::fs::read_to_string(report).unwrap()).unwrap();
+    assert!(report.main_nodes > 0 && report.delivered && report.explored_fraction > 0.0, "{report:?}");
 }

@@ -130,9 +130,9 @@ fn the_readmes_steps_lead_from_nothing_to_a_robot_that_arrives() {
     let mut walk = Walk::begin();
     let access = words("map-server ", "access-control roles.json5");
     let [command @ .., into, zenohd] = access.as_slice() else { panic!("{access:?}") };
-    assert_eq!((into.as_str(), zenohd.as_str()), (">", "zenohd.json5"));
+    assert_eq!((into.as_str(), zenohd.as_str()), (">", "zenohd-a.json5"));
     walk.guard(command, zenohd);
-    walk.listen(fht_tests::router::NAME, &["-c", "zenohd.json5"]);
+    walk.listen(fht_tests::router::NAME, &["-c", "zenohd-a.json5"]);
     walk.running.push(
         walk.start(Role::MapServer, &["--data", "maps", "--zenoh-config", "server.json5", "--roles", "roles.json5"]),
     );

@@ -243,8 +243,8 @@ async fn silence_is_not_taken_for_an_unknown_map() {
         .declare_queryable(Key::topic(&museum(), Topic::Head).to_string())
         .callback(move |query| {
             let is_busy = asked.fetch_add(1, Ordering::Relaxed) < 2;
-            let code = if is_busy { ErrorCode::Internal } else { ErrorCode::UnknownMap };
-            let reply = ErrorReply { code, message: "so it is".to_owned() };
+            let code = if is_busy { ErrorCode::Busy } else { ErrorCode::UnknownMap };
+            let reply = ErrorReply::new(code, "so it is");
             query.reply_err(serde_json::to_vec(&reply).unwrap()).wait().unwrap();
         })
         .background()

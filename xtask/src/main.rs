@@ -9,6 +9,7 @@
 //! | [`sizes`] | no function over 80 lines; files over 400 lines are listed |
 //! | [`prose`] | comments and documents keep to 100 columns |
 //! | [`paper_map`] | what `docs/paper-map.md` names is there |
+//! | [`supply`] | what comes from others is what `deny.toml` allows; the bill of materials |
 //! | [`source`] | the workspace's files |
 
 mod arrows;
@@ -19,6 +20,7 @@ mod paper_map;
 mod prose;
 mod sizes;
 mod source;
+mod supply;
 
 use source::Source;
 use std::path::{Path, PathBuf};
@@ -26,10 +28,13 @@ use std::process::ExitCode;
 
 const USAGE: &str = "\
 Usage: cargo xtask house [--all]
+       cargo xtask sbom [FILE]
 
-Checks the house: arrows between crates, circles of modules, names, sizes, prose, and the
-paper's map. Prints a line for each finding, all of them with --all, and exits with 1 if a rule
-is broken.
+house checks the house: arrows between crates, circles of modules, names, sizes, prose, the paper's
+map, and what comes from others (deny.toml). It prints a line for each finding, all of them with
+--all, and exits with 1 if a rule is broken.
+
+sbom writes what the programs are made of, as CycloneDX 1.5 in JSON [default: sbom.cdx.json].
 ";
 
 /// Findings of one kind that are printed without `--all`.
@@ -52,21 +57,27 @@ fn root() -> PathBuf {
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = args.iter().map(String::as_str).collect();
-    let shows_all = match words[..] {
-        ["house"] => false,
-        ["house", "--all"] => true,
+    let done = match words[..] {
+        ["house"] => check(&root()).map(|reports| tell(&reports, false)),
+        ["house", "--all"] => check(&root()).map(|reports| tell(&reports, true)),
+        ["sbom"] => write_bill(Path::new("sbom.cdx.json")),
+        ["sbom", file] if !file.starts_with('-') => write_bill(Path::new(file)),
         _ => {
             eprint!("{USAGE}");
             return ExitCode::from(2);
         }
     };
-    match check(&root()) {
-        Ok(reports) => tell(&reports, shows_all),
-        Err(error) => {
-            eprintln!("xtask: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    done.unwrap_or_else(|error| {
+        eprintln!("xtask: {error}");
+        ExitCode::FAILURE
+    })
+}
+
+fn write_bill(file: &Path) -> Result<ExitCode, source::SourceError> {
+    let bill = supply::bill::of_materials(&root())?;
+    std::fs::write(file, bill).map_err(|source| source::SourceError::Write { path: file.to_owned(), source })?;
+    println!("{}", file.display());
+    Ok(ExitCode::SUCCESS)
 }
 
 fn check(root: &Path) -> Result<Vec<Report>, source::SourceError> {
@@ -80,6 +91,7 @@ fn check(root: &Path) -> Result<Vec<Report>, source::SourceError> {
         sizes::files(&sources),
         prose::check(root, &sources)?,
         paper_map::check(root)?,
+        supply::check(root)?,
         Report {
             title: "lines of shipped code (without comments, blank lines and tests)",
             findings: vec![sizes::shipped(&sources).to_string()],

@@ -14,6 +14,22 @@ pub(crate) enum SourceError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// A file cannot be written.
+    #[error("{path} cannot be written: {source}", path = path.display())]
+    Write {
+        /// Which.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A policy or lock file is not understood.
+    #[error("{path}: {reason}", path = path.display())]
+    Policy {
+        /// Which.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
     /// A file is no Rust.
     #[error("{path}: {source}", path = path.display())]
     Parse {

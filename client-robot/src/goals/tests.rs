@@ -114,7 +114,9 @@ fn a_goal_that_is_cancelled_lets_the_robot_stand_or_go_on_to_the_next() {
     goals.cancel(Some("c")).expect("under way");
     assert!(matches!(goals.next_task(), Some(Task::GoTo(_))), "the next one");
     send(&mut goals, "e").expect("taken");
-    goals.cancel(None).expect("all");
+    let all = goals.cancel(None).expect("all");
+    assert_eq!(all.id.as_deref(), Some("d"));
+    assert_eq!(all.reason.as_deref(), Some("it was cancelled, and so was goal e, which was next"));
     assert_eq!((goals.next_task(), goals.is_driving()), (Some(Task::Stay), false));
     // Cancelled and sent anew between two frames.
     send(&mut goals, "f").expect("taken");

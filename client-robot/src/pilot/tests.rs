@@ -7,7 +7,7 @@ struct NoPaths;
 
 impl PathSource for NoPaths {
     fn plan(&mut self, _: Point2, _: Point2, _: &BTreeSet<FixedPoint>) -> Result<PlannedPath, ErrorReply> {
-        Err(ErrorReply { code: ErrorCode::NoPath, message: "none".to_owned() })
+        Err(ErrorReply::new(ErrorCode::NoPath, "none"))
     }
 }
 

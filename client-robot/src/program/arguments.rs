@@ -68,6 +68,7 @@ pub(super) enum Command {
   client-robot go --map museum --to 5,3
   client-robot go --map museum --to dock --robot tug-1
   client-robot go --map museum --to random --footprint 0.3         a larger robot
+  client-robot go --map museum --to 5,3 --to-nearest               as near as it can get
   client-robot go --map museum --to 5,3 --record drive.mcap        look at it in Foxglove")]
     Go {
         #[command(flatten)]
@@ -78,6 +79,9 @@ pub(super) enum Command {
         /// turns to its heading, or 'random'.
         #[arg(long, allow_hyphen_values = true)]
         to: String,
+        /// If the goal cannot be reached, drive to the nearest point that can.
+        #[arg(long)]
+        to_nearest: bool,
     },
     /// Finds its place, then drives wherever it is sent, goal after goal, until it is asked to end.
     ///
@@ -141,6 +145,9 @@ pub(super) struct RobotArgs {
     /// beside it, the one that the map was made with.
     #[arg(long)]
     pub(super) model: Option<PathBuf>,
+    /// Do not fetch a missing ONNX Runtime library from PyPI: start no process for it.
+    #[arg(long)]
+    pub(super) no_fetch: bool,
     /// Drive without cameras, as in the dark: the place is found by the scanner alone.
     #[arg(long, alias = "no-camera")]
     pub(super) no_cameras: bool,

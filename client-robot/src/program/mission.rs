@@ -13,11 +13,11 @@ use super::settings::{ClientFile, ClientSection};
 use crate::mission::{MapSource, MissionConfig, MissionError, MissionGoal, MissionObserver, Services, run};
 use crate::pilot::{Pilot, PilotStep};
 use fht_client::{LiveReplica, Presence, ServerPaths};
-use fht_descriptor::DescriptorNet;
+use fht_descriptor::{DescriptorError, DescriptorNet, Fetching};
 use fht_localization::landmarks::check_usable;
 use fht_perception::frame::{Panorama, SensorFrame};
 use fht_perception::pose::Pose2;
-use fht_program::{Stop, Waiting};
+use fht_program::{RobotConfig, Stop, Waiting};
 use fht_proto::api::fleet::RobotRole;
 use fht_proto::api::reply::{Head, known_names};
 use fht_proto::{Descriptor, Footprint, MapName};
@@ -46,7 +46,7 @@ pub(super) fn mission(
     let (map, name) = (file.map(), file.name().to_owned());
     check_owner(&file.connect, "client", &name)?;
     tracing::info!(%map, robot = name, "looks for its place");
-    let mut net = DescriptorNet::load(file.robot.model.as_deref())?;
+    let mut net = descriptor_net(&file.robot)?;
     let (simulator, world_from_map) = robot(&args.setup, &file.sim, &file.robot.footprint)?;
 
     let session = connect(&file.connect, waiting, stop)?;
@@ -66,8 +66,8 @@ pub(super) fn mission(
     let recording = Recording::start(args.record.as_deref(), &replica)?;
     let score = MissionScore::new(&simulator, &world_from_map);
     let mut observer = (recording, (UntilAsked(stop.clone()), ((publisher, display), score)));
-    let ClientSection { pilot, silence, walls, .. } = file.client;
-    let config = MissionConfig { pilot, silence, walls };
+    let ClientSection { pilot, silence, to_nearest, walls, paths: asking, .. } = file.client;
+    let config = MissionConfig { pilot, silence, footprint: asking.footprint, to_nearest, walls };
     let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe };
     let outcome = runtime()?.block_on(run(simulator, config, goal, &mut services, &mut observer));
     let (recording, (_, ((publisher, display), score))) = observer;
@@ -98,6 +98,12 @@ pub(super) fn mission(
     let is_done =
         if *goal == MissionGoal::None { report.localized_at_end && report.failure.is_none() } else { report.arrived };
     Ok(if is_done { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// The network that describes what the robot sees.
+pub(super) fn descriptor_net(robot: &RobotConfig) -> Result<DescriptorNet, DescriptorError> {
+    let fetching = if robot.fetch { Fetching::Allowed } else { Fetching::Never };
+    DescriptorNet::load_with(robot.model.as_deref(), fetching)
 }
 
 /// The descriptors of panoramas.

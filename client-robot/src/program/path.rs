@@ -18,12 +18,12 @@ pub(super) fn path(
     stop: &Stop,
 ) -> Result<ExitCode, CliError> {
     let WayArgs { from, to, to_nearest } = way;
+    let to_nearest = *to_nearest || file.client.to_nearest;
     from.parse::<PlaceRef>()?;
     to.parse::<PlaceRef>()?;
     let (session, map) = (connect(&file.connect, waiting, stop)?, file.map());
     wait_for_map(&session, &map, waiting, stop)?;
-    let question =
-        PathQuestion { from, to, footprint: &file.client.paths.footprint, release: None, to_nearest: *to_nearest };
+    let question = PathQuestion { from, to, footprint: &file.client.paths.footprint, release: None, to_nearest };
     let mut content = waiting.for_content();
     let (path, goal_yaw) = loop {
         match ask_path(&session, &map, &question, TIMEOUT) {
@@ -46,7 +46,7 @@ pub(super) fn path(
             }
             Err(AskError::Refused(refusal)) => {
                 let code = serde_json::to_string(&refusal.code)?;
-                let reason = format!("{}: {}", code.trim_matches('"'), refusal.message);
+                let reason = format!("{}: {}", code.trim_matches('"'), with_flags(&refusal.message));
                 return Ok(ProgramFailure::of(refusal.code.is_input(), reason).tell("client-robot"));
             }
             Err(error) => return Err(error.into()),
@@ -54,6 +54,11 @@ pub(super) fn path(
     };
     print_path(&path, goal_yaw);
     Ok(ExitCode::SUCCESS)
+}
+
+/// What servers and planners say to who asks by parameters, for who has flags.
+pub(super) fn with_flags(message: &str) -> String {
+    message.replace("to_nearest=true", "--to-nearest")
 }
 
 fn print_path(path: &PlannedPath, goal_yaw: Option<f64>) {
@@ -70,5 +75,14 @@ fn print_path(path: &PlannedPath, goal_yaw: Option<f64>) {
     }
     if let Some(yaw) = goal_yaw {
         print_line!("heading there: {:.1} degrees", yaw.to_degrees());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn who_has_flags_is_told_of_flags() {
+        let said = super::with_flags("2.10 m from the goal: to_nearest=true asks for the path there");
+        assert_eq!(said, "2.10 m from the goal: --to-nearest asks for the path there");
     }
 }

@@ -20,6 +20,9 @@ pub struct MissionReport {
     /// The heading that it was to have there, map frame, radians.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub goal_yaw: Option<f64>,
+    /// How far from the goal the nearest point is that the robot drove to instead, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub goal_moved_m: Option<f64>,
     /// Whether it declared to know where it is at all.
     pub localized: bool,
     /// Whether it knew at the end.
@@ -41,7 +44,7 @@ pub struct MissionReport {
     /// Whether it arrived: it says so, and it is truly at the goal
     /// ([`AT_GOAL_M`](super::AT_GOAL_M), [`AT_GOAL_DEG`](super::AT_GOAL_DEG)).
     pub arrived: bool,
-    /// True distance to the goal at the end, metres.
+    /// True distance at the end to the goal, or to the point that it drove to instead, metres.
     pub goal_distance_m: Option<f64>,
     /// True angle to the goal's heading at the end, degrees.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -94,6 +97,7 @@ impl MissionReport {
             &mut self.final_error_m,
             &mut self.final_error_deg,
             &mut self.goal_distance_m,
+            &mut self.goal_moved_m,
             &mut self.goal_turn_deg,
             &mut self.path_length_m,
             &mut self.shortest_length_m,
@@ -116,6 +120,9 @@ pub(super) fn print_report(report: &MissionReport) {
             print_line!("localized after {driven:.1} m, error {metres:.3} m and {degrees:.2} degrees");
         }
         _ => print_line!("not localized"),
+    }
+    if let Some(moved_m) = report.goal_moved_m {
+        print_line!("the goal cannot be reached: it drove to the nearest point that can, {moved_m:.2} m from it");
     }
     if report.arrived
         && let (Some(driven), Some(left)) = (report.path_length_m, report.goal_distance_m)

@@ -1,5 +1,6 @@
 //! A mission in a simulated world, scored against the truth.
 
+use super::path::with_flags;
 use super::report::MissionReport;
 use crate::mission::{MissionObserver, MissionOutcome};
 use crate::pilot::{DriveGoal, Pilot, PilotStep, TaskOutcome};
@@ -34,6 +35,8 @@ pub struct MissionScore {
     frames: usize,
     driven_at_fix_m: Option<f64>,
     first_us: Option<u64>,
+    /// Where the robot drives to instead of the goal.
+    instead: Option<Point2>,
     /// The estimate and the truth at the newest frame, while the robot knows its place.
     last: Option<(Pose2, Pose2)>,
 }
@@ -55,6 +58,7 @@ impl MissionScore {
             frames: 0,
             driven_at_fix_m: None,
             first_us: None,
+            instead: None,
             last: None,
         }
     }
@@ -68,7 +72,10 @@ impl MissionScore {
             report.final_error_deg = Some(degrees);
         }
         let truth = self.map_from_world * self.truth.world_from_base();
-        report.goal_distance_m = report.goal.map(|goal| (truth.translation.vector - Vector2::from(goal)).norm());
+        let goal = self.instead.map(|point| point.coords).or(report.goal.map(Vector2::from));
+        report.goal_distance_m = goal.map(|goal| (truth.translation.vector - goal).norm());
+        // It stays as it came.
+        report.goal_yaw = report.goal_yaw.filter(|_| self.instead.is_none());
         report.goal_turn_deg = report.goal_yaw.map(|yaw| wrap_angle(yaw - truth.rotation.angle()).abs().to_degrees());
         report.failure = failure(report, &outcome.task);
         report.arrived = outcome.task == TaskOutcome::Arrived && report.failure.is_none();
@@ -109,7 +116,7 @@ fn failure(report: &MissionReport, task: &TaskOutcome) -> Option<String> {
     /// What may be wrong instead.
     const HINT: &str = "(where the map does not begin at the world's own start, --map-origin says where it does)";
     match task {
-        TaskOutcome::Failed(failure) => Some(failure.to_string()),
+        TaskOutcome::Failed(failure) => Some(with_flags(&failure.to_string())),
         TaskOutcome::Localized => {
             let (metres, degrees) = report.final_error_m.zip(report.final_error_deg)?;
             let is_right = metres < KNOWS_PLACE.0 && degrees < KNOWS_PLACE.1;
@@ -143,6 +150,9 @@ impl MissionObserver for MissionScore {
         }
         if let Some(path) = pilot.path() {
             report.planned_length_m.get_or_insert(path.length_m);
+            let end = path.points.last().filter(|_| path.goal_moved_m > 0.0);
+            self.instead = end.map(|end| end.position);
+            report.goal_moved_m = end.map(|_| path.goal_moved_m);
             // The robot plans first and the server answers after: its word is the better.
             if report.planner != Some(Planner::Server) {
                 report.planner = Some(path.planner);

@@ -4,7 +4,7 @@ use super::arguments::{RobotArgs, ServeArgs};
 use super::connection::{ASK_AGAIN, connect, runtime, wait_for_map};
 use super::display::Display;
 use super::error::CliError;
-use super::mission::{UntilAsked, copy_of_map, describing, robot};
+use super::mission::{UntilAsked, copy_of_map, describing, descriptor_net, robot};
 use super::pose_publisher::PosePublisher;
 use super::recording::Recording;
 use super::settings::{ClientFile, ClientSection};
@@ -12,7 +12,6 @@ use crate::goal_service::GoalService;
 use crate::mission::{MissionConfig, MissionError, Services};
 use crate::serving::{ServeError, serve};
 use fht_client::{Presence, ServerPaths};
-use fht_descriptor::DescriptorNet;
 use fht_perception::robot::Paced;
 use fht_program::{Stop, Waiting, print_line};
 use fht_proto::api::fleet::RobotRole;
@@ -67,7 +66,7 @@ pub(super) fn serving(
     (file.client.walls, file.client.paths.taking) = (Taking::WhenThere, Taking::WhenThere);
     let (map, name) = (file.map(), file.name().to_owned());
     check_owner(&file.connect, "client", &name)?;
-    let mut net = DescriptorNet::load(file.robot.model.as_deref())?;
+    let mut net = descriptor_net(&file.robot)?;
     let (simulator, _) = robot(&args.robot.setup, &file.sim, &file.robot.footprint)?;
 
     let session = connect(&file.connect, waiting, stop)?;
@@ -94,7 +93,7 @@ pub(super) fn serving(
     let publisher = PosePublisher::new(presence, &replica);
     let mut observer = (recording, (UntilAsked(stop.clone()), (publisher, display)));
     let ClientSection { pilot, silence, walls, .. } = file.client;
-    let config = MissionConfig { pilot, silence, walls };
+    let config = MissionConfig { pilot, silence, walls, ..MissionConfig::default() };
     let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe };
     let robot = Paced::new(simulator, Some(args.rate.unwrap_or(1.0)));
     let ended = runtime()?.block_on(serve(robot, config, &name, &mut desk, &mut services, &mut observer));

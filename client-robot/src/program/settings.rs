@@ -78,6 +78,7 @@ impl ClientFile {
         // As explorers call the map of a world.
         self.robot.map = self.robot.map.or_else(|| args.setup.map_name().ok());
         self.robot.model = args.model.clone().or(self.robot.model);
+        self.robot.fetch &= !args.no_fetch;
         self.robot.cameras &= !args.no_cameras;
         self.sim.light_seed = args.light_seed.unwrap_or(self.sim.light_seed);
         if !self.robot.cameras {
@@ -107,6 +108,9 @@ pub(super) struct ClientSection {
     pub(super) paths: ServerPathsConfig,
     /// How the robot's copy of the map keeps up.
     pub(super) replica: ReplicaConfig,
+    /// Whether a goal of `go` or `path` that cannot be reached means the nearest point that can
+    /// (`--to-nearest`); senders of goals say it with each. Default false.
+    pub(super) to_nearest: bool,
     /// How long the sensors may be silent.
     pub(super) silence: SilenceConfig,
     /// When the walls of a map that has changed are used. Default two frames after the change.
@@ -118,8 +122,9 @@ pub(super) struct ClientSection {
 
 impl Default for ClientSection {
     fn default() -> Self {
-        let MissionConfig { pilot, silence, walls } = MissionConfig::default();
-        Self { paths: ServerPathsConfig::default(), replica: ReplicaConfig::default(), silence, walls, pilot }
+        let MissionConfig { pilot, silence, to_nearest, walls, .. } = MissionConfig::default();
+        let (paths, replica) = (ServerPathsConfig::default(), ReplicaConfig::default());
+        Self { paths, replica, to_nearest, silence, walls, pilot }
     }
 }
 

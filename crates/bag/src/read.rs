@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `files` | which files make up a bag |
 //! | `stream` | their messages, as far as they can be read |
+//! | `unpacking` | how much their chunks may unpack to |
 //! | `survey` | what is in a bag |
 //! | `topics` | which topics hold what |
 //! | `odometry` | poses by time, interpolated |
@@ -19,3 +20,4 @@ pub(crate) mod report;
 pub(crate) mod stream;
 pub(crate) mod survey;
 pub(crate) mod topics;
+mod unpacking;

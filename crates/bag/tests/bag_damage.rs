@@ -146,6 +146,47 @@ fn survives(bytes: &[u8]) -> Option<(usize, BagReport)> {
     Some((count, frames.report()))
 }
 
+/// Dark pictures, as a bag of `count` messages of 32 MB.
+fn dark_pictures(path: &Path, compression: Option<Compression>, count: u32) {
+    let options = mcap::WriteOptions::new().profile("ros2").compression(compression).chunk_size(Some(1 << 20));
+    let mut writer = options.create(std::fs::File::create(path).unwrap()).unwrap();
+    let schema = writer.add_schema("sensor_msgs/msg/Image", "ros2msg", b"").unwrap();
+    let channel_id = writer.add_channel(schema, "/camera", "cdr", &Default::default()).unwrap();
+    let picture = vec![0; 32_000_000];
+    for sequence in 0..count {
+        let time = u64::from(sequence);
+        let header = mcap::records::MessageHeader { channel_id, sequence, log_time: time, publish_time: time };
+        writer.write_to_known_channel(&header, &picture).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn a_small_bag_that_unpacks_to_much_is_read_up_to_a_bound() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, compression) in [("zstd", Compression::Zstd), ("lz4", Compression::Lz4)] {
+        let path = folder.path().join(name);
+        dark_pictures(&path, Some(compression), 20);
+        let mut messages = Messages::open(&path).unwrap();
+        let read = messages.by_ref().count();
+        assert!((1..20).contains(&read), "{name}: {read} messages");
+        let [broken] = messages.broken() else { panic!("{name}: {:?}", messages.broken()) };
+        assert!(broken.reason.contains("unpacks to 32000") && broken.reason.contains("200 times"), "{broken}");
+        // A chunk that claims more than it holds, and more than any chunk may.
+        let mut bytes = std::fs::read(&path).unwrap();
+        let chunk = (mcap::MAGIC.len()..).find(|&at| bytes[at..].starts_with(&[6])).unwrap();
+        bytes[chunk + 25..chunk + 33].copy_from_slice(&u64::MAX.to_le_bytes());
+        std::fs::write(&path, &bytes).unwrap();
+        let mut messages = Messages::open(&path).unwrap();
+        assert_eq!(messages.by_ref().count(), 0);
+        assert!(messages.broken()[0].reason.contains("unpacks to 18446744073709551615"), "{:?}", messages.broken());
+    }
+    let plain = folder.path().join("plain");
+    dark_pictures(&plain, None, 3);
+    let mut messages = Messages::open(&plain).unwrap();
+    assert_eq!((messages.by_ref().count(), messages.broken()), (3, &[][..]));
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 150, max_shrink_iters: 20, failure_persistence: None, ..ProptestConfig::default() })]
 

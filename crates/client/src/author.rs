@@ -85,6 +85,9 @@ fn nothing_yet(map: &MapName) -> Head {
         edges: 0,
         bytes: 0,
         refused: 0,
+        reports_cleared: 0,
+        read_only: false,
+        damaged: false,
     }
 }
 

@@ -1,12 +1,12 @@
 //! What is closed for a robot now: what operators wrote, which is in the map, and what other robots
 //! found blocked, which passes.
 
-use fht_map::plan::blocked::Reports;
+use fht_map::plan::blocked::{Reporter, Reports};
 use fht_map::{Replica, Rules};
 use fht_proto::api::fleet::BlockedReport;
 use fht_proto::api::keys::Key;
 use fht_proto::api::reply::BlockedView;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use zenoh::sample::{Sample, SampleKind};
 
@@ -51,23 +51,28 @@ impl Closures {
             return;
         }
         match serde_json::from_slice(&sample.payload().to_bytes()) {
-            Ok(report) => self.keep(&robot, &report),
+            // Whether it is there is for the server to know, which is asked when the link is new.
+            Ok(report) => self.keep(&robot, Reporter::Robot { has_token: true }, &report),
             Err(error) => tracing::debug!(robot, "a report of what is blocked is not taken: {error}"),
         }
     }
 
-    /// Takes what the server has heard of and this robot may not have: who comes late is told
-    /// nothing again.
+    /// Takes what the server has heard of instead of what was heard here: who comes late is told
+    /// nothing again, and what operators have opened is not reported.
     pub fn take_known(&self, blocked: Vec<BlockedView>) {
+        self.lock().clear(None, 0.0, self.now_us());
         let of_others = blocked.into_iter().filter(|view| view.robot != self.robot);
         for (robot, report) in of_others.filter_map(BlockedView::into_report) {
-            self.keep(&robot, &report);
+            self.keep(&robot, Reporter::Trusted, &report);
         }
     }
 
-    fn keep(&self, robot: &str, report: &BlockedReport) {
-        let mut reports = self.reports.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Err(reason) = reports.take(robot, report, self.now_us()) {
+    fn lock(&self) -> MutexGuard<'_, Reports> {
+        self.reports.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn keep(&self, robot: &str, reporter: Reporter, report: &BlockedReport) {
+        if let Err(reason) = self.lock().take(robot, reporter, report, &[], self.now_us()) {
             tracing::debug!(robot, "a report of what is blocked is not taken: {reason}");
         }
     }
@@ -76,7 +81,7 @@ impl Closures {
     #[must_use]
     pub fn rules(&self, copy: &Replica) -> Arc<Rules> {
         let now_us = self.now_us();
-        let mut reports = self.reports.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut reports = self.lock();
         let (version, changes) = (copy.vector().version(), reports.changes(now_us));
         let mut cached = self.cached.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(cached) = cached.as_ref().filter(|cached| (cached.version, cached.changes) == (version, changes)) {

@@ -54,7 +54,9 @@ pub use path_reply::{UnusablePath, planned, planned_between};
 pub use paths::{PathQuestion, ServerPaths, ServerPathsConfig, ask_path};
 pub use planned_path::{PathPoint, PathSource, PlannedPath, Planner};
 pub use presence::{PoseReport, Presence};
-pub use queries::{AskError, ask, ask_async, ask_head, ask_head_async, ask_json_async, read_head};
+pub use queries::{
+    AskError, ask, ask_all_async, ask_async, ask_fleet_async, ask_head, ask_head_async, ask_json_async, read_head,
+};
 pub use replica::{LiveReplica, ReplicaConfig, ReplicaError};
 pub use staleness::{Staleness, StalenessConfig, StalenessStep};
 pub use sync::{Running, Sync, SyncConfig, SyncQuestion};

@@ -128,10 +128,7 @@ impl FreeSpaceCache {
                 self.wish = Some(Wish { way, basis });
                 match older {
                     Some(made) if made.basis.rules.closes_all_of(rules) => plan_on(map, made, footprint, way),
-                    _ => {
-                        let message = "the map's free space is being made".to_owned();
-                        Err(ErrorReply { code: ErrorCode::NoPath, message })
-                    }
+                    _ => Err(ErrorReply::new(ErrorCode::NoPath, "the free space of the map is being made")),
                 }
             }
         }

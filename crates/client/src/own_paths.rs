@@ -21,7 +21,7 @@ pub(crate) fn plan_inside(
 ) -> Result<PlannedPath, ErrorReply> {
     let config = NodeRouteConfig { ends, ..NodeRouteConfig::default() };
     let found = rules.plan(map, space, fixed_point(from), fixed_point(to), &config);
-    let found = found.map_err(|error| ErrorReply { code: error.code(), message: error.to_string() })?;
+    let found = found.map_err(|error| ErrorReply::new(error.code(), &error.to_string()))?;
     let points = found
         .waypoints
         .iter()

@@ -181,11 +181,11 @@ fn answer(session: &Session, map: &MapName, footprint: &Footprint, question: Que
             planned_between(reply, start, to).map_err(|error| AskError::Unreadable(error.to_string()))
         });
         path.map_err(|error| match error {
-            AskError::Refused(refusal) if refusal.code != ErrorCode::Internal => refusal,
+            AskError::Refused(refusal) if !refusal.code.is_trouble_of_the_server() => refusal,
             error => {
-                let message = error.to_string();
-                failure = Some(message.clone());
-                ErrorReply { code: ErrorCode::Internal, message }
+                let reply = ErrorReply::new(ErrorCode::Internal, &error.to_string());
+                failure = Some(error.to_string());
+                reply
             }
         })
     });

@@ -1,11 +1,13 @@
 //! Questions to the map server.
 
 use fht_proto::MapName;
+use fht_proto::api::fleet::FleetReply;
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::{ErrorReply, Head};
 use serde::de::DeserializeOwned;
 use std::time::Duration;
 use zenoh::handlers::FifoChannel;
+use zenoh::query::{ConsolidationMode, QueryTarget};
 use zenoh::{Session, Wait};
 
 /// Why a question has no answer.
@@ -73,6 +75,24 @@ pub async fn ask_async(
     Err(refusal.map_or(AskError::Silent, AskError::Refused))
 }
 
+/// Puts a question to all servers without blocking; waits for all, and returns an answer, or else a
+/// refusal.
+///
+/// # Errors
+/// Why there is no answer.
+pub async fn ask_all_async(session: &Session, selector: &str, timeout: Duration) -> Result<Vec<u8>, AskError> {
+    let get = session.get(selector).timeout(timeout).target(QueryTarget::All).consolidation(ConsolidationMode::None);
+    let replies = get.with(FifoChannel::new(16)).await?;
+    let (mut answer, mut refusal) = (None, None);
+    while let Ok(reply) = replies.recv_async().await {
+        match reply.result() {
+            Ok(sample) => answer = Some(sample.payload().to_bytes().into_owned()),
+            Err(error) => refusal = serde_json::from_slice::<ErrorReply>(&error.payload().to_bytes()).ok().or(refusal),
+        }
+    }
+    answer.ok_or_else(|| refusal.map_or(AskError::Silent, AskError::Refused))
+}
+
 /// Puts a question without blocking, and reads the first answer as JSON.
 ///
 /// # Errors
@@ -84,6 +104,26 @@ pub async fn ask_json_async<T: DeserializeOwned>(
 ) -> Result<T, AskError> {
     let bytes = ask_async(session, selector, None, timeout).await?;
     serde_json::from_slice(&bytes).map_err(|error| AskError::Unreadable(error.to_string()))
+}
+
+/// Asks the server for the robots on a map without blocking: all of them, page by page.
+///
+/// # Errors
+/// Why there is no answer.
+pub async fn ask_fleet_async(session: &Session, map: &MapName, timeout: Duration) -> Result<FleetReply, AskError> {
+    let key = Key::topic(map, Topic::Fleet);
+    let mut fleet: FleetReply = ask_json_async(session, &key.to_string(), timeout).await?;
+    while let Some(after) = fleet.next.take() {
+        let page: FleetReply = ask_json_async(session, &format!("{key}?after={after}"), timeout).await?;
+        // Names ascend, or it would not end.
+        if page.next.as_ref().is_some_and(|next| *next <= after) {
+            return Err(AskError::Unreadable(format!("robots after {after} lead back")));
+        }
+        fleet.robots.extend(page.robots);
+        fleet.next = page.next;
+    }
+    fleet.truncated = false;
+    Ok(fleet)
 }
 
 /// Asks the server for a map's head without blocking.

@@ -240,6 +240,9 @@ mod tests {
             edges: 0,
             bytes: 0,
             refused: 0,
+            reports_cleared: 0,
+            read_only: false,
+            damaged: false,
         }
     }
 

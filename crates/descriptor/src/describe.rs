@@ -7,6 +7,7 @@ use crate::information::information;
 use crate::network::{LoadError, Network};
 use crate::pool::{GemPool, make_unit};
 use crate::projection::Projection;
+use crate::runtime::Fetching;
 use crate::{cylinder, light};
 use fht_perception::frame::Panorama;
 use fht_proto::{Descriptor, DescriptorModel, ModelId};
@@ -34,21 +35,37 @@ pub struct DescriptorNet {
 
 impl DescriptorNet {
     /// Loads the built-in model, or the ONNX file `model`, whose description lies next to it with
-    /// the extension `.json`.
+    /// the extension `.json`. A missing ONNX Runtime is fetched.
     ///
     /// # Errors
     /// [`DescriptorError`] names the file at fault and why, or says what to do if there is no ONNX
     /// Runtime.
     pub fn load(model: Option<&Path>) -> Result<Self, DescriptorError> {
+        Self::load_with(model, Fetching::Allowed)
+    }
+
+    /// Loads a model as [`load`](Self::load) does, and says whether a missing ONNX Runtime may be
+    /// fetched.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn load_with(model: Option<&Path>, fetching: Fetching) -> Result<Self, DescriptorError> {
         match model {
-            None => Self::from_files(&files::built_in()),
-            Some(onnx) => Self::from_files(&files::read(onnx)?),
+            None => Self::from_files(&files::built_in(), fetching),
+            Some(onnx) => Self::from_files(&files::read(onnx)?, fetching),
         }
     }
 
-    fn from_files(files: &ModelFiles<'_>) -> Result<Self, DescriptorError> {
+    fn from_files(files: &ModelFiles<'_>, fetching: Fetching) -> Result<Self, DescriptorError> {
         let description = Description::parse(&files.description.contents)
             .map_err(|source| DescriptorError::Description { path: files.description.path.clone(), source })?;
+        if let Some(expected) = &description.onnx_blake3 {
+            let found = blake3::hash(&files.onnx.contents).to_hex().to_string();
+            if found != *expected {
+                let expected = expected.clone();
+                return Err(DescriptorError::Altered { path: files.onnx.path.clone(), found, expected });
+            }
+        }
         let (channels, dimension) = (usize::from(description.channels), usize::from(description.dimension));
         let mut hash = blake3::Hasher::new();
         hash.update(&files.onnx.contents).update(files.description.contents.as_bytes());
@@ -69,7 +86,7 @@ impl DescriptorNet {
             dimension: description.dimension,
             match_threshold_e3: (description.match_threshold * 1000.0).round() as i16,
         };
-        let network = Network::load(&files.onnx.contents, &description).map_err(|error| match error {
+        let network = Network::load(&files.onnx.contents, &description, fetching).map_err(|error| match error {
             LoadError::Runtime(error) => DescriptorError::Runtime(error),
             LoadError::Model(reason) => DescriptorError::Model { path: files.onnx.path.clone(), reason },
         })?;

@@ -22,6 +22,10 @@ pub enum InputLayout {
 pub struct Description {
     /// Name for people.
     pub name: String,
+    /// BLAKE3 hash of the ONNX file, in hexadecimal; another file is refused. None: not checked,
+    /// but the model's id, which a map names, follows from the file all the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub onnx_blake3: Option<String>,
     /// Name of the network's input.
     pub input: String,
     /// Layout of the input.

@@ -16,6 +16,19 @@ pub enum DescriptorError {
         /// The system's message.
         source: std::io::Error,
     },
+    /// The network is not the one that its description names.
+    #[error(
+        "{path} was altered: its BLAKE3 hash is {found}, and its description says {expected}",
+        path = path.display()
+    )]
+    Altered {
+        /// The ONNX file.
+        path: PathBuf,
+        /// Its hash.
+        found: String,
+        /// The description's.
+        expected: String,
+    },
     /// The description is not valid.
     #[error("{path}: {source}", path = path.display())]
     Description {

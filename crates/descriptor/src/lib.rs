@@ -18,7 +18,7 @@
 //! | `pool` | generalised-mean pooling |
 //! | `projection` | what tells places apart |
 //! | `information` | how much there is to see |
-//! | `runtime` | finding the ONNX Runtime library without the user's help |
+//! | `runtime` | finding the ONNX Runtime library without the user's help, and checking it |
 //!
 //! The panorama is unrolled to a strip that goes around, so there is no seam, and a turn of the
 //! robot is a shift of the strip. The network's output is pooled over the whole strip (GeM:
@@ -61,7 +61,7 @@ pub use describe::{Appearance, DescriptorNet};
 pub use description::{Description, DescriptionError, InputLayout};
 pub use error::{DescribeError, DescriptorError};
 pub use projection::ProjectionError;
-pub use runtime::RuntimeError;
+pub use runtime::{Fetching, RuntimeError};
 
 #[cfg(test)]
 mod tests;

@@ -144,6 +144,12 @@ fn a_model_of_ones_own_is_loaded_and_a_broken_one_refused_with_a_reason() {
     let own = DescriptorNet::load(Some(&onnx)).unwrap();
     assert_eq!(own.model().name, "own");
     assert_ne!(own.model().id, DescriptorNet::load(None).unwrap().model().id);
+    let named = |hash: &str| BUILT_IN_DESCRIPTION.replacen('{', &format!("{{\"onnx_blake3\": \"{hash}\","), 1);
+    std::fs::write(&json, named(blake3::hash(BUILT_IN_ONNX).to_hex().as_str())).unwrap();
+    assert_eq!(text(&onnx), "");
+    std::fs::write(&json, named(blake3::hash(b"another network").to_hex().as_str())).unwrap();
+    assert!(text(&onnx).contains("own.onnx was altered"), "{}", text(&onnx));
+    std::fs::write(&json, BUILT_IN_DESCRIPTION).unwrap();
     std::fs::write(&onnx, b"no network").unwrap();
     assert!(text(&onnx).contains("cannot be loaded as an ONNX model"), "{}", text(&onnx));
 }

@@ -1,12 +1,11 @@
 //! A map at hand: the own copy, and the server behind it.
 
 use crate::place::NamedPlace;
-use fht_client::{AskError, FreeSpaceCache, LiveReplica, PoseReport, Presence, ask_head_async, ask_json_async};
+use fht_client::{AskError, FreeSpaceCache, LiveReplica, PoseReport, Presence, ask_fleet_async, ask_head_async};
 use fht_map::plan::blocked::missing_node;
 use fht_map::{MapState, Rules};
 use fht_perception::pose::{Pose2, from_fixed};
-use fht_proto::api::fleet::{BlockedReport, FleetReply, LocalizationState, RobotView};
-use fht_proto::api::keys::{Key, Topic};
+use fht_proto::api::fleet::{BlockedReport, LocalizationState, RobotView};
 use fht_proto::api::reply::Head;
 use fht_proto::model::validate::Validate;
 use fht_proto::{Footprint, Invalid, MapName, NodeId, NodeKind, ReleaseId, VersionVector};
@@ -169,9 +168,7 @@ impl Map {
     /// # Errors
     /// Why there is no answer.
     pub async fn robots(&self) -> Result<Vec<RobotView>, AskError> {
-        let selector = Key::topic(&self.inner.name, Topic::Fleet).to_string();
-        let fleet: FleetReply = ask_json_async(&self.inner.session, &selector, self.inner.timeout).await?;
-        Ok(fleet.robots)
+        Ok(ask_fleet_async(&self.inner.session, &self.inner.name, self.inner.timeout).await?.robots)
     }
 
     /// Publishes where the robot is, for a robot that finds out by itself; `None`: it does not

@@ -131,7 +131,7 @@ impl PathRequest {
             (self.from.to_ref().map_err(PathError::Refused)?, self.to.to_ref().map_err(PathError::Refused)?);
         let path = match self.ask_server(&from, &to) {
             Ok(path) => Ok(path),
-            Err(AskError::Refused(reply)) if reply.code != ErrorCode::Internal => Err(PathError::Refused(reply)),
+            Err(AskError::Refused(reply)) if !reply.code.is_trouble_of_the_server() => Err(PathError::Refused(reply)),
             Err(error) if self.release.is_some() => Err(PathError::Server(error)),
             Err(error) => {
                 tracing::warn!(%error, "no path from the server: planning on the own copy of the map");
@@ -166,9 +166,9 @@ impl PathRequest {
             path.map_err(|error| match error {
                 AskError::Refused(refusal) => refusal,
                 error => {
-                    let message = error.to_string();
+                    let reply = ErrorReply::new(ErrorCode::Internal, &error.to_string());
                     failure = Some(error);
-                    ErrorReply { code: ErrorCode::Internal, message }
+                    reply
                 }
             })
         });

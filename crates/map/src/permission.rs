@@ -143,6 +143,11 @@ impl WriterRoles {
         self.0.get(&author).map(|(_, name)| name.as_str())
     }
 
+    /// The names of all who have a role.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.0.values().map(|(_, name)| name.as_str())
+    }
+
     /// Whether `author` may write an operation.
     ///
     /// # Errors

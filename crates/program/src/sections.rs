@@ -20,6 +20,9 @@ pub struct RobotConfig {
     /// A descriptor model in place of the built-in one (`--model`): an ONNX file with its
     /// description beside it. A map is used with the model that it was made with. Default none.
     pub model: Option<PathBuf>,
+    /// Whether a missing ONNX Runtime library is fetched from PyPI, by `python3 -m pip`
+    /// (`--no-fetch`). Default true.
+    pub fetch: bool,
     /// The ground that the robot covers. The clearances of `client-robot` follow from it, unless
     /// the file states them. Default: the paper's robot, of 0.105 m radius.
     pub footprint: Footprint,
@@ -29,6 +32,6 @@ pub struct RobotConfig {
 
 impl Default for RobotConfig {
     fn default() -> Self {
-        Self { name: None, map: None, model: None, footprint: Footprint::default(), cameras: true }
+        Self { name: None, map: None, model: None, fetch: true, footprint: Footprint::default(), cameras: true }
     }
 }

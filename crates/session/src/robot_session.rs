@@ -10,6 +10,9 @@ use zenoh::Config;
 
 /// A lost router is tried again after 0.1 s, and then at least every 2 s.
 const RETRY: &str = "{period_init_ms: 100, period_max_ms: 2000, period_increase_factor: 2}";
+/// A router that does not answer is given up after so long, milliseconds: a frozen one still takes
+/// connections. Zenoh's own 10 s would be waited for before the next router is asked.
+const OPEN_TIMEOUT: &str = "3000";
 /// Where a robot looks for a server unless told otherwise.
 const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
 /// No endpoints, as Zenoh's configuration shows them.
@@ -127,6 +130,7 @@ fn config(link: &SessionConfig) -> Result<Config, ConfigurationError> {
         ("connect/timeout_ms", FOREVER),
         ("connect/exit_on_failure", "false"),
         ("connect/retry", RETRY),
+        ("transport/unicast/open_timeout", OPEN_TIMEOUT),
         ("scouting/multicast/enabled", "false"),
     ] {
         set_default(&mut config, key, value)?;

@@ -49,8 +49,8 @@ pub enum ConnectError {
 pub async fn open_configured(mut config: Config, patience: Option<Duration>) -> Result<Session, ConnectError> {
     let endpoints = endpoints(&config);
     credentials::check(&config, &endpoints)?;
-    let is = |key: &str, value: &str| config.get_json(key).is_ok_and(|set| set == value);
-    let waits = is("mode", "\"client\"") && (patience.is_some() || is("connect/timeout_ms", FOREVER));
+    let waits =
+        has(&config, "mode", "\"client\"") && (patience.is_some() || has(&config, "connect/timeout_ms", FOREVER));
     let refused = |reason: String| ConnectError::Refused { endpoints: endpoints.clone(), reason };
     if !waits || endpoints.is_empty() {
         return attempt(config).await.map_err(|error| refused(trouble::in_words(&error)));
@@ -67,6 +67,11 @@ pub async fn open_configured(mut config: Config, patience: Option<Duration>) -> 
     // Long enough to be refused, but many silent endpoints are not waited for.
     let reasons = tokio::time::timeout(REASONS_WITHIN, trouble::reasons(&config, &endpoints)).await;
     Err(refused(reasons.unwrap_or_else(|_| "no answer".to_owned())))
+}
+
+/// Whether `key` is set to `value`, both as JSON.
+pub(crate) fn has(config: &Config, key: &str, value: &str) -> bool {
+    config.get_json(key).is_ok_and(|set| set == value)
 }
 
 async fn try_until_open(config: &Config, endpoints: &[String], mut remark_at: Instant) -> Session {

@@ -17,7 +17,7 @@ pub use draw::photographs::PhotographError;
 pub use gazebo::SdfError;
 pub use nav2::MapError;
 
-use crate::plan::FloorPlan;
+use crate::plan::{FloorPlan, Mask};
 use crate::scene::Scene;
 use building::layout::Layout;
 use building::style::Style;
@@ -271,22 +271,10 @@ pub fn load_with(
 /// can be reached, else the place among the few tried from which most of the floor can be reached.
 fn start_near_origin(plan: &FloorPlan) -> Option<Pose2> {
     let wanted = START_CLEARANCE_M.min(0.9 * plan.max_clearance_m());
-    let mut places: Vec<(f64, Point2)> = Vec::new();
-    for row in 0..plan.height() {
-        for column in 0..plan.width() {
-            let centre = plan.centre_of(column, row);
-            if plan.clearance_m(centre) >= wanted && !plan.is_occupied(centre.x, centre.y) {
-                places.push((centre.coords.norm_squared(), centre));
-            }
-        }
-    }
-    if plan.clearance_m(Point2::origin()) >= wanted {
-        places.push((0.0, Point2::origin()));
-    }
-    places.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut tried: Vec<Mask> = Vec::new();
     let mut best: Option<(f64, Point2)> = None;
     for _ in 0..START_TRIES {
-        let Some(&(_, place)) = places.first() else { break };
+        let Some(place) = nearest_roomy(plan, wanted, &tried) else { break };
         let reachable = plan.reachable(place, wanted.min(REACH_RADIUS_M));
         let area = plan.area_m2(&reachable);
         if best.is_none_or(|(most, _)| area > most) {
@@ -295,7 +283,30 @@ fn start_near_origin(plan: &FloorPlan) -> Option<Pose2> {
         if area > 0.5 * plan.free_area_m2() {
             break;
         }
-        places.retain(|&(_, place)| plan.cell_of(place).is_none_or(|(column, row)| !reachable.contains(column, row)));
+        tried.push(reachable);
     }
     best.map(|(_, place)| pose(place.x, place.y, 0.0))
+}
+
+/// The place with at least `clearance_m` (metres) of clearance that is nearest to the origin and in
+/// none of the sets `but`.
+fn nearest_roomy(plan: &FloorPlan, clearance_m: f64, but: &[Mask]) -> Option<Point2> {
+    let is_new = |column: usize, row: usize| !but.iter().any(|mask| mask.contains(column, row));
+    let mut best: Option<(f64, Point2)> = None;
+    for row in 0..plan.height() {
+        for column in 0..plan.width() {
+            let centre = plan.centre_of(column, row);
+            let squared = centre.coords.norm_squared();
+            if best.is_none_or(|(least, _)| squared < least)
+                && plan.clearance_m(centre) >= clearance_m
+                && !plan.is_occupied(centre.x, centre.y)
+                && is_new(column, row)
+            {
+                best = Some((squared, centre));
+            }
+        }
+    }
+    let has_room = plan.clearance_m(Point2::origin()) >= clearance_m;
+    let origin = plan.cell_of(Point2::origin()).filter(|&(column, row)| has_room && is_new(column, row));
+    origin.map(|_| Point2::origin()).or(best.map(|(_, place)| place))
 }

@@ -240,3 +240,13 @@ fn small_pieces_of_a_map_move_and_new_things_come_while_the_walls_stay() {
     }
     assert!(fewer > 64 && more > 64, "{fewer} cells free that were not, {more} the other way round");
 }
+
+#[test]
+fn a_large_plan_without_a_wall_is_loaded() {
+    // Some 11,000 squares of different looks, and 9 million cells that ask in which they are.
+    let yaml = GOOD.replace("0.05", "0.25");
+    let (_folder, path) = write(&yaml, &GrayImage::from_pixel(3000, 3000, Luma([254])));
+    let world = load_path(&path).unwrap();
+    assert!((world.plan().free_area_m2() - 750.0 * 750.0).abs() < 1e-3);
+    assert!(world.plan().reachable(Point2::from(world.start().translation.vector), 0.2).count() > 8_000_000);
+}

@@ -57,6 +57,7 @@ fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, ProgramFailure> {
         endpoint: cli.listen.clone(),
         folder: folder.path().to_owned(),
         picture: picture.clone(),
+        fetch: !cli.no_fetch,
         progress: !cli.quiet,
     };
     let (report, server) = hand_off(&config).map_err(|error| ProgramFailure::of(error.is_input(), error))?;

@@ -37,6 +37,8 @@ pub struct HandoffConfig {
     pub folder: PathBuf,
     /// Where the picture goes.
     pub picture: PathBuf,
+    /// Whether a missing ONNX Runtime library may be fetched.
+    pub fetch: bool,
     /// Whether progress is shown.
     pub progress: bool,
 }

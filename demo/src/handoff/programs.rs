@@ -63,5 +63,8 @@ pub(super) fn world_args(config: &HandoffConfig, map: &MapName, report: &Path) -
     if let Some(textures) = &config.textures {
         add("--textures", textures.as_os_str());
     }
+    if !config.fetch {
+        args.push("--no-fetch".into());
+    }
     args
 }

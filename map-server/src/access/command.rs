@@ -21,14 +21,21 @@ pub(crate) struct AccessArgs {
     /// files, such as storages, are put into the first.
     #[arg(long, value_name = "FILE")]
     into: Vec<PathBuf>,
+    /// Write the configuration of this router, a name of the list: with a fixed id, and with what
+    /// keeps everybody else from between the routers. Every router of a site that has several needs
+    /// its own.
+    #[arg(long, value_name = "NAME")]
+    router: Option<String>,
 }
 
 const EXAMPLES: &str = "\
 Examples:
-  map-server access-control roles.json5 --into router.json5 > zenohd.json5
-      what a router needs: give all routers the same list
-  map-server access-control roles.json5 --into router.json5 --into storages.json5 > zenohd.json5
+  map-server access-control roles.json5 --router hall --into router.json5 > zenohd-hall.json5
+      what the router called hall needs: make one for each router, of the same list
+  map-server access-control roles.json5 --router hall --into router.json5 --into storages.json5
       the same with storages, for map-servers that keep nothing themselves
+  map-server access-control roles.json5 --into server-alone.json5 > server.json5
+      what a map-server needs that is the only router
 
 A list of roles:
   {
@@ -86,6 +93,6 @@ impl AccessArgs {
             let in_file = |source| AccessCommandError::Access { file: file.clone(), source };
             whole.extend(object(&read(file)?).map_err(in_file)?);
         }
-        configuration(whole, &roles).map_err(roles_in)
+        configuration(whole, &roles, self.router.as_deref()).map_err(roles_in)
     }
 }

@@ -56,6 +56,9 @@ pub enum AccessError {
         /// The id of both.
         author: AuthorId,
     },
+    /// A router's own configuration is asked for, but it is none.
+    #[error("the list has no router called '{0}'")]
+    NotARouter(String),
     /// The section cannot be written.
     #[error(transparent)]
     Json(#[from] serde_json::Error),

@@ -1,5 +1,6 @@
 //! The access control section of a router's configuration.
 
+use crate::access::backbone;
 use crate::access::roles::{AccessError, Roles, check, members};
 use crate::access::rules::{OPERATOR_RULES, ROBOT_RULES, ROUTER_RULES, SERVER_RULES, own_rules, shared_rules};
 use serde_json::{Map, Value, json};
@@ -51,11 +52,19 @@ pub fn object(config: &str) -> Result<Map<String, Value>, AccessError> {
 }
 
 /// `config` with the section for `roles` in place of any that it had. An empty `config` gives the
-/// section alone.
+/// section alone. With `router`, a name of the list, it becomes that router's own: with its id, and
+/// what keeps others from between the routers.
 ///
 /// # Errors
 /// [`AccessError`].
-pub fn configuration(mut config: Map<String, Value>, roles: &Roles) -> Result<String, AccessError> {
+pub fn configuration(
+    mut config: Map<String, Value>,
+    roles: &Roles,
+    router: Option<&str>,
+) -> Result<String, AccessError> {
+    if let Some(name) = router {
+        backbone::bind(&mut config, roles, name)?;
+    }
     config.insert("access_control".to_owned(), Value::Null);
     let mut text =
         String::from("// Written by `map-server access-control`: change the list of roles, not this file.\n{\n");
@@ -110,13 +119,16 @@ mod tests {
     #[test]
     fn zenoh_understands_it_and_it_denies_what_it_does_not_say() {
         let text = object("{mode: 'router', listen: {endpoints: ['tls/[::]:7447']}}").unwrap();
-        let text = configuration(text, &roles(FLEET)).unwrap();
+        let text = configuration(text, &roles(FLEET), Some("hall")).unwrap();
         let config = zenoh::Config::from_json5(&text).unwrap();
         let section: Value = serde_json::from_str(&config.get_json("access_control").unwrap()).unwrap();
         assert_eq!((&section["enabled"], &section["default_permission"]), (&json!(true), &json!("deny")));
         assert_eq!(section["subjects"].as_array().unwrap().len(), 6);
         assert!(section["rules"].as_array().unwrap().iter().all(|rule| rule["permission"] == "allow"));
         assert!(config.get_json("listen/endpoints").unwrap().contains("tls/[::]:7447"), "the rest is as it was");
+        assert!(config.get_json("id").unwrap().contains(&backbone::router_id("hall")));
+        let refused = configuration(Map::new(), &roles(FLEET), Some("maps")).unwrap_err().to_string();
+        assert!(refused.contains("no router called 'maps'"), "{refused}");
     }
 
     #[test]

@@ -98,5 +98,8 @@ pub(super) fn head_of(map: &MapName, state: &MapState, vector: VersionVector, by
         edges: counts.edges,
         bytes,
         refused,
+        reports_cleared: 0,
+        read_only: false,
+        damaged: false,
     }
 }

@@ -2,10 +2,11 @@
 //! before it finds its place. Only what writers put is judged. What is stored, what storages hold
 //! and what an operator imports was let in before.
 
+use crate::access::RoleList;
 use crate::config::{Limits, Quotas, WriterQuota};
 use crate::ingest::check::Refusal;
 use crate::ingest::intake::{Intake, WriterUse};
-use fht_map::{WriterRole, WriterRoles};
+use fht_map::WriterRole;
 use fht_proto::{AuthorId, MapName};
 use std::collections::BTreeMap;
 
@@ -32,7 +33,7 @@ struct Taken {
 /// The roles and quotas of a server, and what the writers have used of them.
 #[derive(Debug)]
 pub(super) struct Admission {
-    pub(super) writers: WriterRoles,
+    pub(super) writers: RoleList,
     pub(super) quotas: Quotas,
     allowances: BTreeMap<AuthorId, Allowance>,
     taken: BTreeMap<(MapName, AuthorId), Taken>,
@@ -49,22 +50,23 @@ pub(super) struct Writer {
 
 impl Admission {
     /// Nobody has written yet.
-    pub(super) fn new(writers: WriterRoles, quotas: Quotas) -> Self {
+    pub(super) fn new(writers: RoleList, quotas: Quotas) -> Self {
         Self { writers, quotas, allowances: BTreeMap::new(), taken: BTreeMap::new() }
     }
 
     pub(super) fn writer(&self, author: AuthorId) -> Option<Writer> {
-        let (role, name) = self.writers.role(author).zip(self.writers.name(author))?;
+        let writers = self.writers.now();
+        let (role, name) = writers.role(author).zip(writers.name(author))?;
         Some(Writer { author, role, name: name.to_owned(), quota: self.quotas.of(role).clone() })
     }
 
     /// A token bucket.
-    pub(super) fn check_pace(&mut self, writer: &Writer, now_us: u64) -> Result<(), Refusal> {
+    pub(super) fn check_pace(&mut self, writer: &Writer, passed_us: u64) -> Result<(), Refusal> {
         let per_s = writer.quota.increments_per_s;
         let full = per_s * BURST_S;
-        let known = self.allowances.entry(writer.author).or_insert(Allowance { left: full, at_us: now_us });
-        let passed_s = now_us.saturating_sub(known.at_us) as f64 / 1e6;
-        *known = Allowance { left: (known.left + passed_s * per_s).min(full), at_us: now_us.max(known.at_us) };
+        let known = self.allowances.entry(writer.author).or_insert(Allowance { left: full, at_us: passed_us });
+        let passed_s = passed_us.saturating_sub(known.at_us) as f64 / 1e6;
+        *known = Allowance { left: (known.left + passed_s * per_s).min(full), at_us: passed_us.max(known.at_us) };
         if known.left < 1.0 {
             return Err(Refusal::TooFast { name: writer.name.clone(), per_s });
         }
@@ -80,12 +82,12 @@ impl Admission {
         writer: &Writer,
         more: usize,
         others: impl FnOnce() -> usize,
-        now_us: u64,
+        passed_us: u64,
     ) -> Result<(), Refusal> {
         let share = writer.quota.taken_per_hour_share;
-        let is_over = |taken: &Taken| now_us.saturating_sub(taken.since_us) >= TAKEN_FOR_US;
+        let is_over = |taken: &Taken| passed_us.saturating_sub(taken.since_us) >= TAKEN_FOR_US;
         self.taken.retain(|_, taken| !is_over(taken));
-        let begin = || Taken { since_us: now_us, allowed: (others() as f64 * share).ceil() as usize, nodes: 0 };
+        let begin = || Taken { since_us: passed_us, allowed: (others() as f64 * share).ceil() as usize, nodes: 0 };
         let taken = self.taken.entry((map.clone(), writer.author)).or_insert_with(begin);
         if taken.nodes + more > taken.allowed {
             let (name, allowed) = (writer.name.clone(), taken.allowed);

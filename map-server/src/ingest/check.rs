@@ -109,6 +109,14 @@ pub enum Refusal {
     /// The map will be deleted, or was.
     #[error("{0}")]
     Deleted(String),
+    /// The disk takes nothing.
+    #[error(
+        "the server takes nothing in at present, for its disk cannot be written ({0}): what is sent again later is taken"
+    )]
+    ReadOnly(String),
+    /// The map cannot be read.
+    #[error("{0}")]
+    Damaged(String),
     /// One of [`Limits`] is exceeded, or the limit of authors.
     #[error("the limit of {0} is reached")]
     Full(&'static str),
@@ -166,6 +174,8 @@ impl Refusal {
             Self::NotPermitted(_) | Self::TakenAway { .. } => ErrorCode::NotPermitted,
             Self::TooFast { .. } => ErrorCode::Busy,
             Self::Deleted(_) => ErrorCode::Deleted,
+            Self::ReadOnly(_) => ErrorCode::ReadOnly,
+            Self::Damaged(_) => ErrorCode::Damaged,
             Self::Future { .. } => ErrorCode::Future,
             Self::TooLong { .. } => ErrorCode::TooLong,
             // Damaged on the way, or not from a writer at all.

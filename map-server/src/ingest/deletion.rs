@@ -63,6 +63,9 @@ impl Ingest {
     /// Deletes the maps whose grace period is over at `now_us`. One that the log does not let go is
     /// tried again later.
     pub fn delete_due(&mut self, now_us: u64) {
+        if self.log.fault().is_some() {
+            return; // later
+        }
         for map in self.catalog.due(now_us) {
             let Some((view, record)) = self.catalog.view(&map).zip(self.catalog.deletion(&map)) else { continue };
             if let Err(error) = self.finish_deletion(view, record.deletion.clone()) {

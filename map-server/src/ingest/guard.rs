@@ -1,5 +1,6 @@
 //! The writer with its guard: roles and quotas before an increment finds its place.
 
+use crate::access::RoleList;
 use crate::config::Quotas;
 use crate::ingest::admission::{Admission, Room};
 use crate::ingest::check::{Checked, Refusal};
@@ -28,13 +29,10 @@ impl Ingest {
     ///
     /// # Errors
     /// [`StoreError`] when the log cannot be read.
-    pub fn guarded_by(mut self, writers: WriterRoles, quotas: Quotas) -> Result<Self, StoreError> {
-        for view in self.catalog.views() {
-            let Some(intake) = self.maps.get_mut(&view.head.map) else { continue };
-            for (author, elements) in view.state.elements_by_writer() {
-                intake.by_author.entry(author).or_default().elements = elements;
-            }
-        }
+    pub fn guarded_by(mut self, list: impl Into<RoleList>, quotas: Quotas) -> Result<Self, StoreError> {
+        let list = list.into();
+        let writers = list.now();
+        self.count_elements();
         let mut against: BTreeMap<(String, AuthorId), usize> = BTreeMap::new();
         let maps = &mut self.maps;
         self.log.reader().for_each(None, &mut |name, author, _, piece| {
@@ -54,8 +52,28 @@ impl Ingest {
                  map-server undo {map} --author {name} --against-roles FILE takes them back"
             );
         }
-        self.admission = Some(Admission::new(writers, quotas));
+        self.admission = Some(Admission::new(list, quotas));
         Ok(self)
+    }
+
+    /// Counts which elements of all maps are whose.
+    fn count_elements(&mut self) {
+        for view in self.catalog.views() {
+            let Some(intake) = self.maps.get_mut(&view.head.map) else { continue };
+            for (author, elements) in view.state.elements_by_writer() {
+                intake.by_author.entry(author).or_default().elements = elements;
+            }
+        }
+    }
+
+    /// Counts again what is there for whom in all maps.
+    pub(super) fn count_all(&mut self) -> Result<(), StoreError> {
+        if self.admission.is_some() {
+            self.maps.values_mut().for_each(|intake| intake.by_author.clear());
+            self.count_elements();
+        }
+        let maps: Vec<MapName> = self.maps.keys().cloned().collect();
+        maps.iter().try_for_each(|map| self.recount(map))
     }
 
     /// Counts again what is there for whom in a map that was compacted.
@@ -69,15 +87,17 @@ impl Ingest {
     /// Holds an increment against its author's role and quota. `None`: it comes too early to be
     /// judged, and its writer sends it again.
     pub(super) fn admit(&mut self, checked: Checked, now_us: u64) -> Result<Option<Checked>, Refusal> {
+        // A clock that is set back must not stop a writer for as long.
+        let passed_us = self.passed.at(now_us);
         let Some(admission) = self.admission.as_mut().filter(|_| checked.origin == IncrementOrigin::Writer) else {
             return Ok(Some(checked));
         };
         let Checked { map, increment, bytes, .. } = &checked;
         let Increment { author, number, ops, .. } = increment;
-        admission.writers.check(increment)?;
+        admission.writers.now().check(increment)?;
         // Increments have at least one operation, and so their author has a role.
         let Some(writer) = admission.writer(*author) else { return Ok(None) };
-        admission.check_pace(&writer, now_us)?;
+        admission.check_pace(&writer, passed_us)?;
         let written = self.maps.get(map).map_or(0, |intake| intake.sequence.vector().get(*author));
         if *number <= written {
             return Ok(Some(checked)); // it is there, or is another one of its number
@@ -98,7 +118,7 @@ impl Ingest {
             let nodes = state.iter().flat_map(|state| state.nodes());
             nodes.filter(|node| node.id.author != *author).count()
         };
-        admission.take_away(map, &writer, taken.len(), others, now_us)?;
+        admission.take_away(map, &writer, taken.len(), others, passed_us)?;
         Ok(Some(checked))
     }
 }

@@ -19,6 +19,9 @@ impl Ingest {
     /// [`StoreError`]: the log is no longer usable. The inner error is the first piece that was
     /// refused; those before it are in.
     pub fn import(&mut self, map: &MapName, series: Series, now_us: u64) -> Result<Result<(), Refusal>, StoreError> {
+        if let Some(damage) = self.catalog.damage(map) {
+            return Ok(Err(Refusal::Damaged(damage)));
+        }
         if let Some(deletion) = self.catalog.deletion(map).filter(|record| record.last.is_none()) {
             return Ok(Err(Refusal::Deleted(deletion.deletion.sentence(map))));
         }

@@ -1,9 +1,9 @@
 //! What the writer knows about a map: what has come in order, and how much is there for whom.
 
-use crate::catalog::AddedElements;
+use crate::catalog::{AddedElements, MapView};
 use crate::ingest::check::Checked;
 use crate::store::{IncrementLog, StoreError};
-use fht_map::crdt::reorder_buffer::ReorderBuffer;
+use fht_map::crdt::reorder_buffer::{ReorderBuffer, SequenceConfig};
 use fht_proto::{AuthorId, Increment, MapName};
 use std::collections::BTreeMap;
 
@@ -33,6 +33,16 @@ pub(super) struct Intake {
 }
 
 impl Intake {
+    /// Where a map is. Nobody is counted yet.
+    pub(super) fn of(view: &MapView, early: &SequenceConfig) -> Self {
+        Self {
+            sequence: ReorderBuffer::starting_at(view.head.vector.clone(), early.clone()),
+            bytes: view.head.bytes,
+            elements: view.state.elements(),
+            by_author: BTreeMap::new(),
+        }
+    }
+
     /// What was added is durable, and counted.
     pub(super) fn added(&mut self, added: &AddedElements, increments: &[Increment]) {
         self.elements = added.total;

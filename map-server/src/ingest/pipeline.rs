@@ -2,6 +2,7 @@
 //! readers.
 
 use crate::catalog::{Catalog, MapView};
+use crate::clock::PassedTime;
 use crate::config::Limits;
 use crate::ingest::admission::Admission;
 use crate::ingest::batch::{Batch, BatchOutcome};
@@ -12,7 +13,7 @@ use crate::ingest::refusals::{RefusalNotice, RefusalThrottle};
 use crate::ingest::retention::{Retained, retain};
 use crate::store::{IncrementLog, IncrementOrigin, StoreError, Stored};
 use crate::throttle::Throttle;
-use fht_map::crdt::reorder_buffer::{Offered, ReorderBuffer};
+use fht_map::crdt::reorder_buffer::Offered;
 use fht_proto::api::keys::Key;
 use fht_proto::{AuthorId, MapName, VersionVector};
 use std::collections::BTreeMap;
@@ -31,9 +32,11 @@ pub struct Ingest {
     pub(super) catalog: Arc<Catalog>,
     pub(super) limits: Limits,
     pub(super) maps: BTreeMap<MapName, Intake>,
-    pending: PendingMaps,
+    pub(super) pending: PendingMaps,
     throttle: Throttle,
     refusals: RefusalThrottle,
+    /// What rates and quotas are measured by.
+    pub(super) passed: PassedTime,
     /// Who may write what, if the roles are known.
     pub(super) admission: Option<Admission>,
 }
@@ -52,13 +55,8 @@ impl Ingest {
     /// Continues where log and catalog are; `catalog` must have been loaded from the log.
     #[must_use]
     pub fn new(log: Arc<dyn IncrementLog>, catalog: Arc<Catalog>, limits: Limits) -> Self {
-        let intake = |view: &MapView| Intake {
-            sequence: ReorderBuffer::starting_at(view.head.vector.clone(), limits.early.clone()),
-            bytes: view.head.bytes,
-            elements: view.state.elements(),
-            by_author: BTreeMap::new(),
-        };
-        let maps = catalog.views().iter().map(|view| (view.head.map.clone(), intake(view))).collect();
+        let intake = |view: &MapView| (view.head.map.clone(), Intake::of(view, &limits.early));
+        let maps = catalog.views().iter().map(intake).collect();
         let pending = PendingMaps::new(limits.early.clone(), limits.max_pending_bytes);
         Self {
             log,
@@ -68,6 +66,7 @@ impl Ingest {
             pending,
             throttle: Throttle::new(LOG_PERIOD),
             refusals: RefusalThrottle::new(NOTICE_PERIOD),
+            passed: PassedTime::default(),
             admission: None,
         }
     }
@@ -79,9 +78,11 @@ impl Ingest {
     /// [`StoreError`]: the store is no longer usable; nothing of this batch was acknowledged.
     pub fn take_arrivals(&mut self, arrivals: Vec<Arrival>, now_us: u64) -> Result<BatchOutcome, StoreError> {
         let mut batch = Batch::default();
+        let fault = self.log.fault();
         for arrival in arrivals {
             let key = arrival.key.clone();
-            let outcome = match check(arrival, &self.limits, now_us).and_then(check_words) {
+            let open = |checked| self.check_open(checked, fault.as_deref());
+            let outcome = match check(arrival, &self.limits, now_us).and_then(check_words).and_then(open) {
                 Ok(checked) => match self.check_deleted(checked).and_then(|checked| self.admit(checked, now_us)) {
                     Ok(Some(checked)) => self.sort(checked, &mut batch)?,
                     Ok(None) => Ok(()),

@@ -7,6 +7,7 @@ use crate::ingest::pipeline::Ingest;
 use crate::store::StoreError;
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// Something that an operator wants the writer to do. It has answered the operator before it
 /// returns; after an error the log is no longer usable.
@@ -19,6 +20,12 @@ pub struct WriterWork {
     pub arrivals: Vec<Arrival>,
     /// Jobs, in order.
     pub jobs: Vec<WriterJob>,
+}
+
+impl WriterWork {
+    fn is_empty(&self) -> bool {
+        self.arrivals.is_empty() && self.jobs.is_empty()
+    }
 }
 
 #[derive(Default)]
@@ -89,8 +96,22 @@ impl WriterQueue {
     /// is closed and empty.
     #[must_use]
     pub fn take_work(&self, max_bytes: usize) -> Option<WriterWork> {
+        /// Nobody waits for longer.
+        const FOR_EVER: Duration = Duration::from_secs(10_000_000);
+        loop {
+            let work = self.take_work_within(max_bytes, FOR_EVER)?;
+            if !work.is_empty() {
+                return Some(work);
+            }
+        }
+    }
+
+    /// The same, which is nothing if none comes within `patience`.
+    #[must_use]
+    pub fn take_work_within(&self, max_bytes: usize, patience: Duration) -> Option<WriterWork> {
         let idle = |waiting: &mut Waiting| waiting.arrivals.is_empty() && waiting.jobs.is_empty() && !waiting.closed;
-        let mut waiting = self.changed.wait_while(self.lock(), idle).unwrap_or_else(PoisonError::into_inner);
+        let waited = self.changed.wait_timeout_while(self.lock(), patience, idle);
+        let (mut waiting, _) = waited.unwrap_or_else(PoisonError::into_inner);
         let (mut batch, mut batch_bytes) = (Vec::new(), 0);
         while batch_bytes < max_bytes
             && let Some(arrival) = waiting.arrivals.pop_front()
@@ -101,7 +122,7 @@ impl WriterQueue {
             batch.push(arrival);
         }
         let work = WriterWork { arrivals: batch, jobs: std::mem::take(&mut waiting.jobs) };
-        (!work.arrivals.is_empty() || !work.jobs.is_empty()).then_some(work)
+        (!work.is_empty() || !waiting.closed).then_some(work)
     }
 
     /// How many arrivals were dropped since the last call.

@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     fn notice(author: u32, code: ErrorCode) -> RefusalNotice {
-        let reply = ErrorReply { code, message: String::new() };
+        let reply = ErrorReply::new(code, "");
         RefusalNotice { map: "m".parse().unwrap(), author: AuthorId(author), reply }
     }
 

@@ -1,19 +1,22 @@
 //! Answers queries over Zenoh: which keys are ours, who answers them, and how replies are sent.
 
-use crate::clock::now_us;
+use crate::clock::{now_us, passed_us};
 use crate::ingest::{Ingest, WriterQueue};
+use crate::network::addressed::{Addressed, addressed, is_of_goals};
+use crate::network::announcements::publish_head;
+use crate::network::query_rooms::{CostClass, Place, QueryRooms, Turn};
 use crate::query::{Answer, AnswerSources, answer, answer_at_once, internal, json, unknown_map};
+use crate::store::StoreError;
 use fht_proto::MapName;
-use fht_proto::api::keys::{AdminAction, Key, PREFIX, Topic};
-use fht_proto::api::reply::{ErrorCode, ErrorReply};
-use fht_proto::api::request::{AdminOrder, Format, bad_request, parse, parse_order, shown};
+use fht_proto::api::keys::{Key, PREFIX, Topic};
+use fht_proto::api::reply::ErrorReply;
+use fht_proto::api::request::{AdminOrder, Format, Question, Request, bad_request, parse, parse_order, shown};
 use std::sync::Arc;
 use tokio::runtime::Handle;
-use tokio::sync::Semaphore;
-use zenoh::Wait;
 use zenoh::bytes::Encoding;
-use zenoh::key_expr::{KeyExpr, keyexpr};
+use zenoh::key_expr::KeyExpr;
 use zenoh::query::Query;
+use zenoh::{Session, Wait};
 
 /// A waiting query counts once more for each so many bytes of its payload.
 const BYTES_A_PERMIT: usize = 64 << 10;
@@ -23,95 +26,18 @@ const BYTES_A_PERMIT: usize = 64 << 10;
 pub(crate) struct QueryService {
     sources: AnswerSources,
     queue: Arc<WriterQueue>,
-    permits: Arc<Semaphore>,
+    rooms: QueryRooms,
+    session: Session,
     runtime: Handle,
-}
-
-/// What a key expression asks for.
-#[derive(Debug, PartialEq, Eq)]
-enum Addressed {
-    /// One topic.
-    One(Key),
-    /// A wildcard over heads and the list of maps.
-    Several(Vec<Key>),
-    /// What storages keep: one increment.
-    Kept,
-    /// The same by wildcards, as the servers of a site ask all of their storages. A refusal would
-    /// be taken for one of a storage.
-    Storages,
-    /// What robots answer, of several of them: a refusal would be taken for one of a robot.
-    Robots,
-    /// What is put and not asked for: the sentence says what to ask.
-    NotAsked(String),
-    /// Nothing that exists.
-    Unknown,
-}
-
-fn addressed(expression: &str, maps: impl Iterator<Item = MapName>) -> Addressed {
-    if !expression.contains('*') {
-        return match expression.parse::<Key>() {
-            Ok(key @ (Key::Maps | Key::Topic { .. } | Key::Admin { .. })) => Addressed::One(key),
-            _ => put_only(expression),
-        };
-    }
-    let Ok(asked) = keyexpr::new(expression) else { return Addressed::Unknown };
-    let covers = |key: &str| keyexpr::new(key).is_ok_and(|key| asked.intersects(key));
-    let heads = maps.map(|map| Key::topic(&map, Topic::Head));
-    let several: Vec<Key> = std::iter::once(Key::Maps).chain(heads).filter(|key| covers(&key.to_string())).collect();
-    if !several.is_empty() { Addressed::Several(several) } else { put_only(expression) }
-}
-
-/// What a key that is put says when it is asked for, by its chunk behind the map.
-fn put_only(expression: &str) -> Addressed {
-    let mut chunks = expression.split('/').skip(1);
-    let (map, kind) = (chunks.next().unwrap_or_default(), chunks.next().unwrap_or_default());
-    let map = if map.parse::<MapName>().is_ok() { map } else { "MAP" };
-    let key = shown(expression);
-    let fleet = Topic::Fleet.as_str();
-    match kind {
-        "kept" if matches!(expression.parse(), Ok(Key::Kept { .. })) => Addressed::Kept,
-        "kept" => Addressed::Storages,
-        "robots" if is_of_goals(expression) && expression.contains('*') => Addressed::Robots,
-        "robots" if is_of_goals(expression) => Addressed::NotAsked(format!(
-            "{key} is answered by the robot itself, and this one takes no goals: does client-robot serve run? \
-             {PREFIX}/{map}/{fleet} answers which robots there are"
-        )),
-        "robots" => Addressed::NotAsked(format!(
-            "{key} is put by robots: subscribe to it; {PREFIX}/{map}/{fleet} answers which robots there are"
-        )),
-        "inc" => Addressed::NotAsked(format!(
-            "{key} is put by writers: subscribe to it; {PREFIX}/{map}/{} answers with increments",
-            Topic::Since.as_str()
-        )),
-        "refused" => Addressed::NotAsked(format!(
-            "{key} is where the server puts why it refused an increment: subscribe to it; {PREFIX}/{map}/{} answers what \
-             it has",
-            Topic::Head.as_str()
-        )),
-        "admin" => {
-            let actions: Vec<&str> = AdminAction::ALL.iter().map(|action| action.as_str()).collect();
-            Addressed::NotAsked(format!(
-                "{key} is no order: ask {PREFIX}/{map}/admin/ACTION with ACTION one of {}",
-                actions.join(", ")
-            ))
-        }
-        _ => Addressed::Unknown,
-    }
-}
-
-/// Whether a robot that takes goals would answer.
-fn is_of_goals(expression: &str) -> bool {
-    let chunks: Vec<&str> = expression.split('/').skip(3).collect();
-    matches!(chunks.as_slice(), [_, "goal"] | [_, "goal", _])
 }
 
 impl QueryService {
     /// Answers from `sources`, on the blocking threads of `runtime`; operators' orders go through
     /// `queue`.
     #[must_use]
-    pub(crate) fn new(sources: AnswerSources, queue: Arc<WriterQueue>, runtime: Handle) -> Self {
-        let permits = Arc::new(Semaphore::new(sources.config.max_queries));
-        Self { sources, queue, permits, runtime }
+    pub(crate) fn new(sources: AnswerSources, queue: Arc<WriterQueue>, session: Session, runtime: Handle) -> Self {
+        let rooms = QueryRooms::new(&sources.config);
+        Self { sources, queue, rooms, session, runtime }
     }
 
     /// Takes a query. Never blocks: short work is done here, and when too many queries are under
@@ -123,15 +49,25 @@ impl QueryService {
         }
         // Each query holds its payload until it is answered.
         let weight = query.payload().map_or(0, |payload| payload.len() / BYTES_A_PERMIT).saturating_add(1);
-        let weight = u32::try_from(weight.min(self.sources.config.max_queries)).unwrap_or(u32::MAX);
-        let Ok(permit) = Arc::clone(&self.permits).try_acquire_many_owned(weight) else {
-            reply_error(&query, &busy());
-            return;
+        let place = match self.rooms.enter(cost_class(&query), weight) {
+            Ok(place) => place,
+            Err(busy) => return reply_error(&query, &busy),
         };
         let service = self.clone();
-        self.runtime.spawn_blocking(move || {
+        let answer = move |query: Query, place: Place, turn: Turn| {
             service.reply(&query);
-            drop(permit);
+            drop((place, turn));
+        };
+        if let Some(turn) = place.turn_at_once() {
+            self.runtime.spawn_blocking(move || answer(query, place, turn));
+            return;
+        }
+        let runtime = self.runtime.clone();
+        self.runtime.spawn(async move {
+            match place.turn().await {
+                Ok(turn) => drop(runtime.spawn_blocking(move || answer(query, place, turn))),
+                Err(busy) => reply_error(&query, &busy),
+            }
         });
     }
 
@@ -142,7 +78,7 @@ impl QueryService {
             return None;
         }
         let request = parse(key, query.parameters().iter(), None).ok()?;
-        Some((name.to_owned(), answer_at_once(&request, &self.sources, now_us())?))
+        Some((name.to_owned(), answer_at_once(&request, &self.sources, passed_us())?))
     }
 
     /// Whether a robot that is there may answer.
@@ -189,14 +125,45 @@ impl QueryService {
         let payload = query.payload().map(|payload| payload.to_bytes());
         if let Key::Admin { map, action } = key {
             match parse_order(action, query.parameters().iter(), payload.as_deref()) {
+                Ok(AdminOrder::Unblock { robot, ignore_s }) => reply(query, &name, self.unblock(&map, robot, ignore_s)),
+                Ok(AdminOrder::KeepBlocked { robot, for_s }) => {
+                    reply(query, &name, self.keep_blocked(&map, &robot, for_s));
+                }
                 Ok(order) => self.carry_out(query.clone(), name, map, order),
                 Err(error) => reply_error(query, &error),
             }
             return;
         }
         let outcome = parse(key, query.parameters().iter(), payload.as_deref())
-            .and_then(|request| answer(request, &self.sources, now_us()));
+            .and_then(|request| answer(request, &self.sources, passed_us()));
         reply(query, &name, outcome);
+    }
+
+    /// Opens what robots reported blocked, and lets their copies know.
+    fn unblock(&self, map: &MapName, robot: Option<String>, ignore_s: f64) -> Result<Vec<Answer>, ErrorReply> {
+        let AnswerSources { catalog, active_rules, .. } = &self.sources;
+        let head = catalog.count_cleared(map).ok_or_else(|| unknown_map(map, catalog))?;
+        let cleared = active_rules.clear_reports(map, robot.as_deref(), ignore_s, passed_us());
+        let of = robot.as_deref().unwrap_or("all robots");
+        tracing::warn!(%map, cleared, ignore_s, "an operator has cleared what {of} reported blocked");
+        publish_head(&self.session, &head);
+        self.blocked(map)
+    }
+
+    /// Has what a robot reported blocked stay so.
+    fn keep_blocked(&self, map: &MapName, robot: &str, for_s: f64) -> Result<Vec<Answer>, ErrorReply> {
+        if self.sources.active_rules.keep_reports(map, robot, for_s, passed_us()) == 0 {
+            return Err(bad_request(format!("{robot} reports nothing blocked on map {map}")));
+        }
+        tracing::warn!(%map, robot, for_s, "an operator keeps closed what the robot reported blocked");
+        if let Some(head) = self.sources.catalog.count_cleared(map) {
+            publish_head(&self.session, &head);
+        }
+        self.blocked(map)
+    }
+
+    fn blocked(&self, map: &MapName) -> Result<Vec<Answer>, ErrorReply> {
+        answer(Request::Map(map.clone(), Question::Rules), &self.sources, passed_us())
     }
 
     /// Has the writer do what an operator wants; it replies when that is durable.
@@ -208,12 +175,16 @@ impl QueryService {
         let asker = Asker { query, key: name, is_answered: false };
         let catalog = Arc::clone(&self.sources.catalog);
         self.queue.push_job(Box::new(move |ingest: &mut Ingest| {
+            if let Some(refusal) = ingest.refusal_at_present() {
+                asker.answer(Err(refusal));
+                return Ok(());
+            }
             let (outcome, log) = match order {
                 AdminOrder::Retain { keep } => match ingest.retain(&map, keep) {
                     Ok(Some(retained)) => (json(&retained), Ok(())),
                     Ok(None) => (Err(unknown_map(&map, &catalog)), Ok(())),
                     // Nothing has changed.
-                    Err(cause) => (Err(internal(cause)), Ok(())),
+                    Err(cause) => (Err(not_done(ingest, &cause)), Ok(())),
                 },
                 AdminOrder::Import { series } => match ingest.import(&map, series, now_us()) {
                     Ok(Ok(())) => {
@@ -222,24 +193,31 @@ impl QueryService {
                     }
                     Ok(Err(refusal)) => (Err(refusal.reply()), Ok(())),
                     // What was sorted but not stored must not count as stored.
-                    Err(cause) => (Err(internal(&cause)), Err(cause)),
+                    Err(cause) => (Err(not_done(ingest, &cause)), Err(cause)),
                 },
                 AdminOrder::Delete(order) => match ingest.delete(&map, order, now_us()) {
                     Ok(Some(head)) => (json(head.as_ref()), Ok(())),
                     Ok(None) => (Err(unknown_map(&map, &catalog)), Ok(())),
-                    Err(cause) => (Err(internal(cause)), Ok(())),
+                    Err(cause) => (Err(not_done(ingest, &cause)), Ok(())),
                 },
+                // Answered without the writer.
+                AdminOrder::Unblock { .. } | AdminOrder::KeepBlocked { .. } => return Ok(()),
                 AdminOrder::Undelete => match ingest.undelete(&map) {
                     Ok(Some(head)) => (json(head.as_ref()), Ok(())),
                     Ok(None) if catalog.view(&map).is_none() => (Err(unknown_map(&map, &catalog)), Ok(())),
                     Ok(None) => (Err(bad_request(format!("map {map} is not going to be deleted"))), Ok(())),
-                    Err(cause) => (Err(internal(cause)), Ok(())),
+                    Err(cause) => (Err(not_done(ingest, &cause)), Ok(())),
                 },
             };
             asker.answer(outcome);
             log
         }));
     }
+}
+
+/// What an operator is told whose order has failed.
+fn not_done(ingest: &Ingest, cause: &StoreError) -> ErrorReply {
+    ingest.refusal_at_present().unwrap_or_else(|| internal(cause))
 }
 
 /// Why an order is not carried out where several servers stand on storages.
@@ -252,7 +230,7 @@ fn not_shared(order: &AdminOrder) -> Option<&'static str> {
             "maps are deleted only where one server keeps its own log: here several stand on storages, and a storage that was \
              away would bring the map back",
         ),
-        AdminOrder::Import { .. } => None,
+        AdminOrder::Import { .. } | AdminOrder::Unblock { .. } | AdminOrder::KeepBlocked { .. } => None,
     }
 }
 
@@ -273,13 +251,25 @@ impl Asker {
 impl Drop for Asker {
     fn drop(&mut self) {
         if !self.is_answered {
-            reply_error(&self.query, &busy());
+            reply_error(&self.query, &ErrorReply::busy("the server is busy; ask again after 1 s", 1));
         }
     }
 }
 
-fn busy() -> ErrorReply {
-    ErrorReply::new(ErrorCode::Internal, "the server is busy; ask again")
+/// What a query costs, as far as its key and parameters say. Orders, wildcards and what cannot be
+/// read are short work.
+fn cost_class(query: &Query) -> CostClass {
+    match query.key_expr().as_str().parse() {
+        Ok(key @ Key::Topic { topic: Topic::Path | Topic::Diff | Topic::Since | Topic::Snapshot, .. }) => {
+            let request = parse(key, query.parameters().iter(), None);
+            request.map_or(CostClass::Short, |request| CostClass::of(&request))
+        }
+        _ => CostClass::Short,
+    }
+}
+
+pub(super) fn busy() -> ErrorReply {
+    ErrorReply::busy("the server is busy; ask again after 1 s", 1)
 }
 
 fn reply(query: &Query, key: &str, outcome: Result<Vec<Answer>, ErrorReply>) {
@@ -314,58 +304,10 @@ fn asked_of(query: &Query) -> String {
     shown(&query.selector().to_string())
 }
 
-fn reply_error(query: &Query, error: &ErrorReply) {
+pub(super) fn reply_error(query: &Query, error: &ErrorReply) {
     tracing::info!(map = map_in(query.key_expr()), asked = %asked_of(query), code = ?error.code, "refused: {error}");
     let payload = serde_json::to_vec(error).unwrap_or_default();
     if let Err(error) = query.reply_err(payload).encoding(Encoding::APPLICATION_JSON).wait() {
         tracing::debug!("an error reply could not be sent: {error}");
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn asked(expression: &str) -> Addressed {
-        addressed(expression, ["a", "b"].into_iter().map(|name| name.parse().unwrap()))
-    }
-
-    #[test]
-    fn keys_are_told_apart() {
-        let a: MapName = "a".parse().unwrap();
-        let b: MapName = "b".parse().unwrap();
-        assert_eq!(asked("fht/maps"), Addressed::One(Key::Maps));
-        assert_eq!(asked("fht/a/path"), Addressed::One(Key::topic(&a, Topic::Path)));
-        assert_eq!(asked("fht/x/path"), Addressed::One(Key::topic(&"x".parse().unwrap(), Topic::Path)));
-        let heads = vec![Key::topic(&a, Topic::Head), Key::topic(&b, Topic::Head)];
-        assert_eq!(asked("fht/*/head"), Addressed::Several(heads));
-        assert_eq!(asked("fht/*"), Addressed::Several(vec![Key::Maps]));
-        for (others, instead) in [
-            ("fht/a/inc/**", "fht/a/since"),
-            ("fht/*/inc/**", "fht/MAP/since"),
-            ("fht/a/inc/00000001/1", "fht/a/since"),
-            ("fht/a/robots", "fht/a/fleet"),
-            ("fht/a/robots/r", "fht/a/fleet"),
-            ("fht/a/robots/**", "fht/a/fleet"),
-            ("fht/a/robots/r/pose", "fht/a/fleet"),
-            ("fht/*/robots/*/status", "fht/MAP/fleet"),
-            ("fht/a/refused/00000001", "fht/a/head"),
-            ("fht/a/admin/dance", "retain, import"),
-            ("fht/a/robots/r/goal", "client-robot serve"),
-            ("fht/a/robots/r/goal/status", "client-robot serve"),
-        ] {
-            let said = asked(others);
-            assert!(matches!(&said, Addressed::NotAsked(text) if text.contains(instead)), "{others}: {said:?}");
-        }
-        assert_eq!(asked("fht/a/kept/00000001/1"), Addressed::Kept);
-        for storages in ["fht/*/kept/**", "fht/a/kept/00000001/*", "fht/*/kept/*/1", "fht/-/kept/presence"] {
-            assert_eq!(asked(storages), Addressed::Storages, "{storages}");
-        }
-        for several in ["fht/a/robots/*/goal/status", "fht/*/robots/*/goal/cancel"] {
-            assert_eq!(asked(several), Addressed::Robots, "{several}");
-        }
-        for unknown in ["fht", "fht/a", "fht/a/paths", "fht/a/path/b", "fht/a b/path", "fht/*/path"] {
-            assert_eq!(asked(unknown), Addressed::Unknown, "{unknown}");
-        }
     }
 }

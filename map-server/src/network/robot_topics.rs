@@ -1,9 +1,9 @@
 //! What robots report about themselves: who is there, what they run, what they found blocked.
 
-use crate::clock::now_us;
+use crate::clock::passed_us;
 use crate::query::AnswerSources;
 use crate::throttle::Throttle;
-use fht_map::plan::blocked::missing_node;
+use fht_map::plan::blocked::{Reporter, missing_node};
 use fht_proto::api::fleet::{BlockedReport, RobotStatus};
 use fht_proto::api::keys::{ALL_ROBOT_TOPICS, ALL_ROBOTS, Key, RobotTopic, Topic};
 use fht_proto::api::reply::{BlockedView, RulesReply};
@@ -17,6 +17,9 @@ use zenoh::sample::{Locality, Sample, SampleKind};
 /// Longest message of a robot, bytes. The longest are those with a few thousand authors in their
 /// vector.
 const MAX_BYTES: usize = 256 << 10;
+
+/// Longest name of a release with its author, bytes.
+const MAX_RELEASE_BYTES: usize = 128;
 
 /// How long the other servers have to answer.
 const LEARN_WITHIN: Duration = Duration::from_secs(1);
@@ -52,6 +55,9 @@ pub(crate) async fn subscribe_robot_topics(
             let is_here = sample.kind() == SampleKind::Put;
             tracing::info!(%map, %robot, "the robot {}", if is_here { "is here" } else { "has gone" });
             for_tokens.fleet.set_alive(&map, &robot, is_here);
+            if !is_here {
+                for_tokens.active_rules.robot_has_gone(&map, &robot, passed_us());
+            }
         }
     };
     Ok(RobotTopicSubscriptions {
@@ -79,7 +85,9 @@ pub(crate) async fn learn_blockages(session: Session, sources: AnswerSources) {
             let Ok(sample) = answer.result() else { continue };
             let Ok(rules) = serde_json::from_slice::<RulesReply>(&sample.payload().to_bytes()) else { continue };
             for (robot, report) in rules.blocked.into_iter().filter_map(BlockedView::into_report) {
-                if let Err(reason) = sources.active_rules.take_report(&head.map, &robot, &report, now_us()) {
+                let Some(view) = sources.catalog.view(&head.map) else { continue };
+                let reporter = (robot.as_str(), Reporter::Trusted);
+                if let Err(reason) = sources.active_rules.take_report(&view, reporter, &report, passed_us()) {
                     tracing::debug!(robot, "what another server has heard is not taken: {reason}");
                 }
             }
@@ -101,7 +109,10 @@ fn take_sample(sample: &Sample, sources: &AnswerSources) -> Result<(), String> {
             if (&status.map, &status.robot) != (&map, &robot) {
                 return Err(format!("a status of {} on map {}", status.robot, status.map));
             }
-            sources.fleet.take_status(&map, &robot, status, &view.head, now_us());
+            if status.release.as_ref().is_some_and(|release| release.len() > MAX_RELEASE_BYTES) {
+                return Err("the name of its release is too long".to_owned());
+            }
+            sources.fleet.take_status(&map, &robot, status, &view.head, passed_us());
             Ok(())
         }
         RobotTopic::Blocked => {
@@ -110,7 +121,11 @@ fn take_sample(sample: &Sample, sources: &AnswerSources) -> Result<(), String> {
             if let Some(missing) = missing_node(&edges, [&view.state, view.running.state()]) {
                 return Err(format!("map {map} has no node {missing}: it cannot be blocked"));
             }
-            sources.active_rules.take_report(&map, &robot, &report, now_us()).map_err(|error| error.to_string())?;
+            let reporter = (robot.as_str(), sources.reporter(&map, &robot));
+            sources
+                .active_rules
+                .take_report(&view, reporter, &report, passed_us())
+                .map_err(|error| format!("what {robot} found blocked on map {map}: {error}"))?;
             let (edges, places, for_s) = (report.edges.len(), report.places.len(), report.for_s);
             tracing::info!(%map, %robot, edges, places, for_s, "the robot found something blocked");
             Ok(())

@@ -50,13 +50,30 @@ const DROP_RATHER_THAN_WAIT: &str = r#"[
     {id: "queries", messages: ["query"], flows: ["ingress"], overwrite: {congestion_control: "drop"}},
 ]"#;
 
+/// How long a full link is waited for, microseconds: Zenoh's own default, 1 ms, loses answers on a
+/// busy machine, whose threads wait longer for their turn. A link that was too slow once is not
+/// waited for again until it takes something.
+const WAIT_BEFORE_DROP: (&str, &str) = ("transport/link/tx/queue/congestion_control/drop/wait_before_drop", "10000");
+
 /// Robots and tools at one time. Zenoh's own default is 1000.
 const MAX_SESSIONS: &str = "4000";
+/// Connections on their way in: Zenoh's own 100 are used up by the silent ones of one robot.
+const ACCEPT_PENDING: &str = "2000";
+/// How long each of them may take, milliseconds. Not less: a server that many robots connect to at
+/// once takes its time, and Zenoh gives sessions up when they are open already: their robots are
+/// connected and never heard. Sites with strangers have less (`deploy/`).
+const ACCEPT_TIMEOUT: &str = "30000";
+/// A router that does not answer is given up after so long for the next one, milliseconds.
+const OPEN_TIMEOUT: &str = "3000";
 
 /// No endpoints, as Zenoh's configuration shows them.
 const NONE: &str = "[]";
 
-fn to_zenoh(link: &ServerEndpoints) -> Result<Config, ConfigurationError> {
+/// The configuration that a session is opened with.
+///
+/// # Errors
+/// [`ConfigurationError`].
+pub fn to_zenoh(link: &ServerEndpoints) -> Result<Config, ConfigurationError> {
     let mut config = read_config(link.zenoh_config.as_deref())?;
     for (key, endpoints) in [("listen/endpoints", &link.listen), ("connect/endpoints", &link.connect)] {
         if endpoints.is_empty() {
@@ -72,8 +89,16 @@ fn to_zenoh(link: &ServerEndpoints) -> Result<Config, ConfigurationError> {
     set_default(&mut config, "mode", if is_client { "\"client\"" } else { "\"router\"" })?;
     if !is_client {
         set_default(&mut config, "qos/network", DROP_RATHER_THAN_WAIT)?;
-        set_default(&mut config, "transport/unicast/max_sessions", MAX_SESSIONS)?;
+        for (key, value) in [
+            WAIT_BEFORE_DROP,
+            ("transport/unicast/max_sessions", MAX_SESSIONS),
+            ("transport/unicast/accept_pending", ACCEPT_PENDING),
+            ("transport/unicast/accept_timeout", ACCEPT_TIMEOUT),
+        ] {
+            set_default(&mut config, key, value)?;
+        }
     }
+    set_default(&mut config, "transport/unicast/open_timeout", OPEN_TIMEOUT)?;
     match link.patience {
         // Other routers may start later than this one.
         None => {
@@ -147,6 +172,17 @@ pub async fn open(link: &ServerEndpoints) -> Result<Session, ServerSessionError>
             ServerSessionError::Open { listen, reason }
         }
     })
+}
+
+/// Waits until the routers refuse the session because of its id, and returns one that they take
+/// ([`fht_session::replacement`]).
+pub async fn replacement(session: &Session, link: &ServerEndpoints) -> Session {
+    match to_zenoh(link) {
+        Ok(config) => fht_session::replacement(session, &config).await,
+        // The file has become unusable since the session was opened: there is nothing to open
+        // another with.
+        Err(_) => std::future::pending().await,
+    }
 }
 
 #[cfg(test)]

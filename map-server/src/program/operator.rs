@@ -9,6 +9,7 @@
 //! | `asking` | the operator's session, and questions over it |
 //! | `write` | the operator's increments |
 //! | `release` | releases |
+//! | `blocked` | what robots report blocked |
 //! | `rule` | named places, zones, closed edges |
 //! | `deletion` | maps deleted after a grace period |
 //! | `rename` | a map under another name |
@@ -21,6 +22,7 @@
 
 mod arguments;
 mod asking;
+mod blocked;
 mod command;
 mod deletion;
 mod error;

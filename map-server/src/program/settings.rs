@@ -1,6 +1,7 @@
 //! What `map-server` reads from the configuration file.
 
-use crate::config::{AnswerConfig, FleetConfig, GapFillConfig, Limits, Quotas};
+use crate::config::{AnswerConfig, FleetConfig, GapFillConfig, Limits, MIN_FREE_BYTES, Quotas};
+use fht_map::plan::blocked::ReportLimits;
 use fht_merge::MergeConfig;
 use fht_session::SessionConfig;
 use schemars::JsonSchema;
@@ -51,12 +52,18 @@ pub(crate) struct ServerSection {
     pub(crate) roles: Option<PathBuf>,
     /// Strangers are meant to reach this server (`--open`): it does not warn of it. Default false.
     pub(crate) open: bool,
+    /// With less room left on the disk of `data` the server warns, in its log and in `map-server
+    /// health`, bytes. Default 256 MiB. When the disk is full it goes on answering and takes
+    /// nothing in.
+    pub(crate) min_free_bytes: u64,
     /// What writers may do.
     pub(crate) limits: Limits,
     /// How much room one writer may take, where the roles are known.
     pub(crate) quotas: Quotas,
     /// How queries are answered.
     pub(crate) answers: AnswerConfig,
+    /// How much robots may close by what they report blocked.
+    pub(crate) reports: ReportLimits,
     /// When robots count as late.
     pub(crate) fleet: FleetConfig,
     /// How a server that stands on storages fetches what it lacks.
@@ -74,9 +81,11 @@ impl Default for ServerSection {
             zenoh_config: None,
             roles: None,
             open: false,
+            min_free_bytes: MIN_FREE_BYTES,
             limits: Limits::default(),
             quotas: Quotas::default(),
             answers: AnswerConfig::default(),
+            reports: ReportLimits::default(),
             fleet: FleetConfig::default(),
             gaps: GapFillConfig::default(),
         }

@@ -21,12 +21,12 @@ pub use sources::AnswerSources;
 
 use crate::catalog::Catalog;
 use fht_proto::MapName;
-use fht_proto::api::reply::{ErrorCode, ErrorReply, MapsReply, known_names};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, Head, MapsReply, known_names};
 use fht_proto::api::request::{Question, Request};
 use reply::error;
 
-/// Answers a request at `now_us` (microseconds, the server's clock): with one reply, or with
-/// several if the client asks for pieces.
+/// Answers a request at `now_us` (microseconds, by a clock that nobody sets): with one reply, or
+/// with several if the client asks for pieces.
 ///
 /// # Errors
 /// What the client is told instead.
@@ -34,8 +34,12 @@ pub fn answer(request: Request, sources: &AnswerSources, now_us: u64) -> Result<
     let catalog = &sources.catalog;
     let (map, question) = match request {
         Request::Maps => {
-            let maps = catalog.heads().iter().map(|head| head.as_ref().clone()).collect();
-            return json(&MapsReply { maps }).map(|answer| vec![answer]);
+            let mut maps: Vec<Head> = catalog.heads().iter().map(|head| head.as_ref().clone()).collect();
+            maps.extend(catalog.damaged_heads());
+            maps.sort_by(|a, b| a.map.cmp(&b.map));
+            let log = &sources.log;
+            let reply = MapsReply { maps, read_only: log.fault(), warning: log.warning() };
+            return json(&reply).map(|answer| vec![answer]);
         }
         Request::Map(map, question) => (map, question),
     };
@@ -57,7 +61,7 @@ pub fn answer(request: Request, sources: &AnswerSources, now_us: u64) -> Result<
         Question::Releases => history::releases(&view, sources.log.as_ref()),
         Question::Diff { from, to } => history::diff(&view, sources.log.as_ref(), &from, &to),
         Question::Rules => operation::rules(&view, &sources.active_rules, now_us),
-        Question::Fleet => operation::fleet(&view, &sources.fleet, now_us),
+        Question::Fleet { limit, after } => operation::fleet(&view, &sources.fleet, (limit, after.as_ref()), now_us),
     };
     answer.map(|answer| vec![answer])
 }
@@ -80,6 +84,9 @@ pub fn answer_at_once(
 }
 
 pub(crate) fn unknown_map(map: &MapName, catalog: &Catalog) -> ErrorReply {
+    if let Some(damage) = catalog.damage(map) {
+        return error(ErrorCode::Damaged, damage);
+    }
     let was = match catalog.deletion(map) {
         Some(record) => format!(": {}", record.deletion.sentence(map)),
         None => String::new(),

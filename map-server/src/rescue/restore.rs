@@ -8,7 +8,7 @@ use crate::config::Limits;
 use crate::ingest::Ingest;
 use crate::rescue::report::{RescueError, RescuedAuthor, file_error};
 use crate::rescue::{COPY, examine, file_of, rebuild};
-use crate::store::{FILE_NAME, IncrementLog, RedbLog, StoreError};
+use crate::store::{FILE_NAME, IncrementLog, MemoryLog, RedbLog, StoreError};
 use fht_proto::api::reply::ErrorReply;
 use fht_proto::codec::archive::{Archive, ArchiveError};
 use fht_proto::{Digest, MapName};
@@ -178,39 +178,67 @@ fn make(backup: &Backup, scratch: &Path) -> Result<Vec<RescuedAuthor>, RestoreEr
 
 /// Takes exported maps into a new store.
 fn import(files: &[PathBuf], dir: &Path) -> Result<(), RestoreError> {
-    let log: Arc<dyn IncrementLog> = Arc::new(RedbLog::open(dir)?);
-    let catalog = Arc::new(Catalog::load(log.as_ref())?);
-    // A server has taken all of it before.
-    let limits = Limits {
-        max_map_bytes: u64::MAX,
-        max_total_bytes: u64::MAX,
-        max_map_elements: usize::MAX,
-        max_total_elements: usize::MAX,
-        max_maps: usize::MAX,
-        max_clock_ahead_s: u64::MAX,
-        ..Limits::default()
-    };
-    let mut ingest = Ingest::new(log, Arc::clone(&catalog), limits);
+    let mut intake = ArchiveIntake::into(Arc::new(RedbLog::open(dir)?))?;
     let mut known = BTreeSet::new();
     for file in files {
         let bytes = std::fs::read(file).map_err(file_error(file))?;
         let damaged = |source| RestoreError::Archive { file: file.clone(), source };
         let archive = Archive::open(&bytes).map_err(damaged)?;
-        let header = archive.header.clone();
-        if !known.insert(header.map.clone()) {
-            return Err(RestoreError::Twice { file: file.clone(), map: header.map });
+        let map = archive.header.map.clone();
+        if !known.insert(map.clone()) {
+            return Err(RestoreError::Twice { file: file.clone(), map });
         }
-        for series in archive {
-            if let Err(refusal) = ingest.import(&header.map, series.map_err(damaged)?, 0)? {
-                return Err(RestoreError::Refused { file: file.clone(), reply: refusal.reply() });
-            }
-        }
-        let found = catalog.view(&header.map).map_or(Digest([0; 32]), |view| view.head.digest);
-        if found != header.digest {
-            return Err(RestoreError::Digest { file: file.clone(), found, expected: header.digest });
-        }
+        intake.take(file, archive)?;
     }
     Ok(())
+}
+
+/// Takes a map from `file` in to see whether it is what the file says it is, and keeps nothing.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn check_archive(file: &Path, archive: Archive<'_>) -> Result<(), RestoreError> {
+    ArchiveIntake::into(Arc::new(MemoryLog::new()))?.take(file, archive)
+}
+
+/// Takes exported maps in, as a server does.
+struct ArchiveIntake {
+    catalog: Arc<Catalog>,
+    ingest: Ingest,
+}
+
+impl ArchiveIntake {
+    fn into(log: Arc<dyn IncrementLog>) -> Result<Self, RestoreError> {
+        let catalog = Arc::new(Catalog::load(log.as_ref())?);
+        // A server has taken all of it before.
+        let limits = Limits {
+            max_map_bytes: u64::MAX,
+            max_total_bytes: u64::MAX,
+            max_map_elements: usize::MAX,
+            max_total_elements: usize::MAX,
+            max_maps: usize::MAX,
+            max_clock_ahead_s: u64::MAX,
+            ..Limits::default()
+        };
+        let ingest = Ingest::new(log, Arc::clone(&catalog), limits);
+        Ok(Self { catalog, ingest })
+    }
+
+    fn take(&mut self, file: &Path, archive: Archive<'_>) -> Result<(), RestoreError> {
+        let header = archive.header.clone();
+        for series in archive {
+            let series = series.map_err(|source| RestoreError::Archive { file: file.to_owned(), source })?;
+            if let Err(refusal) = self.ingest.import(&header.map, series, 0)? {
+                return Err(RestoreError::Refused { file: file.to_owned(), reply: refusal.reply() });
+            }
+        }
+        let head = self.catalog.view(&header.map).map(|view| view.head);
+        let found = head.as_ref().map_or(Digest([0; 32]), |head| head.digest);
+        if found != header.digest || head.is_none_or(|head| head.vector != header.vector) {
+            return Err(RestoreError::Digest { file: file.to_owned(), found, expected: header.digest });
+        }
+        Ok(())
+    }
 }
 
 /// Puts `new` in the place of `file`, and returns under which name that is kept.

@@ -5,15 +5,17 @@ use crate::clock::now_us;
 use crate::config::ServerConfig;
 use crate::ingest::{Ingest, WriterQueue};
 use crate::network::{
-    QueryService, RobotTopicSubscriptions, learn_blockages, publish_head, subscribe_increments, subscribe_robot_topics,
+    QueryDoor, QueryService, RobotTopicSubscriptions, learn_blockages, publish_head, replacement, subscribe_increments,
+    subscribe_robot_topics,
 };
-use crate::query::{ActiveRules, AnswerSources, Fleet};
+use crate::query::AnswerSources;
 use crate::replicated::Stateless;
+use crate::server::disk_watch::DiskWatch;
 use crate::server::error::ServerError;
 use crate::server::writer::{Writer, WriterThread};
-use crate::store::{IncrementLog, StoreError};
-use fht_proto::api::keys::{ALL_QUERIES, SERVERS_QUERIES};
-use std::pin::Pin;
+use crate::store::StoreError;
+use fht_proto::api::keys::SERVERS_QUERIES;
+use std::pin::{Pin, pin};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -42,27 +44,35 @@ impl<'a, F: Future<Output = ()>> ShutdownSignal<'a, F> {
     }
 }
 
-/// Serves what is in a log until shutdown.
+/// What is served.
+pub(super) struct ServingTask {
+    pub(super) sources: AnswerSources,
+    /// None where the server keeps its own log.
+    pub(super) stateless: Option<Stateless>,
+    /// Where queries wait already; none: nobody asks before everything is read.
+    pub(super) door: Option<QueryDoor>,
+}
+
+/// Why serving has ended.
+pub(super) enum Served {
+    /// It was told to.
+    Ended,
+    /// The routers refuse the session; they take this one.
+    Refused(Session),
+}
+
+/// Serves what is in a log until shutdown, or until the session is refused.
 pub(super) async fn serve(
     config: &ServerConfig,
     session: &Session,
-    log: Arc<dyn IncrementLog>,
-    catalog: Arc<Catalog>,
-    stateless: Option<Stateless>,
+    ServingTask { sources, stateless, door }: ServingTask,
     shutdown: &mut ShutdownSignal<'_, impl Future<Output = ()>>,
-) -> Result<(), ServerError> {
-    let sources = AnswerSources {
-        catalog: Arc::clone(&catalog),
-        log: Arc::clone(&log),
-        active_rules: Arc::new(ActiveRules::default()),
-        fleet: Arc::new(Fleet::new(config.fleet.clone())),
-        config: Arc::new(config.answers.clone()),
-    };
+) -> Result<Served, ServerError> {
     let queue = Arc::new(WriterQueue::new(config.limits.max_queue_bytes));
     let robots = subscribe_robot_topics(session, &sources).await?;
     let max_bytes = config.limits.max_increment_bytes;
     let increments = subscribe_increments(session, &queue, max_bytes, stateless.is_some()).await?;
-    let mut ingest = Ingest::new(log, catalog, config.limits.clone());
+    let mut ingest = Ingest::new(Arc::clone(&sources.log), Arc::clone(&sources.catalog), config.limits.clone());
     if let Some(writers) = &config.writers {
         ingest = ingest.guarded_by(writers.clone(), config.quotas.clone())?;
     }
@@ -73,22 +83,30 @@ pub(super) async fn serve(
         session: session.clone(),
         stateless: stateless.clone(),
         max_batch_bytes: config.limits.max_batch_bytes,
+        disk: DiskWatch::new(),
     };
     let mut writer = writer.spawn()?;
 
+    let mut refused = pin!(replacement(session, &config.link));
+    let mut other = None;
     // No queries before everything is read: nobody is told that a map does not exist while it is
     // being read.
     let is_ready = tokio::select! {
         () = shutdown.wait() => false,
+        session = refused.as_mut() => { other = Some(session); false }
         is_ready = writer.ready() => is_ready,
     };
     let answering = match is_ready {
-        true => Some(Answering::start(config, session, sources, &queue, stateless.as_ref(), robots).await?),
+        true => Some(Answering::start(config, session, sources, &queue, (stateless.as_ref(), door), robots).await?),
         false => None,
     };
-    let stopped = tokio::select! {
-        () = shutdown.wait() => None,
-        outcome = writer.stopped() => Some(outcome),
+    let stopped = match other {
+        Some(_) => None,
+        None => tokio::select! {
+            () = shutdown.wait() => None,
+            session = refused => { other = Some(session); None }
+            outcome = writer.stopped() => Some(outcome),
+        },
     };
 
     increments.close().await?;
@@ -100,7 +118,7 @@ pub(super) async fn serve(
     if let Some(answering) = answering {
         answering.close().await?;
     }
-    outcome
+    outcome.map(|()| other.map_or(Served::Ended, Served::Refused))
 }
 
 /// Waits for the writer to store what is in the queue, unless it has `stopped` already.
@@ -119,7 +137,7 @@ async fn finish_writing(mut writer: WriterThread, stopped: Option<Result<(), Ser
 
 /// What runs from the moment that everything is read until shutdown.
 struct Answering {
-    queryable: Queryable<()>,
+    door: QueryDoor,
     /// Say that this server knows all about their keys; the first answers for them.
     _nearest: Vec<Queryable<()>>,
     gap_fill: Option<JoinHandle<()>>,
@@ -133,7 +151,7 @@ impl Answering {
         session: &Session,
         sources: AnswerSources,
         queue: &Arc<WriterQueue>,
-        stateless: Option<&Stateless>,
+        (stateless, door): (Option<&Stateless>, Option<QueryDoor>),
         robots: RobotTopicSubscriptions,
     ) -> Result<Self, ServerError> {
         let catalog = Arc::clone(&sources.catalog);
@@ -142,9 +160,12 @@ impl Answering {
             // known.
             tokio::spawn(learn_blockages(session.clone(), sources.clone()));
         }
-        let service = QueryService::new(sources, Arc::clone(queue), Handle::current());
-        let queryable = session.declare_queryable(ALL_QUERIES);
-        let queryable = queryable.callback(move |query| service.take_query(query)).await?;
+        let service = QueryService::new(sources, Arc::clone(queue), session.clone(), Handle::current());
+        let door = match door {
+            Some(door) => door,
+            None => QueryDoor::declare(session).await?,
+        };
+        door.open(service);
         // Of several servers the nearest is asked, and no other. What robots answer must come to
         // them, from wherever it is asked.
         let mut nearest = Vec::new();
@@ -156,14 +177,14 @@ impl Answering {
         let spawn_gap_fill = |stateless: &Stateless| stateless.spawn_gap_fill(Arc::clone(&catalog), Arc::clone(queue));
         let gap_fill = stateless.map(spawn_gap_fill).transpose().map_err(ServerError::Runtime)?;
         let deleting = tokio::spawn(delete_when_due(catalog, Arc::clone(queue))).abort_handle();
-        Ok(Self { queryable, _nearest: nearest, gap_fill, deleting, _robots: robots })
+        Ok(Self { door, _nearest: nearest, gap_fill, deleting, _robots: robots })
     }
 
     async fn close(self) -> Result<(), ServerError> {
         self.deleting.abort();
         // The thread has ended, or panicked and said so.
         let _ = self.gap_fill.map(JoinHandle::join);
-        Ok(self.queryable.undeclare().await?)
+        Ok(self.door.close().await?)
     }
 }
 

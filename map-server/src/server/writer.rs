@@ -6,6 +6,7 @@ use crate::ingest::{Arrival, Ingest, WriterJob, WriterQueue, WriterWork};
 use crate::network::{publish_head, publish_refusal};
 use crate::query::AnswerSources;
 use crate::replicated::Stateless;
+use crate::server::disk_watch::DiskWatch;
 use crate::server::error::ServerError;
 use crate::store::StoreError;
 use fht_proto::api::keys::Key;
@@ -14,6 +15,7 @@ use fht_proto::{AuthorId, MapName};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::thread::JoinHandle;
+use std::time::Instant;
 use tokio::sync::oneshot;
 use zenoh::Session;
 
@@ -26,6 +28,8 @@ pub(super) struct Writer {
     pub(super) stateless: Option<Stateless>,
     /// Bytes in one commit, as they travelled.
     pub(super) max_batch_bytes: usize,
+    /// Whether the disk takes what is written.
+    pub(super) disk: DiskWatch,
 }
 
 /// The running thread.
@@ -45,6 +49,7 @@ impl Writer {
         let (report_stopped, stopped) = oneshot::channel();
         let write = move || {
             let written = self.restore().and_then(|()| {
+                self.look_after_disk(); // the log may have been opened without being written
                 let _ = report_ready.send(()); // nobody waits for it if the server is ending
                 self.write_all()
             });
@@ -60,32 +65,51 @@ impl Writer {
     }
 
     fn write_all(&mut self) -> Result<(), StoreError> {
-        while let Some(WriterWork { arrivals, jobs }) = self.queue.take_work(self.max_batch_bytes) {
-            let dropped = self.queue.take_dropped();
-            if dropped > 0 {
-                tracing::warn!(
-                    dropped,
-                    "more increments arrived than the queue holds; their writers will send them again"
-                );
+        while let Some(work) = self.queue.take_work_within(self.max_batch_bytes, DiskWatch::EVERY) {
+            match self.write(work) {
+                // Whoever wrote it sends it again, since no head covers it.
+                Err(error) if self.sources.log.fault().is_some() => tracing::debug!("not stored: {error}"),
+                outcome => outcome?,
             }
-            let writers = counted(&arrivals);
-            let outcome = self.ingest.take_arrivals(arrivals, now_us())?;
-            if let Some(stateless) = &self.stateless {
-                stateless.settle_disputed(&outcome.disputed, self.sources.log.as_ref())?;
-            }
-            outcome.notices.iter().for_each(|notice| publish_refusal(&self.session, notice));
-            for map in outcome.announce {
-                if let Some(view) = self.sources.catalog.view(&map) {
-                    for ((_, author), increments) in writers.iter().filter(|((of, _), _)| *of == map) {
-                        let robot = self.sources.fleet.name_of(&map, *author).unwrap_or_else(|| "unknown".to_owned());
-                        let version = view.head.version;
-                        tracing::info!(%map, %robot, %author, increments, version, "taken in, and stored");
-                    }
-                    publish_head(&self.session, &view.head);
+            self.look_after_disk();
+        }
+        Ok(())
+    }
+
+    fn look_after_disk(&mut self) {
+        let log = self.sources.log.as_ref();
+        let change = self.disk.look(log, &self.sources.catalog, &mut self.ingest, Instant::now());
+        if change.is_some() {
+            self.sources.catalog.heads().iter().for_each(|head| publish_head(&self.session, head));
+        }
+    }
+
+    fn write(&mut self, WriterWork { arrivals, jobs }: WriterWork) -> Result<(), StoreError> {
+        let dropped = self.queue.take_dropped();
+        if dropped > 0 {
+            tracing::warn!(dropped, "more increments arrived than the queue holds; their writers will send them again");
+        }
+        if !arrivals.is_empty() {
+            self.take_in(arrivals)?;
+        }
+        if jobs.is_empty() { Ok(()) } else { self.do_jobs(jobs) }
+    }
+
+    fn take_in(&mut self, arrivals: Vec<Arrival>) -> Result<(), StoreError> {
+        let writers = counted(&arrivals);
+        let outcome = self.ingest.take_arrivals(arrivals, now_us())?;
+        if let Some(stateless) = &self.stateless {
+            stateless.settle_disputed(&outcome.disputed, self.sources.log.as_ref())?;
+        }
+        outcome.notices.iter().for_each(|notice| publish_refusal(&self.session, notice));
+        for map in outcome.announce {
+            if let Some(view) = self.sources.catalog.view(&map) {
+                for ((_, author), increments) in writers.iter().filter(|((of, _), _)| *of == map) {
+                    let robot = self.sources.fleet.name_of(&map, *author).unwrap_or_else(|| "unknown".to_owned());
+                    let version = view.head.version;
+                    tracing::info!(%map, %robot, %author, increments, version, "taken in, and stored");
                 }
-            }
-            if !jobs.is_empty() {
-                self.do_jobs(jobs)?;
+                publish_head(&self.session, &view.head);
             }
         }
         Ok(())

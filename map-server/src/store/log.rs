@@ -2,110 +2,13 @@
 //! ([`RedbLog`](crate::store::RedbLog)), memory in front of storages elsewhere
 //! ([`QuorumLog`](crate::replicated::QuorumLog)), or a disk that a test lets fail.
 
+use crate::store::error::StoreError;
 use fht_proto::api::deletion::MapDeletion;
-use fht_proto::codec::envelope::FORMAT_VERSION;
 use fht_proto::{AuthorId, MapName, VersionVector};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Debug;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
-
-/// Why the log failed.
-#[derive(Debug, thiserror::Error)]
-pub enum StoreError {
-    /// Another process has it open.
-    #[error("the data directory {} is in use by another map-server", dir.display())]
-    InUse {
-        /// The data directory.
-        dir: PathBuf,
-    },
-    /// The directory cannot be made or the file cannot be opened.
-    #[error("the data directory {} cannot be used: {reason}", dir.display())]
-    Open {
-        /// The data directory.
-        dir: PathBuf,
-        /// What the system says.
-        reason: String,
-    },
-    /// Written by another version of this program.
-    #[error("the data directory {} has format {found}; this program reads formats up to {known}", dir.display())]
-    Format {
-        /// The data directory.
-        dir: PathBuf,
-        /// The format found.
-        found: u64,
-        /// The newest format known.
-        known: u64,
-    },
-    /// Reading or writing failed.
-    #[error("the store cannot be {action}: {reason}")]
-    Disk {
-        /// `read` or `written`.
-        action: &'static str,
-        /// What the system says.
-        reason: String,
-    },
-    /// A later version of this program has stored increments.
-    #[error(
-        "the store has increments of format {found} in map {map}; this program reads formats up to {FORMAT_VERSION}: use the \
-         map-server that wrote them"
-    )]
-    IncrementFormat {
-        /// The map.
-        map: String,
-        /// The format found.
-        found: u8,
-    },
-    /// The server was told to end while it waited for storages.
-    #[error("too few of the storages have confirmed what should be kept")]
-    Unconfirmed,
-    /// Two servers have accepted two increments of one author and number, and this server has the
-    /// one that gives way.
-    #[error("map {map}: the storages keep another increment {author}/{number} than this server has")]
-    Overruled {
-        /// The map.
-        map: MapName,
-        /// Who wrote it.
-        author: AuthorId,
-        /// Its place in the author's sequence.
-        number: u64,
-    },
-    /// The file cannot be read as what it should be.
-    #[error(
-        "the store {} cannot be used, for it is damaged: {reason}. Put a backup of this directory in its place if there \
-         is one (maps from `map-server export` are taken in by `map-server import`); `map-server check {dir}` says what \
-         is lost, and `map-server rescue {dir} TARGET` copies what still reads into a new directory",
-        file.display(), dir = file.parent().unwrap_or(file).display()
-    )]
-    Broken {
-        /// The file.
-        file: PathBuf,
-        /// What is wrong, as far as it can be said.
-        reason: String,
-    },
-    /// What was read is not what was written.
-    #[error("the store is damaged: map {map}: {reason}")]
-    Damaged {
-        /// The map.
-        map: String,
-        /// What is wrong.
-        reason: String,
-    },
-}
-
-impl StoreError {
-    /// The same, if it says that a store is damaged, with the file and with what can be done.
-    #[must_use]
-    pub fn of_file(self, file: &Path) -> Self {
-        match self {
-            Self::Damaged { .. } | Self::Disk { action: "read", .. } => {
-                Self::Broken { file: file.to_owned(), reason: self.to_string() }
-            }
-            other => other,
-        }
-    }
-}
 
 /// Where an increment comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -279,6 +182,26 @@ pub trait IncrementLog: Send + Sync + Debug {
     fn delete_map(&self, _: &MapName, _: &DeletionRecord) -> Result<(), StoreError> {
         Err(no_deletion())
     }
+
+    /// Why nothing can be written at present; none: it can, as far as anybody knows. What is stored
+    /// can be read meanwhile.
+    fn fault(&self) -> Option<String> {
+        None
+    }
+
+    /// What will keep it from being written if nobody sees to it: little room on its disk.
+    fn warning(&self) -> Option<String> {
+        None
+    }
+
+    /// After a [`fault`](Self::fault): finds out whether the disk takes something again. What was
+    /// to be stored when it failed may be there after this, or not.
+    ///
+    /// # Errors
+    /// [`StoreError::ReadOnly`]: it does not.
+    fn try_again(&self) -> Result<(), StoreError> {
+        Ok(())
+    }
 }
 
 /// Callers ask [`IncrementLog::is_shared`] first.
@@ -288,6 +211,19 @@ fn no_deletion() -> StoreError {
 
 /// What is stored in a log.
 pub trait LogReader {
+    /// The names of all maps.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn maps(&self) -> Result<BTreeSet<String>, StoreError> {
+        let mut maps = BTreeSet::new();
+        self.for_each(None, &mut |map, _, _, _| {
+            maps.insert(map.to_owned());
+            Ok(())
+        })?;
+        Ok(maps)
+    }
+
     /// The maps that will be deleted, and those that were and have not begun anew. None where maps
     /// are not deleted.
     ///

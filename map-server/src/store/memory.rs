@@ -1,8 +1,8 @@
 //! The log in memory: for a server whose increments are kept elsewhere, and for tests.
 
+use crate::store::error::StoreError;
 use crate::store::log::{
-    CompactedRecord, CompactionFloor, DeletionRecord, IncrementLog, LogReader, Piece, Record, StoreError, Stored,
-    Visit, gaps,
+    CompactedRecord, CompactionFloor, DeletionRecord, IncrementLog, LogReader, Piece, Record, Stored, Visit, gaps,
 };
 use fht_proto::{AuthorId, MapName, VersionVector};
 use std::collections::BTreeMap;

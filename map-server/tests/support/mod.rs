@@ -1,6 +1,7 @@
 //! What the server's tests share: increments, a server process, a client.
 #![allow(dead_code, clippy::unwrap_used)] // every test program uses a part of it; tests may panic
 
+pub mod disk;
 pub mod site;
 
 use fht_map::MapState;
@@ -117,6 +118,12 @@ impl Server {
     pub fn kill(&mut self) {
         self.0.kill().unwrap();
         self.0.wait().unwrap();
+    }
+
+    /// Sends a signal, such as HUP.
+    pub fn signal(&self, name: &str) {
+        let number = self.0.id().to_string();
+        assert!(Command::new("kill").args(["-s", name, &number]).status().unwrap().success());
     }
 
     /// SIGTERM, and the exit code.

@@ -5,6 +5,7 @@ use super::settings::MapperFile;
 use crate::explore::Ending;
 use crate::run::MappingTask;
 use clap::Args;
+use fht_descriptor::Fetching;
 use fht_picture::{default_file, png_file};
 use fht_program::Waiting;
 use fht_program::flags::{ConnectArgs, ReportArgs, number, seconds};
@@ -32,6 +33,9 @@ pub(super) struct RunArgs {
     /// Another descriptor model: an ONNX file with its description beside it.
     #[arg(long)]
     model: Option<PathBuf>,
+    /// Do not fetch a missing ONNX Runtime library from PyPI: start no process for it.
+    #[arg(long)]
+    no_fetch: bool,
     /// Simulated or recorded seconds per second; by default as fast as possible.
     #[arg(long, value_parser = rate)]
     pub(super) rate: Option<f64>,
@@ -75,6 +79,7 @@ impl RunArgs {
             spool: section.spool.clone().filter(|_| !self.offline),
             window: section.window.clone(),
             model: self.model.as_ref().or(robot.model.as_ref()).cloned(),
+            fetching: if self.no_fetch || !robot.fetch { Fetching::Never } else { Fetching::Allowed },
             cameras: robot.cameras,
             max_s: section.max_sim_s,
             wait: Waiting::new("mapper", self.link.wait, None).for_session(),

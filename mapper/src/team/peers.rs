@@ -3,6 +3,7 @@
 
 use crate::explore::Teammate;
 use crate::mapping::Mapper;
+use crate::team::founding::Founding;
 use fht_client::{LiveReplica, Presence, ReplicaConfig, ReplicaError};
 use fht_map::MapState;
 use fht_proto::api::fleet::{ExplorerGoal, RobotRole};
@@ -30,11 +31,6 @@ const MAX_BYTES: usize = 1 << 20;
 const GOAL_LASTS: Duration = Duration::from_secs(30);
 /// Explorers of one map that are listened to.
 const MAX_FELLOWS: usize = 64;
-/// How long to wait for the names of explorers that are there already.
-pub(crate) const ROLL_CALL: Duration = Duration::from_secs(1);
-/// Within this a claim to begin a map has reached the others.
-pub(crate) const CLAIM_TIME: Duration = Duration::from_millis(500);
-
 /// How an explorer begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MapEntry {
@@ -237,53 +233,15 @@ impl Peers {
         let stored = vector.get(AuthorId::of_robot(&self.robot));
         let counts = self.replica.read().state().counts();
         let nodes = counts.main_nodes + counts.support_nodes;
-        match counts.main_nodes {
-            0 if nodes > 0 => Err(EnterError::NoMainNodes { map: map(), nodes }),
-            0 if self.may_found(patience)? => Ok(MapEntry::Found { stored }),
-            _ => Ok(MapEntry::Join { stored }),
+        if counts.main_nodes == 0 && nodes > 0 {
+            return Err(EnterError::NoMainNodes { map: map(), nodes });
         }
-    }
-
-    /// Of the explorers that are there, the one whose name comes first claims the map; whoever sees
-    /// a claim joins. Two that did not see each other in time have both claimed it: the one whose
-    /// name comes later withdraws.
-    fn may_found(&mut self, patience: Duration) -> Result<bool, zenoh::Error> {
-        let deadline = Instant::now() + patience;
-        while Instant::now() < deadline && self.replica.read().state().counts().main_nodes == 0 {
-            if !self.names(RobotTopic::Pose)?.is_empty() {
-                return Ok(false);
-            }
-            let comes_first = |names: &BTreeSet<String>| names.first().is_none_or(|first| *first >= self.robot);
-            if comes_first(&self.names(RobotTopic::Goal)?) {
-                let key = Key::robot(&self.map, &self.robot, RobotTopic::Pose).to_string();
-                self.claim = Some(self.session.liveliness().declare_token(key).wait()?);
-                std::thread::sleep(CLAIM_TIME);
-                // An explorer that holds no token yet may be delivering what its last run has left.
-                let is_bare = self.replica.read().state().counts().main_nodes == 0;
-                if is_bare && comes_first(&self.names(RobotTopic::Pose)?) {
-                    return Ok(true);
-                }
-                self.claim = None;
-                return Ok(false);
-            }
-            std::thread::sleep(CLAIM_TIME);
+        if counts.main_nodes == 0 {
+            let founding = Founding::new(&self.session, &self.map, &self.robot, &self.replica);
+            self.claim = founding.claim(patience)?;
         }
-        Ok(false)
-    }
-
-    /// The names of the other robots that hold a token under a topic.
-    fn names(&self, topic: RobotTopic) -> Result<BTreeSet<String>, zenoh::Error> {
-        let answers = self.session.liveliness().get(robots_of(&self.map, topic)).timeout(ROLL_CALL).wait()?;
-        let mut names = BTreeSet::new();
-        while let Ok(answer) = answers.recv() {
-            if let Ok(sample) = answer.result()
-                && let Ok(Key::RobotTopic { robot, .. }) = sample.key_expr().as_str().parse()
-                && robot != self.robot
-            {
-                names.insert(robot);
-            }
-        }
-        Ok(names)
+        let is_founder = self.claim.is_some();
+        Ok(if is_founder { MapEntry::Found { stored } } else { MapEntry::Join { stored } })
     }
 
     /// The map as it is here.

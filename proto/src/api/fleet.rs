@@ -100,9 +100,10 @@ pub struct RobotStatus {
 
 /// What a robot puts under its `blocked` key: what it could not pass. Everybody avoids it for the
 /// time stated, from when the report arrives. A report without edges and places takes the robot's
-/// earlier ones back.
+/// earlier ones back; one with a field that is none of these is refused, since it may mean another.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
 pub struct BlockedReport {
     /// For how long, seconds.
     pub for_s: f64,
@@ -205,6 +206,12 @@ pub struct FleetReply {
     pub enabled: Option<String>,
     /// By name.
     pub robots: Vec<RobotView>,
+    /// Whether there are more.
+    #[serde(default)]
+    pub truncated: bool,
+    /// What to ask as `after` for those; absent if there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub next: Option<String>,
 }
 
 #[cfg(test)]

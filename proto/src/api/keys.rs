@@ -168,11 +168,16 @@ pub enum AdminAction {
     Delete,
     /// Do not delete it after all.
     Undelete,
+    /// Open what robots reported blocked.
+    Unblock,
+    /// Have what a robot reported blocked stay so.
+    KeepBlocked,
 }
 
 impl AdminAction {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Retain, Self::Import, Self::Delete, Self::Undelete];
+    pub const ALL: [Self; 6] =
+        [Self::Retain, Self::Import, Self::Delete, Self::Undelete, Self::Unblock, Self::KeepBlocked];
 
     /// The chunk that names it.
     #[must_use]
@@ -182,6 +187,8 @@ impl AdminAction {
             Self::Import => "import",
             Self::Delete => "delete",
             Self::Undelete => "undelete",
+            Self::Unblock => "unblock",
+            Self::KeepBlocked => "keep-blocked",
         }
     }
 }

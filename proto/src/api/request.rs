@@ -1,14 +1,14 @@
 //! Queries as they come: parameters to typed requests. Every complaint says what was expected.
 
 mod goal;
+mod order;
 mod parameters;
 
-use crate::api::deletion::DeletionOrder;
-use crate::api::keys::{AdminAction, Key, Topic};
-use crate::api::reply::{ErrorReply, NodesCursor, PlaceRef, Series, parse_point};
-use crate::model::validate::Validate;
-use crate::{Descriptor, FixedPoint, Footprint, MapName, ReleaseId, ReleaseName, VersionVector, decode};
+use crate::api::keys::{Key, Topic};
+use crate::api::reply::{ErrorReply, NodesCursor, PlaceRef, parse_point};
+use crate::{Descriptor, FixedPoint, Footprint, MapName, ReleaseId, ReleaseName, RobotName, VersionVector, decode};
 pub use goal::{is_goal, parse_goal, parse_goal_id};
+pub use order::{AdminOrder, parse_order};
 use parameters::Parameters;
 pub use parameters::{Format, bad_request, shown};
 
@@ -129,8 +129,13 @@ pub enum Question {
     },
     /// Named places, zones, closed edges, what is blocked.
     Rules,
-    /// The robots.
-    Fleet,
+    /// The robots, by name.
+    Fleet {
+        /// How many at most.
+        limit: usize,
+        /// Only those that follow: what the page before gave as `next`; none for the first page.
+        after: Option<RobotName>,
+    },
     /// Nodes that look like a descriptor.
     Match {
         /// The descriptor.
@@ -151,30 +156,13 @@ pub enum Request {
     Map(MapName, Question),
 }
 
-/// What an operator wants done.
-#[derive(Clone, Debug, PartialEq)]
-pub enum AdminOrder {
-    /// Fold all but the newest so many versions.
-    Retain {
-        /// How many versions stay.
-        keep: u64,
-    },
-    /// Take in a part of a map.
-    Import {
-        /// The part.
-        series: Series,
-    },
-    /// Delete the map.
-    Delete(DeletionOrder),
-    /// Do not delete it after all.
-    Undelete,
-}
-
 /// Default and greatest length of a series of increments, bytes. Short enough to share a thin link
 /// with live increments.
 const SERIES_BYTES: (usize, usize) = (64 << 10, 1 << 20);
 /// Default and greatest number of nodes in a reply to `nodes`.
 const NODES_LIMIT: (usize, usize) = (100, 1000);
+/// Robots in a reply: unless told otherwise, and at most.
+const FLEET_LIMIT: (usize, usize) = (200, 1000);
 /// Default and greatest number of nodes in a reply to `match`.
 const MATCH_LIMIT: (usize, usize) = (5, 50);
 /// Default and greatest radius of `nodes`, metres.
@@ -202,41 +190,11 @@ pub fn parse<'a>(
     }
 }
 
-/// Reads an operator's order.
-///
-/// # Errors
-/// `BAD_REQUEST` with a sentence that says what was expected.
-pub fn parse_order<'a>(
-    action: AdminAction,
-    parameters: impl Iterator<Item = (&'a str, &'a str)>,
-    payload: Option<&[u8]>,
-) -> Result<AdminOrder, ErrorReply> {
-    match action {
-        AdminAction::Retain => {
-            let given = Parameters::of("retain", parameters, &["keep"])?;
-            let keep = given.parsed("keep", "a number of versions")?;
-            let missing = || bad_request("say how many versions are to stay, such as retain?keep=1000".to_owned());
-            keep.map(|keep| AdminOrder::Retain { keep }).ok_or_else(missing)
-        }
-        AdminAction::Import => {
-            Parameters::of("import", parameters, &[])?;
-            let missing = || bad_request("import needs a series of increments in the payload".to_owned());
-            let series = decode(payload.ok_or_else(missing)?)
-                .map_err(|error| bad_request(format!("the payload is not a series of increments: {error}")))?;
-            Ok(AdminOrder::Import { series })
-        }
-        AdminAction::Delete => {
-            Parameters::of("delete", parameters, &[])?;
-            let missing = || {
-                bad_request("delete needs a payload, such as {grace_s: 604800, reason: mistyped, by: desk}".to_owned())
-            };
-            let order: DeletionOrder = serde_json::from_slice(payload.ok_or_else(missing)?)
-                .map_err(|error| bad_request(format!("the payload is not an order to delete: {error}")))?;
-            order.validate().map_err(|error| bad_request(error.to_string()))?;
-            Ok(AdminOrder::Delete(order))
-        }
-        AdminAction::Undelete => Parameters::of("undelete", parameters, &[]).map(|_| AdminOrder::Undelete),
-    }
+fn fleet<'a>(parameters: impl Iterator<Item = (&'a str, &'a str)>) -> Result<Question, ErrorReply> {
+    let given = Parameters::of("fleet", parameters, &["limit", "after", "fmt"])?;
+    given.in_json("fleet")?;
+    let after = given.parsed("after", "a robot's name")?;
+    Ok(Question::Fleet { limit: given.limit("limit", FLEET_LIMIT)?, after })
 }
 
 fn question<'a>(
@@ -297,7 +255,7 @@ fn question<'a>(
         }
         Topic::Releases => Parameters::json_only("releases", parameters).map(|()| Question::Releases),
         Topic::Rules => Parameters::json_only("rules", parameters).map(|()| Question::Rules),
-        Topic::Fleet => Parameters::json_only("fleet", parameters).map(|()| Question::Fleet),
+        Topic::Fleet => fleet(parameters),
         Topic::Diff => {
             let given = Parameters::of("diff", parameters, &["from", "to", "fmt"])?;
             given.in_json("diff")?;

@@ -186,6 +186,7 @@ impl Server {
             }
         };
         let sources = AnswerSources {
+            writers: None,
             catalog: Arc::clone(&catalog),
             log: Arc::clone(&log),
             active_rules: Arc::new(ActiveRules::default()),

@@ -5,7 +5,6 @@ use crate::site::sessions::{close, map};
 use fht_client::{AskError, ask};
 use fht_map::MapState;
 use fht_proto::api::keys::{Key, Topic};
-use fht_proto::api::reply::ErrorCode;
 use fht_proto::{AuthorId, EdgeKey, FixedPose, Increment, NodeId, NodeKind, Op, Rect};
 use mapper::publish::{Progress, WindowConfig, outbox};
 use std::collections::BTreeMap;
@@ -247,7 +246,7 @@ fn is_answered(session: &Session, selector: &str) -> bool {
     match ask(session, selector, TRY) {
         Ok(answers) => !answers.is_empty(),
         Err(AskError::Refused(reply)) => {
-            if reply.code != ErrorCode::Internal {
+            if !reply.code.is_trouble_of_the_server() {
                 tracing::warn!("{selector}: {reply}");
             }
             false

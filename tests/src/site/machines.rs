@@ -2,10 +2,12 @@
 
 use crate::site::config::SiteConfig;
 use crate::site::report::SiteError;
+use crate::site::secured::Secured;
 use crate::site::sessions::rotated;
 use fht_demo::{Process, Role, free_endpoint};
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// How long a router may take to listen.
@@ -14,19 +16,24 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// The storages of `deploy/`.
 const STORAGES: &str = include_str!("../../../deploy/storages.json5");
 
-/// The configuration that `deploy/` gives zenohd, but without TLS, and with a volume in memory.
-fn router() -> Result<String, SiteError> {
+/// The storages of `deploy/` with a volume in memory.
+fn storages() -> Result<Value, SiteError> {
     let unreadable = |error: json5::Error| SiteError::Late(format!("storages.json5: {error}"));
     let mut storages: Value = json5::from_str::<Value>(STORAGES).map_err(unreadable)?["plugins"].take();
     let manager = &mut storages["storage_manager"];
     manager["volumes"] = json!({});
     manager["storages"]["increments"]["volume"] = "memory".into();
+    Ok(storages)
+}
+
+/// The configuration that `deploy/` gives zenohd, but without TLS.
+fn router() -> Result<String, SiteError> {
     let config = json!({
         "mode": "router",
         "connect": { "timeout_ms": -1, "exit_on_failure": false, "retry": { "period_init_ms": 100, "period_max_ms": 1000 } },
         "scouting": { "multicast": { "enabled": false } },
         "timestamping": { "enabled": true },
-        "plugins": storages,
+        "plugins": storages()?,
     });
     Ok(config.to_string())
 }
@@ -34,7 +41,9 @@ fn router() -> Result<String, SiteError> {
 /// The processes.
 pub(super) struct Machines {
     executable: PathBuf,
-    configuration: PathBuf,
+    /// One for each router.
+    configurations: Vec<PathBuf>,
+    secured: Option<Arc<Secured>>,
     endpoints: Vec<String>,
     /// None while it is down.
     routers: Vec<Option<Process>>,
@@ -43,13 +52,23 @@ pub(super) struct Machines {
 }
 
 impl Machines {
-    pub(super) fn start(config: &SiteConfig) -> Result<Self, SiteError> {
-        let configuration = config.folder.join("router.json5");
-        std::fs::write(&configuration, router()?)?;
-        let endpoints = (0..config.routers).map(|_| free_endpoint()).collect::<Result<_, _>>()?;
+    pub(super) fn start(config: &SiteConfig, secured: Option<Arc<Secured>>) -> Result<Self, SiteError> {
+        let protocol = if secured.is_some() { "tls/" } else { "tcp/" };
+        let endpoint = || free_endpoint().map(|endpoint| endpoint.replace("tcp/", protocol));
+        let endpoints: Vec<String> = (0..config.routers).map(|_| endpoint()).collect::<Result<_, _>>()?;
+        let configuration = |(index, endpoint): (usize, &String)| match &secured {
+            Some(site) => site.router(index, endpoint, storages()?),
+            None => {
+                let file = config.folder.join("router.json5");
+                std::fs::write(&file, router()?)?;
+                Ok(file)
+            }
+        };
+        let configurations = endpoints.iter().enumerate().map(configuration).collect::<Result<_, SiteError>>()?;
         let mut machines = Self {
             executable: config.executable.clone(),
-            configuration,
+            configurations,
+            secured,
             endpoints,
             routers: Vec::new(),
             servers: Vec::new(),
@@ -60,7 +79,7 @@ impl Machines {
             machines.routers.push(Some(router));
         }
         for (router, endpoint) in machines.routers.iter_mut().flatten().zip(&machines.endpoints) {
-            router.wait_until_listening(endpoint, PATIENCE)?;
+            router.wait_until_listening(&endpoint.replace("tls/", "tcp/"), PATIENCE)?;
         }
         for index in 0..config.servers {
             let server = machines.server(index)?;
@@ -75,7 +94,7 @@ impl Machines {
     }
 
     fn router(&self, index: usize) -> Result<Process, SiteError> {
-        let mut args = vec!["-c".to_owned(), self.configuration.display().to_string()];
+        let mut args = vec!["-c".to_owned(), self.configurations[index].display().to_string()];
         for (other, endpoint) in self.endpoints.iter().enumerate() {
             args.extend([if other == index { "-l" } else { "-e" }.to_owned(), endpoint.clone()]);
         }
@@ -85,8 +104,13 @@ impl Machines {
     /// Each server has another router first.
     fn server(&self, index: usize) -> Result<Process, SiteError> {
         let mut args = vec!["--storages".to_owned(), self.storages.to_string()];
-        for endpoint in rotated(&self.endpoints, index) {
-            args.extend(["--connect".to_owned(), endpoint]);
+        let endpoints = rotated(&self.endpoints, index);
+        if let Some(site) = &self.secured {
+            let file = site.session("server", &format!("maps-{index}"), &endpoints)?;
+            let files = [("--zenoh-config", file), ("--roles", site.roles_file())];
+            args.extend(files.into_iter().flat_map(|(option, file)| [option.to_owned(), file.display().to_string()]));
+        } else {
+            args.extend(endpoints.into_iter().flat_map(|endpoint| ["--connect".to_owned(), endpoint]));
         }
         Ok(Process::start(&self.executable, Role::MapServer, args)?)
     }

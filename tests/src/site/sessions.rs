@@ -1,8 +1,10 @@
 //! The sessions of robots, and the map that they work on.
 
 use crate::site::report::SiteError;
+use crate::site::secured::Secured;
 use fht_proto::MapName;
 use fht_session::SessionConfig;
+use std::sync::Arc;
 use zenoh::{Session, Wait};
 
 /// The map of the run.
@@ -17,9 +19,24 @@ pub(super) fn rotated(endpoints: &[String], first: usize) -> Vec<String> {
     endpoints[first..].iter().chain(&endpoints[..first]).cloned().collect()
 }
 
-/// Opens a robot's session; its first router is the one at `first`.
-pub(super) async fn session(endpoints: &[String], first: usize) -> Result<Session, SiteError> {
-    Ok(fht_session::open(&SessionConfig::from_options(rotated(endpoints, first), None)).await?)
+/// How robots come to the site.
+#[derive(Clone)]
+pub(super) struct Way {
+    pub(super) endpoints: Vec<String>,
+    /// Where certificates are asked for.
+    pub(super) secured: Option<Arc<Secured>>,
+}
+
+impl Way {
+    /// Opens the session of a robot or operator; its first router is the one at `first`.
+    pub(super) async fn session(&self, role: &str, name: &str, first: usize) -> Result<Session, SiteError> {
+        let endpoints = rotated(&self.endpoints, first);
+        let link = match &self.secured {
+            None => SessionConfig::from_options(endpoints, None),
+            Some(site) => SessionConfig::from_options(Vec::new(), Some(site.session(role, name, &endpoints)?)),
+        };
+        Ok(fht_session::open(&link).await?)
+    }
 }
 
 /// Closes a session; errors do not matter any more.

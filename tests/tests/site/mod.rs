@@ -78,6 +78,7 @@ pub fn certificates() -> &'static Path {
             "authority",
             "router a localhost 127.0.0.1",
             "router b localhost 127.0.0.1",
+            "router c localhost 127.0.0.1",
             "server maps localhost 127.0.0.1",
             "explorer ana",
             "explorer ben",
@@ -96,7 +97,7 @@ pub fn certificates() -> &'static Path {
 }
 
 pub fn fleet() -> Roles {
-    parse("{routers: ['a', 'b'], servers: ['maps'], explorers: ['ana', 'ben'], clients: ['tug'], operators: ['desk']}")
+    parse("{routers: ['a', 'b', 'c'], servers: ['maps'], explorers: ['ana', 'ben'], clients: ['tug'], operators: ['desk']}")
         .unwrap()
 }
 
@@ -124,9 +125,9 @@ pub fn shipped_with(dir: &Path, file: &str, own: &str, listen: &[&str], connect:
     text.replace(LISTEN, &list(listen))
 }
 
-/// The same with the fleet's access control.
+/// The same with the fleet's access control, and as that router's own.
 pub fn guarded(file: &str, own: &str, listen: &[&str]) -> String {
-    configuration(object(&shipped(file, own, listen, &[])).unwrap(), &fleet()).unwrap()
+    configuration(object(&shipped(file, own, listen, &[])).unwrap(), &fleet(), own.strip_prefix("router-")).unwrap()
 }
 
 pub fn in_file(dir: &Path, name: &str, text: &str) -> PathBuf {
@@ -197,7 +198,7 @@ impl Site {
 pub fn serve(data: &Path, file: PathBuf) -> (oneshot::Sender<()>, JoinHandle<Result<(), ServerError>>) {
     let link = ServerEndpoints { zenoh_config: Some(file), ..ServerEndpoints::default() };
     let (stop, stopped) = oneshot::channel::<()>();
-    let writers = Some(fleet().writers().unwrap());
+    let writers = Some(fleet().writers().unwrap().into());
     let config = ServerConfig { writers, ..ServerConfig::new(data.to_owned(), link) };
     (stop, tokio::spawn(map_server::run(config, async { _ = stopped.await })))
 }

@@ -1,6 +1,7 @@
 //! Messages of a bag, one after another, as far as the files can be read.
 
 use super::files::{BagOpenError, files_of};
+use super::unpacking::{Guarded, Unpacked};
 use mcap::io::MessageReader;
 use mcap::sans_io::LinearReaderOptions;
 use serde::{Deserialize, Serialize};
@@ -67,7 +68,7 @@ impl<R: Read> Read for Counting<R> {
 
 struct OpenFile {
     path: PathBuf,
-    reader: MessageReader<Counting<BufReader<File>>>,
+    reader: MessageReader<Guarded<Counting<BufReader<File>>>>,
     /// Bytes read from the files before.
     begin: u64,
     last_log_ns: Option<u64>,
@@ -75,11 +76,13 @@ struct OpenFile {
 
 /// The messages of a bag in the order in which they were logged. Memory does not grow with the
 /// files: it holds one chunk. A chunk whose checksum fails is not used. Damage ends its file, and
-/// reading continues with the next one.
+/// reading continues with the next one; so does a chunk with which the bag would unpack to more
+/// than 200 times its size (and 64 MiB).
 pub struct Messages {
     files: VecDeque<PathBuf>,
     open: Option<OpenFile>,
     bytes: Arc<AtomicU64>,
+    unpacked: Arc<Unpacked>,
     total_bytes: u64,
     broken: Vec<Broken>,
 }
@@ -95,10 +98,10 @@ impl Messages {
     }
 
     pub(crate) fn of_files(files: Vec<PathBuf>) -> Self {
-        let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |about| about.len());
-        let total_bytes = files.iter().map(size).sum();
+        let total_bytes = files.iter().map(|path| file_bytes(path)).sum();
         let bytes = Arc::new(AtomicU64::new(0));
-        Self { files: files.into(), open: None, bytes, total_bytes, broken: Vec::new() }
+        let unpacked = Arc::default();
+        Self { files: files.into(), open: None, bytes, unpacked, total_bytes, broken: Vec::new() }
     }
 
     /// The files that could not be read to the end, so far.
@@ -122,6 +125,8 @@ impl Messages {
         match File::open(&path) {
             Ok(file) => {
                 let source = Counting { inner: BufReader::with_capacity(1 << 16, file), bytes: self.bytes.clone() };
+                let size = file_bytes(&path);
+                let source = Guarded::new(source, size, RECORD_LIMIT as u64, Arc::clone(&self.unpacked));
                 let reader = MessageReader::new_with_options(source, options);
                 self.open = Some(OpenFile { path, reader, begin, last_log_ns: None });
             }
@@ -131,6 +136,10 @@ impl Messages {
         }
         true
     }
+}
+
+fn file_bytes(path: &Path) -> u64 {
+    std::fs::metadata(path).map_or(0, |about| about.len())
 }
 
 impl Iterator for Messages {

@@ -9,7 +9,7 @@ use crate::queries::read_head;
 use crate::staleness::StalenessConfig;
 use crate::sync::{Running, Sync, SyncConfig, SyncQuestion};
 use fht_proto::api::keys::{Key, Topic};
-use fht_proto::api::reply::{ErrorCode, ErrorReply, RulesReply, Series};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, Head, RulesReply, Series};
 use fht_proto::codec::envelope::MAX_BODY_BYTES;
 use fht_proto::{Increment, MapName, decode};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -67,6 +67,8 @@ pub(super) struct Worker {
     /// Whether nothing was said of what is blocked without being heard here, as far as that is
     /// known.
     knows_blocked: bool,
+    /// As the last head said it.
+    reports_cleared: Option<u32>,
     notices: Notices,
 }
 
@@ -104,6 +106,7 @@ impl Worker {
             link_seen_at: Instant::now(),
             closures,
             knows_blocked: false,
+            reports_cleared: None,
             notices: Notices::default(),
         }
     }
@@ -123,6 +126,7 @@ impl Worker {
                 match read_head(&sample.payload().to_bytes(), &self.map) {
                     Ok(head) => {
                         warn(self.notices.head(&head));
+                        self.follow_cleared(&head);
                         self.sync.head_published(&head);
                     }
                     Err(error) => self.refuse(&error),
@@ -281,6 +285,7 @@ impl Worker {
                 self.follow_blocked(head.is_some());
                 if let Some(Ok(head)) = &head {
                     warn(self.notices.head(head));
+                    self.follow_cleared(head);
                 }
                 self.sync.head_answered(&self.shared.read(), head.and_then(Result::ok), now);
             }
@@ -309,6 +314,13 @@ impl Worker {
             self.knows_blocked = self.ask_first(Topic::Rules, Event::Rules).is_ok();
         } else {
             self.knows_blocked &= is_answered;
+        }
+    }
+
+    /// Operators have opened what robots reported blocked: the server says what is left.
+    fn follow_cleared(&mut self, head: &Head) {
+        if self.reports_cleared.replace(head.reports_cleared).is_some_and(|before| before != head.reports_cleared) {
+            self.knows_blocked = self.ask_first(Topic::Rules, Event::Rules).is_ok();
         }
     }
 

@@ -41,6 +41,9 @@ pub fn head(map: &MapName, log: &[Increment]) -> Vec<u8> {
         edges: 0,
         bytes: 0,
         refused: 0,
+        reports_cleared: 0,
+        read_only: false,
+        damaged: false,
     };
     serde_json::to_vec(&head).expect("JSON")
 }

@@ -3,7 +3,7 @@
 use super::{Features, LoadError, planes};
 use crate::description::{Description, InputLayout};
 use crate::error::DescribeError;
-use crate::runtime;
+use crate::runtime::{self, Fetching};
 use image::RgbImage;
 use ort::session::Session;
 use ort::value::{Outlet, TensorRef};
@@ -15,8 +15,8 @@ pub(crate) struct Network {
 }
 
 impl Network {
-    pub fn load(onnx: &[u8], description: &Description) -> Result<Self, LoadError> {
-        let environment = runtime::environment().map_err(LoadError::Runtime)?;
+    pub fn load(onnx: &[u8], description: &Description, fetching: Fetching) -> Result<Self, LoadError> {
+        let environment = runtime::environment(fetching).map_err(LoadError::Runtime)?;
         let model_error = |error: ort::Error| LoadError::Model(error.to_string());
         // One thread: the network runs next to the robot's loop, and a fixed order of additions
         // gives the same numbers each time.

@@ -3,6 +3,7 @@
 use super::{Features, LoadError, planes};
 use crate::description::{Description, InputLayout};
 use crate::error::DescribeError;
+use crate::runtime::Fetching;
 use image::RgbImage;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -21,7 +22,7 @@ pub(crate) struct Network {
 }
 
 impl Network {
-    pub fn load(onnx: &[u8], description: &Description) -> Result<Self, LoadError> {
+    pub fn load(onnx: &[u8], description: &Description, _: Fetching) -> Result<Self, LoadError> {
         let model_error = |error: TractError| LoadError::Model(format!("{error:#}"));
         let mut reader = onnx;
         let mut model = tract_onnx::onnx()

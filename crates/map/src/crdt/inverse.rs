@@ -64,7 +64,7 @@ pub fn inverse(map: &Series, author: AuthorId, count: u64) -> Result<Inverse, In
     if first <= folded {
         return Err(InverseError::Compacted { author, last: folded });
     }
-    take_back(map, author, author, (first, last), |increment| increment.number >= first)
+    take_back(map, (author, author), (first, last), Overwritten::Refused, |increment| increment.number >= first)
 }
 
 /// What takes those increments of `author` back that `is_undone` finds, whichever they are; `by`
@@ -85,14 +85,34 @@ pub fn inverse_of(
     let Some((first, last)) = numbers().min().zip(numbers().max()) else {
         return Err(InverseError::NoneSuch { author });
     };
-    take_back(map, author, by, (first, last), &is_undone)
+    take_back(map, (author, by), (first, last), Overwritten::Refused, &is_undone)
+}
+
+/// What takes everything of `author` back, of whom nothing is believed any more; `by` is who will
+/// write that. What others have written over since stays as they wrote it.
+///
+/// # Errors
+/// [`InverseError`].
+pub fn inverse_of_all(map: &Series, author: AuthorId, by: AuthorId) -> Result<Inverse, InverseError> {
+    let numbers = || map.increments.iter().filter(|one| one.author == author).map(|one| one.number);
+    let Some(ends) = numbers().min().zip(numbers().max()) else { return Err(InverseError::NoneSuch { author }) };
+    take_back(map, (author, by), ends, Overwritten::Left, |_| true)
+}
+
+/// What becomes of something that others have written over since.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Overwritten {
+    /// Nothing is taken back.
+    Refused,
+    /// It stays as they wrote it.
+    Left,
 }
 
 fn take_back(
     map: &Series,
-    author: AuthorId,
-    by: AuthorId,
+    (author, by): (AuthorId, AuthorId),
     (first, last): (u64, u64),
+    overwritten: Overwritten,
     is_undone: impl Fn(&Increment) -> bool,
 ) -> Result<Inverse, InverseError> {
     let (undone, kept): (Vec<_>, Vec<_>) =
@@ -113,11 +133,13 @@ fn take_back(
             note(&mut others, element, stamp, op);
         }
     }
-    for (element, newest) in &others {
-        if mine.get(element).is_some_and(|own| newest.stamp > own.stamp) {
-            return Err(InverseError::Overwritten { what: element.to_string(), by: newest.stamp.author });
-        }
+    let is_over = |element: &Element, own: &Newest<'_>| others.get(element).filter(|newest| newest.stamp > own.stamp);
+    if overwritten == Overwritten::Refused
+        && let Some((element, newest)) = mine.iter().find_map(|(element, own)| Some((element, is_over(element, own)?)))
+    {
+        return Err(InverseError::Overwritten { what: element.to_string(), by: newest.stamp.author });
     }
+    mine.retain(|element, own| is_over(element, own).is_none());
     releases.extend(mine.keys().filter_map(|element| match element {
         Element::Release(id) => Some(id.clone()),
         _ => None,

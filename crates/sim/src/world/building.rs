@@ -13,6 +13,7 @@
 //! | `museum`, `office` | the two built-in buildings |
 //! | `extrude` | walls from the plan of a map |
 //! | `style` | how a zone looks: wall finish, floor, what hangs on the walls |
+//! | `zones` | which of them a point is in |
 //! | `dress` | the layout as a scene with textures |
 //! | `rearrange` | the building some time later |
 
@@ -24,3 +25,4 @@ pub(crate) mod office;
 pub(crate) mod polygon;
 pub(crate) mod rearrange;
 pub(crate) mod style;
+pub(crate) mod zones;

@@ -1,10 +1,11 @@
 //! The operators' subcommands, as they are written.
 
+use crate::program::operator::blocked::BlockedAction;
+use crate::program::operator::deletion::{grace, reason};
 use crate::program::operator::release::ReleaseAction;
 use crate::program::operator::rule::{Corners, parse_corners, parse_pose, parse_speed};
 use clap::{Args, Subcommand};
 use fht_program::flags::wait;
-use fht_proto::api::deletion::DeletionOrder;
 use fht_proto::{FixedPose, Label, MapName, NodeId, ReleaseName, RobotName};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -45,23 +46,6 @@ impl OperatorArgs {
     pub fn wait(&self) -> Option<f64> {
         self.wait
     }
-}
-
-/// A time such as `7d`, whole seconds, ten years at most.
-fn grace(text: &str) -> Result<Duration, String> {
-    let time = humantime::parse_duration(text).map_err(|error| format!("{error}; write 12h, 7d or 0s"))?;
-    let longest = Duration::from_secs(DeletionOrder::MAX_GRACE_S);
-    if time > longest {
-        return Err("a grace period is ten years at most".to_owned());
-    }
-    if !time.is_zero() && time < Duration::from_secs(1) {
-        return Err("a grace period is 0s, or a second at least".to_owned());
-    }
-    Ok(time)
-}
-
-fn reason(text: &str) -> Result<String, String> {
-    DeletionOrder::check_reason(text).map(|()| text.to_owned()).map_err(|error| error.to_string())
 }
 
 /// What an operator can do.
@@ -138,6 +122,16 @@ pub enum Operation {
         /// What to do.
         #[command(subcommand)]
         action: ReleaseAction,
+    },
+    /// What robots report blocked: shows it, opens it, or has it stay closed.
+    #[command(after_help = "Examples:
+  map-server blocked list museum
+  map-server blocked clear museum --robot amr-7 --ignore 1h
+  map-server blocked keep museum --robot amr-7 --for 8h")]
+    Blocked {
+        /// What to do.
+        #[command(subcommand)]
+        action: BlockedAction,
     },
     /// What has changed between two states of a map.
     #[command(after_help = "Examples:
@@ -235,6 +229,8 @@ pub enum Operation {
   map-server undo museum --last 3 --operator desk
   map-server undo museum --author amr-7 --against-roles roles.json5
       what an explorer wrote that only operators may write
+  map-server undo museum --author amr-7 --all
+      everything that a robot wrote which is not trusted any more
 
 An undo is a change, too: the next one takes it back.")]
     Undo {
@@ -244,12 +240,16 @@ An undo is a change, too: the next one takes it back.")]
         /// several.
         #[arg(long, value_name = "COUNT", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
         last: u64,
-        /// Instead of the operator's own changes, those of this robot that its role does not allow.
-        #[arg(long, value_name = "NAME", requires = "against_roles", conflicts_with = "last")]
+        /// Instead of the operator's own changes, those of this robot: those that its role does not
+        /// allow, or all.
+        #[arg(long, value_name = "NAME", requires = "of_author", conflicts_with = "last")]
         author: Option<RobotName>,
         /// The list of roles (JSON5); who is not in it counts as an explorer.
-        #[arg(long, value_name = "ROLES.json5", requires = "author")]
+        #[arg(long, value_name = "ROLES.json5", requires = "author", group = "of_author")]
         against_roles: Option<PathBuf>,
+        /// All that the robot wrote.
+        #[arg(long, requires = "author", group = "of_author")]
+        all: bool,
     },
     /// Folds old increments: the newest versions and all releases stay what they are, what only
     /// older versions needed goes.
@@ -369,6 +369,7 @@ impl Operation {
                 | Self::Rules { .. }
                 | Self::Export { .. }
                 | Self::Release { action: ReleaseAction::List { .. } }
+                | Self::Blocked { action: BlockedAction::List { .. } }
         );
         !only_asks
     }
@@ -378,6 +379,7 @@ impl Operation {
         match self {
             Self::Maps | Self::Health | Self::Import { .. } => None,
             Self::Release { action } => Some(action.map()),
+            Self::Blocked { action } => Some(action.map()),
             Self::Robots { map, .. }
             | Self::Send { map, .. }
             | Self::Cancel { map, .. }

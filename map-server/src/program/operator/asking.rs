@@ -77,6 +77,12 @@ pub(super) async fn ask_json<T: DeserializeOwned>(session: &Session, selector: &
     Ok(fht_client::ask_json_async(session, selector, ANSWER_TIMEOUT).await?)
 }
 
+/// The same, of all servers; one answer of them.
+pub(super) async fn ask_all_json<T: DeserializeOwned>(session: &Session, selector: &str) -> Result<T, OperatorError> {
+    let bytes = fht_client::ask_all_async(session, selector, ANSWER_TIMEOUT).await?;
+    serde_json::from_slice(&bytes).map_err(|error| OperatorError::json(&error))
+}
+
 pub(super) async fn head(session: &Session, map: &MapName) -> Result<Head, OperatorError> {
     Ok(fht_client::ask_head_async(session, map, ANSWER_TIMEOUT).await?)
 }

@@ -4,6 +4,7 @@ use crate::config::{DEFAULT_LISTEN, ServerEndpoints};
 use crate::ingest::Retained;
 use crate::program::operator::arguments::{Operation, OperatorArgs};
 use crate::program::operator::asking::{self, ask, ask_json, connect, until_there};
+use crate::program::operator::blocked;
 use crate::program::operator::deletion;
 use crate::program::operator::error::OperatorError;
 use crate::program::operator::merge::{self, MergeOrder};
@@ -14,13 +15,13 @@ use crate::program::operator::rule::{self, Corners};
 use crate::program::operator::send;
 use crate::program::operator::transfer;
 use crate::program::operator::undo;
-use crate::program::operator::words::{maps_in_words, releases_in_words, rules_in_words};
+use crate::program::operator::words::{health_in_words, maps_in_words, releases_in_words, rules_in_words};
 use crate::program::operator::write::write;
 use fht_merge::MergeConfig;
 use fht_program::{Waiting, print_line};
 use fht_proto::api::keys::{AdminAction, Key, Topic};
 use fht_proto::api::reply::{DiffReply, MapsReply};
-use fht_proto::{MapName, NodeId, Op, ReleaseName, RobotName, Zone, ZoneRule};
+use fht_proto::{AuthorId, MapName, NodeId, Op, ReleaseName, RobotName, Zone, ZoneRule};
 use fht_session::{SessionConfig, check_owner};
 use serde::Serialize;
 use std::io::IsTerminal;
@@ -73,7 +74,7 @@ impl Operation {
             Self::Maps => show(&ask_json::<MapsReply>(session, &Key::Maps.to_string()).await?, json, maps_in_words),
             Self::Health => {
                 let maps = ask_json::<MapsReply>(session, &Key::Maps.to_string()).await?;
-                show(&maps, json, |reply| format!("the server answers; it has {} map(s)", reply.maps.len()))
+                show(&maps, json, health_in_words)
             }
             Self::Robots { map, watch } => show_robots(session, &map, watch, json).await,
             Self::Send { map, robot, to, id, to_nearest, wait_arrived } => {
@@ -87,6 +88,7 @@ impl Operation {
                 let id = id.as_ref().map(RobotName::as_str);
                 show(&send::cancel(session, &map, robot.as_str(), id).await?, json, send::in_words)
             }
+            Self::Blocked { action } => show(&action.carry_out(session).await?, json, blocked::in_words),
             Self::Release { action } => action.carry_out(session, operator, json).await,
             Self::Diff { map, from, to } => {
                 let selector = format!("{}?from={from};to={to}", Key::topic(&map, Topic::Diff));
@@ -112,21 +114,22 @@ impl Operation {
             }
             Self::Close { map, a, b } => close_edge(session, args, &map, [a, b], true).await,
             Self::Open { map, a, b } => close_edge(session, args, &map, [a, b], false).await,
-            Self::Undo { map, last, author, against_roles } => {
-                let undone = match author.zip(against_roles) {
-                    None => undo::Undone::Newest(last),
-                    Some((author, file)) => undo::Undone::against_roles(author.as_str(), &file)?,
+            Self::Undo { map, last, author, against_roles, .. } => {
+                let undone = match (author, against_roles) {
+                    (None, _) => undo::Undone::Newest(last),
+                    (Some(author), None) => undo::Undone::All(AuthorId::of_robot(author.as_str())),
+                    (Some(author), Some(file)) => undo::Undone::against_roles(author.as_str(), &file)?,
                 };
                 show(&undo::undo(session, &map, operator, undone, json).await?, json, undo::in_words)
             }
             Self::Retain { map, keep } => show(&retain(session, map, keep).await?, json, retained_in_words),
             Self::Delete { map, reason, grace } => {
-                let order = deletion::order(args, reason, grace, None);
+                let order = deletion::order(&args.operator, reason, grace, None);
                 show(&deletion::delete(session, &map, &order).await?, json, deletion::in_words)
             }
             Self::Undelete { map } => show(&deletion::undelete(session, &map).await?, json, deletion::in_words),
             Self::Rename { old, new, reason, grace } => {
-                let order = deletion::order(args, reason, grace, Some(new));
+                let order = deletion::order(&args.operator, reason, grace, Some(new));
                 show(&rename::rename(session, &old, order, json).await?, json, rename::in_words)
             }
             Self::Export { map, file, release } => {

@@ -1,6 +1,7 @@
 //! Why an operator's command failed.
 
 use crate::network::ServerSessionError;
+use crate::rescue::RestoreError;
 use fht_client::AskError;
 use fht_client::author::NotWritten;
 use fht_map::crdt::inverse::InverseError;
@@ -82,6 +83,9 @@ pub enum OperatorError {
         /// What is wrong.
         source: fht_proto::codec::archive::ArchiveError,
     },
+    /// A map in a file is not what the file says, or could not be taken in by any server.
+    #[error(transparent)]
+    Unsound(#[from] RestoreError),
     /// Nothing is taken back.
     #[error("map {map}: {source}")]
     Undo {
@@ -118,8 +122,10 @@ impl OperatorError {
         match self {
             Self::Session(error) => error.is_input(),
             Self::Refused(reply) => reply.code.is_input(),
-            Self::Usage(_) | Self::File { .. } | Self::Archive { .. } => true,
+            Self::Usage(_) | Self::File { .. } | Self::Archive { .. } | Self::Unsound(_) => true,
             Self::NotRenamed { reason, .. } => reason.is_input(),
+            // So many changes there are not.
+            Self::Undo { source, .. } => matches!(source, InverseError::TooFew { .. } | InverseError::NoneSuch { .. }),
             _ => false,
         }
     }

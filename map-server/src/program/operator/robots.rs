@@ -1,14 +1,14 @@
 //! Who runs what, as a table.
 
-use crate::program::operator::asking::ask_json;
+use crate::program::operator::asking::ANSWER_TIMEOUT;
 use crate::program::operator::error::OperatorError;
+use fht_client::ask_fleet_async;
 use fht_proto::MapName;
 use fht_proto::api::fleet::{FleetReply, RobotRole, RobotView};
-use fht_proto::api::keys::{Key, Topic};
 use zenoh::Session;
 
 pub(super) async fn fleet(session: &Session, map: &MapName) -> Result<FleetReply, OperatorError> {
-    ask_json(session, &Key::topic(map, Topic::Fleet).to_string()).await
+    Ok(ask_fleet_async(session, map, ANSWER_TIMEOUT).await?)
 }
 
 /// The table, one line per robot.

@@ -2,6 +2,7 @@
 
 use crate::program::operator::asking::{ask, head, state_of};
 use crate::program::operator::error::OperatorError;
+use crate::rescue::check_archive;
 use fht_map::MapState;
 use fht_proto::api::keys::{AdminAction, Key, Topic};
 use fht_proto::api::reply::{Head, Series, StateView};
@@ -186,10 +187,8 @@ pub(super) async fn import(
     let bytes = std::fs::read(path).map_err(|source| OperatorError::File { path: path.to_owned(), source })?;
     let damaged = |source| OperatorError::Archive { path: path.to_owned(), source };
     let archive = Archive::open(&bytes).map_err(damaged)?;
-    // The whole file is checked first: a damaged one changes nothing.
-    for message in archive.clone() {
-        message.map_err(damaged)?;
-    }
+    // The whole file is checked first, down to what it adds up to: a damaged one changes nothing.
+    check_archive(path, archive.clone())?;
     let header = archive.header.clone();
     let map = name.unwrap_or_else(|| header.map.clone());
     let bar = progress(bytes.len() as u64, "bytes", quiet);

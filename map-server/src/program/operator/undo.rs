@@ -5,7 +5,7 @@ use crate::program::operator::asking::state_of;
 use crate::program::operator::error::OperatorError;
 use crate::program::operator::transfer::fetch_state;
 use crate::program::operator::write::write;
-use fht_map::crdt::inverse::{Inverse, inverse, inverse_of};
+use fht_map::crdt::inverse::{Inverse, inverse, inverse_of, inverse_of_all};
 use fht_map::{WriterRole, WriterRoles, may_write};
 use fht_proto::{AuthorId, Increment, MapName, Op, Release};
 use serde::Serialize;
@@ -19,6 +19,8 @@ const MAX_BYTES: usize = 512 << 10;
 pub(super) enum Undone {
     /// So many of the operator's newest increments.
     Newest(u64),
+    /// All that an author wrote.
+    All(AuthorId),
     /// What an author wrote that its role does not allow.
     AgainstRoles {
         /// Who wrote it.
@@ -63,6 +65,7 @@ pub(super) async fn undo(
     let author = AuthorId::of_robot(operator);
     let computed = tokio::task::spawn_blocking(move || match undone {
         Undone::Newest(count) => inverse(&series, author, count),
+        Undone::All(of) => inverse_of_all(&series, of, author),
         Undone::AgainstRoles { author: of, writers } => {
             let role = writers.role(of).unwrap_or(WriterRole::Explorer);
             let is_against = |op: &Op| may_write(role, of, op).is_err();

@@ -7,6 +7,9 @@ pub(super) fn maps_in_words(reply: &MapsReply) -> String {
         return "no maps yet".to_owned();
     }
     let line = |head: &Head| {
+        if head.damaged {
+            return format!("{}: damaged, and offline: see map-server check", head.map);
+        }
         format!(
             "{}: version {}, {} main nodes, {} support nodes, {} edges, {} bytes, robots use {}, {} increments refused",
             head.map,
@@ -20,6 +23,18 @@ pub(super) fn maps_in_words(reply: &MapsReply) -> String {
         ) + &deletion_in_words(head)
     };
     reply.maps.iter().map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// Whether the server answers, and what is wrong with it.
+pub(super) fn health_in_words(reply: &MapsReply) -> String {
+    let mut lines = vec![format!("the server answers; it has {} map(s)", reply.maps.len())];
+    lines.extend(reply.read_only.iter().map(|reason| {
+        format!("its disk cannot be written, so that it takes nothing in and tries again by itself: {reason}")
+    }));
+    lines.extend(reply.warning.clone());
+    let damaged = reply.maps.iter().filter(|head| head.damaged);
+    lines.extend(damaged.map(|head| format!("map {} is damaged, and offline: see map-server check", head.map)));
+    lines.join("\n")
 }
 
 fn deletion_in_words(head: &Head) -> String {

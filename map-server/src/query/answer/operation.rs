@@ -4,6 +4,7 @@ use crate::catalog::MapView;
 use crate::query::active_rules::ActiveRules;
 use crate::query::answer::reply::{Answer, json};
 use crate::query::fleet::Fleet;
+use fht_proto::RobotName;
 use fht_proto::api::reply::{ErrorReply, PlaceView, RulesReply, ZoneView};
 
 pub(super) fn rules(view: &MapView, active: &ActiveRules, now_us: u64) -> Result<Answer, ErrorReply> {
@@ -28,6 +29,12 @@ pub(super) fn rules(view: &MapView, active: &ActiveRules, now_us: u64) -> Result
     })
 }
 
-pub(super) fn fleet(view: &MapView, fleet: &Fleet, now_us: u64) -> Result<Answer, ErrorReply> {
-    json(&fleet.reply(&view.head, now_us))
+/// The robots after one, so many at most.
+pub(super) fn fleet(
+    view: &MapView,
+    fleet: &Fleet,
+    (limit, after): (usize, Option<&RobotName>),
+    now_us: u64,
+) -> Result<Answer, ErrorReply> {
+    json(&fleet.page(&view.head, limit, after.map_or("", RobotName::as_str), now_us))
 }

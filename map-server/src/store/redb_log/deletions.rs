@@ -1,9 +1,9 @@
 //! Maps that will be deleted, or were, in the file.
 
-use crate::store::log::{DeletionRecord, StoreError};
-use crate::store::redb_log::{
-    COMPACTED, FLOOR_VERSIONS, FLOORS, INCREMENTS, LOG, RedbLog, reading, reading_guarded, writing, writing_guarded,
-};
+use crate::store::error::StoreError;
+use crate::store::log::DeletionRecord;
+use crate::store::redb_log::RedbLog;
+use crate::store::redb_log::tables::{COMPACTED, FLOOR_VERSIONS, FLOORS, INCREMENTS, LOG, reading, writing};
 use fht_proto::MapName;
 use redb::{ReadableTable, TableDefinition, TableError, WriteTransaction};
 use std::collections::BTreeMap;
@@ -25,8 +25,7 @@ fn put(write: &WriteTransaction, map: &MapName, record: Option<&DeletionRecord>)
 
 impl RedbLog {
     pub(super) fn read_deletions(&self) -> Result<BTreeMap<MapName, DeletionRecord>, StoreError> {
-        reading_guarded(|| {
-            let read = self.begin_read()?;
+        self.read(|read| {
             let deletions = match read.open_table(DELETIONS) {
                 Err(TableError::TableDoesNotExist(_)) => return Ok(BTreeMap::new()),
                 other => other.map_err(reading)?,
@@ -44,20 +43,13 @@ impl RedbLog {
     }
 
     pub(super) fn write_deletion(&self, map: &MapName, record: Option<&DeletionRecord>) -> Result<(), StoreError> {
-        writing_guarded(|| {
-            let mut write = self.begin_write()?;
-            write.set_quick_repair(true);
-            put(&write, map, record)?;
-            write.commit().map_err(writing)
-        })
+        self.write(|write| put(write, map, record))
     }
 
     /// Removes everything of a map. What it took up in the file is used for what comes next.
     pub(super) fn write_end(&self, map: &MapName, record: &DeletionRecord) -> Result<(), StoreError> {
-        writing_guarded(|| {
+        self.write(|write| {
             let name = map.as_str();
-            let mut write = self.begin_write()?;
-            write.set_quick_repair(true);
             let by_author = (name, 0, 0)..=(name, u32::MAX, u64::MAX);
             let mut increments = write.open_table(INCREMENTS).map_err(writing)?;
             increments.retain_in(by_author.clone(), |_, _| false).map_err(writing)?;
@@ -70,8 +62,7 @@ impl RedbLog {
             let mut versions = write.open_table(FLOOR_VERSIONS).map_err(writing)?;
             versions.remove(name).map_err(writing)?;
             drop((increments, compacted, log, floors, versions));
-            put(&write, map, Some(record))?;
-            write.commit().map_err(writing)
+            put(write, map, Some(record))
         })
     }
 }

@@ -41,9 +41,15 @@ pub enum ErrorCode {
     Deleted,
     /// The writer's role does not allow what the increment does.
     NotPermitted,
+    /// The server's disk cannot be written: it answers, and takes nothing in. To be sent again
+    /// later.
+    ReadOnly,
+    /// An increment of the map in the server's store cannot be read: the map is offline.
+    Damaged,
     /// The robot does not know where it is.
     NotLocalized,
-    /// The robot has more to read than it takes in at a time.
+    /// The server has too much to answer, or the robot too much to read, at a time: ask again,
+    /// after `retry_after_s` if it is given.
     Busy,
     /// The robot knows of no goal of this id.
     UnknownGoal,
@@ -73,6 +79,13 @@ impl ErrorCode {
         )
     }
 
+    /// Whether the same question may be answered in a moment, or by somebody else: it says nothing
+    /// of what was asked for.
+    #[must_use]
+    pub fn is_trouble_of_the_server(self) -> bool {
+        matches!(self, Self::Internal | Self::Busy)
+    }
+
     /// Whether a refused increment would be refused again, however often it is sent, unless an
     /// operator changes that.
     #[must_use]
@@ -100,6 +113,9 @@ pub struct ErrorReply {
     /// One sentence for people, without quotes and backslashes: tools show the JSON of this with
     /// escapes.
     pub message: String,
+    /// With `BUSY`: when to ask again, seconds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub retry_after_s: Option<u32>,
 }
 
 impl ErrorReply {
@@ -108,6 +124,12 @@ impl ErrorReply {
     #[must_use]
     pub fn new(code: ErrorCode, message: &str) -> Self {
         let is_plain = |c: &char| !matches!(c, '\'' | '"' | '\\') && !c.is_control();
-        Self { code, message: message.chars().filter(is_plain).collect() }
+        Self { code, message: message.chars().filter(is_plain).collect(), retry_after_s: None }
+    }
+
+    /// `BUSY`, with when to ask again, seconds.
+    #[must_use]
+    pub fn busy(message: &str, retry_after_s: u32) -> Self {
+        Self { retry_after_s: Some(retry_after_s), ..Self::new(ErrorCode::Busy, message) }
     }
 }

@@ -37,6 +37,24 @@ pub struct Head {
     pub bytes: u64,
     /// Increments refused since the server started.
     pub refused: u64,
+    /// How often operators have cleared what robots reported blocked since the server started: when
+    /// it changes, `rules` says what is still blocked.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub reports_cleared: u32,
+    /// Whether the server takes nothing in at present, for its disk cannot be written. It goes on
+    /// answering.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub read_only: bool,
+    /// Whether an increment of it in the server's store cannot be read: nothing of the map can be
+    /// had, and it counts as empty. Only in the list of maps.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub damaged: bool,
+}
+
+// Serde's attribute asks for a reference.
+#[allow(clippy::trivially_copy_pass_by_ref)]
+fn is_zero(count: &u32) -> bool {
+    *count == 0
 }
 
 impl Head {
@@ -58,6 +76,12 @@ impl Head {
 pub struct MapsReply {
     /// Heads of all maps, by name.
     pub maps: Vec<Head>,
+    /// Why the server takes nothing in at present; none: it does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub read_only: Option<String>,
+    /// What will keep it from taking anything in, if nobody sees to it: little room on its disk.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub warning: Option<String>,
 }
 
 impl Validate for Head {

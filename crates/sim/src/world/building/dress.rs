@@ -291,6 +291,6 @@ impl<'a> Dresser<'a> {
     }
 
     fn style(&self, zone: usize) -> &'a Style {
-        self.layout.zones.get(zone).map_or(&self.layout.elsewhere, |(_, style)| style)
+        self.layout.zones.get(zone).unwrap_or(&self.layout.elsewhere)
     }
 }

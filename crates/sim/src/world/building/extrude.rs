@@ -5,6 +5,7 @@ use crate::plan::FloorPlan;
 use crate::world::building::layout::Layout;
 use crate::world::building::polygon::{Polygon, rectangle};
 use crate::world::building::style::{Hanging, Style};
+use crate::world::building::zones::Zones;
 use crate::world::draw::art::Genre;
 use crate::world::draw::surfaces::{Ceiling, FloorSurface, Wall};
 use fht_perception::pose::Point2;
@@ -31,7 +32,7 @@ pub(crate) fn layout(plan: &FloorPlan, seed: u64) -> Layout<Style> {
         rings,
         displaced: BTreeMap::new(),
         solids: Vec::new(),
-        zones: zones(plan, seed),
+        zones: Zones::new(zones(plan, seed)),
         elsewhere: Style::bare(Wall::Plaster([226, 224, 216]), FloorSurface::Linoleum([146, 148, 146])),
         ceiling_m: WALL_M,
         ceiling: Ceiling::Grid,

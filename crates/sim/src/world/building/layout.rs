@@ -2,7 +2,8 @@
 //! the scene and the plan are made.
 
 use crate::plan::{FloorPlan, PLAN_RESOLUTION_M};
-use crate::world::building::polygon::{Polygon, cells_inside, holds};
+use crate::world::building::polygon::{Polygon, cells_inside};
+use crate::world::building::zones::Zones;
 use crate::world::draw::furniture::Kind;
 use crate::world::draw::surfaces::Ceiling;
 use fht_perception::pose::Point2;
@@ -42,7 +43,7 @@ pub(crate) struct Layout<Style> {
     /// What stands in it.
     pub(crate) solids: Vec<Solid>,
     /// How parts of it look; the first that contains a point counts.
-    pub(crate) zones: Vec<(Polygon, Style)>,
+    pub(crate) zones: Zones<Style>,
     /// How the rest looks.
     pub(crate) elsewhere: Style,
     /// Height of the ceiling, metres.
@@ -54,12 +55,12 @@ pub(crate) struct Layout<Style> {
 impl<Style> Layout<Style> {
     /// Index of the zone at a point; the number of zones if there is none.
     pub(crate) fn zone_at(&self, point: Point2) -> usize {
-        self.zones.iter().position(|(area, _)| holds(area, point)).unwrap_or(self.zones.len())
+        self.zones.index_at(point)
     }
 
     /// The look at a point.
     pub(crate) fn style_at(&self, point: Point2) -> &Style {
-        self.zones.get(self.zone_at(point)).map_or(&self.elsewhere, |(_, style)| style)
+        self.zones.get(self.zone_at(point)).unwrap_or(&self.elsewhere)
     }
 
     /// The true plan, with a border of two occupied cells.

@@ -4,6 +4,7 @@
 use crate::world::building::layout::{Layout, Solid};
 use crate::world::building::polygon::{Polygon, rectangle, regular, strip, turned_box};
 use crate::world::building::style::{Hanging, Style};
+use crate::world::building::zones::Zones;
 use crate::world::draw::art::Genre;
 use crate::world::draw::furniture::Kind;
 use crate::world::draw::surfaces::{Ceiling, FloorSurface, Wall};
@@ -110,7 +111,7 @@ pub(crate) fn layout(seed: u64) -> Layout<Style> {
         rings: vec![OUTLINE.map(at).to_vec()],
         displaced: BTreeMap::new(),
         solids,
-        zones: zones(&mut rng),
+        zones: Zones::new(zones(&mut rng)),
         elsewhere: Style::bare(Wall::Plaster([226, 222, 212]), FloorSurface::Parquet([158, 112, 70])),
         ceiling_m: CEILING_M,
         ceiling: Ceiling::Gallery,

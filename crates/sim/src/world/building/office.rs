@@ -4,6 +4,7 @@
 use crate::world::building::layout::{Layout, Solid};
 use crate::world::building::polygon::{Polygon, holds, rectangle, regular, strip, turned_box, union};
 use crate::world::building::style::{Hanging, Style};
+use crate::world::building::zones::Zones;
 use crate::world::draw::art::Genre;
 use crate::world::draw::furniture::Kind;
 use crate::world::draw::surfaces::{Ceiling, FloorSurface, Wall};
@@ -98,7 +99,7 @@ pub(crate) fn layout(seed: u64) -> Layout<Style> {
         furnisher.room(room, *purpose);
     }
     let Furnisher { floors, solids, mut rng, .. } = furnisher;
-    let zones = zones(&rooms, &lines, &mut rng);
+    let zones = Zones::new(zones(&rooms, &lines, &mut rng));
     let elsewhere = Style::bare(Wall::Plaster([228, 226, 218]), FloorSurface::Linoleum([140, 146, 148]));
     Layout {
         rings: union(&floors),

@@ -1,0 +1,49 @@
+//! The list of roles, read anew while the server serves, when it is told to (SIGHUP).
+
+use crate::access::{AccessCommandError, RoleList, RoleListWriter, read_roles};
+use std::path::{Path, PathBuf};
+use tokio::signal::unix::{SignalKind, signal};
+
+/// Reads the list of roles of a server anew.
+pub(super) struct RoleReload {
+    file: PathBuf,
+    list: RoleList,
+    writer: RoleListWriter,
+}
+
+impl RoleReload {
+    /// The list in `file` as it is now, and what reads it anew.
+    ///
+    /// # Errors
+    /// [`AccessCommandError`], which names the file.
+    pub(super) fn of(file: &Path) -> Result<(RoleList, Self), AccessCommandError> {
+        let (writer, list) = RoleList::replaceable(read_roles(file)?);
+        Ok((list.clone(), Self { file: file.to_owned(), list, writer }))
+    }
+
+    /// Follows the signal, for as long as the server runs.
+    ///
+    /// # Errors
+    /// When the system gives no signal handler.
+    pub(super) async fn follow(self) -> std::io::Result<()> {
+        let mut asked = signal(SignalKind::hangup())?;
+        while asked.recv().await.is_some() {
+            self.reload();
+        }
+        Ok(())
+    }
+
+    fn reload(&self) {
+        let (file, before) = (self.file.display(), self.list.now());
+        match read_roles(&self.file) {
+            Ok(roles) => {
+                let revoked: Vec<&str> = before.names().filter(|name| !roles.names().any(|now| now == *name)).collect();
+                let (count, gone) = (roles.names().count(), revoked.join(", "));
+                let gone = if gone.is_empty() { String::new() } else { format!("; not any more: {gone}") };
+                tracing::warn!("{file} was read anew: {count} robots and operators have a role{gone}");
+                self.writer.replace(roles);
+            }
+            Err(error) => tracing::error!("the list of roles stays as it was: {error}"),
+        }
+    }
+}

@@ -1,0 +1,272 @@
+//! The open file of a store on a disk that may fail, opened anew after a fault.
+
+use crate::store::error::StoreError;
+use crate::store::guard::guarded;
+use crate::store::redb_log::steady_file::{Fault, FaultReason, SteadyFile};
+use crate::store::redb_log::tables::{
+    COMPACTED, FLOOR_VERSIONS, FLOORS, INCREMENTS, LOG, META, damage, reading, writing,
+};
+use redb::backends::FileBackend;
+use redb::{
+    Database, DatabaseError, ReadTransaction, ReadableDatabase, StorageBackend, TableDefinition, TableError,
+    WriteTransaction,
+};
+use std::fmt::Debug;
+use std::fs::{File, OpenOptions};
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+const FORMAT_KEY: &str = "format";
+/// Format 1 had no compacted series.
+const FORMAT: u64 = 2;
+/// The file in the data directory.
+pub const FILE_NAME: &str = "maps.redb";
+/// Locked by the server that uses the directory.
+pub(crate) const LOCK_NAME: &str = "lock";
+
+/// Holds what is written to find out whether the disk takes it.
+const PROBE: TableDefinition<'_, u64, &[u8]> = TableDefinition::new("probe");
+/// So much must fit before a disk counts as one that works again, bytes.
+const PROBE_BYTES: usize = 1 << 20;
+
+/// The disk under a store, opened again after a fault.
+pub trait StoreDisk: Debug + Send + Sync {
+    /// The store's bytes, and why they cannot be written, if that is known.
+    ///
+    /// # Errors
+    /// When they cannot be read.
+    fn open(&self) -> io::Result<(Box<dyn StorageBackend>, Option<String>)>;
+
+    /// Room left, bytes; none: that is not known.
+    fn free_bytes(&self) -> Option<u64> {
+        None
+    }
+
+    /// The file, to be named to people.
+    fn path(&self) -> &Path;
+}
+
+/// A file that is opened for reading alone: its disk takes nothing. The lock of the directory keeps
+/// others away.
+#[derive(Debug)]
+struct ReadOnlyFile(FileBackend);
+
+impl StorageBackend for ReadOnlyFile {
+    fn len(&self) -> io::Result<u64> {
+        self.0.len()
+    }
+
+    fn read(&self, offset: u64, out: &mut [u8]) -> io::Result<()> {
+        self.0.read(offset, out)
+    }
+
+    fn set_len(&self, _: u64) -> io::Result<()> {
+        Err(ErrorKind::ReadOnlyFilesystem.into())
+    }
+
+    fn sync_data(&self) -> io::Result<()> {
+        Err(ErrorKind::ReadOnlyFilesystem.into())
+    }
+
+    fn write(&self, _: u64, _: &[u8]) -> io::Result<()> {
+        Err(ErrorKind::ReadOnlyFilesystem.into())
+    }
+}
+
+/// A file on a disk of the system.
+#[derive(Debug)]
+pub(super) struct FileOnDisk(pub(super) PathBuf);
+
+impl StoreDisk for FileOnDisk {
+    fn open(&self) -> io::Result<(Box<dyn StorageBackend>, Option<String>)> {
+        let backend = |file| FileBackend::new(file).map_err(|error| io::Error::other(error.to_string()));
+        let options = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&self.0);
+        match options {
+            Ok(file) => Ok((Box::new(backend(file)?), None)),
+            Err(error) if error.kind() == ErrorKind::ReadOnlyFilesystem => {
+                Ok((Box::new(ReadOnlyFile(backend(File::open(&self.0)?)?)), Some(error.to_string())))
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    fn free_bytes(&self) -> Option<u64> {
+        let room = rustix::fs::statvfs(self.0.parent()?).ok()?;
+        Some(room.f_bavail.saturating_mul(room.f_frsize))
+    }
+
+    fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+/// An open file and what has become of its disk since.
+#[derive(Debug)]
+pub(super) struct OpenStore {
+    // There until it is closed: closing a damaged file may panic, too.
+    database: Option<Database>,
+    fault: Arc<Fault>,
+}
+
+impl OpenStore {
+    /// The store on a disk, brought to the newest layout.
+    pub(super) fn open(disk: &dyn StoreDisk) -> Result<Self, StoreError> {
+        let path = disk.path();
+        let dir = path.parent().unwrap_or(path);
+        let broken = |reason: String| StoreError::Broken { file: path.to_owned(), reason };
+        let failed = |error: io::Error| StoreError::Open { dir: dir.to_owned(), reason: error.to_string() };
+        let (file, reason) = disk.open().map_err(failed)?;
+        let fault = Arc::new(Fault::default());
+        if let Some(reason) = reason {
+            fault.note(&reason, false);
+        }
+        let file = SteadyFile::new(file, Arc::clone(&fault)).map_err(failed)?;
+        let opened = guarded(|| Database::builder().create_with_backend(file));
+        let database = opened.map_err(|panic| broken(damage(&panic)))?.map_err(|error| match error {
+            DatabaseError::DatabaseAlreadyOpen => StoreError::InUse { dir: dir.to_owned() },
+            DatabaseError::Storage(redb::StorageError::Corrupted(reason)) => broken(reason),
+            DatabaseError::Storage(redb::StorageError::Io(error)) if error.kind() == ErrorKind::InvalidData => {
+                broken(error.to_string())
+            }
+            other => StoreError::Open { dir: dir.to_owned(), reason: other.to_string() },
+        })?;
+        let store = Self { database: Some(database), fault };
+        match store.format().map_err(|error| error.of_file(path))? {
+            Some(FORMAT) => Ok(store),
+            // Format 2 only adds tables.
+            None | Some(1) => match store.write(make_tables) {
+                Err(error) if store.fault().is_none() => Err(error),
+                _ => Ok(store),
+            },
+            Some(found) => Err(StoreError::Format { dir: dir.to_owned(), found, known: FORMAT }),
+        }
+    }
+
+    /// The format of the file; none in a new one.
+    fn format(&self) -> Result<Option<u64>, StoreError> {
+        self.read(|read| {
+            let meta = match read.open_table(META) {
+                Err(TableError::TableDoesNotExist(_)) => return Ok(None),
+                other => other.map_err(reading)?,
+            };
+            Ok(meta.get(FORMAT_KEY).map_err(reading)?.map(|format| format.value()))
+        })
+    }
+
+    fn database(&self, action: &'static str) -> Result<&Database, StoreError> {
+        self.database.as_ref().ok_or_else(|| StoreError::Disk { action, reason: "it is closed".to_owned() })
+    }
+
+    pub(super) fn read<T>(
+        &self,
+        work: impl FnOnce(&ReadTransaction) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        let read = guarded(|| work(&self.database("read")?.begin_read().map_err(reading)?));
+        read.unwrap_or_else(|panic| Err(StoreError::Disk { action: "read", reason: damage(&panic) }))
+    }
+
+    /// Does `work` in one commit. On success it is durable.
+    pub(super) fn write(
+        &self,
+        work: impl FnOnce(&WriteTransaction) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        if let Some(reason) = self.fault() {
+            return Err(StoreError::ReadOnly { reason });
+        }
+        let commit = || {
+            let mut write = self.database("written")?.begin_write().map_err(writing)?;
+            // Commits in two phases and keeps what a repair needs: recovery after a crash takes no
+            // longer for a large file, and does not depend on checksums over bytes that strangers
+            // chose.
+            write.set_quick_repair(true);
+            work(&write)?;
+            write.commit().map_err(writing)
+        };
+        let written =
+            guarded(commit).unwrap_or_else(|panic| Err(StoreError::Disk { action: "written", reason: damage(&panic) }));
+        if let Err(error) = &written {
+            self.fault.note(&error.to_string(), false);
+        }
+        // What the disk did not take is in memory alone.
+        let failed = |FaultReason { reason, .. }| StoreError::Disk { action: "written", reason };
+        written.and_then(|()| self.fault.get().map_or(Ok(()), |fault| Err(failed(fault))))
+    }
+
+    /// Notes that nothing can be written.
+    pub(super) fn note_fault(&self, reason: &str) {
+        self.fault.note(reason, false);
+    }
+
+    /// Why nothing can be written.
+    pub(super) fn fault(&self) -> Option<String> {
+        self.fault.get().map(|fault| fault.reason)
+    }
+
+    /// Opens the file anew after a fault, without what the disk did not take, and writes something
+    /// to see whether the disk takes it.
+    pub(super) fn reopen(&mut self, disk: &dyn StoreDisk) -> Result<(), StoreError> {
+        let Some(fault) = self.fault.get() else { return Ok(()) };
+        self.close();
+        let rewritten = if fault.is_unsynced { rewrite(disk) } else { Ok(()) };
+        *self = Self::open(disk)?;
+        if let Err(error) = rewritten {
+            self.fault.note(&error.to_string(), true);
+        }
+        self.write(|write| {
+            write.open_table(PROBE).map_err(writing)?.insert(0, vec![0; PROBE_BYTES].as_slice()).map_err(writing)?;
+            Ok(())
+        })?;
+        self.write(|write| write.delete_table(PROBE).map(drop).map_err(writing))
+    }
+
+    /// Checks the sums of everything in the file; none: it is closed.
+    pub(super) fn check_sums(&mut self) -> Result<Option<bool>, String> {
+        let whole = guarded(|| self.database.as_mut().map(Database::check_integrity));
+        whole.map_err(|panic| damage(&panic))?.transpose().map_err(|error| error.to_string())
+    }
+
+    pub(super) fn close(&mut self) {
+        let database = self.database.take();
+        if let Err(panic) = guarded(|| drop(database)) {
+            tracing::error!("the store could not be closed: {}", damage(&panic));
+        }
+    }
+}
+
+fn make_tables(write: &WriteTransaction) -> Result<(), StoreError> {
+    write.open_table(INCREMENTS).map_err(writing)?;
+    write.open_table(LOG).map_err(writing)?;
+    write.open_table(COMPACTED).map_err(writing)?;
+    write.open_table(FLOORS).map_err(writing)?;
+    write.open_table(FLOOR_VERSIONS).map_err(writing)?;
+    let mut meta = write.open_table(META).map_err(writing)?;
+    meta.insert(FORMAT_KEY, FORMAT).map_err(writing)?;
+    Ok(())
+}
+
+/// Writes everything that the file has once more. A disk that failed to bring what it was given to
+/// safety may have forgotten it, while the system goes on showing it. The first page says what
+/// counts of the rest, and comes last.
+fn rewrite(disk: &dyn StoreDisk) -> io::Result<()> {
+    const FIRST: u64 = 4096;
+    const PART: u64 = 1 << 20;
+    let (file, reason) = disk.open()?;
+    if let Some(reason) = reason {
+        return Err(io::Error::other(reason));
+    }
+    let length = file.len()?;
+    let again = |begin: u64, end: u64| {
+        let mut part = vec![0; usize::try_from(end - begin).unwrap_or(0)];
+        file.read(begin, &mut part)?;
+        file.write(begin, &part)
+    };
+    let mut begin = FIRST;
+    while begin < length {
+        again(begin, length.min(begin + PART))?;
+        begin += PART;
+    }
+    file.sync_data()?;
+    again(0, length.min(FIRST))?;
+    file.sync_data()
+}

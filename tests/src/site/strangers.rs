@@ -1,0 +1,188 @@
+//! Two strangers with certificates of the site, and a client that turns on it, each doing what once
+//! kept others out. Attacks go on until the run is over; that one of them fails is what is hoped
+//! for.
+
+use crate::site::secured::{STRANGERS, Secured, TRAITOR};
+use crate::site::sessions::map;
+use fht_proto::api::fleet::BlockedReport;
+use fht_proto::api::keys::{Key, RobotTopic, Topic};
+use fht_proto::api::reply::Head;
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use zenoh::{Config, Session, Wait};
+
+/// TLS connections that say nothing, to each router: more than Zenoh's own `accept_pending`.
+const IDLE: usize = 101;
+/// How long they are left before they are made again.
+const IDLE_FOR: Duration = Duration::from_secs(5);
+/// Between two bad handshakes with a router: twelve a second and more.
+const BAD_EVERY: Duration = Duration::from_millis(60);
+/// Between two looks at the servers' ids.
+const TAKE_EVERY: Duration = Duration::from_secs(5);
+/// Between two reports, and between two long questions: twenty a second.
+const REPORT_EVERY: Duration = Duration::from_millis(50);
+/// Between two names that are invented: 40 a second, 12,000 in five minutes.
+const INVENT_EVERY: Duration = Duration::from_millis(25);
+
+/// Who attacks, and whom.
+#[derive(Clone)]
+pub(super) struct Strangers {
+    pub(super) site: Arc<Secured>,
+    pub(super) endpoints: Vec<String>,
+    pub(super) is_over: Arc<AtomicBool>,
+}
+
+impl Strangers {
+    /// Begins all attacks, each in a thread of its own.
+    pub(super) fn begin(self) {
+        let attacks: [fn(&Self); 7] = [
+            Self::draw_traffic,
+            Self::fail_handshakes,
+            Self::stay_idle,
+            Self::take_ids,
+            Self::invent_names,
+            Self::report_blocked,
+            Self::ask_much,
+        ];
+        for attack in attacks {
+            let strangers = self.clone();
+            std::thread::spawn(move || attack(&strangers));
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        self.is_over.load(Ordering::Relaxed)
+    }
+
+    /// A session that tries each endpoint once.
+    fn session(&self, role: &str, name: &str, endpoints: &[String], options: &[(&str, String)]) -> Option<Session> {
+        let mut config = Config::from_file(self.site.session(role, name, endpoints).ok()?).ok()?;
+        config.insert_json5("connect/timeout_ms", "0").ok()?;
+        config.insert_json5("listen/endpoints", "[]").ok()?;
+        for (key, value) in options {
+            config.insert_json5(key, value).ok()?;
+        }
+        zenoh::open(config).wait().ok()
+    }
+
+    /// Attack 1: in mode router, with the least weights to all routers.
+    fn draw_traffic(&self) {
+        let mut weights = Vec::new();
+        for endpoint in &self.endpoints {
+            let session = self.session("explorer", STRANGERS[0], std::slice::from_ref(endpoint), &[]);
+            if let Some(session) = session {
+                weights.extend(session.info().routers_zid().wait().map(|id| format!("{{dst_zid: '{id}', weight: 1}}")));
+            }
+        }
+        let options = [
+            ("mode", "\"router\"".to_owned()),
+            ("routing/router/linkstate/transport_weights", format!("[{}]", weights.join(","))),
+        ];
+        let session = self.session("explorer", STRANGERS[0], &self.endpoints, &options);
+        while session.is_some() && !self.is_over() {
+            std::thread::sleep(BAD_EVERY);
+        }
+    }
+
+    /// Attack 2: garbage in place of a TLS handshake.
+    fn fail_handshakes(&self) {
+        while !self.is_over() {
+            for endpoint in &self.endpoints {
+                let address = endpoint.trim_start_matches("tls/");
+                if let Ok(mut stream) = TcpStream::connect(address) {
+                    let _ = stream.set_read_timeout(Some(Duration::from_millis(5)));
+                    let _ = stream.write_all(b"\x16\x03\x01 no handshake at all, no handshake at all");
+                    let _ = stream.read(&mut [0; 16]);
+                }
+            }
+            std::thread::sleep(BAD_EVERY);
+        }
+    }
+
+    /// Attack 3: TLS connections with a certificate that then say nothing.
+    fn stay_idle(&self) {
+        let connect = |endpoint: &String| -> Option<Child> {
+            let mut command = Command::new("openssl");
+            command.args(["s_client", "-quiet", "-connect", endpoint.trim_start_matches("tls/")]);
+            for (option, file) in self.site.stranger_tls(STRANGERS[1]) {
+                command.arg(option).arg(file);
+            }
+            command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().ok()
+        };
+        while !self.is_over() {
+            let at = self.endpoints.iter().flat_map(|endpoint| std::iter::repeat_n(endpoint, IDLE));
+            let idle: Vec<Child> = at.filter_map(connect).collect();
+            std::thread::sleep(IDLE_FOR);
+            for mut child in idle {
+                let _ = child.kill();
+                let _ = child.wait();
+            }
+        }
+    }
+
+    /// Attack 4: a session with each server's id at all routers.
+    fn take_ids(&self) {
+        let mut taken = Vec::new();
+        while !self.is_over() {
+            let asker = self.session("client", TRAITOR, &self.endpoints, &[]);
+            let replies = asker.as_ref().and_then(|asker| asker.get(format!("fht/{}/head", map())).wait().ok());
+            let ids = replies.into_iter().flatten().filter_map(|reply| Some(reply.replier_id()?.zid().to_string()));
+            for id in ids {
+                for endpoint in &self.endpoints {
+                    let options = [("id", format!("\"{id}\""))];
+                    taken.extend(self.session("explorer", STRANGERS[1], std::slice::from_ref(endpoint), &options));
+                }
+            }
+            std::thread::sleep(TAKE_EVERY);
+        }
+    }
+
+    /// Attack 7: reports of blocked places, all over the map, for a day each.
+    fn report_blocked(&self) {
+        let Some(session) = self.session("client", TRAITOR, &self.endpoints, &[]) else { return };
+        let key = Key::robot(&map(), TRAITOR, RobotTopic::Blocked).to_string();
+        for number in 0_u32.. {
+            if self.is_over() {
+                return;
+            }
+            let places = (0..64).map(|place| [f64::from(number % 50), f64::from(place) * 0.3]).collect();
+            let report = BlockedReport { for_s: BlockedReport::MAX_S, edges: Vec::new(), places };
+            let _ = serde_json::to_vec(&report).map(|report| session.put(&key, report).wait());
+            std::thread::sleep(REPORT_EVERY);
+        }
+    }
+
+    /// Attack 8: questions for which old states are made anew; nobody waits for the answers.
+    fn ask_much(&self) {
+        let Some(session) = self.session("client", TRAITOR, &self.endpoints, &[]) else { return };
+        let key = Key::topic(&map(), Topic::Diff);
+        while !self.is_over() {
+            let head = session.get(Key::topic(&map(), Topic::Head).to_string()).timeout(Duration::from_secs(2)).wait();
+            let head = head.ok().and_then(|replies| replies.recv().ok()).and_then(|reply| reply.into_result().ok());
+            let head = head.and_then(|head| serde_json::from_slice::<Head>(&head.payload().to_bytes()).ok());
+            let Some(head) = head else { continue };
+            for _ in 0..100 {
+                let selector = format!("{key}?from={};to=head", head.vector);
+                drop(session.get(selector).callback(|_| {}).wait());
+                std::thread::sleep(REPORT_EVERY);
+            }
+        }
+    }
+
+    /// Attack 9: liveliness subscribers and queriers on names that nobody else uses.
+    fn invent_names(&self) {
+        let Some(session) = self.session("client", TRAITOR, &self.endpoints, &[]) else { return };
+        for number in 0_u64.. {
+            if self.is_over() {
+                return;
+            }
+            drop(session.liveliness().declare_subscriber(format!("fht/x{number}/robots/r")).wait());
+            drop(session.declare_querier(format!("fht/x{number}/head")).wait());
+            std::thread::sleep(INVENT_EVERY);
+        }
+    }
+}
