@@ -95,4 +95,11 @@ def main(endpoint, name, start, goal):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:5])
+    if len(sys.argv) != 5:
+        sys.exit(__doc__)
+    try:
+        main(*sys.argv[1:])
+    except KeyboardInterrupt:
+        pass
+    except (RuntimeError, zenoh.ZError) as error:
+        sys.exit(f"follow.py: {error}")

@@ -133,6 +133,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     write("fold", "seed-0", &body(&fold)?)?;
     let series = Series { folds: vec![fold], increments: increments[4..].to_vec() };
     write("series", "seed-0", &body(&series)?)?;
+    let mut judged = increments.clone();
+    judged.push(Increment { author: AuthorId(0xb), ..increments[4].clone() });
+    write("roles", "seed-0", &body(&Series { folds: Vec::new(), increments: judged })?)?;
+    write_commands()?;
     if let Some(descriptor) = &signature(3).descriptor {
         write("replies", "seed-descriptor", &body(descriptor)?)?;
     }
@@ -178,6 +182,16 @@ fn main() -> Result<(), Box<dyn Error>> {
         write("world", &format!("seed-{index}"), file)?;
     }
     Ok(())
+}
+
+/// What the targets of the server read: writers that take turns, and changes to a file.
+fn write_commands() -> Result<(), Box<dyn Error>> {
+    let turns = |map: u8| (0..120_u8).flat_map(move |turn| [0x80 | (turn % 5), map.wrapping_mul(turn), turn & 0x87, 40]);
+    write("quotas", "seed-0", &turns(0).collect::<Vec<_>>())?;
+    write("quotas", "seed-1", &turns(1).collect::<Vec<_>>())?;
+    let change = |page: u32, at: u32| [&(page * 4096 + at).to_le_bytes()[..], &[0xff, 3]].concat();
+    write("rescue", "seed-0", &[change(0, 9), change(3, 100), change(7, 2000)].concat())?;
+    write("rescue", "seed-1", &[0, 0x80, 1])
 }
 
 /// Two rounds of what a robot with a scanner records.

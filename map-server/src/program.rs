@@ -330,7 +330,7 @@ where
             access.run().map(|text| print!("{text}")).map_err(ProgramFailure::of_input)
         }
         Some(Command::CheckSite(site)) => site.run().map_err(|error| ProgramFailure::of(error.is_input(), error)),
-        Some(Command::Repair(repair)) => repair.run(&config.data, cli.operator.json()).map_err(ProgramFailure::of_run),
+        Some(Command::Repair(repair)) => repair.run(&config.data, cli.operator.json()),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -221,7 +221,7 @@ fn the_program_says_what_is_wrong_and_what_can_be_done() {
     }
     assert!(refused > 3, "{refused}");
     let (code, _, said) = run(&["rescue", dir.path().join("nowhere").to_str().unwrap(), "x"]);
-    assert!(code == Some(1) && said.contains("there is no store"), "{said}");
+    assert!(code == Some(2) && said.contains("there is no store"), "{said}");
 }
 
 /// A log that cannot be read any more.

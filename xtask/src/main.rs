@@ -1,4 +1,5 @@
-//! Checks of the house, for CI and for everybody: `cargo xtask house`.
+//! Checks of the house, and the tests, for CI and for everybody: `cargo xtask house`, `cargo xtask
+//! test`.
 //!
 //! | module | what it checks |
 //! | --- | --- |
@@ -10,6 +11,7 @@
 //! | [`prose`] | comments and documents keep to 100 columns |
 //! | [`paper_map`] | what `docs/paper-map.md` names is there |
 //! | [`supply`] | what comes from others is what `deny.toml` allows; the bill of materials |
+//! | [`test_programs`] | all tests, several programs at a time |
 //! | [`source`] | the workspace's files |
 
 mod arrows;
@@ -21,6 +23,7 @@ mod prose;
 mod sizes;
 mod source;
 mod supply;
+mod test_programs;
 
 use source::Source;
 use std::path::{Path, PathBuf};
@@ -28,11 +31,15 @@ use std::process::ExitCode;
 
 const USAGE: &str = "\
 Usage: cargo xtask house [--all]
+       cargo xtask test
        cargo xtask sbom [FILE]
 
 house checks the house: arrows between crates, circles of modules, names, sizes, prose, the paper's
 map, and what comes from others (deny.toml). It prints a line for each finding, all of them with
 --all, and exits with 1 if a rule is broken.
+
+test builds and runs all tests of the workspace, several programs at a time; those in documentation
+come last.
 
 sbom writes what the programs are made of, as CycloneDX 1.5 in JSON [default: sbom.cdx.json].
 ";
@@ -60,6 +67,7 @@ fn main() -> ExitCode {
     let done = match words[..] {
         ["house"] => check(&root()).map(|reports| tell(&reports, false)),
         ["house", "--all"] => check(&root()).map(|reports| tell(&reports, true)),
+        ["test"] => return test(&root()),
         ["sbom"] => write_bill(Path::new("sbom.cdx.json")),
         ["sbom", file] if !file.starts_with('-') => write_bill(Path::new(file)),
         _ => {
@@ -71,6 +79,21 @@ fn main() -> ExitCode {
         eprintln!("xtask: {error}");
         ExitCode::FAILURE
     })
+}
+
+fn test(root: &Path) -> ExitCode {
+    match test_programs::run(root) {
+        Ok(failed) if failed.is_empty() => ExitCode::SUCCESS,
+        Ok(failed) => {
+            let failed: Vec<String> = failed.iter().map(|source| source.display().to_string()).collect();
+            eprintln!("xtask: tests failed in {}", failed.join(", "));
+            ExitCode::FAILURE
+        }
+        Err(error) => {
+            eprintln!("xtask: {error}");
+            ExitCode::FAILURE
+        }
+    }
 }
 
 fn write_bill(file: &Path) -> Result<ExitCode, source::SourceError> {

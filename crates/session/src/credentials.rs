@@ -1,6 +1,9 @@
 //! Whether the certificates and keys that a configuration names can be read, and are this robot's.
 //! Zenoh reads them at each attempt to connect and would retry for ever with a missing file.
 
+use rustls::crypto::ring::sign::any_supported_type;
+use rustls::pki_types::PrivateKeyDer;
+use rustls::pki_types::pem::PemObject;
 use std::path::{Path, PathBuf};
 use x509_parser::pem::Pem;
 use zenoh::Config;
@@ -46,6 +49,42 @@ pub enum CredentialError {
         /// What it is called.
         name: String,
     },
+    /// The certificate's role is not the program's.
+    #[error(
+        "transport.link.tls.connect_certificate: {} is of {common_name}, which may not write maps: an explorer needs a \
+         certificate of an explorer",
+        file.display()
+    )]
+    OtherRole {
+        /// The certificate.
+        file: PathBuf,
+        /// Whom it names: `ROLE:NAME`.
+        common_name: String,
+    },
+    /// The key is not the certificate's.
+    #[error(
+        "transport.link.tls.connect_private_key: {} is not the key of the certificate {}",
+        key.display(), certificate.display()
+    )]
+    NotItsKey {
+        /// The certificate.
+        certificate: PathBuf,
+        /// The key.
+        key: PathBuf,
+    },
+    /// An endpoint needs a protocol that the configuration does not allow.
+    #[error(
+        "{endpoint} needs the protocol {protocol}, and transport.link.protocols allows {allowed:?} alone: change one of \
+         the two"
+    )]
+    Protocol {
+        /// The endpoint.
+        endpoint: String,
+        /// What it begins with.
+        protocol: String,
+        /// What is allowed.
+        allowed: Vec<String>,
+    },
     /// Mutual TLS is asked for, but half of it is not there.
     #[error("transport.link.tls.enable_mtls is set, but {option} is not: the robot has no certificate to show")]
     Missing {
@@ -72,6 +111,7 @@ fn needs_tls(endpoints: &[String]) -> bool {
 /// # Errors
 /// The first thing that is wrong.
 pub fn check(config: &Config, endpoints: &[String]) -> Result<(), CredentialError> {
+    check_protocols(config, endpoints)?;
     if !needs_tls(endpoints) {
         return Ok(());
     }
@@ -89,7 +129,37 @@ pub fn check(config: &Config, endpoints: &[String]) -> Result<(), CredentialErro
             None => {}
         }
     }
-    Ok(())
+    let file = |option: &str| tls.get(option).and_then(serde_json::Value::as_str).map(Path::new);
+    match file("connect_certificate").zip(file("connect_private_key")) {
+        Some((certificate, key)) if !is_key_of(certificate, key).unwrap_or(true) => {
+            Err(CredentialError::NotItsKey { certificate: certificate.to_owned(), key: key.to_owned() })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Zenoh would try an endpoint whose protocol is switched off for ever.
+fn check_protocols(config: &Config, endpoints: &[String]) -> Result<(), CredentialError> {
+    let json = config.get_json("transport/link/protocols").unwrap_or_default();
+    let Ok(Some(allowed)) = serde_json::from_str::<Option<Vec<String>>>(&json) else { return Ok(()) };
+    let protocol_of = |endpoint: &str| endpoint.split_once('/').map(|(protocol, _)| protocol.to_owned());
+    let is_off = |endpoint: &&String| protocol_of(endpoint).is_some_and(|protocol| !allowed.contains(&protocol));
+    match endpoints.iter().find(is_off) {
+        Some(endpoint) => {
+            let protocol = protocol_of(endpoint).unwrap_or_default();
+            Err(CredentialError::Protocol { endpoint: endpoint.clone(), protocol, allowed })
+        }
+        None => Ok(()),
+    }
+}
+
+/// Whether a key is a certificate's. None: one of the two is of a sort that is not known here.
+fn is_key_of(certificate: &Path, key: &Path) -> Option<bool> {
+    let key = any_supported_type(&PrivateKeyDer::from_pem_file(key).ok()?).ok()?;
+    let public_key = key.public_key()?;
+    let pem = first_certificate(certificate)?;
+    let certificate = pem.parse_x509().ok()?;
+    Some(certificate.public_key().raw == public_key.as_ref())
 }
 
 fn tls_options(config: &Config) -> serde_json::Value {
@@ -98,11 +168,11 @@ fn tls_options(config: &Config) -> serde_json::Value {
 }
 
 /// Checks that the certificate which a robot shows over TLS does not carry another robot's name: a
-/// common name of `ROLE:NAME` with this `role` and another name. What cannot be read is left to
-/// [`check`], and other common names to the routers.
+/// common name of `ROLE:NAME` with this `role` and another name. An explorer's must not be a
+/// client's. What cannot be read is left to [`check`], and other common names to the routers.
 ///
 /// # Errors
-/// [`CredentialError::OtherName`].
+/// [`CredentialError::OtherName`], [`CredentialError::OtherRole`].
 pub fn check_owner(
     config: &Config,
     endpoints: &[String],
@@ -118,17 +188,22 @@ pub fn check_owner(
             let (owner, name) = (owner.to_owned(), name.to_owned());
             Err(CredentialError::OtherName { file, owner, role, name, common_name })
         }
+        Some(("client", _)) if role == "explorer" => Err(CredentialError::OtherRole { file, common_name }),
         _ => Ok(()),
     }
 }
 
 /// The common name in the first certificate of a PEM file, if there is one.
 fn common_name(file: &Path) -> Option<String> {
-    let text = std::fs::read(file).ok()?;
-    let pem = Pem::iter_from_buffer(&text).filter_map(Result::ok).find(|pem| pem.label == "CERTIFICATE")?;
+    let pem = first_certificate(file)?;
     let certificate = pem.parse_x509().ok()?;
     let name = certificate.subject().iter_common_name().next()?;
     name.as_str().ok().map(str::to_owned)
+}
+
+fn first_certificate(file: &Path) -> Option<Pem> {
+    let text = std::fs::read(file).ok()?;
+    Pem::iter_from_buffer(&text).filter_map(Result::ok).find(|pem| pem.label == "CERTIFICATE")
 }
 
 fn check_file(option: &'static str, file: &Path, expected: &'static str) -> Result<(), CredentialError> {
@@ -170,5 +245,15 @@ mod tests {
         let without = said(&format!("{{enable_mtls: true, root_ca_certificate: {certificate:?}}}"), "tls/hall:7447");
         assert!(without.contains("connect_certificate is not"), "{without}");
         assert_eq!(said("{root_ca_certificate: \"gone.pem\"}", "tcp/hall:7447"), "", "not needed");
+    }
+
+    #[test]
+    fn an_endpoint_whose_protocol_is_switched_off_is_named() {
+        let mut config = Config::default();
+        let hall = ["tcp/hall:7447".to_owned()];
+        assert!(check(&config, &hall).is_ok());
+        config.insert_json5("transport/link/protocols", r#"["tls"]"#).unwrap();
+        let told = check(&config, &hall).unwrap_err().to_string();
+        assert!(told.starts_with("tcp/hall:7447 needs the protocol tcp"), "{told}");
     }
 }

@@ -109,6 +109,27 @@ fn a_certificate_of_another_robot_is_refused_before_anybody_connects() {
         assert!(told.contains(part), "{told}");
     }
     assert_eq!(said("tls/localhost:7447", "client", "amr-7"), "");
-    assert_eq!(said("tls/localhost:7447", "explorer", "amr-8"), "", "the routers know what it may do");
+    let told = said("tls/localhost:7447", "explorer", "amr-7");
+    assert!(told.contains("robot.pem is of client:amr-7, which may not write maps"), "{told}");
     assert_eq!(said("tcp/localhost:7447", "client", "amr-8"), "", "nobody sees the certificate");
+}
+
+#[tokio::test]
+async fn a_key_of_another_certificate_is_refused_before_anybody_connects() {
+    let folders = [tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder")];
+    let [[certificate, own], [_, of_another]] =
+        folders.each_ref().map(|folder| certificate(folder.path(), "client:amr-7"));
+    let open = async |key: &str| {
+        let mut config = config("client", &[], &[&free_endpoint().replace("tcp/127.0.0.1", "tls/localhost")]);
+        let tls = format!(
+            "{{root_ca_certificate: {certificate:?}, connect_certificate: {certificate:?}, connect_private_key: {key:?}}}"
+        );
+        config.insert_json5("transport/link/tls", &tls).expect("accepted");
+        let patience = Some(Duration::from_millis(100));
+        open_configured(config, patience).await.expect_err("nobody").to_string()
+    };
+    let told = open(&of_another).await;
+    assert!(told.contains("is not the key of the certificate"), "{told}");
+    let told = open(&own).await;
+    assert!(told.contains("no session with"), "{told}");
 }

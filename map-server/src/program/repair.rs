@@ -1,9 +1,9 @@
 //! `map-server check`, `map-server rescue` and `map-server restore`: what can be done with a store
 //! whose file is damaged, or not wanted. They work on files; no server runs on these meanwhile.
 
-use crate::rescue::{Rescued, RescuedAuthor, Restored, check, rescue, restore};
+use crate::rescue::{RescueError, Rescued, RescuedAuthor, Restored, check, rescue, restore};
 use clap::Subcommand;
-use fht_program::print_line;
+use fht_program::{ProgramFailure, print_line};
 use std::path::{Path, PathBuf};
 
 /// What can be done with a store while no server uses it.
@@ -54,36 +54,41 @@ impl Repair {
     /// Does it, and prints what came of it.
     ///
     /// # Errors
-    /// What to tell the user: also that a store which was checked is damaged.
-    pub(super) fn run(self, data: &Path, json: bool) -> Result<(), String> {
+    /// What to tell the user: also that a store which was checked is damaged (exit code 1).
+    pub(super) fn run(self, data: &Path, json: bool) -> Result<(), ProgramFailure> {
         match self {
             Self::Check { source } => {
                 let source = source.unwrap_or_else(|| data.to_owned());
                 let scratch = std::env::temp_dir().join(format!("map-server-check-{}", std::process::id()));
-                let found = check(&source, &scratch).map_err(|error| error.to_string());
+                let found = check(&source, &scratch).map_err(not_rescued);
                 let _ = std::fs::remove_dir_all(&scratch); // it is of no more use
                 let found = found?;
                 print(&found, "can be rescued", json)?;
                 match &found.damage {
                     None => Ok(()),
-                    Some(damage) => Err(format!("{} is damaged: {damage}", source.display())),
+                    Some(damage) => Err(ProgramFailure::of_run(format!("{} is damaged: {damage}", source.display()))),
                 }
             }
             Self::Rescue { source, target } => {
-                let rescued = rescue(&source, &target).map_err(|error| error.to_string())?;
+                let rescued = rescue(&source, &target).map_err(not_rescued)?;
                 print(&rescued, "rescued", json)
             }
             Self::Restore { backup, store } => {
-                let restored = restore(&backup, store.as_deref().unwrap_or(data)).map_err(|error| error.to_string())?;
+                let restored = restore(&backup, store.as_deref().unwrap_or(data))
+                    .map_err(|error| ProgramFailure::of(error.is_input(), error))?;
                 print_restored(&restored, json)
             }
         }
     }
 }
 
-fn print_restored(restored: &Restored, json: bool) -> Result<(), String> {
+fn not_rescued(error: RescueError) -> ProgramFailure {
+    ProgramFailure::of(error.is_input(), error)
+}
+
+fn print_restored(restored: &Restored, json: bool) -> Result<(), ProgramFailure> {
     if json {
-        print_line!("{}", serde_json::to_string(restored).map_err(|error| error.to_string())?);
+        print_line!("{}", serde_json::to_string(restored).map_err(ProgramFailure::of_run)?);
         return Ok(());
     }
     let Restored { file, replaced, authors } = restored;
@@ -98,9 +103,9 @@ fn print_restored(restored: &Restored, json: bool) -> Result<(), String> {
     Ok(())
 }
 
-fn print(found: &Rescued, what: &str, json: bool) -> Result<(), String> {
+fn print(found: &Rescued, what: &str, json: bool) -> Result<(), ProgramFailure> {
     if json {
-        print_line!("{}", serde_json::to_string(found).map_err(|error| error.to_string())?);
+        print_line!("{}", serde_json::to_string(found).map_err(ProgramFailure::of_run)?);
         return Ok(());
     }
     match &found.damage {

@@ -51,6 +51,14 @@ pub enum RescueError {
     Store(#[from] StoreError),
 }
 
+impl RescueError {
+    /// Whether what was given is wrong, and would fail again.
+    #[must_use]
+    pub fn is_input(&self) -> bool {
+        matches!(self, Self::NoStore(_) | Self::Occupied(_))
+    }
+}
+
 pub(super) fn file_error(path: &Path) -> impl FnOnce(std::io::Error) -> RescueError + use<'_> {
     move |source| RescueError::File { path: path.to_owned(), source }
 }

@@ -99,6 +99,18 @@ pub enum RestoreError {
     Store(StoreError),
 }
 
+impl RestoreError {
+    /// Whether what was given is wrong, and would fail again.
+    #[must_use]
+    pub fn is_input(&self) -> bool {
+        match self {
+            Self::Rescue(error) => error.is_input(),
+            Self::InUse(_) | Self::Store(_) => false,
+            _ => true,
+        }
+    }
+}
+
 impl From<StoreError> for RestoreError {
     fn from(error: StoreError) -> Self {
         match error {

@@ -1,0 +1,186 @@
+//! All tests of the workspace, several programs at a time: `cargo xtask test`.
+//!
+//! `cargo test` runs one test program after the other, and most of those that start processes wait
+//! for something: side by side they take about half of the time. What a program prints is shown in
+//! one piece when it ends. One that does not end is killed.
+
+use serde::Deserialize;
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{Read, Seek, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+/// Test programs that run at a time, for each processor.
+const AT_ONCE_PER_PROCESSOR: f64 = 1.5;
+/// Longest time of one program, seconds: five times what the longest takes on two cores.
+const LIMIT: Duration = Duration::from_secs(900);
+const POLL: Duration = Duration::from_millis(50);
+
+/// Why the tests were not run, or not all of them.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum TestError {
+    /// They do not compile, or a doctest failed; cargo has said why.
+    #[error("{0} failed")]
+    Cargo(&'static str),
+    /// The system refuses.
+    #[error("{what}: {source}")]
+    System {
+        /// What was tried.
+        what: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+}
+
+fn system(what: impl Into<String>) -> impl FnOnce(std::io::Error) -> TestError {
+    let what = what.into();
+    move |source| TestError::System { what, source }
+}
+
+/// What cargo says of each thing that it has built.
+#[derive(Deserialize)]
+struct Artifact {
+    #[serde(default)]
+    executable: Option<PathBuf>,
+    #[serde(default)]
+    manifest_path: PathBuf,
+    #[serde(default)]
+    profile: Profile,
+    #[serde(default)]
+    target: Target,
+}
+
+#[derive(Default, Deserialize)]
+struct Profile {
+    #[serde(default)]
+    test: bool,
+}
+
+#[derive(Default, Deserialize)]
+struct Target {
+    #[serde(default)]
+    src_path: PathBuf,
+}
+
+/// A test program.
+struct Program {
+    executable: PathBuf,
+    source: PathBuf,
+    package: PathBuf,
+}
+
+/// How a program ended.
+struct Ended {
+    status: Option<ExitStatus>,
+    took: Duration,
+    printed: String,
+}
+
+/// Builds and runs all tests, those in documentation last. Returns the sources of the programs that
+/// failed.
+///
+/// # Errors
+/// [`TestError`].
+pub(crate) fn run(root: &Path) -> Result<Vec<PathBuf>, TestError> {
+    let root = &root.canonicalize().map_err(system(root.display().to_string()))?;
+    let programs = build(root)?;
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    let at_once = (processors as f64 * AT_ONCE_PER_PROCESSOR).ceil() as usize;
+    let waiting = Mutex::new(VecDeque::from(programs));
+    let next = || waiting.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop_front();
+    let failed = Mutex::new(Vec::new());
+    std::thread::scope(|scope| {
+        let work = || -> Result<(), TestError> {
+            while let Some(program) = next() {
+                let ended = program.run()?;
+                let source = program.source.strip_prefix(root).unwrap_or(&program.source).to_owned();
+                // One write, so that programs do not mix what they say.
+                let text =
+                    format!("     Running {} ({:.1} s)\n{}", source.display(), ended.took.as_secs_f64(), ended.printed);
+                std::io::stdout().write_all(text.as_bytes()).map_err(system("standard output"))?;
+                if !ended.status.is_some_and(|status| status.success()) {
+                    failed.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(source);
+                }
+            }
+            Ok(())
+        };
+        let workers: Vec<_> = (0..at_once).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().try_for_each(|worker| worker.join().unwrap_or(Err(TestError::Cargo("a test's worker"))))
+    })?;
+    let documented = cargo(root).args(["test", "--release", "--workspace", "--doc"]).status();
+    if !documented.map_err(system("cargo"))?.success() {
+        return Err(TestError::Cargo("cargo test --doc"));
+    }
+    Ok(failed.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
+}
+
+fn cargo(root: &Path) -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.current_dir(root);
+    command
+}
+
+fn build(root: &Path) -> Result<VecDeque<Program>, TestError> {
+    const BUILD: [&str; 5] =
+        ["test", "--release", "--workspace", "--no-run", "--message-format=json-render-diagnostics"];
+    let mut building = cargo(root).args(BUILD).stdout(Stdio::piped()).spawn().map_err(system("cargo"))?;
+    let mut said = String::new();
+    if let Some(mut stdout) = building.stdout.take() {
+        stdout.read_to_string(&mut said).map_err(system("what cargo says"))?;
+    }
+    if !building.wait().map_err(system("cargo"))?.success() {
+        return Err(TestError::Cargo("cargo test --no-run"));
+    }
+    let artifacts = said.lines().filter_map(|line| serde_json::from_str::<Artifact>(line).ok());
+    let programs = artifacts.filter(|artifact| artifact.profile.test).filter_map(|artifact| {
+        let Artifact { executable, manifest_path, target, .. } = artifact;
+        let package = manifest_path.parent()?.to_owned();
+        Some(Program { executable: executable?, source: target.src_path, package })
+    });
+    Ok(programs.collect())
+}
+
+impl Program {
+    fn run(&self) -> Result<Ended, TestError> {
+        let of = || self.executable.display().to_string();
+        let mut output = tempfile::tempfile().map_err(system("a temporary file"))?;
+        let both = |file: &File| file.try_clone().map_err(system("a temporary file"));
+        let begin = Instant::now();
+        let mut child = Command::new(&self.executable)
+            .current_dir(&self.package)
+            .env("CARGO_MANIFEST_DIR", &self.package)
+            .stdin(Stdio::null())
+            .stdout(both(&output)?)
+            .stderr(both(&output)?)
+            .spawn()
+            .map_err(system(of()))?;
+        let status = wait(&mut child, begin).map_err(system(of()))?;
+        let mut printed = Vec::new();
+        output.rewind().and_then(|()| output.read_to_end(&mut printed)).map_err(system("a temporary file"))?;
+        let mut printed = String::from_utf8_lossy(&printed).into_owned();
+        match status {
+            Some(status) if !status.success() => printed += &format!("FAILED: {}: {status}\n", of()),
+            None => printed += &format!("FAILED: {} did not end within {} s\n", of(), LIMIT.as_secs()),
+            Some(_) => {}
+        }
+        Ok(Ended { status, took: begin.elapsed(), printed })
+    }
+}
+
+/// Waits until a program ends; `None` if it had to be killed.
+fn wait(child: &mut Child, begin: Instant) -> std::io::Result<Option<ExitStatus>> {
+    loop {
+        if let Some(status) = child.try_wait()? {
+            return Ok(Some(status));
+        }
+        if begin.elapsed() > LIMIT {
+            child.kill()?;
+            child.wait()?;
+            return Ok(None);
+        }
+        std::thread::sleep(POLL);
+    }
+}
