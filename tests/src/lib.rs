@@ -9,6 +9,7 @@
 //! | [`thin_link`] | a slow link that breaks |
 //! | [`slow_join`] | a client that joins a map over such a link |
 //! | [`site`] | several routers and servers, killed again and again under load |
+//! | [`soak`] | robots that come and go for an hour, and a server that is killed meanwhile |
 //! | [`router`] | a Zenoh router with storages, in zenohd's place |
 //! | [`maps`] | maps to try them on: explored, or drawn |
 //! | [`corridors`] | the smallest map with a way in it |
@@ -34,6 +35,7 @@ pub mod router;
 pub mod simulation;
 pub mod site;
 pub mod slow_join;
+pub mod soak;
 pub mod thin_link;
 pub mod trial;
 pub mod upload;

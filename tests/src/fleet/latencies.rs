@@ -26,6 +26,14 @@ impl Latencies {
         self.max_us = self.max_us.max(us);
     }
 
+    /// Adds those of others.
+    pub fn add_all(&mut self, others: &Self) {
+        for (us, count) in &others.counts {
+            *self.counts.entry(*us).or_default() += count;
+        }
+        self.max_us = self.max_us.max(others.max_us);
+    }
+
     /// How many there are.
     #[must_use]
     pub fn count(&self) -> u64 {
