@@ -8,9 +8,11 @@
 //! | --- | --- |
 //! | `robots` | a part of the fleet, in a process of its own |
 //! | `people` | who writes the map, draws zones and has old increments folded |
+//! | `place` | the map that all are on |
 //! | `report` | what was measured, minute by minute |
 
 mod people;
+mod place;
 mod report;
 pub mod robots;
 
@@ -22,10 +24,10 @@ use crate::trial::TrialError;
 use crate::upload::upload_map;
 use fht_client::{LiveReplica, ReplicaConfig, ask_head};
 use fht_demo::{Process, free_endpoint};
-use fht_proto::MapName;
 use fht_session::SessionConfig;
 use people::Acknowledged;
-use robots::Window;
+use place::{SIDE, map};
+use robots::RobotActivity;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -34,13 +36,10 @@ use std::time::{Duration, Instant};
 
 /// How long the server may take to start, and a copy to be the server's map in the end.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Nodes along each side of the hall that the robots are in.
-const SIDE: u32 = 20;
 /// Robots in one process.
 const IN_ONE_PROCESS: usize = 250;
 /// Between two looks at the server.
 const MINUTE: Duration = Duration::from_secs(60);
-const HALL: &str = "hall";
 
 /// How a run goes.
 #[derive(Clone, Debug)]
@@ -66,11 +65,6 @@ impl SoakConfig {
         let (duration, kill_every) = (Duration::from_secs(3600), Duration::from_secs(600));
         Self { executable, folder, robots: 500, duration, kill_every, questions_per_s: 0.1 }
     }
-}
-
-/// The map that all are on.
-fn map() -> MapName {
-    HALL.parse().unwrap_or_else(|_| unreachable!("{HALL} is a name"))
 }
 
 /// Runs a soak. `say` receives each minute.
@@ -148,9 +142,9 @@ fn robots_of(config: &SoakConfig, endpoint: &str, first: usize, count: usize) ->
 }
 
 /// Reads what robots report, in a thread of its own.
-fn follow(process: Process, windows: Arc<Mutex<Vec<Window>>>) -> std::thread::JoinHandle<()> {
+fn follow(process: Process, windows: Arc<Mutex<Vec<RobotActivity>>>) -> std::thread::JoinHandle<()> {
     std::thread::spawn(move || {
-        let take = |line: &str| match serde_json::from_str::<Window>(line) {
+        let take = |line: &str| match serde_json::from_str::<RobotActivity>(line) {
             Ok(window) => lock(&windows).push(window),
             Err(error) => tracing::warn!("not understood: {error}: {line}"),
         };
@@ -161,7 +155,7 @@ fn follow(process: Process, windows: Arc<Mutex<Vec<Window>>>) -> std::thread::Jo
 }
 
 // Whole operations under the lock.
-fn lock(windows: &Mutex<Vec<Window>>) -> std::sync::MutexGuard<'_, Vec<Window>> {
+fn lock(windows: &Mutex<Vec<RobotActivity>>) -> std::sync::MutexGuard<'_, Vec<RobotActivity>> {
     windows.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

@@ -98,6 +98,10 @@ impl Seen {
     fn add(&self, row: usize, deed: &'static str) {
         self.0.lock().unwrap().insert((row, deed));
     }
+
+    fn deeds(&self) -> Deeds {
+        self.0.lock().unwrap().clone()
+    }
 }
 
 /// Tries every deed under every key, against the `router`'s own session, which nothing restricts;
@@ -109,12 +113,11 @@ async fn tried(router: &Session, member: &Session, name: &str, may: &Deeds) -> D
         ask_and_hear(router, member, name, &seen).await;
         be_there(router, member, name, ("be there", &seen)).await;
         be_there(member, router, name, ("see who is there", &seen)).await;
-        if seen.0.lock().unwrap().is_superset(may) {
+        if seen.deeds().is_superset(may) {
             break;
         }
     }
-    let deeds = seen.0.lock().unwrap().clone();
-    deeds
+    seen.deeds()
 }
 
 /// Puts, deletes, answers.

@@ -89,7 +89,7 @@ pub(crate) fn run(root: &Path) -> Result<Vec<PathBuf>, TestError> {
     let programs = build(root)?;
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let at_once = (processors as f64 * AT_ONCE_PER_PROCESSOR).ceil() as usize;
-    let waiting = Mutex::new(VecDeque::from(programs));
+    let waiting = Mutex::new(programs);
     let next = || waiting.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop_front();
     let failed = Mutex::new(Vec::new());
     std::thread::scope(|scope| {

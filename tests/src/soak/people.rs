@@ -1,7 +1,7 @@
 //! Who changes the map: an explorer that corrects its nodes, an operator who draws and removes
 //! zones and has old increments folded.
 
-use crate::soak::map;
+use crate::soak::place::map;
 use fht_client::author::{Authorship, write};
 use fht_proto::{AuthorId, FixedPoint, FixedPose, NodeId, NodeKind, Op, VersionVector, Zone, ZoneRule};
 use std::collections::BTreeMap;

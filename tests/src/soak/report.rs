@@ -1,7 +1,7 @@
 //! What a soak has shown, minute by minute.
 
 use crate::fleet::latencies::Latencies;
-use crate::soak::robots::Window;
+use crate::soak::robots::RobotActivity;
 use serde::Serialize;
 
 /// How much more the last third of a run may take of anything than the first, as a ratio.
@@ -36,10 +36,10 @@ pub struct Minute {
 
 impl Minute {
     /// Adds what robots report.
-    pub(super) fn of(windows: &[Window]) -> Self {
+    pub(super) fn of(windows: &[RobotActivity]) -> Self {
         let mut latencies = Latencies::default();
         windows.iter().for_each(|window| latencies.add_all(&window.latencies));
-        let sum = |of: fn(&Window) -> u64| windows.iter().map(of).sum();
+        let sum = |of: fn(&RobotActivity) -> u64| windows.iter().map(of).sum();
         Self {
             asked: sum(|window| window.asked),
             refused: sum(|window| window.refused),

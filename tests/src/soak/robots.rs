@@ -3,7 +3,7 @@
 //! one leaves and another comes.
 
 use crate::fleet::latencies::Latencies;
-use crate::soak::{SIDE, map};
+use crate::soak::place::{SIDE, map};
 use crate::trial::TrialError;
 use fht_client::{LiveReplica, PoseReport, Presence, ReplicaConfig};
 use fht_proto::api::fleet::{BlockedReport, RobotRole};
@@ -32,7 +32,7 @@ const PATIENCE: Duration = Duration::from_secs(300);
 
 /// What robots did in some seconds.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Window {
+pub struct RobotActivity {
     /// Paths that were asked for.
     pub asked: u64,
     /// Refused ones.
@@ -45,7 +45,7 @@ pub struct Window {
     pub latencies: Latencies,
 }
 
-type Shared = Arc<Mutex<Window>>;
+type Shared = Arc<Mutex<RobotActivity>>;
 
 // Whole operations under the lock.
 fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
