@@ -18,7 +18,7 @@ fn all_questions_of_a_small_fleet_are_answered() {
         turn_s: 1.0,
         warm_up_s: 0.2,
         alone: 50,
-        increments_hz: 5.0,
+        increments_hz: 2.0,
         seed: 1,
     };
     let report = run(&config, &hall(10, 10)).unwrap();
