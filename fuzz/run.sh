@@ -11,7 +11,7 @@ set -euo pipefail
 cd "$(dirname "$0")"
 
 # These need a build of Zenoh, and are fuzzed when they are named.
-of_server="quotas|rescue"
+of_server="quotas|rescue|roles"
 seconds=${1:?seconds for each target}
 shift
 if [ "$#" -gt 0 ]; then
