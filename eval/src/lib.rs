@@ -13,6 +13,7 @@
 //! | `drive` | a recorded drive of a robot that does not know where it is: [`RecordedDrive`] |
 //! | [`systems`] | what is compared: ours, AMCL, MR-TopoMap |
 //! | `trial` | one system on one drive: [`run_trial`] |
+//! | [`recorded`] | robots set down in recorded logs, right, wrong or none |
 //! | `team` | several explorers in simulated time: [`explore_as_team`] |
 //! | `merging` | maps made apart, merged, against the truth: [`merge_and_measure`] |
 //! | `grid_map`, `storage`, `scan_coverage` | what maps take up, and how much they know |
@@ -37,6 +38,7 @@ mod drive;
 mod grid_map;
 mod ledger;
 mod merging;
+pub mod recorded;
 mod scan_coverage;
 mod storage;
 mod survey;

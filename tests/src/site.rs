@@ -25,6 +25,7 @@ mod strangers;
 
 pub use config::SiteConfig;
 pub use report::{SiteError, SiteReport};
+pub use strangers::{NAME as STRANGERS, attack};
 
 use agreement::{agreement, until_all_answer};
 use load::{Asked, Reader, Writer, Written};
@@ -36,7 +37,6 @@ use sessions::Way;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use strangers::Strangers;
 
 /// Runs a site. `say` receives what happens, as text.
 ///
@@ -74,12 +74,13 @@ async fn run_within(config: &SiteConfig, say: &impl Fn(&str)) -> Result<SiteRepo
         readers.push(tokio::task::spawn_blocking(move || reader.run(&link, &is_over)));
     }
 
-    if let Some(site) = &way.secured {
-        let (site, endpoints) = (Arc::clone(site), way.endpoints.clone());
-        Strangers { site, endpoints, is_over: Arc::clone(&is_over) }.begin();
+    let strangers = |site: &Arc<Secured>| strangers::start(&config.executable, &site.credentials, &way.endpoints);
+    let strangers = way.secured.as_ref().map(strangers).transpose()?;
+    if strangers.is_some() {
         say("the attacks begin");
     }
     let kills = kill_in_turns(config, &mut machines, say).await?;
+    drop(strangers);
     is_over.store(true, Ordering::Relaxed);
 
     let mut report = SiteReport { kills, ..SiteReport::default() };

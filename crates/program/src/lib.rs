@@ -10,6 +10,7 @@
 //! | [`ProgramFailure`] | – | how a program ends that does not what it was told |
 //! | [`Waiting`] | – | how long a server, a map or a place is waited for |
 //! | [`Stop`] | – | ending soon when asked to, with files in order |
+//! | [`zenoh_threads`] | – | one thread for Zenoh's links in a program that speaks TLS |
 //!
 //! A configuration is an ordinary structure:
 //!
@@ -57,6 +58,7 @@ mod output;
 mod sections;
 pub mod stop;
 mod waiting;
+pub mod zenoh_threads;
 
 #[cfg(feature = "config")]
 pub use config::{

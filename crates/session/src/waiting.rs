@@ -3,6 +3,7 @@
 use crate::attempt::attempt;
 use crate::credentials::{self, CredentialError};
 use crate::trouble;
+use std::sync::Once;
 use std::time::{Duration, Instant};
 use zenoh::{Config, Session};
 
@@ -49,6 +50,7 @@ pub enum ConnectError {
 pub async fn open_configured(mut config: Config, patience: Option<Duration>) -> Result<Session, ConnectError> {
     let endpoints = endpoints(&config);
     credentials::check(&config, &endpoints)?;
+    warn_of_threads(&endpoints);
     let waits =
         has(&config, "mode", "\"client\"") && (patience.is_some() || has(&config, "connect/timeout_ms", FOREVER));
     let refused = |reason: String| ConnectError::Refused { endpoints: endpoints.clone(), reason };
@@ -67,6 +69,20 @@ pub async fn open_configured(mut config: Config, patience: Option<Duration>) -> 
     // Long enough to be refused, but many silent endpoints are not waited for.
     let reasons = tokio::time::timeout(REASONS_WITHIN, trouble::reasons(&config, &endpoints)).await;
     Err(refused(reasons.unwrap_or_else(|_| "no answer".to_owned())))
+}
+
+/// Says once that TLS may crash on Zenoh's own threads (`docs/upstream.md`). The programs see to it
+/// themselves (`fht_program::zenoh_threads`); who uses the library is told.
+fn warn_of_threads(endpoints: &[String]) {
+    static SAID: Once = Once::new();
+    let speaks_tls = endpoints.iter().any(|endpoint| endpoint.starts_with("tls/"));
+    if speaks_tls && std::env::var_os("ZENOH_RUNTIME").is_none() {
+        SAID.call_once(|| {
+            tracing::warn!(
+                "Zenoh's TLS may crash when a connection fails: set ZENOH_RUNTIME to one thread (docs/upstream.md)"
+            );
+        });
+    }
 }
 
 /// Whether `key` is set to `value`, both as JSON.

@@ -10,6 +10,7 @@ use fht_sim::SimSetup;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    fht_program::zenoh_threads::one_thread_for_tls(std::env::args_os());
     let cli = HandoffArgs::parse();
     match cli.command {
         Some(HandoffCommand::Role { role, args }) => return run_role(role, args),

@@ -3,7 +3,9 @@
 use clap::Parser;
 use fht_demo::{Role, leave_nothing_behind, run_role, this_executable};
 use fht_program::Stop;
-use fht_tests::site::{SiteConfig, run};
+use fht_program::stop::end_with_parent;
+use fht_program::zenoh_threads::one_thread;
+use fht_tests::site::{STRANGERS, SiteConfig, attack, run};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -37,17 +39,22 @@ struct Args {
 }
 
 fn main() -> ExitCode {
+    one_thread(std::env::args_os());
     // One executable has all roles, as `site` has.
     let args: Vec<OsString> = std::env::args_os().collect();
     if let [_, word, role, rest @ ..] = args.as_slice()
         && word == "role"
     {
         let program = std::iter::once(role).chain(rest.iter().filter(|arg| *arg != "--")).cloned();
+        if role == STRANGERS {
+            return be_strangers(rest);
+        }
         return match role.to_str() {
             Some("router") => fht_tests::router::main_with_args(program),
             _ => run_role(Role::MapServer, program.skip(1).collect()),
         };
     }
+    fht_program::logging::init("warn,zenoh=error");
     let args = Args::parse();
     let stop = Stop::on_signal("attack");
     let outcome = tempfile::tempdir().map_err(Into::into).and_then(|folder| {
@@ -72,6 +79,7 @@ fn main() -> ExitCode {
     let in_time = 1.0 - report.late as f64 / (report.questions as f64).max(1.0);
     println!("increments    {} written, {} acknowledged, {} lost", report.written, report.acknowledged, report.lost);
     println!("questions     {} asked, {:.2} % within {} s", report.questions, 100.0 * in_time, args.limit);
+    println!("              {} answered that a client reports the way as blocked", report.closed);
     println!(
         "              median {:.1} ms, 99 % {:.1} ms, greatest {:.0} ms",
         report.median_ms, report.p99_ms, report.greatest_ms
@@ -87,4 +95,16 @@ fn main() -> ExitCode {
     }
     let is_fine = report.lost == 0 && report.agree && report.agree_anew && in_time >= IN_TIME;
     if is_fine { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Folder of the certificates, endpoints of the routers.
+fn be_strangers(words: &[OsString]) -> ExitCode {
+    let mut words = words.iter().filter(|word| *word != "--").filter_map(|word| word.to_str()).map(str::to_owned);
+    let Some(folder) = words.next() else { return ExitCode::from(2) };
+    if let Err(error) = end_with_parent(STRANGERS) {
+        eprintln!("{STRANGERS}: {error}");
+        return ExitCode::FAILURE;
+    }
+    attack(folder.into(), words.collect());
+    ExitCode::SUCCESS
 }

@@ -28,6 +28,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    fht_program::zenoh_threads::one_thread_for_tls(std::env::args_os());
     let Command::Role { name, args } = Cli::parse().command;
     if name == router::NAME {
         return router::main_with_args(std::iter::once(OsString::from(name)).chain(args));

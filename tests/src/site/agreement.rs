@@ -24,13 +24,21 @@ pub(super) async fn agreement(
     let is_same = |head: &Head| head.digest == digest;
     let (heads, agree) = match all_heads(watcher, config.servers, config.patience, is_same).await {
         Ok(heads) => (heads, true),
-        Err(SiteError::Late(_)) => (heads_of(watcher).await?, false),
+        Err(SiteError::Late(why)) => {
+            tracing::warn!("the servers do not agree on {expected}: {why}", expected = vector_of(acknowledged));
+            (heads_of(watcher).await?, false)
+        }
         Err(other) => return Err(other),
     };
     let lacks = |head: &Head| {
         acknowledged.iter().map(|(&author, &count)| count.saturating_sub(head.vector.get(author))).sum::<u64>()
     };
     Ok((agree, heads.iter().map(lacks).max().unwrap_or(u64::MAX)))
+}
+
+fn vector_of(acknowledged: &BTreeMap<AuthorId, u64>) -> String {
+    let counts = acknowledged.iter().map(|(author, count)| format!("{author}:{count}"));
+    counts.collect::<Vec<_>>().join(",")
 }
 
 /// The answers of all servers.

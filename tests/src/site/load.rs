@@ -1,6 +1,7 @@
 //! The robots of a site: writers, with the mapper's own publisher, and readers.
 
 use crate::site::report::{SiteError, SiteReport};
+use crate::site::secured::TRAITOR;
 use crate::site::sessions::{close, map};
 use fht_client::{AskError, ask};
 use fht_map::MapState;
@@ -179,6 +180,7 @@ pub(super) struct Asked {
     times: Vec<Duration>,
     late: u64,
     repeated: u64,
+    closed: u64,
 }
 
 impl Asked {
@@ -186,6 +188,7 @@ impl Asked {
         self.times.extend(other.times);
         self.late += other.late;
         self.repeated += other.repeated;
+        self.closed += other.closed;
     }
 
     pub(super) fn report_to(mut self, report: &mut SiteReport) {
@@ -195,6 +198,7 @@ impl Asked {
         report.questions = count as u64;
         report.late = self.late;
         report.repeated = self.repeated;
+        report.closed = self.closed;
         report.median_ms = ms(self.times.get(count / 2));
         report.p99_ms = ms(self.times.get(count * 99 / 100));
         report.greatest_ms = ms(self.times.last());
@@ -226,10 +230,13 @@ impl Reader {
                 format!("{}?from={from},0;to={to},{}", Key::topic(&map(), Topic::Path), FLOOR - 1)
             };
             // Asked until it is answered.
-            while !is_answered(session, &selector) && begin.elapsed() < 30 * self.limit {
+            let mut answer = answer(session, &selector);
+            while answer.is_none() && begin.elapsed() < 30 * self.limit {
                 asked.repeated += 1;
                 std::thread::sleep(PAUSE);
+                answer = self::answer(session, &selector);
             }
+            asked.closed += u64::from(answer == Some(Answer::Closed));
             let time = begin.elapsed();
             asked.late += u64::from(time > self.limit);
             asked.times.push(time);
@@ -240,17 +247,25 @@ impl Reader {
     }
 }
 
-/// Whether a question is answered. Errors count as no answer; a server that has not read the map
-/// yet is not logged.
-fn is_answered(session: &Session, selector: &str) -> bool {
+/// How a question was answered.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Answer {
+    /// As it should be.
+    Given,
+    /// There is no path, since the traitor reports that the way is blocked: the answer says so.
+    Closed,
+}
+
+/// The answer to a question, if there is one. A server that has not read the map yet, and says so,
+/// gives none.
+fn answer(session: &Session, selector: &str) -> Option<Answer> {
     match ask(session, selector, TRY) {
-        Ok(answers) => !answers.is_empty(),
-        Err(AskError::Refused(reply)) => {
-            if !reply.code.is_trouble_of_the_server() {
-                tracing::warn!("{selector}: {reply}");
-            }
-            false
+        Ok(answers) => (!answers.is_empty()).then_some(Answer::Given),
+        Err(AskError::Refused(reply)) if reply.message.contains(TRAITOR) => Some(Answer::Closed),
+        Err(AskError::Refused(reply)) if !reply.code.is_trouble_of_the_server() => {
+            tracing::warn!("{selector}: {reply}");
+            None
         }
-        Err(_) => false,
+        Err(_) => None,
     }
 }

@@ -106,7 +106,7 @@ impl Machines {
         let mut args = vec!["--storages".to_owned(), self.storages.to_string()];
         let endpoints = rotated(&self.endpoints, index);
         if let Some(site) = &self.secured {
-            let file = site.session("server", &format!("maps-{index}"), &endpoints)?;
+            let file = site.credentials.session("server", &format!("maps-{index}"), &endpoints)?;
             let files = [("--zenoh-config", file), ("--roles", site.roles_file())];
             args.extend(files.into_iter().flat_map(|(option, file)| [option.to_owned(), file.display().to_string()]));
         } else {

@@ -25,6 +25,8 @@ pub struct SiteReport {
     pub late: u64,
     /// How often a question was repeated.
     pub repeated: u64,
+    /// Paths that were refused because an attacker reports that the way is blocked.
+    pub closed: u64,
     /// Median time to an answer, milliseconds.
     pub median_ms: f64,
     /// 99th percentile, milliseconds.

@@ -15,10 +15,15 @@ pub(super) const TRAITOR: &str = "traitor";
 /// Who looks at the results.
 pub(super) const OPERATOR: &str = "desk";
 
-/// Folders and lists of a secured site.
-pub(super) struct Secured {
-    certificates: PathBuf,
+/// Where the certificates and configurations of a site lie.
+#[derive(Clone)]
+pub(super) struct Credentials {
     folder: PathBuf,
+}
+
+/// A secured site and its lists.
+pub(super) struct Secured {
+    pub(super) credentials: Credentials,
     roles: Roles,
 }
 
@@ -40,7 +45,7 @@ impl Secured {
             clients: std::iter::once(TRAITOR.to_owned()).chain(names("reader", config.readers)).collect(),
             operators: vec![OPERATOR.to_owned()],
         };
-        let site = Self { certificates: config.folder.join("tls"), folder: config.folder.clone(), roles };
+        let site = Self { credentials: Credentials::in_folder(config.folder.clone()), roles };
         site.certificate(&["authority"])?;
         for router in &site.roles.routers {
             site.certificate(&["router", router, "127.0.0.1"])?;
@@ -65,7 +70,8 @@ impl Secured {
 
     fn certificate(&self, args: &[&str]) -> Result<(), SiteError> {
         let script = deploy("make-certificates.sh");
-        let made = Command::new("sh").arg(script).arg("--out").arg(&self.certificates).args(args).output()?;
+        let made =
+            Command::new("sh").arg(script).arg("--out").arg(self.credentials.certificates()).args(args).output()?;
         match made.status.success() {
             true => Ok(()),
             false => Err(SiteError::Late(String::from_utf8_lossy(&made.stderr).into_owned())),
@@ -74,12 +80,35 @@ impl Secured {
 
     /// The list for `map-server --roles`.
     pub(super) fn roles_file(&self) -> PathBuf {
-        self.folder.join("roles.json5")
+        self.credentials.folder.join("roles.json5")
+    }
+
+    /// The configuration of the router at `index`, with `plugins` for its storages.
+    pub(super) fn router(&self, index: usize, listen: &str, plugins: Value) -> Result<PathBuf, SiteError> {
+        let name = &self.roles.routers[index];
+        let mut config = self.credentials.shipped("router.json5", &format!("router-{name}"), &[listen], &[])?;
+        config["plugins"] = plugins;
+        let text = object(&config.to_string()).and_then(|config| configuration(config, &self.roles, Some(name)));
+        self.credentials.file(&format!("zenohd-{name}"), &text.map_err(late)?)
+    }
+}
+
+impl Credentials {
+    pub(super) fn in_folder(folder: PathBuf) -> Self {
+        Self { folder }
+    }
+
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    fn certificates(&self) -> PathBuf {
+        self.folder.join("tls")
     }
 
     /// A file of `deploy/` for whoever has the certificate `own` (ROLE-NAME).
     fn shipped(&self, file: &str, own: &str, listen: &[&str], connect: &[String]) -> Result<Value, SiteError> {
-        let tls = |name: &str| self.certificates.join(name).display().to_string();
+        let tls = |name: &str| self.certificates().join(name).display().to_string();
         let text = std::fs::read_to_string(deploy(file))?
             .replace("/etc/fht-map/tls/own", &tls(own))
             .replace("/etc/fht-map/tls/ca.pem", &tls("ca.pem"));
@@ -90,15 +119,6 @@ impl Secured {
             }
         }
         Ok(config)
-    }
-
-    /// The configuration of the router at `index`, with `plugins` for its storages.
-    pub(super) fn router(&self, index: usize, listen: &str, plugins: Value) -> Result<PathBuf, SiteError> {
-        let name = &self.roles.routers[index];
-        let mut config = self.shipped("router.json5", &format!("router-{name}"), &[listen], &[])?;
-        config["plugins"] = plugins;
-        let text = object(&config.to_string()).and_then(|config| configuration(config, &self.roles, Some(name)));
-        self.file(&format!("zenohd-{name}"), &text.map_err(late)?)
     }
 
     /// The configuration of a member, or a stranger, that connects to `endpoints`.
@@ -113,10 +133,10 @@ impl Secured {
         Ok(file)
     }
 
-    /// What `openssl s_client` needs to connect as a stranger.
-    pub(super) fn stranger_tls(&self, name: &str) -> [(&'static str, PathBuf); 3] {
-        let file = |end: &str| self.certificates.join(format!("explorer-{name}.{end}"));
-        [("-cert", file("pem")), ("-key", file("key")), ("-CAfile", self.certificates.join("ca.pem"))]
+    /// Certificate, key and authority of a stranger.
+    pub(super) fn stranger_tls(&self, name: &str) -> [PathBuf; 3] {
+        let file = |end: &str| self.certificates().join(format!("explorer-{name}.{end}"));
+        [file("pem"), file("key"), self.certificates().join("ca.pem")]
     }
 }
 

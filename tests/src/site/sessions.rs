@@ -33,7 +33,9 @@ impl Way {
         let endpoints = rotated(&self.endpoints, first);
         let link = match &self.secured {
             None => SessionConfig::from_options(endpoints, None),
-            Some(site) => SessionConfig::from_options(Vec::new(), Some(site.session(role, name, &endpoints)?)),
+            Some(site) => {
+                SessionConfig::from_options(Vec::new(), Some(site.credentials.session(role, name, &endpoints)?))
+            }
         };
         Ok(fht_session::open(&link).await?)
     }

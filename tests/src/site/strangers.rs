@@ -2,21 +2,26 @@
 //! kept others out. Attacks go on until the run is over; that one of them fails is what is hoped
 //! for.
 
-use crate::site::secured::{STRANGERS, Secured, TRAITOR};
+use crate::site::secured::{Credentials, STRANGERS, TRAITOR};
 use crate::site::sessions::map;
+use fht_demo::{Process, ProcessError};
 use fht_proto::api::fleet::BlockedReport;
 use fht_proto::api::keys::{Key, RobotTopic, Topic};
 use fht_proto::api::reply::Head;
+use rustls::pki_types::pem::PemObject;
+use rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName};
+use rustls::{ClientConfig, ClientConnection, RootCertStore};
 use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::process::{Child, Command, Stdio};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use zenoh::{Config, Session, Wait};
 
 /// TLS connections that say nothing, to each router: more than Zenoh's own `accept_pending`.
 const IDLE: usize = 101;
+/// How long a router may take for its part of a handshake.
+const HANDSHAKE: Duration = Duration::from_secs(2);
 /// How long they are left before they are made again.
 const IDLE_FOR: Duration = Duration::from_secs(5);
 /// Between two bad handshakes with a router: twelve a second and more.
@@ -28,39 +33,50 @@ const REPORT_EVERY: Duration = Duration::from_millis(50);
 /// Between two names that are invented: 40 a second, 12,000 in five minutes.
 const INVENT_EVERY: Duration = Duration::from_millis(25);
 
+/// The role of the process that attacks.
+pub const NAME: &str = "strangers";
+
 /// Who attacks, and whom.
 #[derive(Clone)]
-pub(super) struct Strangers {
-    pub(super) site: Arc<Secured>,
-    pub(super) endpoints: Vec<String>,
-    pub(super) is_over: Arc<AtomicBool>,
+struct Strangers {
+    credentials: Credentials,
+    endpoints: Vec<String>,
+}
+
+/// Starts a process that attacks the routers at `endpoints` until it is killed.
+pub(super) fn start(
+    executable: &Path,
+    credentials: &Credentials,
+    endpoints: &[String],
+) -> Result<Process, ProcessError> {
+    let folder = credentials.folder().display().to_string();
+    Process::start(executable, NAME, std::iter::once(&folder).chain(endpoints))
+}
+
+/// What that process does. It returns when no thread can be started.
+pub fn attack(folder: PathBuf, endpoints: Vec<String>) {
+    let attacks: [fn(&Strangers); 7] = [
+        Strangers::draw_traffic,
+        Strangers::fail_handshakes,
+        Strangers::stay_idle,
+        Strangers::take_ids,
+        Strangers::invent_names,
+        Strangers::report_blocked,
+        Strangers::ask_much,
+    ];
+    let strangers = Strangers { credentials: Credentials::in_folder(folder), endpoints };
+    std::thread::scope(|threads| {
+        for attack in attacks {
+            let strangers = strangers.clone();
+            threads.spawn(move || attack(&strangers));
+        }
+    });
 }
 
 impl Strangers {
-    /// Begins all attacks, each in a thread of its own.
-    pub(super) fn begin(self) {
-        let attacks: [fn(&Self); 7] = [
-            Self::draw_traffic,
-            Self::fail_handshakes,
-            Self::stay_idle,
-            Self::take_ids,
-            Self::invent_names,
-            Self::report_blocked,
-            Self::ask_much,
-        ];
-        for attack in attacks {
-            let strangers = self.clone();
-            std::thread::spawn(move || attack(&strangers));
-        }
-    }
-
-    fn is_over(&self) -> bool {
-        self.is_over.load(Ordering::Relaxed)
-    }
-
     /// A session that tries each endpoint once.
     fn session(&self, role: &str, name: &str, endpoints: &[String], options: &[(&str, String)]) -> Option<Session> {
-        let mut config = Config::from_file(self.site.session(role, name, endpoints).ok()?).ok()?;
+        let mut config = Config::from_file(self.credentials.session(role, name, endpoints).ok()?).ok()?;
         config.insert_json5("connect/timeout_ms", "0").ok()?;
         config.insert_json5("listen/endpoints", "[]").ok()?;
         for (key, value) in options {
@@ -83,14 +99,14 @@ impl Strangers {
             ("routing/router/linkstate/transport_weights", format!("[{}]", weights.join(","))),
         ];
         let session = self.session("explorer", STRANGERS[0], &self.endpoints, &options);
-        while session.is_some() && !self.is_over() {
+        while session.is_some() {
             std::thread::sleep(BAD_EVERY);
         }
     }
 
     /// Attack 2: garbage in place of a TLS handshake.
     fn fail_handshakes(&self) {
-        while !self.is_over() {
+        loop {
             for endpoint in &self.endpoints {
                 let address = endpoint.trim_start_matches("tls/");
                 if let Ok(mut stream) = TcpStream::connect(address) {
@@ -105,29 +121,28 @@ impl Strangers {
 
     /// Attack 3: TLS connections with a certificate that then say nothing.
     fn stay_idle(&self) {
-        let connect = |endpoint: &String| -> Option<Child> {
-            let mut command = Command::new("openssl");
-            command.args(["s_client", "-quiet", "-connect", endpoint.trim_start_matches("tls/")]);
-            for (option, file) in self.site.stranger_tls(STRANGERS[1]) {
-                command.arg(option).arg(file);
-            }
-            command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().ok()
-        };
-        while !self.is_over() {
+        let Some(config) = self.tls() else { return };
+        loop {
             let at = self.endpoints.iter().flat_map(|endpoint| std::iter::repeat_n(endpoint, IDLE));
-            let idle: Vec<Child> = at.filter_map(connect).collect();
+            let idle: Vec<_> = at.filter_map(|endpoint| shake_hands(&config, endpoint)).collect();
             std::thread::sleep(IDLE_FOR);
-            for mut child in idle {
-                let _ = child.kill();
-                let _ = child.wait();
-            }
+            drop(idle);
         }
+    }
+
+    fn tls(&self) -> Option<Arc<ClientConfig>> {
+        let [own, key, authority] = self.credentials.stranger_tls(STRANGERS[1]);
+        let mut roots = RootCertStore::empty();
+        roots.add(CertificateDer::from_pem_file(authority).ok()?).ok()?;
+        let chain = vec![CertificateDer::from_pem_file(own).ok()?];
+        let key = PrivateKeyDer::from_pem_file(key).ok()?;
+        Some(Arc::new(ClientConfig::builder().with_root_certificates(roots).with_client_auth_cert(chain, key).ok()?))
     }
 
     /// Attack 4: a session with each server's id at all routers.
     fn take_ids(&self) {
         let mut taken = Vec::new();
-        while !self.is_over() {
+        loop {
             let asker = self.session("client", TRAITOR, &self.endpoints, &[]);
             let replies = asker.as_ref().and_then(|asker| asker.get(format!("fht/{}/head", map())).wait().ok());
             let ids = replies.into_iter().flatten().filter_map(|reply| Some(reply.replier_id()?.zid().to_string()));
@@ -146,9 +161,6 @@ impl Strangers {
         let Some(session) = self.session("client", TRAITOR, &self.endpoints, &[]) else { return };
         let key = Key::robot(&map(), TRAITOR, RobotTopic::Blocked).to_string();
         for number in 0_u32.. {
-            if self.is_over() {
-                return;
-            }
             let places = (0..64).map(|place| [f64::from(number % 50), f64::from(place) * 0.3]).collect();
             let report = BlockedReport { for_s: BlockedReport::MAX_S, edges: Vec::new(), places };
             let _ = serde_json::to_vec(&report).map(|report| session.put(&key, report).wait());
@@ -160,7 +172,7 @@ impl Strangers {
     fn ask_much(&self) {
         let Some(session) = self.session("client", TRAITOR, &self.endpoints, &[]) else { return };
         let key = Key::topic(&map(), Topic::Diff);
-        while !self.is_over() {
+        loop {
             let head = session.get(Key::topic(&map(), Topic::Head).to_string()).timeout(Duration::from_secs(2)).wait();
             let head = head.ok().and_then(|replies| replies.recv().ok()).and_then(|reply| reply.into_result().ok());
             let head = head.and_then(|head| serde_json::from_slice::<Head>(&head.payload().to_bytes()).ok());
@@ -177,12 +189,22 @@ impl Strangers {
     fn invent_names(&self) {
         let Some(session) = self.session("client", TRAITOR, &self.endpoints, &[]) else { return };
         for number in 0_u64.. {
-            if self.is_over() {
-                return;
-            }
             drop(session.liveliness().declare_subscriber(format!("fht/x{number}/robots/r")).wait());
             drop(session.declare_querier(format!("fht/x{number}/head")).wait());
             std::thread::sleep(INVENT_EVERY);
         }
     }
+}
+
+/// A TLS connection after its handshake.
+fn shake_hands(config: &Arc<ClientConfig>, endpoint: &str) -> Option<(ClientConnection, TcpStream)> {
+    let address = endpoint.trim_start_matches("tls/");
+    let (host, _) = address.rsplit_once(':')?;
+    let mut stream = TcpStream::connect(address).ok()?;
+    stream.set_read_timeout(Some(HANDSHAKE)).ok()?;
+    let mut connection = ClientConnection::new(Arc::clone(config), ServerName::try_from(host.to_owned()).ok()?).ok()?;
+    while connection.is_handshaking() {
+        connection.complete_io(&mut stream).ok()?;
+    }
+    Some((connection, stream))
 }

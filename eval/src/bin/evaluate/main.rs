@@ -6,6 +6,7 @@ mod knobs;
 mod maps;
 mod output;
 mod paths;
+mod recorded;
 mod relocalize;
 mod systems;
 mod tables;
@@ -89,6 +90,17 @@ metres and radians.")]
   evaluate relocalize --worlds ../shared/data/maps/museum.yaml --starts 100
   evaluate relocalize --worlds museum --starts 20")]
     Relocalize(relocalize::RelocalizeArgs),
+    /// Robots set down in a recorded log, on a map of its first part, of another log, or of a file:
+    /// how soon they know where they are, how often they are wrong, and how far they can be believed.
+    #[command(after_help = "Examples:
+  evaluate recorded ../shared/data/lidar/intel
+  evaluate recorded ../shared/data/lidar/intel --map-from 0.3,0.5,0.7 --json intel.json --pictures intel
+  evaluate recorded monday.mcap --map sunday.mcap --starts 50
+  evaluate recorded monday.mcap --map museum.fht
+
+What is right, SLAM over the whole log says: within 1 m and 5°. Ground is known where the map
+explains three quarters of what is seen on the first 5 m.")]
+    Recorded(recorded::RecordedArgs),
     /// Maps of one building that were made from different starts, merged; and maps of different
     /// buildings, refused.
     #[command(after_help = "Examples:
@@ -109,6 +121,7 @@ fn main() -> ExitCode {
         Part::Contents(args) => contents::run(&args),
         Part::Knobs(args) => knobs::run(&args),
         Part::Relocalize(args) => relocalize::run(&args),
+        Part::Recorded(args) => recorded::run(&args),
         Part::Merge(args) => merge::run(&args),
     };
     match outcome {

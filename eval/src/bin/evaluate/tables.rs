@@ -1,7 +1,7 @@
 //! `evaluate tables`: the paper's two tables with our figures, and more.
 
 mod paper;
-mod plot;
+pub mod plot;
 mod report;
 mod results;
 

@@ -1,0 +1,93 @@
+//! One thread for all of Zenoh's links, in a program that speaks TLS.
+//!
+//! Zenoh reads and writes a TLS connection on several threads at once, which ends the process when
+//! the connection fails at a bad moment (`docs/upstream.md`). It takes the number of its threads
+//! from the environment alone, and the environment of a process that runs can only be changed
+//! unsafely. So the program is started again in its place, with the same process id.
+
+use std::ffi::OsString;
+use std::path::Path;
+
+/// The variable that Zenoh reads.
+const VARIABLE: &str = "ZENOH_RUNTIME";
+/// One thread reads, writes, accepts and routes.
+const ONE_THREAD: &str = "(rx: (worker_threads: 1), tx: (handover: rx), acc: (handover: rx), net: (handover: rx))";
+/// What TLS endpoints begin with.
+const TLS: &str = "tls/";
+
+/// Starts this program again on one thread of Zenoh, if `args` name a TLS endpoint or a file with
+/// one. Call it first in `main`. It returns if that is not so, if the variable is set already, or
+/// if the system does not start the program again, which is said.
+pub fn one_thread_for_tls(args: impl IntoIterator<Item = OsString>) {
+    let args: Vec<OsString> = args.into_iter().collect();
+    if speaks_tls(&args) {
+        one_thread(args);
+    }
+}
+
+/// The same, whatever the arguments say.
+pub fn one_thread(args: impl IntoIterator<Item = OsString>) {
+    if std::env::var_os(VARIABLE).is_some() {
+        return;
+    }
+    if let Err(error) = start_again(args.into_iter().skip(1)) {
+        eprintln!("Set {VARIABLE}='{ONE_THREAD}': with TLS, Zenoh may crash on more threads ({error})");
+    }
+}
+
+#[cfg(unix)]
+fn start_again(args: impl Iterator<Item = OsString>) -> std::io::Result<()> {
+    use std::os::unix::process::CommandExt;
+    let program = std::env::current_exe()?;
+    Err(std::process::Command::new(program).args(args).env(VARIABLE, ONE_THREAD).exec())
+}
+
+#[cfg(not(unix))]
+fn start_again(_args: impl Iterator<Item = OsString>) -> std::io::Result<()> {
+    Err(std::io::Error::other("this system cannot start a program in another's place"))
+}
+
+/// Whether an endpoint of TLS is among `args`, or in a file that they name.
+fn speaks_tls(args: &[OsString]) -> bool {
+    args.iter().filter_map(|arg| arg.to_str()).any(|arg| {
+        let value = match arg.split_once('=') {
+            Some((flag, value)) if flag.starts_with("--") => value,
+            _ => arg,
+        };
+        value.starts_with(TLS) || names_tls(Path::new(value))
+    })
+}
+
+/// Whether a configuration has an endpoint of TLS, or names a file of Zenoh's that may have one.
+fn names_tls(file: &Path) -> bool {
+    let is_configuration =
+        file.extension().is_some_and(|end| ["json5", "json", "toml", "yaml"].iter().any(|e| end == *e));
+    is_configuration
+        && std::fs::read_to_string(file).is_ok_and(|text| text.contains(TLS) || text.contains("zenoh_config"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tls_is_found_in_arguments_and_files() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = |name: &str, text: &str| {
+            let file = dir.path().join(name);
+            std::fs::write(&file, text).unwrap();
+            file.display().to_string()
+        };
+        let secured = file("secured.json5", r#"{connect: {endpoints: ["tls/hall:7447"]}}"#);
+        let open = file("open.json5", r#"{connect: {endpoints: ["tcp/hall:7447"]}}"#);
+        let nested = file("robot.toml", "[connect]\nzenoh_config = \"secured.json5\"\n");
+        let speaks = |args: &[&str]| speaks_tls(&args.iter().map(OsString::from).collect::<Vec<_>>());
+        assert!(speaks(&["mapper", "--connect", "tls/hall:7447"]));
+        assert!(speaks(&["mapper", "--connect=tls/hall:7447"]));
+        assert!(speaks(&["mapper", "--zenoh-config", &secured]));
+        assert!(speaks(&["mapper", &format!("--zenoh-config={secured}")]));
+        assert!(speaks(&["mapper", "--config", &nested]));
+        assert!(!speaks(&["mapper", "--connect", "tcp/hall:7447"]));
+        assert!(!speaks(&["mapper", "--zenoh-config", &open, "--config", "nowhere.toml"]));
+    }
+}
