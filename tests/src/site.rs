@@ -50,7 +50,7 @@ pub fn run(config: &SiteConfig, say: impl Fn(&str)) -> Result<SiteReport, SiteEr
 }
 
 async fn run_within(config: &SiteConfig, say: &impl Fn(&str)) -> Result<SiteReport, SiteError> {
-    let secured = config.is_attacked.then(|| Secured::make(config)).transpose()?.map(Arc::new);
+    let secured = (!config.attacks.is_empty()).then(|| Secured::make(config)).transpose()?.map(Arc::new);
     let mut machines = Machines::start(config, secured.clone())?;
     let way = Way { endpoints: machines.endpoints().to_vec(), secured };
     let watcher = way.session("operator", OPERATOR, 0).await?;
@@ -74,7 +74,8 @@ async fn run_within(config: &SiteConfig, say: &impl Fn(&str)) -> Result<SiteRepo
         readers.push(tokio::task::spawn_blocking(move || reader.run(&link, &is_over)));
     }
 
-    let strangers = |site: &Arc<Secured>| strangers::start(&config.executable, &site.credentials, &way.endpoints);
+    let strangers =
+        |site: &Arc<Secured>| strangers::start(&config.executable, &config.attacks, &site.credentials, &way.endpoints);
     let strangers = way.secured.as_ref().map(strangers).transpose()?;
     if strangers.is_some() {
         say("the attacks begin");

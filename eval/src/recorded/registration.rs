@@ -63,6 +63,7 @@ fn agree((log, map): &(Pose2, Pose2), (other_log, other_map): &(Pose2, Pose2)) -
 mod tests {
     use super::*;
     use fht_perception::pose::pose;
+    use std::f64::consts::PI;
 
     #[test]
     fn the_largest_set_of_fixes_that_agree_tells_where_the_log_lies() {
@@ -71,8 +72,8 @@ mod tests {
         let mut fixes: Vec<(Pose2, Pose2)> =
             (0..6).map(|x| (at(f64::from(x)), map_from_log * at(f64::from(x)))).collect();
         // Turned by half a turn, as in a corridor, twice.
-        fixes.insert(0, (at(2.0), map_from_log * at(2.0) * pose(0.0, 0.0, 3.14)));
-        fixes.insert(3, (at(2.5), map_from_log * at(2.0) * pose(0.0, 0.0, 3.14)));
+        fixes.insert(0, (at(2.0), map_from_log * at(2.0) * pose(0.0, 0.0, PI)));
+        fixes.insert(3, (at(2.5), map_from_log * at(2.0) * pose(0.0, 0.0, PI)));
         let registration = Registration::of_fixes(&fixes);
         let found = registration.map_from_base(&at(7.0)).unwrap();
         assert!(distance_m(&found, &(map_from_log * at(7.0))) < 1e-9);

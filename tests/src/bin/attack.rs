@@ -27,6 +27,12 @@ struct Args {
     /// How long, minutes.
     #[arg(long, default_value_t = 5.0)]
     minutes: f64,
+    /// Which attacks: 1 draws what goes between routers, 2
+    /// fails handshakes, 3 is silent at the door, 4 takes servers' ids, 7 reports everything as
+    /// blocked, 8 asks long questions, 9 invents names.
+    #[arg(long, value_delimiter = ',', default_value = "1,2,3,4,7,8,9", value_name = "NUMBERS",
+          value_parser = clap::value_parser!(u32).range(1..=9))]
+    attacks: Vec<u32>,
     /// One router and one server are killed every so many seconds.
     #[arg(long, default_value_t = 60.0)]
     kill_every: f64,
@@ -64,7 +70,7 @@ fn main() -> ExitCode {
             duration: seconds(args.minutes * 60.0),
             kill_every: seconds(args.kill_every),
             limit: seconds(args.limit),
-            is_attacked: true,
+            attacks: args.attacks.clone(),
             ..SiteConfig::new(this_executable()?, folder.path().to_owned())
         };
         run(&config, |what| eprintln!("{what}"))
@@ -100,11 +106,11 @@ fn main() -> ExitCode {
 /// Folder of the certificates, endpoints of the routers.
 fn be_strangers(words: &[OsString]) -> ExitCode {
     let mut words = words.iter().filter(|word| *word != "--").filter_map(|word| word.to_str()).map(str::to_owned);
-    let Some(folder) = words.next() else { return ExitCode::from(2) };
+    let (Some(attacks), Some(folder)) = (words.next(), words.next()) else { return ExitCode::from(2) };
     if let Err(error) = end_with_parent(STRANGERS) {
         eprintln!("{STRANGERS}: {error}");
         return ExitCode::FAILURE;
     }
-    attack(folder.into(), words.collect());
+    attack(&attacks, folder.into(), words.collect());
     ExitCode::SUCCESS
 }

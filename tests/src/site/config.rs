@@ -28,9 +28,9 @@ pub struct SiteConfig {
     pub kill_every: Duration,
     /// How long they stay down. Default 5 s.
     pub back_after: Duration,
-    /// Whether it has mutual TLS and access control, and two strangers and a client attack it.
-    /// Default no.
-    pub is_attacked: bool,
+    /// Numbers of the attacks by two strangers and a client, against which it has mutual TLS and
+    /// access control. Default none.
+    pub attacks: Vec<u32>,
     /// Decides who is killed.
     pub seed: u64,
     /// How long an answer may take, seen from the client. Default 2 s.
@@ -55,7 +55,7 @@ impl SiteConfig {
             duration: Duration::from_secs(300),
             kill_every: Duration::from_secs(20),
             back_after: Duration::from_secs(5),
-            is_attacked: false,
+            attacks: Vec::new(),
             seed: 1,
             limit: Duration::from_secs(2),
             patience: Duration::from_secs(60),

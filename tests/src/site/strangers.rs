@@ -43,30 +43,36 @@ struct Strangers {
     endpoints: Vec<String>,
 }
 
+/// What they do, by the numbers that `attack --attacks` takes.
+const ATTACKS: [(u32, fn(&Strangers)); 7] = [
+    (1, Strangers::draw_traffic),
+    (2, Strangers::fail_handshakes),
+    (3, Strangers::stay_idle),
+    (4, Strangers::take_ids),
+    (7, Strangers::report_blocked),
+    (8, Strangers::ask_much),
+    (9, Strangers::invent_names),
+];
+
 /// Starts a process that attacks the routers at `endpoints` until it is killed.
 pub(super) fn start(
     executable: &Path,
+    attacks: &[u32],
     credentials: &Credentials,
     endpoints: &[String],
 ) -> Result<Process, ProcessError> {
+    let attacks = attacks.iter().map(u32::to_string).collect::<Vec<_>>().join(",");
     let folder = credentials.folder().display().to_string();
-    Process::start(executable, NAME, std::iter::once(&folder).chain(endpoints))
+    Process::start(executable, NAME, [attacks, folder].iter().chain(endpoints))
 }
 
-/// What that process does. It returns when no thread can be started.
-pub fn attack(folder: PathBuf, endpoints: Vec<String>) {
-    let attacks: [fn(&Strangers); 7] = [
-        Strangers::draw_traffic,
-        Strangers::fail_handshakes,
-        Strangers::stay_idle,
-        Strangers::take_ids,
-        Strangers::invent_names,
-        Strangers::report_blocked,
-        Strangers::ask_much,
-    ];
+/// What that process does: the attacks of these numbers, separated by commas. It returns when no
+/// thread can be started.
+pub fn attack(numbers: &str, folder: PathBuf, endpoints: Vec<String>) {
+    let numbers: Vec<u32> = numbers.split(',').filter_map(|number| number.parse().ok()).collect();
     let strangers = Strangers { credentials: Credentials::in_folder(folder), endpoints };
     std::thread::scope(|threads| {
-        for attack in attacks {
+        for (_, attack) in ATTACKS.iter().filter(|(number, _)| numbers.contains(number)) {
             let strangers = strangers.clone();
             threads.spawn(move || attack(&strangers));
         }
