@@ -10,7 +10,7 @@ use zenoh::Config;
 /// one robot keep everybody out.
 const LEAST_PENDING: u64 = 1000;
 /// So long each of them may take, milliseconds.
-const LONGEST_ACCEPT: u64 = 5000;
+const LONGEST_ACCEPT: u64 = 15_000;
 /// Robots, tools and routers at one time. Zenoh's own default is 1000.
 const LEAST_SESSIONS: u64 = 2000;
 /// A router that is silent for so long is given up, milliseconds.

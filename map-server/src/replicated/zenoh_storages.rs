@@ -17,9 +17,12 @@ use zenoh::{Session, Wait};
 /// How long an answer about one place may take. A router that has silently gone delays its part of
 /// an answer for so long.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(1);
-/// How long everything of an author may take, and the list of authors: for a wildcard a storage
-/// goes through all of its keys.
-const ALL_TIMEOUT: Duration = Duration::from_secs(60);
+/// How long everything of an author may take, and the list of authors. A router that is lost
+/// meanwhile may take the end of an answer with it, which then never comes.
+const FIRST_PATIENCE: Duration = Duration::from_secs(4);
+/// … at most, if answers do not come to their end: for a wildcard a storage goes through all of its
+/// keys.
+const LONGEST_PATIENCE: Duration = Duration::from_secs(60);
 /// Questions under way at one time.
 const AT_A_TIME: usize = 64;
 /// The first wait before a question is repeated, and the longest.
@@ -32,6 +35,8 @@ pub struct ZenohStorages {
     session: Session,
     closed: Mutex<bool>,
     closing: Condvar,
+    /// How long the next answer for a wildcard may take.
+    patience: Mutex<Duration>,
 }
 
 /// One answer: the number of the question, key and payload; or that some answers are missing.
@@ -44,7 +49,7 @@ impl ZenohStorages {
     /// The storages that `session` reaches.
     #[must_use]
     pub fn new(session: Session) -> Self {
-        Self { session, closed: Mutex::new(false), closing: Condvar::new() }
+        Self { session, closed: Mutex::new(false), closing: Condvar::new(), patience: Mutex::new(FIRST_PATIENCE) }
     }
 
     /// Ends all waiting.
@@ -91,10 +96,13 @@ impl ZenohStorages {
     }
 
     /// Passes all answers to `each`, key and payload. Returns whether they are everything that the
-    /// storages hold.
+    /// storages hold. If not, the next answer may take longer.
     fn ask_all(&self, key: &str, mut each: impl FnMut(String, Vec<u8>)) -> bool {
-        let mut answers = self.ask_one(key, ALL_TIMEOUT);
+        let patience = *self.patience.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut answers = self.ask_one(key, patience);
         answers.by_ref().for_each(|(_, key, bytes)| each(key, bytes));
+        let next = if answers.are_all { FIRST_PATIENCE } else { (2 * patience).min(LONGEST_PATIENCE) };
+        *self.patience.lock().unwrap_or_else(PoisonError::into_inner) = next;
         answers.are_all
     }
 
