@@ -2,7 +2,7 @@
 //! earlier part of it, of another log, or of a file, and says where it is.
 //!
 //! ```text
-//!  log ──→ RecordedLog (SLAM over all of it: the truth) ──→ set_down ──→ Drive ─┐
+//!  log ──→ RecordedLog (SLAM over all of it: the truth) ──→ set_down ──→ LogDrive ─┐
 //!  map ──→ KnownMap ───────────────────────────────────────────┘                ├─→ judge ──→ figures
 //!                └──→ Registration (where the log's places lie in the map) ─────┘
 //! ```
@@ -28,4 +28,4 @@ pub use judgement::{JudgedDrive, JudgedStatement, judge};
 pub use known_map::KnownMap;
 pub use log::{RecordedError, RecordedLog};
 pub use registration::Registration;
-pub use set_down::{Drive, Statement, set_down, starts};
+pub use set_down::{LogDrive, Statement, set_down, starts};

@@ -7,7 +7,7 @@
 //! until something tells them apart.
 
 use crate::landmarks::Landmarks;
-use fht_perception::evidence_grid::{Beams, Evidence, EvidenceConfig};
+use fht_perception::evidence_grid::{BeamVerdict, Beams, Evidence, EvidenceConfig};
 use fht_perception::matching::{MatchConfig, refine};
 use fht_perception::pose::{Point2, Pose2, wrap_angle};
 use fht_perception::scan_odometry::Odometry;
@@ -78,7 +78,9 @@ pub struct SensedView {
 pub struct Hypothesis {
     /// Where each of the views was taken, map frame, oldest first.
     pub at: Vec<Pose2>,
-    /// What the beams of each view say.
+    /// What each beam of each view says.
+    pub verdicts: Vec<Vec<Option<BeamVerdict>>>,
+    /// The same, summed up.
     evidence: Vec<Evidence>,
     /// What each view looks like: for it or against it.
     looks: Vec<f64>,
@@ -131,9 +133,10 @@ impl Hypothesis {
     }
 
     fn add(&mut self, at: Pose2, view: &SensedView, landmarks: &Landmarks, config: &WeighConfig) {
-        let evidence = landmarks.walls().known.weigh(&view.beams, &at, &config.evidence);
+        let verdicts = landmarks.walls().known.judge(&view.beams, &at, &config.evidence);
         self.at.push(at);
-        self.evidence.push(evidence);
+        self.evidence.push(Evidence::of(&verdicts));
+        self.verdicts.push(verdicts);
         self.looks.push(look_weight(&at, view, landmarks, config));
     }
 
@@ -155,6 +158,7 @@ impl Hypothesis {
     /// Forgets the view of this index.
     pub fn forget(&mut self, index: usize) {
         self.at.remove(index);
+        self.verdicts.remove(index);
         self.evidence.remove(index);
         self.looks.remove(index);
     }

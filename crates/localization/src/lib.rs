@@ -18,6 +18,7 @@
 //! | [`preparation`] | what they saw put together in a thread, as the map changes |
 //! | [`relocalization`] | looking for a place in the whole map, and when to believe it |
 //! | `hypotheses` | places where a robot may be, weighed by all that it sees on its way |
+//! | `wall_squares` | what was seen, as pieces of wall that count once: [`PlaceEvidence`] |
 //! | `estimate` | one estimation of the place: a scan fitted there (equation 9) |
 //! | `agreement` | which estimations agree, as a graph |
 //! | `pose_fix` | the optimum over those that agree (equation 10): a [`Fix`] |
@@ -83,6 +84,7 @@ mod pose_fix;
 pub mod preparation;
 pub mod relocalization;
 mod tracking;
+mod wall_squares;
 
 pub use hypotheses::{Hypothesis, WeighConfig};
 pub use landmarks::{Landmark, Landmarks, UnusableDescriptors, check_usable};
@@ -91,3 +93,4 @@ pub use pose_fix::{Fix, PoseFixConfig};
 pub use preparation::Preparation;
 pub use relocalization::{Belief, RelocalizationConfig, Relocalizer, Sensed};
 pub use tracking::TrackingConfig;
+pub use wall_squares::PlaceEvidence;

@@ -10,6 +10,7 @@ use crate::distinction::{DistinctionConfig, Grounds};
 use crate::hypotheses::{Hypothesis, SensedView, WeighConfig, held};
 use crate::landmarks::Landmarks;
 use crate::pose_fix::{Fix, PoseFixConfig, fix_pose};
+use crate::wall_squares::{PlaceEvidence, WallSquares};
 use fht_perception::evidence_grid::Beams;
 use fht_perception::frame::LaserScan;
 use fht_perception::matching::{Favour, MatchConfig};
@@ -50,6 +51,8 @@ pub struct RelocalizationConfig {
     pub same_m: f64,
     /// The same for headings, radians. Default 0.25.
     pub same_rad: f64,
+    /// Side of the pieces of wall that count as one, metres. Default 0.5.
+    pub square_m: f64,
     /// A fix is at least this probable. Default 0.995.
     pub min_confidence: f64,
     /// Its views are at least this far apart, metres. Default 0.7.
@@ -91,6 +94,7 @@ impl Default for RelocalizationConfig {
             drop_below: 15.0,
             same_m: 0.5,
             same_rad: 0.25,
+            square_m: 0.5,
             min_confidence: 0.995,
             min_spread_m: 0.7,
             min_explained: 0.75,
@@ -140,13 +144,14 @@ pub struct Relocalizer {
     views: Vec<SensedView>,
     /// Heaviest first.
     hypotheses: Vec<Hypothesis>,
+    evidence: Option<PlaceEvidence>,
 }
 
 impl Relocalizer {
     /// Knows nothing.
     #[must_use]
     pub fn new(config: RelocalizationConfig) -> Self {
-        Self { config, views: Vec::new(), hypotheses: Vec::new() }
+        Self { config, views: Vec::new(), hypotheses: Vec::new(), evidence: None }
     }
 
     /// The configuration.
@@ -159,6 +164,12 @@ impl Relocalizer {
     #[must_use]
     pub fn hypotheses(&self) -> &[Hypothesis] {
         &self.hypotheses
+    }
+
+    /// What speaks for the likeliest place, as of the last look.
+    #[must_use]
+    pub fn evidence(&self) -> Option<&PlaceEvidence> {
+        self.evidence.as_ref()
     }
 
     /// The likeliest places of the robot now that odometry says `odom_from_base`, map frame.
@@ -175,6 +186,7 @@ impl Relocalizer {
     pub fn clear(&mut self) {
         self.views.clear();
         self.hypotheses.clear();
+        self.evidence = None;
     }
 
     /// Takes in what the robot senses now and says what it knows then.
@@ -188,6 +200,10 @@ impl Relocalizer {
         let points = self.recent_points();
         self.find_more(&points, landmarks);
         self.sort();
+        self.evidence = self.hypotheses.first().map(|best| {
+            let squares = WallSquares::of(&self.views, self.config.square_m);
+            PlaceEvidence::of(best, self.rivals(&best.map_from_base()), &squares, self.spread_m())
+        });
         self.judge(&points, landmarks)
     }
 

@@ -242,6 +242,25 @@ impl Beams {
         let beams = if count == 0 { Vec::new() } else { (0..picked).map(beam).collect() };
         Self { from: Point2::from(scan.base_from_sensor.translation.vector), beams }
     }
+
+    /// Where they end, base frame; `None` where nothing returned.
+    pub fn ends(&self) -> impl Iterator<Item = Option<Point2>> + '_ {
+        self.beams.iter().map(|beam| {
+            let (sin, cos) = beam.angle.sin_cos();
+            beam.range_m.map(|range_m| self.from + Vector2::new(cos, sin) * range_m)
+        })
+    }
+}
+
+/// What one beam says of a pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BeamVerdict {
+    /// It ends at a wall of the map.
+    Explained,
+    /// It cannot be.
+    Contradicted,
+    /// It ends where nobody looked.
+    Silent,
 }
 
 /// What beams say of a pose: how many for it, how many against it, how many of them nothing.
@@ -256,6 +275,20 @@ pub struct Evidence {
 }
 
 impl Evidence {
+    /// Of the verdicts of all beams.
+    #[must_use]
+    pub fn of(verdicts: &[Option<BeamVerdict>]) -> Self {
+        let mut evidence = Self::default();
+        for verdict in verdicts.iter().flatten() {
+            match verdict {
+                BeamVerdict::Explained => evidence.explained += 1,
+                BeamVerdict::Contradicted => evidence.contradicted += 1,
+                BeamVerdict::Silent => evidence.silent += 1,
+            }
+        }
+        evidence
+    }
+
     /// Adds another.
     pub fn add(&mut self, other: Self) {
         self.explained += other.explained;
@@ -290,6 +323,12 @@ impl EvidenceGrid {
     /// What `beams` say of the robot being at `map_from_base`.
     #[must_use]
     pub fn weigh(&self, beams: &Beams, map_from_base: &Pose2, config: &EvidenceConfig) -> Evidence {
+        Evidence::of(&self.judge(beams, map_from_base, config))
+    }
+
+    /// What each of `beams` says of it; `None` where nothing returned.
+    #[must_use]
+    pub fn judge(&self, beams: &Beams, map_from_base: &Pose2, config: &EvidenceConfig) -> Vec<Option<BeamVerdict>> {
         let from = map_from_base * beams.from;
         let yaw = map_from_base.rotation.angle();
         let ahead = |beam: &Beam| {
@@ -298,25 +337,24 @@ impl EvidenceGrid {
         };
         let reach = |beam: &Beam| beam.range_m.unwrap_or(0.0) + 2.0 * config.margin_m;
         let rays: Vec<Ray> = beams.beams.iter().map(|beam| self.cast(from, ahead(beam), reach(beam))).collect();
-        let mut evidence = Evidence::default();
-        for (index, beam) in beams.beams.iter().enumerate() {
-            let Some(range_m) = beam.range_m else { continue };
+        let judged = |(index, beam): (usize, &Beam)| {
+            let range_m = beam.range_m?;
             let around = &rays[index.saturating_sub(1)..(index + 2).min(rays.len())];
             let farthest = around.iter().map(|ray| ray.free_m).fold(0.0, f64::max);
             let nearest = around.iter().map(|ray| ray.free_m).fold(f64::INFINITY, f64::min);
             let is_behind = around.iter().all(|ray| ray.is_wall) && beam.least_m > farthest + config.margin_m;
             let is_before = beam.greatest_m < nearest - config.margin_m;
-            if is_behind {
-                evidence.contradicted += 1;
+            Some(if is_behind {
+                BeamVerdict::Contradicted
             } else if self.cell(from + ahead(beam) * range_m) & NEAR_WALL != 0 {
-                evidence.explained += 1;
+                BeamVerdict::Explained
             } else if is_before {
-                evidence.contradicted += 1;
+                BeamVerdict::Contradicted
             } else {
-                evidence.silent += 1;
-            }
-        }
-        evidence
+                BeamVerdict::Silent
+            })
+        };
+        beams.beams.iter().enumerate().map(judged).collect()
     }
 }
 

@@ -93,7 +93,7 @@ fn reliability(stated: f64, drives: &[JudgedDrive]) -> Reliability {
 /// 0 of nothing.
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let values: Vec<f64> = values.collect();
-    values.iter().sum::<f64>() / values.len().max(1) as f64
+    values.iter().fold(0.0, |sum, value| sum + value) / values.len().max(1) as f64
 }
 
 /// 0 of nothing.

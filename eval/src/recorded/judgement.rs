@@ -2,7 +2,7 @@
 
 use crate::recorded::log::RecordedLog;
 use crate::recorded::registration::Registration;
-use crate::recorded::set_down::{Drive, Statement};
+use crate::recorded::set_down::{LogDrive, Statement};
 use fht_localization::RelocalizationConfig;
 use fht_localization::landmarks::Landmarks;
 use fht_perception::evidence_grid::Beams;
@@ -70,15 +70,19 @@ impl JudgedDrive {
 /// Judges a drive on the map of `landmarks`; none where nobody knows how the log lies in the map.
 #[must_use]
 pub fn judge(
-    drive: &Drive,
+    drive: &LogDrive,
     log: &RecordedLog,
     landmarks: &Landmarks,
     registration: &Registration,
 ) -> Option<JudgedDrive> {
     let config = RelocalizationConfig::default();
     // Bent maps agree on a place where the same walls are seen.
-    let truth = |frame: usize| {
-        let expected = registration.map_from_base(&log.log_from_base[frame])?;
+    let truth = |frame: usize, said: Option<&Pose2>| {
+        let log_from_base = &log.log_from_base[frame];
+        let expected = match said {
+            Some(said) => registration.map_from_base_near(log_from_base, said)?,
+            None => registration.map_from_base(log_from_base)?,
+        };
         let points = log.frames[frame].scan.points_in_base();
         let held = refine(&landmarks.walls().cloud, &points, &expected, &config.matching);
         let held = held.filter(|held| held.score >= config.matching.min_score);
@@ -89,13 +93,13 @@ pub fn judge(
         Some(held.unwrap_or(expected))
     };
     let judged = |said: &Statement| {
-        let truth = truth(said.frame)?;
+        let truth = truth(said.frame, Some(&said.map_from_base))?;
         let (error_m, error_deg) = pose_error(&said.map_from_base, &truth);
         Some(JudgedStatement { said: *said, truth, error_m, error_deg })
     };
     let explained = |frame: usize| {
         let beams = Beams::of(&log.frames[frame].scan, &config.weigh.evidence);
-        Some(landmarks.walls().known.weigh(&beams, &truth(frame)?, &config.weigh.evidence).explained_share())
+        Some(landmarks.walls().known.weigh(&beams, &truth(frame, None)?, &config.weigh.evidence).explained_share())
     };
     let near = (drive.start..log.frames.len())
         .take_while(|frame| log.driven_m[*frame] - log.driven_m[drive.start] <= GROUND_M)

@@ -12,6 +12,10 @@ const AGREE_PER_M: f64 = 0.01;
 /// The same for headings, radians.
 const AGREE_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
 
+/// A place of the map is told by what the log says of those within this distance, metres: as far as
+/// a scanner sees well.
+const NEAR_M: f64 = 15.0;
+
 /// Poses of the same places in the log and in the map.
 #[derive(Clone, Debug)]
 pub struct Registration {
@@ -46,6 +50,19 @@ impl Registration {
         let distance = |(log, _): &&(Pose2, Pose2)| distance_m(log, log_from_base);
         let (log, map) = self.pairs.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
         Some(map * (log.inverse() * log_from_base))
+    }
+
+    /// The same for a robot that says that it is at `said`. Where a loop of the map is open, the map
+    /// lies over itself, a little apart: right is what agrees with one of the passes that the map
+    /// was made from near the place that was said.
+    #[must_use]
+    pub fn map_from_base_near(&self, log_from_base: &Pose2, said: &Pose2) -> Option<Pose2> {
+        let near = self.pairs.iter().filter(|(_, map)| distance_m(map, said) <= NEAR_M);
+        let by_passes = near.map(|(log, map)| map * (log.inverse() * log_from_base));
+        by_passes.chain(self.map_from_base(log_from_base)).min_by(|a, b| {
+            let distance = |pose: &Pose2| distance_m(pose, said);
+            distance(a).total_cmp(&distance(b))
+        })
     }
 }
 

@@ -1,6 +1,7 @@
 //! A robot that is set down somewhere in a log, follows it, and says where it is.
 
 use crate::recorded::log::RecordedLog;
+use fht_localization::PlaceEvidence;
 use fht_localization::landmarks::Landmarks;
 use fht_localization::localizer::{Localizer, LocalizerConfig};
 use fht_perception::pose::Pose2;
@@ -16,11 +17,13 @@ pub struct Statement {
     pub stated: f64,
     /// Where it says that it is, or most likely is: map frame.
     pub map_from_base: Pose2,
+    /// What speaks for it.
+    pub evidence: PlaceEvidence,
 }
 
 /// What a robot said from its start on.
 #[derive(Clone, Debug)]
-pub struct Drive {
+pub struct LogDrive {
     /// The frame at which it was set down.
     pub start: usize,
     /// The last frame that it saw.
@@ -48,10 +51,10 @@ pub fn set_down(
     start: usize,
     longest_m: f64,
     config: &LocalizerConfig,
-) -> Drive {
+) -> LogDrive {
     let mut localizer = Localizer::new(config.clone());
-    let mut drive = Drive { start, end: start, statements: Vec::new(), fix: None };
-    let mut said = f64::NAN;
+    let mut drive = LogDrive { start, end: start, statements: Vec::new(), fix: None };
+    let mut said = None;
     for (frame, sensed) in log.frames.iter().enumerate().skip(start) {
         let driven_m = log.driven_m[frame] - log.driven_m[start];
         if driven_m > longest_m {
@@ -63,11 +66,12 @@ pub fn set_down(
         let declared = localization.map_from_base();
         let likeliest = declared.or_else(|| localizer.candidates().first().copied());
         let Some(map_from_base) = likeliest.filter(|_| stated > 0.0) else { continue };
-        let statement = Statement { frame, driven_m, stated, map_from_base };
+        let evidence = localizer.relocalizer().evidence().copied().unwrap_or_default();
+        let statement = Statement { frame, driven_m, stated, map_from_base, evidence };
         // Between two looks it says the same.
-        if stated.to_bits() != said.to_bits() {
+        if said != Some((stated, evidence)) {
             drive.statements.push(statement);
-            said = stated;
+            said = Some((stated, evidence));
         }
         if declared.is_some() {
             drive.fix = Some(statement);

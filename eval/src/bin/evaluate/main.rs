@@ -91,7 +91,8 @@ metres and radians.")]
   evaluate relocalize --worlds museum --starts 20")]
     Relocalize(relocalize::RelocalizeArgs),
     /// Robots set down in a recorded log, on a map of its first part, of another log, or of a file:
-    /// how soon they know where they are, how often they are wrong, and how far they can be believed.
+    /// how soon they know where they are, how often they are wrong, and how far they can be
+    /// believed.
     #[command(after_help = "Examples:
   evaluate recorded ../shared/data/lidar/intel
   evaluate recorded ../shared/data/lidar/intel --map-from 0.3,0.5,0.7 --json intel.json --pictures intel

@@ -1,6 +1,7 @@
 //! `evaluate recorded`: robots set down in a recorded log, on a map of its first part, of another
 //! log, or of a file.
 
+mod looks;
 mod pictures;
 mod report;
 
@@ -8,7 +9,7 @@ use crate::output::{OutputArgs, say};
 use clap::Args;
 use fht_bag::{FrameConfig, TopicConfig};
 use fht_eval::recorded::{
-    Drive, JudgedDrive, KnownMap, RecordedFigures, RecordedLog, Registration, judge, set_down, starts,
+    JudgedDrive, KnownMap, LogDrive, RecordedFigures, RecordedLog, Registration, judge, set_down, starts,
 };
 use fht_localization::landmarks::Landmarks;
 use fht_localization::localizer::LocalizerConfig;
@@ -44,6 +45,10 @@ pub struct RecordedArgs {
     /// Draw each wrong fix, all starts, and the reliability diagram in this folder.
     #[arg(long, value_name = "FOLDER")]
     pictures: Option<PathBuf>,
+    /// Robots declare nothing, and what they say at each look is written to this file (CSV), with
+    /// what speaks for it and how far it is from the truth.
+    #[arg(long, value_name = "FILE", conflicts_with = "map")]
+    looks: Option<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -102,13 +107,16 @@ fn evaluate(
 ) -> Result<RecordedFigures, String> {
     let drives = follow(args, log, &known.landmarks, &starts(log, first, args.starts));
     let fixes = || {
-        let fix = |drive: &Drive| drive.fix.map(|fix| (log.log_from_base[fix.frame], fix.map_from_base));
+        let fix = |drive: &LogDrive| drive.fix.map(|fix| (log.log_from_base[fix.frame], fix.map_from_base));
         drives.iter().filter_map(fix).collect::<Vec<(Pose2, Pose2)>>()
     };
     let registration = known.registration.clone().unwrap_or_else(|| Registration::of_fixes(&fixes()));
     let judged = drives.iter().map(|drive| judge(drive, log, &known.landmarks, &registration));
     let judged: Vec<JudgedDrive> =
         judged.collect::<Option<_>>().ok_or("no robot found its place: is it the map of this building?")?;
+    if let Some(file) = &args.looks {
+        looks::append(file, (name, map), &judged)?;
+    }
     if let Some(pictures) = pictures {
         pictures.of_run(log, &known.landmarks, (name, map), &judged)?;
     }
@@ -116,12 +124,15 @@ fn evaluate(
 }
 
 /// Lets robots follow the log, each on its own, in the order of `starts`.
-fn follow(args: &RecordedArgs, log: &RecordedLog, landmarks: &Landmarks, starts: &[usize]) -> Vec<Drive> {
+fn follow(args: &RecordedArgs, log: &RecordedLog, landmarks: &Landmarks, starts: &[usize]) -> Vec<LogDrive> {
     let bar =
         args.output.progress_bar(starts.len() as u64, "{bar:40} {pos} of {len} robots, {elapsed} gone, {eta} to go");
     let next = AtomicUsize::new(0);
-    let done: Mutex<Vec<Option<Drive>>> = Mutex::new(vec![None; starts.len()]);
-    let config = LocalizerConfig::default();
+    let done: Mutex<Vec<Option<LogDrive>>> = Mutex::new(vec![None; starts.len()]);
+    let mut config = LocalizerConfig::default();
+    if args.looks.is_some() {
+        config.relocalize.min_confidence = f64::INFINITY;
+    }
     let _ = landmarks.walls(); // once, before all threads want them
     std::thread::scope(|scope| {
         for _ in 0..threads() {
