@@ -10,7 +10,7 @@ use fht_program::stop::PARENT_VARIABLE;
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -146,13 +146,31 @@ impl Process {
     ///
     /// # Errors
     /// [`ProcessError::Start`].
-    pub fn run(role: &'static str, mut command: Command) -> Result<Self, ProcessError> {
+    pub fn run(role: &'static str, command: Command) -> Result<Self, ProcessError> {
+        Ok(Self::spawn(role, command, Stdio::null())?.0)
+    }
+
+    /// The same, with a pipe to its standard input.
+    ///
+    /// # Errors
+    /// [`ProcessError::Start`].
+    pub fn run_with_input(role: &'static str, command: Command) -> Result<(Self, ChildStdin), ProcessError> {
+        let (process, input) = Self::spawn(role, command, Stdio::piped())?;
+        let source = || std::io::Error::other("it has no standard input");
+        Ok((process, input.ok_or_else(|| ProcessError::Start { role, source: source() })?))
+    }
+
+    fn spawn(
+        role: &'static str,
+        mut command: Command,
+        stdin: Stdio,
+    ) -> Result<(Self, Option<ChildStdin>), ProcessError> {
         let start_error = |source| ProcessError::Start { role, source };
-        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.stdin(stdin).stdout(Stdio::piped()).stderr(Stdio::piped());
         command.env(PARENT_VARIABLE, std::process::id().to_string());
         let (child, id) = children::spawn(&mut command).map_err(start_error)?;
         let mut running = lock(&child);
-        let stdout = running.stdout.take();
+        let (stdin, stdout) = (running.stdin.take(), running.stdout.take());
         // Read continuously, or a talkative child would block; keep the last lines.
         let stderr = running.stderr.take().map(|mut pipe| {
             std::thread::spawn(move || {
@@ -167,7 +185,7 @@ impl Process {
             })
         });
         drop(running);
-        Ok(Self { role, child, id, stdout, stderr })
+        Ok((Self { role, child, id, stdout, stderr }, stdin))
     }
 
     /// The process id.

@@ -2,23 +2,25 @@
 //! same run.
 //!
 //! The server is a separate process; on its session a bare queryable answers with as many bytes as
-//! a path has. The clients are sessions with live copies of the map, all in another process. Paths
-//! and bare queries take turns, so that whatever else the machine does affects both. Meanwhile the
-//! map changes.
+//! a path has. The clients are sessions with live copies of the map, 250 in a process. Paths and
+//! bare queries take turns, so that whatever else the machine does affects both. Meanwhile the map
+//! changes.
 
 pub mod clients;
 pub mod latencies;
+pub mod processes;
 pub mod server;
 pub mod usage;
 
 use crate::trial::TrialError;
 use crate::upload::{put_increment, upload_map};
-use clients::{Event, Kind, Outcome, Report};
+use clients::{Kind, Outcome, Report, Step};
 use fht_client::ask_head;
 use fht_demo::{Process, free_endpoint};
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op, VersionVector};
 use fht_session::SessionConfig;
 use latencies::Latencies;
+use processes::{ClientProcesses, parts};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::process::Command;
@@ -31,7 +33,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// Zenoh's threads in the server, as `deploy/` sets them: the thread that waits for the sockets
 /// also reads them, so no message is handed from thread to thread.
 pub const SERVER_THREADS: &str = "(acc: (handover: rx), net: (handover: rx))";
-/// Zenoh's threads for all clients together, which share the machine with the server.
+/// Zenoh's threads for all clients of a process together, which share the machine with the server.
 const CLIENT_THREADS: &str = "(acc: (handover: rx), net: (handover: rx), tx: (handover: rx))";
 /// How often the server's memory is sampled.
 const MEMORY_EVERY: Duration = Duration::from_millis(200);
@@ -152,15 +154,15 @@ pub fn run(config: &FleetTrialConfig, increments: &[Increment]) -> Result<FleetR
         processors: std::thread::available_parallelism().map_or(0, usize::from),
         ..FleetReport::default()
     };
-    let watch = Watch { server: server.id(), report: &mut report, since: None, clients: 0 };
-    let alone = watch.follow(clients_of(config, &endpoint, true), &AtomicBool::default())?;
+    let single = vec![clients_of(config, &endpoint, None)];
+    let alone = Watch { server: server.id(), report: &mut report }.follow(single, &AtomicBool::default())?;
     let is_warm = AtomicBool::default();
     let (stop, memory) = (AtomicBool::default(), std::sync::Mutex::new(Memory::default()));
     let together = std::thread::scope(|scope| {
         scope.spawn(|| watch_memory(server.id(), &is_warm, &stop, &memory));
         let writer = scope.spawn(|| change(config, &session, vector, &stop));
-        let watch = Watch { server: server.id(), report: &mut report, since: None, clients: 0 };
-        let together = watch.follow(clients_of(config, &endpoint, false), &is_warm);
+        let all = parts(config.clients).map(|part| clients_of(config, &endpoint, Some(part))).collect();
+        let together = Watch { server: server.id(), report: &mut report }.follow(all, &is_warm);
         stop.store(true, Ordering::Release);
         let versions = writer.join().unwrap_or(Ok(0))?;
         Ok::<_, TrialError>((together?, versions))
@@ -176,13 +178,15 @@ pub fn run(config: &FleetTrialConfig, increments: &[Increment]) -> Result<FleetR
     Ok(report)
 }
 
-/// The clients' process: a single client that asks one question after the other, or all at their
-/// rate.
-fn clients_of(config: &FleetTrialConfig, endpoint: &str, is_alone: bool) -> Command {
-    let (clients, seconds, alone) = if is_alone { (1, 0.0, config.alone) } else { (config.clients, config.seconds, 0) };
+/// A process of clients: a part of all, who ask at their rate; or a single client that asks one
+/// question after the other.
+fn clients_of(config: &FleetTrialConfig, endpoint: &str, part: Option<(usize, usize)>) -> Command {
+    let (first, clients) = part.unwrap_or((0, 1));
+    let (seconds, alone) = if part.is_some() { (config.seconds, 0) } else { (0.0, config.alone) };
     let mut command = Command::new(&config.executable);
     command.args(["clients", "--connect", endpoint, "--map", config.map.as_str()]).env("ZENOH_RUNTIME", CLIENT_THREADS);
     for (name, value) in [
+        ("--first", first.to_string()),
         ("--clients", clients.to_string()),
         ("--rate", config.rate_hz.to_string()),
         ("--seconds", seconds.to_string()),
@@ -242,43 +246,43 @@ fn watch_memory(server: u32, is_warm: &AtomicBool, stop: &AtomicBool, memory: &s
     }
 }
 
-/// Follows what the clients report.
+/// Leads the clients through a run.
 struct Watch<'a> {
     server: u32,
-    clients: u32,
     report: &'a mut FleetReport,
-    /// When the current turn began: the time, and the processor times of server and clients.
-    since: Option<(Instant, Duration, Duration)>,
 }
 
 impl Watch<'_> {
-    fn follow(mut self, clients: Command, is_warm: &AtomicBool) -> Result<Report, TrialError> {
-        let clients = Process::run("the clients", clients)?;
-        self.clients = clients.id();
-        let mut found = None;
-        clients.follow(|line| match serde_json::from_str::<Event>(line) {
-            Ok(Event::Joined { seconds }) => self.report.joined_s = seconds,
-            Ok(Event::Warm) => is_warm.store(true, Ordering::Release),
-            Ok(Event::Begins(_)) => self.since = self.now(),
-            Ok(Event::Ended(kind)) => self.ended(kind),
-            Ok(Event::Report(report)) => found = Some(*report),
-            Err(error) => tracing::warn!("not understood: {error}"),
-        })?;
-        found.ok_or(TrialError::NoReport)
+    /// Starts the processes one after the other, and takes them from step to step.
+    fn follow(self, commands: Vec<Command>, is_warm: &AtomicBool) -> Result<Report, TrialError> {
+        let begin = Instant::now();
+        let mut clients = ClientProcesses::new();
+        let mut step = Step::End;
+        for command in commands {
+            step = clients.add(command)?;
+        }
+        self.report.joined_s = begin.elapsed().as_secs_f64();
+        while step != Step::End {
+            let since = self.now(&clients);
+            is_warm.fetch_or(matches!(step, Step::Turn(_)), Ordering::AcqRel);
+            let next = clients.step()?;
+            if let (Step::Turn(kind), Some((since, now))) = (step, since.zip(self.now(&clients))) {
+                let computed = match kind {
+                    Kind::Path => &mut self.report.path_computed,
+                    Kind::Bare => &mut self.report.bare_computed,
+                };
+                computed.wall_s += (now.0 - since.0).as_secs_f64();
+                computed.server_s += now.1.saturating_sub(since.1).as_secs_f64();
+                computed.clients_s += now.2.saturating_sub(since.2).as_secs_f64();
+            }
+            step = next;
+        }
+        clients.finish()
     }
 
-    fn now(&self) -> Option<(Instant, Duration, Duration)> {
-        Some((Instant::now(), usage::computed(self.server)?, usage::computed(self.clients)?))
-    }
-
-    fn ended(&mut self, kind: Kind) {
-        let Some((since, now)) = self.since.take().zip(self.now()) else { return };
-        let computed = match kind {
-            Kind::Path => &mut self.report.path_computed,
-            Kind::Bare => &mut self.report.bare_computed,
-        };
-        computed.wall_s += (now.0 - since.0).as_secs_f64();
-        computed.server_s += now.1.saturating_sub(since.1).as_secs_f64();
-        computed.clients_s += now.2.saturating_sub(since.2).as_secs_f64();
+    /// The time, and the processor times of server and clients.
+    fn now(&self, clients: &ClientProcesses) -> Option<(Instant, Duration, Duration)> {
+        let of_clients = clients.ids().map(usage::computed).sum::<Option<Duration>>()?;
+        Some((Instant::now(), usage::computed(self.server)?, of_clients))
     }
 }

@@ -18,6 +18,7 @@ pub mod robots;
 
 pub use report::{Minute, SoakReport};
 
+use crate::fleet::processes::parts;
 use crate::fleet::usage;
 use crate::maps::hall;
 use crate::trial::TrialError;
@@ -36,8 +37,6 @@ use std::time::{Duration, Instant};
 
 /// How long the server may take to start, and a copy to be the server's map in the end.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Robots in one process.
-const IN_ONE_PROCESS: usize = 250;
 /// Between two looks at the server.
 const MINUTE: Duration = Duration::from_secs(60);
 
@@ -89,8 +88,7 @@ pub fn run(config: &SoakConfig, mut say: impl FnMut(&Minute)) -> Result<SoakRepo
     let operator = runtime.spawn(people::operate(writing, watch, end));
     let windows = Arc::new(Mutex::new(Vec::new()));
     let mut fleet = Vec::new();
-    for first in (0..config.robots).step_by(IN_ONE_PROCESS) {
-        let count = IN_ONE_PROCESS.min(config.robots - first);
+    for (first, count) in parts(config.robots) {
         let process = Process::run("the robots", robots_of(config, &endpoint, first, count))?;
         fleet.push(follow(process, Arc::clone(&windows)));
     }

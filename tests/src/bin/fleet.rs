@@ -11,7 +11,7 @@ use fht_tests::maps::{explored, hall};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Tries a fleet: clients with a live copy of the map each, which ask for paths at a steady rate,
+/// Tries a fleet: clients with a live copy of the map each, 250 in a process, which ask for paths at a steady rate,
 /// and for as many bytes from a bare queryable of the same server, in turns.
 ///
 /// Ends with 1 if a question failed, a copy is not the server's map in the end, or the server's
@@ -82,6 +82,8 @@ struct ClientsArgs {
     #[arg(long)]
     map: String,
     #[arg(long)]
+    first: usize,
+    #[arg(long)]
     clients: usize,
     #[arg(long)]
     rate: f64,
@@ -122,6 +124,7 @@ fn be_clients(args: ClientsArgs) -> Result<(), String> {
     let config = ClientsConfig {
         endpoint: args.connect,
         map: args.map.parse().map_err(|error: fht_proto::model::ids::ParseIdError| error.to_string())?,
+        first: args.first,
         clients: args.clients,
         rate_hz: args.rate,
         warm_up_s: args.warm_up,
@@ -134,7 +137,7 @@ fn be_clients(args: ClientsArgs) -> Result<(), String> {
         Ok(line) => println!("{line}"),
         Err(error) => eprintln!("fleet: {error}"),
     };
-    clients::run(&config, say).map_err(|error| error.to_string())
+    clients::run(&config, std::io::stdin().lock(), say).map_err(|error| error.to_string())
 }
 
 fn fleet(args: &FleetArgs) -> Result<bool, String> {

@@ -1,5 +1,6 @@
 //! Many clients in one process. Each has its own session and live copy of the map, and all ask at a
-//! steady rate.
+//! steady rate. Whoever has started the process tells it when to take the next step, on its
+//! standard input.
 
 use crate::fleet::latencies::Latencies;
 use crate::fleet::server::bare_selector;
@@ -13,6 +14,7 @@ use fht_session::SessionConfig;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
+use std::io::BufRead;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -51,6 +53,8 @@ pub struct ClientsConfig {
     pub endpoint: String,
     /// The map.
     pub map: MapName,
+    /// The number of the first client.
+    pub first: usize,
     /// How many clients.
     pub clients: usize,
     /// Questions of each client, per second.
@@ -84,21 +88,35 @@ pub struct Outcome {
     pub bytes: u64,
 }
 
-/// What the clients report while they run.
+impl Outcome {
+    fn add(&mut self, other: &Self) {
+        self.asked += other.asked;
+        self.errors += other.errors;
+        self.unanswered += other.unanswered;
+        self.latencies.add_all(&other.latencies);
+        self.late.add_all(&other.late);
+        self.bytes += other.bytes;
+    }
+}
+
+/// What clients that have the map do next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Step {
+    /// Ask, but nothing counts yet.
+    WarmUp(Kind),
+    /// Ask for a turn.
+    Turn(Kind),
+    /// Compare the copies, and report.
+    End,
+}
+
+/// What the clients say while they run.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Event {
-    /// All clients have the map.
-    Joined {
-        /// Time since the start, seconds.
-        seconds: f64,
-    },
-    /// The warm-up is over: from here on, questions count.
-    Warm,
-    /// A turn begins.
-    Begins(Kind),
-    /// The turn has ended.
-    Ended(Kind),
+    /// They have the map, have done all before this step, and take it when they are told to.
+    Ready(Step),
     /// The results.
     Report(Box<Report>),
 }
@@ -118,6 +136,18 @@ pub struct Report {
     pub copies_agree: usize,
     /// Version of the map in the end.
     pub version: u64,
+}
+
+impl Report {
+    /// Adds that of other clients.
+    pub fn add(&mut self, other: &Self) {
+        self.path.add(&other.path);
+        self.bare.add(&other.bare);
+        self.path_alone.add_all(&other.path_alone);
+        self.bare_alone.add_all(&other.bare_alone);
+        self.copies_agree += other.copies_agree;
+        self.version = self.version.max(other.version);
+    }
 }
 
 /// Counts the answers to one kind of question.
@@ -186,13 +216,18 @@ impl Pair {
     }
 }
 
-/// Runs the clients; `say` receives their reports.
+/// Runs the clients; `say` receives what they say, and a line of `told` has them take the step
+/// that they are ready for.
 ///
 /// # Errors
 /// [`TrialError`]. Unanswered questions are a result, not an error.
-pub fn run(config: &ClientsConfig, mut say: impl FnMut(&Event)) -> Result<(), TrialError> {
+pub fn run(config: &ClientsConfig, told: impl BufRead, mut say: impl FnMut(&Event)) -> Result<(), TrialError> {
+    let mut told = told.lines();
+    let mut ready = |step| {
+        say(&Event::Ready(step));
+        told.next().transpose()?.map(|_| ()).ok_or(TrialError::Late("the next step did not come"))
+    };
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
-    let begin = Instant::now();
     let sessions = runtime.block_on(open_all(config))?;
     let first = sessions.first().ok_or(TrialError::Late("a client did not get the map"))?;
     let vector = ask_head(first, &config.map, PATIENCE)?.vector;
@@ -200,7 +235,7 @@ pub fn run(config: &ClientsConfig, mut say: impl FnMut(&Event)) -> Result<(), Tr
     // Not all at once: who waits too long for a server asks again, and keeps it from the others.
     for joining in sessions.chunks(JOINING) {
         let count = replicas.len();
-        for (number, session) in (count..).zip(joining) {
+        for (number, session) in (config.first + count..).zip(joining) {
             let name = format!("fleet-{number}");
             replicas.push(LiveReplica::start(session, &config.map, &name, ReplicaConfig::default())?);
         }
@@ -208,25 +243,23 @@ pub fn run(config: &ClientsConfig, mut say: impl FnMut(&Event)) -> Result<(), Tr
             return Err(TrialError::Late("a client did not get the map"));
         }
     }
-    say(&Event::Joined { seconds: begin.elapsed().as_secs_f64() });
-
     let pairs = pairs(config, first, &replicas[0].running())?;
     let kinds = [Kind::Path, Kind::Bare];
     for kind in kinds {
+        ready(Step::WarmUp(kind))?;
         ask_all(config, &sessions, &pairs, kind, config.warm_up_s, &Arc::default());
     }
-    say(&Event::Warm);
     let tallies = kinds.map(|_| Arc::<Tally>::default());
     let mut left_s = config.seconds;
     while left_s > 0.0 {
         let turn_s = config.turn_s.min(left_s);
         for (kind, tally) in kinds.into_iter().zip(&tallies) {
-            say(&Event::Begins(kind));
+            ready(Step::Turn(kind))?;
             ask_all(config, &sessions, &pairs, kind, turn_s, tally);
-            say(&Event::Ended(kind));
         }
         left_s -= turn_s.max(0.001);
     }
+    ready(Step::End)?;
     let mut report = Report::default();
     for (kind, tally) in kinds.into_iter().zip(&tallies) {
         let outcome = tally.outcome.lock().unwrap_or_else(PoisonError::into_inner).clone();
