@@ -31,22 +31,22 @@ pub struct HandoffArgs {
     #[command(subcommand)]
     pub command: Option<HandoffCommand>,
     /// museum, office, or the path of a Nav2 map.yaml or a Gazebo .world.
-    #[arg(long, default_value = "museum")]
+    #[arg(long, value_name = "NAME|FILE", default_value = "museum")]
     pub world: String,
     /// Folder of pictures to paint the walls of a Nav2 map with.
-    #[arg(long)]
+    #[arg(long, value_name = "FOLDER")]
     pub textures: Option<PathBuf>,
     /// Seed of the drawing, the noise, the light, start and goal.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "NUMBER", default_value_t = 1)]
     pub seed: u64,
     /// So many explorers at once: they begin in one room, and divide the building among them.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=8), conflicts_with = "succeed")]
+    #[arg(long, value_name = "COUNT", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=8), conflicts_with = "succeed")]
     pub explorers: u8,
     /// The explorer dies half-way (SIGKILL), and another one finishes the job.
     #[arg(long)]
     pub succeed: bool,
     /// Where the server listens.
-    #[arg(long, default_value = "tcp/127.0.0.1:7447")]
+    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
     pub listen: String,
     /// Leave the server running at the end, until Ctrl-C.
     #[arg(long)]

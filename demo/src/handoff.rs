@@ -1,6 +1,7 @@
 //! The demo: a server, explorers and a client as processes of their own that talk over Zenoh on
 //! loopback.
 
+mod agreement;
 mod config;
 mod explorers;
 mod programs;
@@ -131,8 +132,8 @@ fn client(
     read_report(&report)
 }
 
-/// Fetches the map from the server as any robot would, and draws it. Returns whether its digest is
-/// the explorer's.
+/// Fetches the map from the server as any robot would, and draws it. Returns whether this copy and
+/// the explorer's own map are the server's.
 fn draw(
     config: &HandoffConfig,
     map: &MapName,
@@ -149,7 +150,7 @@ fn draw(
     let [x, y, yaw] = explored.world_from_map;
     let point = |[x, y]: [f64; 2]| Point2::new(x, y);
     let driven: Vec<Point2> = client.true_trajectory.iter().copied().map(point).collect();
-    let agree = {
+    let (vector, digest) = {
         let replica = replica.read();
         let start = Some((Mark::Start, Point2::new(client.start[0], client.start[1])));
         let goal = client.goal.map(|goal| (Mark::Goal, point(goal)));
@@ -162,10 +163,13 @@ fn draw(
             marks: &marks,
         };
         picture.save(&PictureConfig::default(), &config.picture)?;
-        // Of several explorers, the last may have ended before the last increment of another
-        // arrived.
-        replica.state().digest() == explored.digest.unwrap_or(head.digest)
+        (replica.vector().clone(), replica.state().digest())
     };
+    let is_servers = |vector, digest| agreement::is_servers(&session, map, vector, digest);
+    let mut agree = is_servers(&vector, digest)?;
+    if let Some((vector, digest)) = &explored.state {
+        agree &= is_servers(vector, *digest)?;
+    }
     drop(replica);
     session.close().wait()?;
     Ok(agree)

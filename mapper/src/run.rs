@@ -17,7 +17,7 @@ use fht_descriptor::{DescriptorError, DescriptorNet, Fetching};
 use fht_perception::frame::SensorFrame;
 use fht_perception::robot::{Robot, RobotError, Sensors, SilenceConfig, Supervised};
 use fht_program::Stop;
-use fht_proto::{AuthorId, MapName};
+use fht_proto::{AuthorId, MapName, VersionVector};
 use fht_session::SessionConfig;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -337,7 +337,8 @@ impl<'a> Run<'a> {
         }
         let written = self.handover.take_from(&mut self.mapper);
         self.handover.finish().await;
-        let version = peers.as_ref().map_or(written, |peers| peers.version(&self.mapper));
+        let vector = peers.as_ref().map(|peers| peers.taken(&self.mapper));
+        let version = vector.as_ref().map_or(written, VersionVector::version);
         if let Some(peers) = peers {
             peers.finish(&self.mapper);
         }
@@ -352,6 +353,7 @@ impl<'a> Run<'a> {
             frames: self.frames,
             frames_refused: self.frames_refused,
             version,
+            vector,
             written,
             frame_max: self.frame_max,
             published: None,

@@ -7,7 +7,7 @@ use super::report::ExplorerFigures;
 use crate::process::{Process, Role};
 use fht_perception::pose::Point2;
 use fht_proto::api::keys::{RobotTopic, robots_of};
-use fht_proto::{Digest, MapName, SeenArea, Square, decode};
+use fht_proto::{Digest, MapName, SeenArea, Square, VersionVector, decode};
 use fht_sim::scoring::explored_by;
 use fht_sim::{SimConfig, World, start_near};
 use indicatif::ProgressBar;
@@ -35,8 +35,9 @@ pub(super) struct Explored {
     pub(super) driven_m: f64,
     pub(super) collisions: u64,
     pub(super) sim_s: f64,
-    /// The explorer's own digest, if it was alone.
-    pub(super) digest: Option<Digest>,
+    /// The explorer's own map, if it was alone: its increments and its digest. Of several, the last
+    /// may have ended before the last increment of another arrived.
+    pub(super) state: Option<(VersionVector, Digest)>,
     pub(super) explorers: Vec<ExplorerFigures>,
 }
 
@@ -75,7 +76,8 @@ pub(super) fn explore(config: &HandoffConfig, map: &MapName, bars: &Bars) -> Res
     match config.crew {
         Crew::One => {
             let report = Job { config, map, world: &world, bars }.run(0, false, None)?;
-            Ok(Explored { digest: Some(report.digest), ..sum(vec![(name(0), report)], None) })
+            let state = report.vector.clone().map(|vector| (vector, report.digest));
+            Ok(Explored { state, ..sum(vec![(name(0), report)], None) })
         }
         Crew::Team(count) => {
             let witness = Witness::start(config, map)?;
@@ -212,7 +214,7 @@ fn sum(reports: Vec<(String, ExploreReport)>, explored_fraction: Option<f64>) ->
         driven_m: all().map(|report| report.driven_m).sum(),
         collisions: all().map(|report| report.collisions).sum(),
         sim_s: all().map(|report| report.sim_s).fold(0.0, f64::max),
-        digest: None,
+        state: None,
         explorers: reports.iter().map(figures).collect(),
     }
 }

@@ -1,7 +1,7 @@
 //! What an exploration came to, scored against the simulator's truth.
 
 use crate::explore::Ending;
-use fht_proto::Digest;
+use fht_proto::{Digest, VersionVector};
 use fht_sim::scoring::TrajectoryError;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -31,6 +31,9 @@ pub struct ExploreReport {
     /// The map's version: increments of all authors that are in it, as this robot knew it at the
     /// end.
     pub version: u64,
+    /// The same increments, author by author; none without a server.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vector: Option<VersionVector>,
     /// Increments that this robot has written, those of its earlier runs included.
     #[serde(default)]
     pub written: u64,

@@ -82,6 +82,7 @@ impl ExplorationScore {
             support_nodes: counts.support_nodes,
             edges: counts.edges,
             version: summary.version,
+            vector: summary.vector.clone(),
             written: summary.written,
             digest: mapper.map().digest(),
             map_bytes: published.map_or(0, |published| published.map_bytes),

@@ -4,6 +4,7 @@ use crate::explore::Ending;
 use crate::mapping::Mapper;
 use crate::publish::Progress;
 use fht_perception::robot::RobotError;
+use fht_proto::VersionVector;
 use std::time::Duration;
 
 /// How a run ended, in figures.
@@ -21,6 +22,8 @@ pub struct MappingSummary {
     /// The map's version: increments of all authors that are in it, as this robot knew it at the
     /// end.
     pub version: u64,
+    /// The same increments, author by author; none without a server.
+    pub vector: Option<VersionVector>,
     /// Increments that this robot has written, those of its earlier runs included.
     pub written: u64,
     /// Longest time that a frame took, sensing excluded.

@@ -286,14 +286,14 @@ impl Peers {
         self.tell_goal(mapper);
     }
 
-    /// The version of the mapper's map: what of it was taken from others, and all that this robot
-    /// has written. None of it counts for a robot that has not found its place.
+    /// The increments of the mapper's map: what of it was taken from others, and all that this robot
+    /// has written. Of the others' nothing counts for a robot that has not found its place.
     #[must_use]
-    pub fn version(&self, mapper: &Mapper) -> u64 {
+    pub fn taken(&self, mapper: &Mapper) -> VersionVector {
         let mut vector = if mapper.is_placed() { self.taken.clone() } else { VersionVector::default() };
         let author = AuthorId::of_robot(&self.robot);
         vector.set(author, mapper.written().max(vector.get(author)));
-        vector.version()
+        vector
     }
 
     /// The increments that this robot has: its copy's, and all that it has written, of which some
