@@ -8,15 +8,16 @@ use std::time::Duration;
 use zenoh::Config;
 
 /// How long an endpoint may take to say why.
-const ANSWER: Duration = Duration::from_secs(3);
+pub(crate) const ANSWER: Duration = Duration::from_secs(3);
 /// How long one that says nothing may take to be there at all.
 const LISTENS: Duration = Duration::from_secs(1);
 
-/// Why a session with `config` cannot be opened at each of `endpoints`, tried one after the other.
-pub async fn reasons(config: &Config, endpoints: &[String]) -> String {
+/// Why a session with `config` cannot be opened at each of `endpoints`, tried one after the other,
+/// each for as long as `answer`.
+pub async fn reasons(config: &Config, endpoints: &[String], answer: Duration) -> String {
     let mut reasons = Vec::new();
     for endpoint in endpoints {
-        let reason = match tokio::time::timeout(ANSWER, trial(config, endpoint)).await {
+        let reason = match tokio::time::timeout(answer, trial(config, endpoint)).await {
             Ok(Ok(())) => Some("there is one now".to_owned()),
             Ok(Err(error)) => Some(in_words(&error)),
             Err(_) => None,

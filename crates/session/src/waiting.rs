@@ -12,8 +12,11 @@ const REMARK_AFTER: Duration = Duration::from_secs(3);
 /// … and again after each such time, until the session is open.
 const REMARK_EVERY: Duration = Duration::from_secs(5);
 
-/// So long the reasons of all endpoints may take when the patience is over.
-const REASONS_WITHIN: Duration = Duration::from_secs(5);
+/// So long before the patience is over the reasons are looked for, at most: one endpoint that says
+/// nothing takes nearly all of it.
+const REASONS_WITHIN: Duration = Duration::from_secs(4);
+/// … and so long after it, so that there are reasons on a busy machine, too.
+const GRACE: Duration = Duration::from_secs(1);
 
 /// Between two attempts to open a session, at first and at most.
 const FIRST_DELAY: Duration = Duration::from_millis(100);
@@ -28,13 +31,19 @@ pub enum ConnectError {
     #[error(transparent)]
     Credentials(#[from] CredentialError),
     /// Zenoh opens no session.
-    #[error("no session with {endpoints:?}: {reason}")]
+    #[error("no server or router at {}{}: {reason}", endpoints.join(", "), within(*patience))]
     Refused {
         /// Where to.
         endpoints: Vec<String>,
+        /// For how long it was tried, if more than once.
+        patience: Option<Duration>,
         /// What Zenoh says.
         reason: String,
     },
+}
+
+fn within(patience: Option<Duration>) -> String {
+    patience.map(|patience| format!(" within {:.0} s", patience.as_secs_f64())).unwrap_or_default()
 }
 
 /// Opens a session.
@@ -53,7 +62,7 @@ pub async fn open_configured(mut config: Config, patience: Option<Duration>) -> 
     warn_of_threads(&endpoints);
     let waits =
         has(&config, "mode", "\"client\"") && (patience.is_some() || has(&config, "connect/timeout_ms", FOREVER));
-    let refused = |reason: String| ConnectError::Refused { endpoints: endpoints.clone(), reason };
+    let refused = |reason: String| ConnectError::Refused { endpoints: endpoints.clone(), patience, reason };
     if !waits || endpoints.is_empty() {
         return attempt(config).await.map_err(|error| refused(trouble::in_words(&error)));
     }
@@ -63,12 +72,24 @@ pub async fn open_configured(mut config: Config, patience: Option<Duration>) -> 
     let begin = Instant::now();
     let trying = try_until_open(&config, &endpoints, begin + REMARK_AFTER);
     let Some(patience) = patience else { return Ok(trying.await) };
-    if let Ok(session) = tokio::time::timeout(patience, trying).await {
-        return Ok(session);
+    tokio::select! {
+        session = trying => Ok(session),
+        reasons = at_the_end(&config, &endpoints, patience) => Err(refused(reasons)),
     }
-    // Long enough to be refused, but many silent endpoints are not waited for.
-    let reasons = tokio::time::timeout(REASONS_WITHIN, trouble::reasons(&config, &endpoints)).await;
-    Err(refused(reasons.unwrap_or_else(|_| "no answer".to_owned())))
+}
+
+/// When the patience is over, why there is no session. That is looked for before its end, so that
+/// nobody waits for much longer than was said.
+async fn at_the_end(config: &Config, endpoints: &[String], patience: Duration) -> String {
+    let end = Instant::now() + patience;
+    let within = patience.min(REASONS_WITHIN);
+    tokio::time::sleep(patience - within).await;
+    let answer = ((within + GRACE) * 2 / 3).min(trouble::ANSWER);
+    let reasons = trouble::reasons(config, endpoints, answer);
+    let found = tokio::time::timeout_at((end + GRACE).into(), reasons).await;
+    tokio::time::sleep_until(end.into()).await;
+    // Many silent endpoints are not waited for.
+    found.unwrap_or_else(|_| "no answer".to_owned())
 }
 
 /// Says once that TLS may crash on Zenoh's own threads (`docs/upstream.md`). The programs see to it
@@ -99,7 +120,7 @@ async fn try_until_open(config: &Config, endpoints: &[String], mut remark_at: In
         };
         tracing::debug!("no session yet: {}", trouble::in_words(&error));
         if Instant::now() >= remark_at {
-            tracing::warn!("waiting for a server: {}", trouble::reasons(config, endpoints).await);
+            tracing::warn!("waiting for a server: {}", trouble::reasons(config, endpoints, trouble::ANSWER).await);
             remark_at = Instant::now() + REMARK_EVERY;
         }
         tokio::time::sleep(delay).await;
