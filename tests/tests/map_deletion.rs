@@ -83,6 +83,12 @@ fn a_map_is_deleted_while_it_is_explored() {
         said(start(Role::ClientRobot, &[&args[..], &["--connect", &endpoint]].concat()).finish(PATIENCE).map(|_| ()));
     assert_eq!(told.matches("map museum will be deleted at").count(), 1, "{told}");
 
+    // An operator is told once, and what follows from it.
+    let place = ["place", "museum", "dock", "0,0", "--connect", &endpoint];
+    let told = said(start(Role::MapServer, &place).finish(PATIENCE).map(|_| ()));
+    assert_eq!(told.matches("map museum will be deleted at").count(), 1, "{told}");
+    assert!(told.contains("nothing is written") && told.contains("map-server undelete museum"), "{told}");
+
     // At once: the explorer that goes on is told, and does not begin the map anew.
     operate(&endpoint, &["undelete", "museum"]);
     operate(&endpoint, &[&delete[..], &["0s"]].concat());

@@ -36,12 +36,12 @@ pub(super) async fn connect(link: &ServerEndpoints, waiting: &Waiting) -> Result
 
 /// A server listens before it answers, and a map may be made later: asks until there is an answer,
 /// and the map if one is needed, for as long as that is waited for. A map that is not there is left
-/// to the command itself to tell.
+/// to the command itself to tell. If the map will be deleted, returns the sentence that says so.
 pub(super) async fn until_there(
     session: &Session,
     map: Option<&MapName>,
     waiting: &Waiting,
-) -> Result<(), OperatorError> {
+) -> Result<Option<String>, OperatorError> {
     let (mut answer, mut content) = (waiting.for_answer(), waiting.for_content());
     let key = map.map_or(Key::Maps, |map| Key::topic(map, Topic::Head)).to_string();
     loop {
@@ -51,20 +51,12 @@ pub(super) async fn until_there(
             Err(AskError::Refused(reply))
                 if reply.code == ErrorCode::UnknownMap && content.goes_on(format!("the map: {}", reply.message)) => {}
             Ok(payload) => {
-                tell_deletion(map, &payload);
-                return Ok(());
+                let head = map.and_then(|map| fht_client::read_head(&payload, map).ok());
+                return Ok(head.and_then(|head| Some(head.deletion?.sentence(&head.map))));
             }
-            Err(_) => return Ok(()),
+            Err(_) => return Ok(None),
         }
         tokio::time::sleep(ASK_AGAIN).await;
-    }
-}
-
-/// Whoever uses a map that will be deleted is told.
-fn tell_deletion(map: Option<&MapName>, payload: &[u8]) {
-    let head = map.and_then(|map| fht_client::read_head(payload, map).ok());
-    if let Some((deletion, head)) = head.as_ref().and_then(|head| head.deletion.as_ref().zip(Some(head))) {
-        eprintln!("map-server: {}", deletion.sentence(&head.map));
     }
 }
 

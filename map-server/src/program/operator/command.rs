@@ -60,12 +60,34 @@ impl Operation {
             .map_err(|error| OperatorError::Usage(error.to_string()))?;
         let session = connect(&link, waiting).await?;
         let outcome = match until_there(&session, self.map(), waiting).await {
-            Ok(()) => self.with(&session, args, merge).await,
+            Ok(deletion) => self.with_told(&session, args, merge, deletion).await,
             Err(error) => Err(error),
         };
         // Everything is answered; whether the goodbye arrives does not matter.
         let _ = session.close().await;
         outcome
+    }
+
+    /// The same, for a map of which `deletion` says that it will be deleted: whoever uses it is told
+    /// once.
+    async fn with_told(
+        self,
+        session: &Session,
+        args: &OperatorArgs,
+        config: MergeConfig,
+        deletion: Option<String>,
+    ) -> Result<(), OperatorError> {
+        let (Some(map), Some(deletion)) = (self.map().cloned(), deletion) else {
+            return self.with(session, args, config).await;
+        };
+        // What these two have to say is about nothing else.
+        if !matches!(self, Self::Delete { .. } | Self::Undelete { .. }) {
+            eprintln!("map-server: {deletion}");
+        }
+        self.with(session, args, config).await.map_err(|error| match error {
+            OperatorError::Refused(reply) if reply.message == deletion => OperatorError::ToBeDeleted { map },
+            error => error,
+        })
     }
 
     async fn with(self, session: &Session, args: &OperatorArgs, config: MergeConfig) -> Result<(), OperatorError> {

@@ -35,6 +35,12 @@ pub enum OperatorError {
     /// The server refused, with its reason.
     #[error("{0}")]
     Refused(ErrorReply),
+    /// A map that is to be deleted takes nothing new; when and why that is was said before.
+    #[error("nothing is written: a map that will be deleted takes nothing new; `map-server undelete {map}` keeps it")]
+    ToBeDeleted {
+        /// The map.
+        map: MapName,
+    },
     /// The answer cannot be read.
     #[error("the server's answer cannot be read: {0}")]
     Answer(String),
