@@ -10,7 +10,7 @@ use fht_map::{MapState, NodeRef, Rules};
 use fht_perception::frame::{Panorama, SensorFrame};
 use fht_perception::pose::{Point2, Pose2, from_fixed};
 use fht_perception::robot::{Robot, RobotError, SilenceConfig, Supervised};
-use fht_proto::api::reply::{ErrorCode, ErrorReply};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, known_names};
 use fht_proto::{Descriptor, Footprint, Label, NodeId};
 use fht_worker::Taking;
 use rand::{RngExt, SeedableRng};
@@ -27,6 +27,8 @@ pub trait MapSource {
     /// Where the place of this name is: its pose in the map frame. Names hold at once, whatever
     /// release is run.
     fn place(&self, name: &Label) -> Option<Pose2>;
+    /// The names of all places.
+    fn places(&self) -> Vec<Label>;
 }
 
 impl MapSource for LiveReplica {
@@ -39,6 +41,9 @@ impl MapSource for LiveReplica {
     fn place(&self, name: &Label) -> Option<Pose2> {
         MapSource::place(self.read().state(), name)
     }
+    fn places(&self) -> Vec<Label> {
+        MapSource::places(self.read().state())
+    }
 }
 
 impl MapSource for MapState {
@@ -50,6 +55,9 @@ impl MapSource for MapState {
     }
     fn place(&self, name: &Label) -> Option<Pose2> {
         self.annotations().place(name).map(from_fixed)
+    }
+    fn places(&self) -> Vec<Label> {
+        self.annotations().places().map(|(name, _)| name.clone()).collect()
     }
 }
 
@@ -302,8 +310,8 @@ pub(crate) fn place_of(goal: &MissionGoal, map: &dyn MapSource) -> Result<DriveG
         MissionGoal::Point(point) => Ok((*point).into()),
         MissionGoal::Pose(pose) => Ok((*pose).into()),
         MissionGoal::Named(name) => {
-            let found = map.place(name).map(DriveGoal::from);
-            found.ok_or_else(|| unknown(ErrorCode::UnknownPlace, &format!("place called {name}")))
+            let what = || format!("place called {name} ({})", known_names(map.places()));
+            map.place(name).map(DriveGoal::from).ok_or_else(|| unknown(ErrorCode::UnknownPlace, &what()))
         }
         MissionGoal::Node(id) => {
             let mut found = None;

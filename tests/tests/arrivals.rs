@@ -92,19 +92,22 @@ fn robots_end_where_they_say_and_everybody_knows_where_that_is() {
 
     // The truth lies elsewhere: the robot believes that it arrived, the simulator knows better.
     let astray = go("north", &["--map-origin", "3,3,0"]);
-    let (words, _) = said(&astray);
+    let (words, why) = said(&astray);
     assert_eq!(astray.status.code(), Some(1), "{words}");
-    assert!(!words.contains("arrived after") && words.contains("says that it arrived, but it stands"), "{words}");
+    assert!(!words.contains("arrived after") && why.contains("says that it arrived, but it stands"), "{words} {why}");
     let astray = run(
         Role::ClientRobot,
         &[&["relocalize", "--start", "0,0,2", "--no-camera", "--map-origin", "3,3,0"][..], &link].concat(),
     );
-    assert!(astray.status.code() == Some(1) && said(&astray).0.contains("m and "), "{astray:?}");
+    assert!(astray.status.code() == Some(1) && said(&astray).1.contains("m and "), "{astray:?}");
 
     // Nowhere to go.
     let begin = Instant::now();
     let nowhere = go("500,500", &[]);
     assert_eq!(nowhere.status.code(), Some(1));
-    assert!(said(&nowhere).0.contains("failed: no path"), "{nowhere:?}");
+    assert!(said(&nowhere).1.contains("client-robot: failed: no path"), "{nowhere:?}");
+    let quiet = go("500,500", &["--quiet"]);
+    let (words, why) = said(&quiet);
+    assert!(quiet.status.code() == Some(1) && words.is_empty() && why.contains("failed: no path"), "{quiet:?}");
     assert!(begin.elapsed() < Duration::from_secs(60));
 }

@@ -216,7 +216,10 @@ fn a_robot_is_sent_twice_by_other_peoples_programs_over_a_server_that_is_started
     assert_eq!((sent.state, sent.id.as_deref()), (GoalState::Driving, Some("1")));
     assert!(sent.to_go_m.is_some_and(|metres| metres > 1.0) && sent.stamp_us.is_some(), "{sent:?}");
     let (_, refused) = cli(&["get", "-s", "fht/museum/robots/tug/goal?id=x;to=upstairs", "--decoder", "json"]);
-    assert!(refused.contains("UNKNOWN_PLACE") && refused.contains("no place called upstairs"), "{refused}");
+    assert!(
+        refused.contains("UNKNOWN_PLACE") && refused.contains("no place called upstairs (there is: far, home)"),
+        "{refused}"
+    );
     let far = site.arrives("1").goal.unwrap();
     assert!(apart(site.pose(), [far[0], far[1], 0.0]) < 0.5);
 
@@ -239,8 +242,10 @@ fn a_robot_is_sent_twice_by_other_peoples_programs_over_a_server_that_is_started
     let near = ["send", "museum", "tug", "60,0", "--to-nearest", "--id", "4", "--json"];
     let status: GoalStatus = serde_json::from_str(&site.operate(&near).unwrap()).unwrap();
     assert_eq!(status.state, GoalState::Driving);
+    site.operate(&["send", "museum", "tug", "home", "--id", "5"]).unwrap();
     let said = site.operate(&["cancel", "museum", "tug", "4"]).unwrap();
-    assert!(said.starts_with("tug: goal 4 CANCELLED"), "{said}");
+    assert!(said.starts_with("tug: goal 4 CANCELLED") && said.contains("; goal 5 is next"), "{said}");
+    site.operate(&["cancel", "museum", "tug", "5"]).unwrap();
     let said = site.operate(&["cancel", "museum", "tug", "nothing"]).unwrap_err();
     assert!(said.contains("knows of no goal nothing"), "{said}");
     let said = site.operate(&["send", "museum", "tow", "far"]).unwrap_err();
@@ -316,6 +321,7 @@ fn a_second_robot_of_the_name_is_refused_and_the_first_says_its_last_word() {
     let robot = std::mem::replace(&mut site.robot, start(Role::MapServer, &["maps", "--connect", &site.endpoint]));
     let printed = robot.finish(PATIENCE).unwrap();
     println!("ended after {:.0} ms", asked.elapsed().as_secs_f64() * 1e3);
+    assert!(printed.starts_with("tug is at (") && printed.contains(") on map museum and takes goals\n"), "{printed}");
     assert!(printed.contains("CANCELLED: the robot takes no more goals"), "{printed}");
     let mut last = Vec::new();
     while let Ok(Some(sample)) = heard.recv_timeout(Duration::from_secs(2)) {

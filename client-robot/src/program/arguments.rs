@@ -30,7 +30,7 @@ pub(super) struct Cli {
     /// The ground that the robot covers: a radius, or the corners of a convex polygon around its
     /// base, x,y_x,y_x,y, metres. Its clearances follow from it, and its margin is the file's
     /// [default: 0.105].
-    #[arg(long, global = true, allow_hyphen_values = true)]
+    #[arg(long, value_name = "METRES|CORNERS", global = true, allow_hyphen_values = true)]
     pub(super) footprint: Option<Footprint>,
     #[command(subcommand)]
     pub(super) command: Option<Command>,
@@ -77,7 +77,7 @@ pub(super) enum Command {
         robot: RobotArgs,
         /// Where to: x,y in metres (map frame), a node id, the name of a place, where the robot
         /// turns to its heading, or 'random'.
-        #[arg(long, allow_hyphen_values = true)]
+        #[arg(long, value_name = "PLACE", allow_hyphen_values = true)]
         to: String,
         /// If the goal cannot be reached, drive to the nearest point that can.
         #[arg(long)]
@@ -111,10 +111,10 @@ wrong usage or bad input.")]
 #[derive(Debug, Args)]
 pub(super) struct WayArgs {
     /// From where: x,y in metres, a node id or the name of a place.
-    #[arg(long, allow_hyphen_values = true)]
+    #[arg(long, value_name = "PLACE", allow_hyphen_values = true)]
     pub(super) from: String,
     /// Where to: x,y in metres, a node id or the name of a place.
-    #[arg(long, allow_hyphen_values = true)]
+    #[arg(long, value_name = "PLACE", allow_hyphen_values = true)]
     pub(super) to: String,
     /// If the goal cannot be reached, the path to the nearest point that can.
     #[arg(long)]
@@ -126,7 +126,7 @@ pub(super) struct LinkArgs {
     #[command(flatten)]
     pub(super) server: ConnectArgs,
     /// The map [default: as a simulated robot's world is called, or museum].
-    #[arg(long)]
+    #[arg(long, value_name = "NAME")]
     pub(super) map: Option<MapName>,
 }
 
@@ -135,15 +135,15 @@ pub(super) struct RobotArgs {
     #[command(flatten)]
     pub(super) setup: SimSetup,
     /// Seed of light and camera gain: another day than the mapping [default: 1].
-    #[arg(long)]
+    #[arg(long, value_name = "NUMBER")]
     pub(super) light_seed: Option<u64>,
     /// The robot's name: 1 to 64 of the letters a to z and A to Z, digits, _ or - [default:
     /// client].
-    #[arg(long)]
+    #[arg(long, value_name = "NAME")]
     pub(super) robot: Option<RobotName>,
     /// A descriptor model to use in place of the built-in one: an ONNX file with its description
     /// beside it, the one that the map was made with.
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     pub(super) model: Option<PathBuf>,
     /// Do not fetch a missing ONNX Runtime library from PyPI: start no process for it.
     #[arg(long)]
@@ -152,7 +152,7 @@ pub(super) struct RobotArgs {
     #[arg(long, alias = "no-camera")]
     pub(super) no_cameras: bool,
     /// Give up after this much simulated time, seconds [default: 1500].
-    #[arg(long, alias = "max-time-s", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", alias = "max-time-s", value_parser = seconds)]
     pub(super) max_sim: Option<f64>,
     /// Write the run, with the map that the robot uses, as a bag for ROS 2 and Foxglove: a file
     /// (FILE.mcap) or a rosbag2 folder.
@@ -170,7 +170,7 @@ pub(super) struct ServeArgs {
     #[command(flatten)]
     pub(super) robot: RobotArgs,
     /// Simulated seconds a second [default: 1].
-    #[arg(long, value_parser = rate)]
+    #[arg(long, value_name = "FACTOR", value_parser = rate)]
     pub(super) rate: Option<f64>,
 }
 

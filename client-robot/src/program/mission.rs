@@ -95,6 +95,9 @@ pub(super) fn mission(
         }
     };
     args.report.give(&report, in_words).map_err(CliError::Report)?;
+    if let Some(failure) = &report.failure {
+        eprintln!("client-robot: failed: {failure}");
+    }
     let is_done =
         if *goal == MissionGoal::None { report.localized_at_end && report.failure.is_none() } else { report.arrived };
     Ok(if is_done { ExitCode::SUCCESS } else { ExitCode::from(1) })
@@ -156,7 +159,7 @@ fn require(goal: &MissionGoal, map: &MapName, replica: &LiveReplica, waiting: &W
         if is_there {
             return Ok(());
         }
-        let known = known_names(replica.read().state().annotations().places().map(|(name, _)| name));
+        let known = known_names(replica.places());
         let unknown = CliError::UnknownGoal { map: map.clone(), what, known };
         if !content.goes_on(&unknown) {
             return Err(unknown);

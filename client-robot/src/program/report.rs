@@ -131,9 +131,6 @@ pub(super) fn print_report(report: &MissionReport) {
         let turn = report.goal_turn_deg.map(|degrees| format!(" and {degrees:.1} degrees")).unwrap_or_default();
         print_line!("arrived after {driven:.1} m{shortest}, {left:.2} m{turn} from the goal");
     }
-    if let Some(failure) = &report.failure {
-        print_line!("failed: {failure}");
-    }
     if report.planner == Some(Planner::Replica) {
         print_line!("the server was silent: the path was planned on the robot's own copy of the map");
     }

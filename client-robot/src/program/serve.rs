@@ -9,9 +9,11 @@ use super::pose_publisher::PosePublisher;
 use super::recording::Recording;
 use super::settings::{ClientFile, ClientSection};
 use crate::goal_service::GoalService;
-use crate::mission::{MissionConfig, MissionError, Services};
+use crate::mission::{MissionConfig, MissionError, MissionObserver, Services};
+use crate::pilot::{Pilot, PilotStep};
 use crate::serving::{ServeError, serve};
 use fht_client::{Presence, ServerPaths};
+use fht_perception::frame::SensorFrame;
 use fht_perception::robot::Paced;
 use fht_program::{Stop, Waiting, print_line};
 use fht_proto::api::fleet::RobotRole;
@@ -19,6 +21,7 @@ use fht_proto::api::goal::{GoalState, GoalStatus};
 use fht_session::check_owner;
 use fht_worker::Taking;
 use serde::Serialize;
+use std::ops::ControlFlow;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -91,13 +94,14 @@ pub(super) fn serving(
     let _order = stop.in_order();
     let recording = Recording::start(args.robot.record.as_deref(), &replica)?;
     let publisher = PosePublisher::new(presence, &replica);
-    let mut observer = (recording, (UntilAsked(stop.clone()), (publisher, display)));
+    let ready = Ready(says.then(|| (name.clone(), map.to_string())));
+    let mut observer = (recording, (UntilAsked(stop.clone()), (publisher, (display, ready))));
     let ClientSection { pilot, silence, walls, .. } = file.client;
     let config = MissionConfig { pilot, silence, walls, ..MissionConfig::default() };
     let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe };
     let robot = Paced::new(simulator, Some(args.rate.unwrap_or(1.0)));
     let ended = runtime()?.block_on(serve(robot, config, &name, &mut desk, &mut services, &mut observer));
-    let (recording, (_, (publisher, display))) = observer;
+    let (recording, (_, (publisher, (display, _)))) = observer;
     publisher.finish();
     drop(desk);
     display.finish();
@@ -126,6 +130,22 @@ fn give(args: &RobotArgs, report: &ServeReport) -> Result<(), CliError> {
         }
     };
     args.report.give(report, in_words).map_err(CliError::Report)
+}
+
+/// Says once that the robot, of this name and on this map, knows its place: from then on it takes
+/// goals.
+struct Ready(Option<(String, String)>);
+
+impl MissionObserver for Ready {
+    fn on_frame(&mut self, _: &SensorFrame, step: &PilotStep, _: &Pilot) -> ControlFlow<()> {
+        if let Some(at) = step.localization.map_from_base()
+            && let Some((robot, map)) = self.0.take()
+        {
+            let at = at.translation;
+            print_line!("{robot} is at ({:.2}, {:.2}) on map {map} and takes goals", at.x, at.y);
+        }
+        ControlFlow::Continue(())
+    }
 }
 
 /// Two robots of one name would both drive where one is sent.

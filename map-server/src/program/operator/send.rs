@@ -99,7 +99,8 @@ pub(super) fn in_words(status: &GoalStatus) -> String {
     let id = status.id.as_deref().map(|id| format!(" goal {id}")).unwrap_or_default();
     let far = status.to_go_m.map(|metres| format!(", {metres:.1} m to go")).unwrap_or_default();
     let why = status.reason.as_deref().map(|reason| format!(": {reason}")).unwrap_or_default();
-    format!("{}:{id} {}{far}{why}", status.robot, status.state)
+    let next = status.waiting.as_deref().map(|next| format!("; goal {next} is next")).unwrap_or_default();
+    format!("{}:{id} {}{far}{why}{next}", status.robot, status.state)
 }
 
 #[cfg(test)]
