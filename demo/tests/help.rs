@@ -86,6 +86,22 @@ fn no_help_has_lines_that_a_terminal_of_100_columns_breaks() {
 }
 
 #[test]
+fn a_flags_value_is_called_what_it_is() {
+    for program in programs() {
+        for (name, command) in commands(&program, program.get_name()) {
+            let flags = command.get_arguments().filter(|flag| flag.get_action().takes_values() && !flag.is_hide_set());
+            for flag in flags {
+                // Seconds, metres, a file: the name of the flag over again says nothing.
+                let Some(long) = flag.get_long() else { continue };
+                let values = flag.get_value_names().unwrap_or_default();
+                let again = long.replace('-', "_").to_uppercase();
+                assert!(!values.is_empty() && values[0].as_str() != again, "{name} --{long} {values:?}");
+            }
+        }
+    }
+}
+
+#[test]
 fn coordinates_and_angles_may_be_negative() {
     for line in [
         "client-robot path --from -1,2 --to -3,-1",

@@ -49,6 +49,8 @@ pub struct FleetTrialConfig {
     pub map: MapName,
     /// How many clients.
     pub clients: usize,
+    /// Their copies ask for the head this often, seconds; a robot's does every 2.
+    pub head_every_s: f64,
     /// Questions of each client, per second.
     pub rate_hz: f64,
     /// How long each kind of question is asked, seconds.
@@ -188,6 +190,7 @@ fn clients_of(config: &FleetTrialConfig, endpoint: &str, part: Option<(usize, us
     for (name, value) in [
         ("--first", first.to_string()),
         ("--clients", clients.to_string()),
+        ("--head-every", config.head_every_s.to_string()),
         ("--rate", config.rate_hz.to_string()),
         ("--seconds", seconds.to_string()),
         ("--turn", config.turn_s.to_string()),

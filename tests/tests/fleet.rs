@@ -13,6 +13,7 @@ fn all_questions_of_a_small_fleet_are_answered() {
         data: folder.path().join("data"),
         map: "hall".parse().unwrap(),
         clients: 20,
+        head_every_s: 2.0,
         rate_hz: 20.0,
         seconds: 2.0,
         turn_s: 1.0,

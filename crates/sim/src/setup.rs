@@ -12,13 +12,13 @@ use std::path::{Path, PathBuf};
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct SimSetup {
     /// The building: museum, office, or the path of a Nav2 map.yaml or a Gazebo .world.
-    #[cfg_attr(feature = "cli", arg(long, default_value = "museum"))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "NAME|FILE", default_value = "museum"))]
     pub world: String,
     /// Folder of pictures to paint the walls of a Nav2 map with.
-    #[cfg_attr(feature = "cli", arg(long))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FOLDER"))]
     pub textures: Option<PathBuf>,
     /// Seed of the building's drawing.
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = 1))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "NUMBER", default_value_t = 1))]
     pub world_seed: u64,
     /// Where the robot begins, in the world frame: x,y or x,y,yaw, metres and degrees (or radians:
     /// 1.57rad). It must fit there. Default: the world's own start for an explorer; anywhere free,
@@ -31,7 +31,7 @@ pub struct SimSetup {
     #[cfg_attr(feature = "cli", arg(long, value_name = "X,Y,YAW", value_parser = fht_perception::pose::parse, allow_hyphen_values = true))]
     pub map_origin: Option<Pose2>,
     /// Seed of the sensors' noise, of the wheels' errors, and of what the robot draws by lot.
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = 1))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "NUMBER", default_value_t = 1))]
     pub seed: u64,
 }
 

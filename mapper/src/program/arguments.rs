@@ -98,10 +98,10 @@ pub(super) struct ExploreArgs {
     #[arg(long)]
     pub(super) again: bool,
     /// Seed of the light in the building [default: 0].
-    #[arg(long)]
+    #[arg(long, value_name = "NUMBER")]
     pub(super) light_seed: Option<u64>,
     /// Multiplies the wheels' errors [default: 1].
-    #[arg(long, value_parser = drift)]
+    #[arg(long, value_name = "FACTOR", value_parser = drift)]
     pub(super) drift: Option<f64>,
     /// Map with the LiDAR alone: nodes carry no descriptors.
     #[arg(long)]
@@ -111,7 +111,7 @@ pub(super) struct ExploreArgs {
     #[arg(long)]
     pub(super) real_time: bool,
     /// Give up after this much simulated time, seconds [default: 14400].
-    #[arg(long, value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub(super) max_sim: Option<f64>,
     /// Print a line of JSON about every simulated second: sim_s, free_area_m2, nodes, written,
     /// acknowledged, placed.

@@ -24,17 +24,17 @@ pub(super) struct ReplayArgs {
 #[command(next_help_heading = "What is what in the bag")]
 struct FrameArgs {
     /// Scans (sensor_msgs/LaserScan); by default /scan, or the only such topic.
-    #[arg(long)]
+    #[arg(long, value_name = "TOPIC")]
     scan_topic: Option<String>,
     /// Odometry (nav_msgs/Odometry), or the topic of the transforms; by default /odom, the only
     /// such topic, or /tf.
-    #[arg(long)]
+    #[arg(long, value_name = "TOPIC")]
     odom_topic: Option<String>,
     /// Moving transforms [default: /tf].
-    #[arg(long)]
+    #[arg(long, value_name = "TOPIC")]
     tf_topic: Option<String>,
     /// Fixed transforms [default: /tf_static].
-    #[arg(long)]
+    #[arg(long, value_name = "TOPIC")]
     tf_static_topic: Option<String>,
     /// Cameras ahead, left, behind, right, with commas between (sensor_msgs/Image or
     /// CompressedImage); NAME/compressed is looked for too. By default /camera_front/image,
@@ -45,17 +45,17 @@ struct FrameArgs {
     #[arg(long, conflicts_with = "camera_topics")]
     no_cameras: bool,
     /// The robot's frame; by default what the odometry says.
-    #[arg(long)]
+    #[arg(long, value_name = "FRAME")]
     base_frame: Option<String>,
     /// The frame that odometry transforms start from [default: odom].
-    #[arg(long)]
+    #[arg(long, value_name = "FRAME")]
     odom_frame: Option<String>,
     /// Take ranges from here on as no return, metres [default: 200].
-    #[arg(long)]
+    #[arg(long, value_name = "METRES")]
     range_max: Option<f64>,
     /// Longest time between two odometry messages that is interpolated over, seconds [default:
     /// 0.5].
-    #[arg(long)]
+    #[arg(long, value_name = "SECONDS")]
     odom_gap: Option<f64>,
     /// End with an error when no transform says where the scanner is, in place of taking it to be
     /// at the robot's centre.

@@ -19,11 +19,11 @@ const DEFAULT_ROBOT: &str = "explorer";
 #[derive(Debug, Args)]
 pub(super) struct RunArgs {
     /// Name of the map; by default that of the world or bag.
-    #[arg(long)]
+    #[arg(long, value_name = "NAME")]
     map: Option<MapName>,
     /// Name of the robot: 1 to 64 of the letters a to z and A to Z, digits, _ or - [default:
     /// explorer].
-    #[arg(long)]
+    #[arg(long, value_name = "NAME")]
     robot: Option<RobotName>,
     #[command(flatten)]
     link: ConnectArgs,
@@ -31,16 +31,16 @@ pub(super) struct RunArgs {
     #[arg(long)]
     pub(super) offline: bool,
     /// Another descriptor model: an ONNX file with its description beside it.
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     /// Do not fetch a missing ONNX Runtime library from PyPI: start no process for it.
     #[arg(long)]
     no_fetch: bool,
     /// Simulated or recorded seconds per second; by default as fast as possible.
-    #[arg(long, value_parser = rate)]
+    #[arg(long, value_name = "FACTOR", value_parser = rate)]
     pub(super) rate: Option<f64>,
     /// How long to wait at the end for the server to acknowledge everything, seconds [default: 60].
-    #[arg(long, value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     linger: Option<f64>,
     /// Write the run, with its map, as a bag for ROS 2 and Foxglove: a file (FILE.mcap) or a
     /// rosbag2 folder.

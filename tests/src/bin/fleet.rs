@@ -34,6 +34,10 @@ struct FleetArgs {
     /// How many clients.
     #[arg(long, default_value_t = 500)]
     clients: usize,
+    /// Each client's copy asks for the head this often, seconds. All clients share this machine:
+    /// 2,000 that ask every 2 s take more than one processor.
+    #[arg(long, value_name = "SECONDS", default_value_t = 2.0)]
+    head_every: f64,
     /// Questions of each client, a second.
     #[arg(long, default_value_t = 20.0)]
     rate: f64,
@@ -86,6 +90,8 @@ struct ClientsArgs {
     #[arg(long)]
     clients: usize,
     #[arg(long)]
+    head_every: f64,
+    #[arg(long)]
     rate: f64,
     #[arg(long)]
     seconds: f64,
@@ -126,6 +132,7 @@ fn be_clients(args: ClientsArgs) -> Result<(), String> {
         map: args.map.parse().map_err(|error: fht_proto::model::ids::ParseIdError| error.to_string())?,
         first: args.first,
         clients: args.clients,
+        head_every_s: args.head_every,
         rate_hz: args.rate,
         warm_up_s: args.warm_up,
         seconds: args.seconds,
@@ -150,6 +157,7 @@ fn fleet(args: &FleetArgs) -> Result<bool, String> {
         data: folder.path().join("data"),
         map: SimSetup::of(&args.world).map_name().map_err(|error| text(&error))?,
         clients: args.clients,
+        head_every_s: args.head_every,
         rate_hz: args.rate,
         seconds: args.seconds,
         turn_s: args.turn,

@@ -57,6 +57,8 @@ pub struct ClientsConfig {
     pub first: usize,
     /// How many clients.
     pub clients: usize,
+    /// Their copies ask for the head this often, seconds.
+    pub head_every_s: f64,
     /// Questions of each client, per second.
     pub rate_hz: f64,
     /// How long each kind is asked before anything counts, seconds.
@@ -231,13 +233,14 @@ pub fn run(config: &ClientsConfig, told: impl BufRead, mut say: impl FnMut(&Even
     let sessions = runtime.block_on(open_all(config))?;
     let first = sessions.first().ok_or(TrialError::Late("a client did not get the map"))?;
     let vector = ask_head(first, &config.map, PATIENCE)?.vector;
+    let copying = ReplicaConfig { head_every_s: config.head_every_s, ..ReplicaConfig::default() };
     let mut replicas = Vec::new();
     // Not all at once: who waits too long for a server asks again, and keeps it from the others.
     for joining in sessions.chunks(JOINING) {
         let count = replicas.len();
         for (number, session) in (config.first + count..).zip(joining) {
             let name = format!("fleet-{number}");
-            replicas.push(LiveReplica::start(session, &config.map, &name, ReplicaConfig::default())?);
+            replicas.push(LiveReplica::start(session, &config.map, &name, copying.clone())?);
         }
         if !replicas.iter().skip(count).all(|replica| replica.wait_for(&vector, PATIENCE)) {
             return Err(TrialError::Late("a client did not get the map"));

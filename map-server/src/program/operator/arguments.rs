@@ -90,7 +90,7 @@ pub enum Operation {
         to: String,
         /// The goal's id: 1 to 64 of the letters a to z and A to Z, digits, _ or - [default: a new
         /// one].
-        #[arg(long)]
+        #[arg(long, value_name = "NAME")]
         id: Option<RobotName>,
         /// If the goal cannot be reached, to the nearest point that can.
         #[arg(long)]
@@ -272,7 +272,7 @@ An undo is a change, too: the next one takes it back.")]
         /// The file.
         file: PathBuf,
         /// This release instead of the newest state.
-        #[arg(long)]
+        #[arg(long, value_name = "NAME")]
         release: Option<ReleaseName>,
     },
     /// Takes a map in from a file.
@@ -283,7 +283,7 @@ An undo is a change, too: the next one takes it back.")]
         /// The file.
         file: PathBuf,
         /// Under this name instead of the one that it had.
-        #[arg(long)]
+        #[arg(long, value_name = "NAME")]
         map: Option<MapName>,
     },
     /// Deletes a map after a grace period, in which it can be read and nobody writes to it. Robots

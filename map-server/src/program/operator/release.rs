@@ -31,7 +31,7 @@ pub enum ReleaseAction {
         /// Its name [default: the day and a number, such as 2026-11-21.1].
         name: Option<ReleaseName>,
         /// Of this version.
-        #[arg(long)]
+        #[arg(long, value_name = "NUMBER")]
         version: Option<u64>,
     },
     /// Tell robots to use one; 'head': the newest state, as it grows.
