@@ -43,8 +43,10 @@ struct Strangers {
     endpoints: Vec<String>,
 }
 
+type Attack = fn(&Strangers);
+
 /// What they do, by the numbers that `attack --attacks` takes.
-const ATTACKS: [(u32, fn(&Strangers)); 7] = [
+const ATTACKS: [(u32, Attack); 7] = [
     (1, Strangers::draw_traffic),
     (2, Strangers::fail_handshakes),
     (3, Strangers::stay_idle),
