@@ -165,7 +165,7 @@ fn draw(
         picture.save(&PictureConfig::default(), &config.picture)?;
         (replica.vector().clone(), replica.state().digest())
     };
-    let is_servers = |vector, digest| agreement::is_servers(&session, map, vector, digest);
+    let is_servers = |vector, digest| agreement::is_servers(&session, map, vector, digest, PATIENCE);
     let mut agree = is_servers(&vector, digest)?;
     if let Some((vector, digest)) = &explored.state {
         agree &= is_servers(vector, *digest)?;

@@ -286,8 +286,8 @@ impl Peers {
         self.tell_goal(mapper);
     }
 
-    /// The increments of the mapper's map: what of it was taken from others, and all that this robot
-    /// has written. Of the others' nothing counts for a robot that has not found its place.
+    /// The increments of the mapper's map: what of it was taken from others, and all that this
+    /// robot has written. Of the others' nothing counts for a robot that has not found its place.
     #[must_use]
     pub fn taken(&self, mapper: &Mapper) -> VersionVector {
         let mut vector = if mapper.is_placed() { self.taken.clone() } else { VersionVector::default() };

@@ -68,8 +68,8 @@ impl Operation {
         outcome
     }
 
-    /// The same, for a map of which `deletion` says that it will be deleted: whoever uses it is told
-    /// once.
+    /// The same, for a map of which `deletion` says that it will be deleted: whoever uses it is
+    /// told once.
     async fn with_told(
         self,
         session: &Session,
