@@ -35,6 +35,9 @@ const PATIENCE: Duration = Duration::from_secs(60);
 pub const SERVER_THREADS: &str = "(acc: (handover: rx), net: (handover: rx))";
 /// Zenoh's threads for all clients of a process together, which share the machine with the server.
 const CLIENT_THREADS: &str = "(acc: (handover: rx), net: (handover: rx), tx: (handover: rx))";
+/// Zenoh's configuration of the server and all clients: while many sessions join on a busy machine,
+/// a link may be silent for longer than Zenoh's own lease of 10 s.
+const ZENOH: &str = "{transport: {link: {tx: {lease: 120000}}}}";
 /// How often the server's memory is sampled.
 const MEMORY_EVERY: Duration = Duration::from_millis(200);
 
@@ -142,12 +145,16 @@ impl FleetReport {
 /// [`TrialError`]. Failed questions are in the report.
 pub fn run(config: &FleetTrialConfig, increments: &[Increment]) -> Result<FleetReport, TrialError> {
     let endpoint = free_endpoint()?;
+    let zenoh_config = zenoh_config(config);
+    std::fs::write(&zenoh_config, ZENOH)?;
     let mut command = Command::new(&config.executable);
     command.args(["server", "--listen", &endpoint, "--data"]).arg(&config.data).env("ZENOH_RUNTIME", SERVER_THREADS);
+    command.arg("--zenoh-config").arg(&zenoh_config);
     let mut server = Process::run("the server", command)?;
     server.wait_until_listening(&endpoint, PATIENCE)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
-    let session = runtime.block_on(fht_session::open(&SessionConfig::from_options(vec![endpoint.clone()], None)))?;
+    let session = runtime
+        .block_on(fht_session::open(&SessionConfig::from_options(vec![endpoint.clone()], Some(zenoh_config))))?;
     let vector = upload_map(&session, &config.map, increments)?;
 
     let mut report = FleetReport {
@@ -180,6 +187,10 @@ pub fn run(config: &FleetTrialConfig, increments: &[Increment]) -> Result<FleetR
     Ok(report)
 }
 
+fn zenoh_config(config: &FleetTrialConfig) -> PathBuf {
+    config.data.with_extension("json5")
+}
+
 /// A process of clients: a part of all, who ask at their rate; or a single client that asks one
 /// question after the other.
 fn clients_of(config: &FleetTrialConfig, endpoint: &str, part: Option<(usize, usize)>) -> Command {
@@ -187,6 +198,7 @@ fn clients_of(config: &FleetTrialConfig, endpoint: &str, part: Option<(usize, us
     let (seconds, alone) = if part.is_some() { (config.seconds, 0) } else { (0.0, config.alone) };
     let mut command = Command::new(&config.executable);
     command.args(["clients", "--connect", endpoint, "--map", config.map.as_str()]).env("ZENOH_RUNTIME", CLIENT_THREADS);
+    command.arg("--zenoh-config").arg(zenoh_config(config));
     for (name, value) in [
         ("--first", first.to_string()),
         ("--clients", clients.to_string()),

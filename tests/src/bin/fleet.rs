@@ -11,8 +11,8 @@ use fht_tests::maps::{explored, hall};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Tries a fleet: clients with a live copy of the map each, 250 in a process, which ask for paths at a steady rate,
-/// and for as many bytes from a bare queryable of the same server, in turns.
+/// Tries a fleet: clients with a live copy of the map each, 250 in a process, which ask for paths
+/// at a steady rate, and for as many bytes from a bare queryable of the same server, in turns.
 ///
 /// Ends with 1 if a question failed, a copy is not the server's map in the end, or the server's
 /// memory has grown.
@@ -73,6 +73,8 @@ enum RoleCommand {
         data: PathBuf,
         #[arg(long)]
         listen: String,
+        #[arg(long)]
+        zenoh_config: PathBuf,
     },
     /// The fleet's clients.
     #[command(hide = true)]
@@ -83,6 +85,8 @@ enum RoleCommand {
 struct ClientsArgs {
     #[arg(long)]
     connect: String,
+    #[arg(long)]
+    zenoh_config: PathBuf,
     #[arg(long)]
     map: String,
     #[arg(long)]
@@ -110,8 +114,8 @@ fn main() -> ExitCode {
     fht_program::logging::init("warn,zenoh=error");
     let outcome = match cli.role {
         Some(_) if end_with_parent("fleet").is_err() => Err("no thread can be started".to_owned()),
-        Some(RoleCommand::Server { data, listen }) => {
-            server::serve(data, listen).map(|()| true).map_err(|error| error.to_string())
+        Some(RoleCommand::Server { data, listen, zenoh_config }) => {
+            server::serve(data, listen, zenoh_config).map(|()| true).map_err(|error| error.to_string())
         }
         Some(RoleCommand::Clients(args)) => be_clients(args).map(|()| true),
         None => fleet(&cli.fleet),
@@ -129,6 +133,7 @@ fn main() -> ExitCode {
 fn be_clients(args: ClientsArgs) -> Result<(), String> {
     let config = ClientsConfig {
         endpoint: args.connect,
+        zenoh_config: args.zenoh_config,
         map: args.map.parse().map_err(|error: fht_proto::model::ids::ParseIdError| error.to_string())?,
         first: args.first,
         clients: args.clients,

@@ -15,6 +15,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::io::BufRead;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -51,6 +52,8 @@ pub enum Kind {
 pub struct ClientsConfig {
     /// The server.
     pub endpoint: String,
+    /// Zenoh's configuration of all sessions.
+    pub zenoh_config: PathBuf,
     /// The map.
     pub map: MapName,
     /// The number of the first client.
@@ -281,7 +284,7 @@ pub fn run(config: &ClientsConfig, told: impl BufRead, mut say: impl FnMut(&Even
 }
 
 async fn open_all(config: &ClientsConfig) -> Result<Vec<Session>, TrialError> {
-    let link = SessionConfig::from_options(vec![config.endpoint.clone()], None);
+    let link = SessionConfig::from_options(vec![config.endpoint.clone()], Some(config.zenoh_config.clone()));
     let mut sessions = Vec::new();
     while sessions.len() < config.clients {
         let mut opening = tokio::task::JoinSet::new();

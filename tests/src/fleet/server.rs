@@ -29,8 +29,9 @@ fn answer(query: &Query) {
 ///
 /// # Errors
 /// [`ServerError`].
-pub fn serve(data: PathBuf, endpoint: String) -> Result<(), ServerError> {
-    let link = ServerEndpoints { listen: vec![endpoint], ..ServerEndpoints::default() };
+pub fn serve(data: PathBuf, endpoint: String, zenoh_config: PathBuf) -> Result<(), ServerError> {
+    let zenoh_config = Some(zenoh_config);
+    let link = ServerEndpoints { listen: vec![endpoint], zenoh_config, ..ServerEndpoints::default() };
     map_server::serve_until_signal(ServerConfig::new(data, link), |session| {
         session.declare_queryable(BARE_KEY).callback(|query| answer(&query)).wait()
     })
