@@ -8,6 +8,7 @@
 //! | module | idea |
 //! | --- | --- |
 //! | `tracking` | whether the robot is where it thinks it is, and how a lost one is found again |
+//! | `witness` | what was seen a moment ago: whether the wheels and the scans agree |
 //! | `keyframe` | the scans that join submaps and the graph |
 //! | `submap` | walls and free space that some keyframes saw |
 //! | `graph` | the keyframes and what was measured between them |
@@ -29,6 +30,7 @@ mod joining;
 mod keyframe;
 mod submap;
 mod tracking;
+mod witness;
 
 pub use closure::ClosureCounts;
 pub use config::SlamConfig;
@@ -37,7 +39,7 @@ pub(crate) use foreign_nodes::{Told, ToldNode};
 
 use crate::slam::calibration::OdometryCalibration;
 use back_end::{BackEnd, BackEndJob, BackEndResult};
-use closure::SubmapSighting;
+use closure::{Search, SubmapSighting};
 use estimate::locate;
 use fht_perception::frame::{LaserScan, SensorFrame};
 use fht_perception::grid::OccupancyGrid;
@@ -48,6 +50,7 @@ use foreign_nodes::Hearsay;
 use nalgebra::Matrix3;
 use std::sync::Arc;
 use submap::Submap;
+use witness::Witnesses;
 
 /// Frames between a job of the back end and its result.
 const BACK_END_DELAY_FRAMES: u64 = 40;
@@ -103,6 +106,9 @@ pub struct Slam {
     tracking: Tracking,
     /// Whether the newest scan contradicts the map: until one fits, nothing is mapped.
     is_contradicted: bool,
+    witnesses: Witnesses,
+    /// How often a lost robot was looked for and fitted nowhere.
+    searches_in_vain: usize,
     /// Driven while scans contradicted the map, metres.
     contradicted_m: f64,
     /// Whether the robot was lost, and no scan has been matched since.
@@ -144,6 +150,8 @@ impl Slam {
             last_view: None,
             tracking: Tracking::Matched,
             is_contradicted: false,
+            witnesses: Witnesses::default(),
+            searches_in_vain: 0,
             contradicted_m: 0.0,
             was_lost: false,
             is_found_again: false,
@@ -247,8 +255,12 @@ impl Slam {
                 self.grid.integrate(&locate(&self.poses, &view.anchored), &view.scan);
             }
         }
-        if let Some(found) = outcome.found.filter(|_| self.tracking == Tracking::Lost) {
-            self.resume(&found, odom_from_base);
+        if self.tracking == Tracking::Lost {
+            match outcome.search {
+                Some(Search::Found(found)) => self.resume(&found, odom_from_base),
+                Some(Search::Nowhere) => self.searches_in_vain += 1,
+                Some(Search::Unclear) | None => {}
+            }
         }
         is_corrected
     }
@@ -270,13 +282,21 @@ impl Slam {
         let prior_information = self.calibration.information(&motion, predicted.rotation.angle());
         let prior = Prior { reference_from_moving: predicted, information: prior_information };
         let matched = self.match_to(&active.older, &points, &prior);
+        let matched = matched.filter(|found| self.is_heard(found, &prior, &latest, &frame.scan));
         // Whoever doubts where it is must be convinced.
         let is_in_doubt = self.is_contradicted || self.was_lost;
         let matched = matched.filter(|found| !is_in_doubt || self.is_convincing(&active.older, &points, found));
         latest.submap_from_base = matched.as_ref().map_or(predicted, |found| found.reference_from_moving);
         latest.odom_from_base = frame.odom_from_base;
         let driven_m = motion.translation.vector.norm();
-        self.judge_tracking(matched.is_some(), driven_m, &active.older, &points, &latest);
+        self.judge_tracking(
+            matched.as_ref().map(|found| found.score),
+            driven_m,
+            &active.older,
+            &points,
+            &latest,
+            &frame.scan,
+        );
 
         let motion_since = latest.submap_from_keyframe.inverse() * latest.submap_from_base;
         let is_due = is_beyond(&motion_since, self.config.keyframe_distance_m, self.config.keyframe_turn_rad);

@@ -22,6 +22,7 @@
 //! | [`drift`] | how wrong a pose becomes that is carried along a way |
 //! | [`consensus`] | which estimations agree: the heaviest clique |
 //! | [`pose_graph`] | the most likely poses under constraints, some of which may be wrong |
+//! | [`shared_view`] | whether two scans can both be right |
 //! | [`evidence_grid`] | what a scan says for or against a pose |
 //! | [`reference_map`] | what all main nodes of a map saw, as one |
 //!
@@ -69,6 +70,7 @@ pub mod pose_graph;
 pub mod reference_map;
 pub mod robot;
 pub mod scan_odometry;
+pub mod shared_view;
 
 pub use frame::{FrameError, LaserScan, Panorama, SensorFrame, Twist};
 pub use grid::{Cell, CellState, GridConfig, OccupancyGrid};

@@ -1,11 +1,11 @@
 //! The back end's thread: keyframes go in, corrected poses and a grid redrawn with them come out.
 
-use super::closure::{ClosureConfig, ClosureCounts, Found, LoopCloser, NewKeyframe, SubmapSighting};
+use super::closure::{ClosureConfig, ClosureCounts, LoopCloser, NewKeyframe, Search, SubmapSighting};
 use super::estimate::{GridScan, Lost, locate};
 use super::graph::KeyframeGraph;
 use super::submap::SubmapConfig;
 use crate::slam::foreign_nodes::{Hearsay, Shift, Told};
-use fht_perception::grid::{GridConfig, OccupancyGrid};
+use fht_perception::grid::{CellBounds, GridConfig, OccupancyGrid};
 use fht_perception::pose::Pose2;
 
 /// The grid is drawn again when some keyframe has moved by this much since it was drawn, metres.
@@ -40,8 +40,8 @@ pub struct BackEndResult {
     pub poses: Option<Vec<Pose2>>,
     /// The grid of all views that it was given, if it had to be drawn again.
     pub grid: Option<OccupancyGrid>,
-    /// Where the lost robot is.
-    pub found: Option<Found>,
+    /// What became of the search for a lost robot.
+    pub search: Option<Search>,
     /// What was done so far.
     pub counts: ClosureCounts,
 }
@@ -56,12 +56,15 @@ pub struct BackEnd {
     hearsay: Hearsay,
     /// Poses with which the front end's grid was drawn.
     drawn: Vec<Pose2>,
+    /// The room that the grid took when it was drawn last.
+    room: CellBounds,
 }
 
 impl BackEnd {
     /// Before the first job.
     #[must_use]
     pub fn new(grid: GridConfig, submap: SubmapConfig, closure: ClosureConfig) -> Self {
+        let room = OccupancyGrid::new(grid.clone()).bounds();
         Self {
             grid,
             submap,
@@ -70,6 +73,7 @@ impl BackEnd {
             views: Vec::new(),
             hearsay: Hearsay::default(),
             drawn: Vec::new(),
+            room,
         }
     }
 
@@ -88,8 +92,12 @@ impl BackEnd {
         has_moved |= self.closer.settle(&mut self.graph);
         for keyframe in job.keyframes {
             self.closer.add(keyframe, &mut self.graph);
-            has_moved |= self.closer.settle(&mut self.graph);
+            // A long loop that was closed moves much; small corrections wait for each other.
+            if self.closer.has_closed_loop() {
+                has_moved |= self.closer.settle(&mut self.graph);
+            }
         }
+        has_moved |= self.closer.settle(&mut self.graph);
         for sighting in job.sightings {
             self.closer.observe_appearance(sighting, &mut self.graph);
             has_moved |= self.closer.settle(&mut self.graph);
@@ -99,12 +107,12 @@ impl BackEnd {
             has_moved = true;
         }
         self.views.extend(job.views);
-        let found = job.lost.and_then(|lost| self.closer.find(&lost, &self.graph));
+        let search = job.lost.map(|lost| self.closer.find(&lost, &self.graph));
         let grid = if has_moved || is_outdated { self.redraw(is_outdated) } else { None };
         // Until it is drawn again, the grid shows new keyframes where they are now.
         self.drawn.extend_from_slice(&self.graph.poses()[self.drawn.len()..]);
         let poses = has_moved.then(|| self.graph.poses().to_vec());
-        BackEndResult { poses, grid, found, counts: self.closer.counts() }
+        BackEndResult { poses, grid, search, counts: self.closer.counts() }
     }
 
     /// The grid as it is now, if that is another one than was drawn, or what was told
@@ -119,11 +127,12 @@ impl BackEnd {
             return None;
         }
         self.drawn = poses.to_vec();
-        let mut grid = OccupancyGrid::new(self.grid.clone());
+        let mut grid = OccupancyGrid::within(self.grid.clone(), self.room);
         self.hearsay.draw(&mut grid);
         for view in &self.views {
             grid.integrate(&locate(poses, &view.anchored), &view.scan);
         }
+        self.room = grid.bounds();
         Some(grid)
     }
 }

@@ -92,6 +92,17 @@ pub struct Found {
     pub odom_from_base: Pose2,
 }
 
+/// What became of the search for a lost robot.
+#[derive(Clone, Debug)]
+pub enum Search {
+    /// It is here, and nowhere else.
+    Found(Found),
+    /// There are places where it may be.
+    Unclear,
+    /// What it sees fits no place.
+    Nowhere,
+}
+
 /// Finds closures. Owns what closures are found with; the poses are the graph's.
 #[derive(Debug)]
 pub struct LoopCloser {
@@ -158,6 +169,12 @@ impl LoopCloser {
         let off = poses[edge.to].inverse() * (poses[edge.from] * edge.measured);
         let (window_m, window_rad) = self.uncertainty(way_m);
         off.translation.vector.norm() <= 1.5 * window_m && off.rotation.angle().abs() <= 1.5 * window_rad
+    }
+
+    /// Whether a long loop was closed since the last optimisation.
+    #[must_use]
+    pub fn has_closed_loop(&self) -> bool {
+        self.is_graduated
     }
 
     /// Optimises if closures pull at the graph; true when poses have moved.
@@ -288,25 +305,48 @@ impl LoopCloser {
             return;
         }
         graph.drop_doubtful();
-        let (window_m, window_rad) = SETTLED;
+        let edges = self.settled_edges(graph);
+        edges.into_iter().for_each(|edge| graph.join(Link::ordinary(edge)));
         for index in 0..graph.poses().len() {
-            let here = graph.poses()[index];
-            let mut near: Vec<(f64, usize)> = (0..self.submaps.len())
-                .filter(|&number| !self.submaps[number].has(index))
-                .map(|number| (distance_m(&self.submaps[number], index, graph), number))
-                .filter(|&(distance_m, _)| distance_m < self.config.reach_m)
-                .collect();
-            near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            for &(distance_m, submap) in near.iter().take(self.config.tries) {
-                let guess = graph.poses()[self.submaps[submap].first()].inverse() * here;
-                let candidate = Candidate { submap, guess, window_m, window_rad, distance_m };
-                if let Some(edge) = self.match_to(index, &candidate) {
-                    graph.join(Link::ordinary(edge));
-                }
-            }
             self.anchor_within(index, SETTLED, graph);
         }
         let _ = optimise(graph);
+    }
+
+    /// Every keyframe matched to the finished submaps near it, in the order of the keyframes: each
+    /// match for itself, so that all cores work on them.
+    fn settled_edges(&self, graph: &KeyframeGraph) -> Vec<PoseConstraint> {
+        let count = graph.poses().len();
+        let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        let share = count.div_ceil(threads).max(1);
+        std::thread::scope(|scope| {
+            let parts = (0..count).step_by(share).map(|first| {
+                let indices = first..(first + share).min(count);
+                scope.spawn(move || indices.flat_map(|index| self.settled_edges_of(index, graph)).collect::<Vec<_>>())
+            });
+            let parts: Vec<_> = parts.collect();
+            let join = |part: std::thread::ScopedJoinHandle<'_, _>| match part.join() {
+                Ok(edges) => edges,
+                Err(panic) => std::panic::resume_unwind(panic),
+            };
+            parts.into_iter().flat_map(join).collect()
+        })
+    }
+
+    fn settled_edges_of(&self, index: usize, graph: &KeyframeGraph) -> Vec<PoseConstraint> {
+        let (window_m, window_rad) = SETTLED;
+        let here = graph.poses()[index];
+        let mut near: Vec<(f64, usize)> = (0..self.submaps.len())
+            .filter(|&number| !self.submaps[number].has(index))
+            .map(|number| (distance_m(&self.submaps[number], index, graph), number))
+            .filter(|&(distance_m, _)| distance_m < self.config.reach_m)
+            .collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let candidates = near.into_iter().take(self.config.tries).map(|(distance_m, submap)| {
+            let guess = graph.poses()[self.submaps[submap].first()].inverse() * here;
+            Candidate { submap, guess, window_m, window_rad, distance_m }
+        });
+        candidates.filter_map(|candidate| self.match_to(index, &candidate)).collect()
     }
 }
 

@@ -5,6 +5,7 @@ use super::submap::SubmapConfig;
 use crate::slam::calibration::OdometryNoise;
 use fht_perception::grid::GridConfig;
 use fht_perception::matching::MatchConfig;
+use fht_perception::shared_view::SharedViewConfig;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of the SLAM.
@@ -54,11 +55,19 @@ pub struct SlamConfig {
     /// A scan that does not fit contradicts the submap when more than this share of its points lies
     /// where the submap saw free space. Default 0.3.
     pub lost_contradiction: f64,
+    /// A scan that contradicts the map is held against those before it, where the wheels say: only
+    /// if these are of different places is the robot's place in doubt.
+    pub view: SharedViewConfig,
+    /// A match that contradicts the map is believed when it is no farther from the wheels' word
+    /// than this many of its standard deviations. Default 3.
+    pub wheels_sigmas: f64,
     /// The robot is lost after driving this far while scans contradict, metres. Default 1.
     pub lost_after_m: f64,
     /// A robot that was not found again by then begins a new submap where the wheels say, metres.
     /// Default 30.
     pub give_up_m: f64,
+    /// The same for one that fits nowhere in the whole map: so many searches in vain. Default 1.
+    pub give_up_searches: usize,
 }
 
 impl Default for SlamConfig {
@@ -82,8 +91,11 @@ impl Default for SlamConfig {
             rescue_rad: 0.8,
             rescue_gain: 0.1,
             lost_contradiction: 0.3,
+            view: SharedViewConfig::default(),
+            wheels_sigmas: 3.0,
             lost_after_m: 1.0,
             give_up_m: 30.0,
+            give_up_searches: 1,
         }
     }
 }

@@ -5,6 +5,7 @@ use super::closure::{NewKeyframe, with_floor};
 use super::estimate::{Anchored, SlamUpdate, Tracking, locate};
 use super::graph::{Link, unplaced_link};
 use super::submap::Submap;
+use super::witness::Witnesses;
 use super::{Active, Keyframe, Latest, Slam};
 use fht_perception::frame::SensorFrame;
 use fht_perception::matching::ScanMatch;
@@ -46,6 +47,9 @@ impl Slam {
         let measured = self.calibration.correct(&raw);
         let (trust, doubt) = if has_scan {
             (self.config.odometry_trust, 1.0)
+        } else if self.is_nowhere() {
+            // Most likely the wheels are right; ten times their deviation, if not.
+            (1e-2, 10.0)
         } else if self.has_given_up() {
             // Nobody knows what happened on the way.
             (1e-4, f64::INFINITY)
@@ -109,6 +113,8 @@ impl Slam {
             latest.submap_from_base = Pose2::identity();
             latest.submap_from_keyframe = Pose2::identity();
             (self.is_found_again, self.was_lost, self.contradicted_m) = (false, false, 0.0);
+            // Nothing that was seen before speaks for or against where the robot is now.
+            (self.searches_in_vain, self.witnesses) = (0, Witnesses::default());
         } else {
             active.older.insert(&here, &frame.scan, &points);
             if let Some((newer, older_from_newer)) = &mut active.newer {

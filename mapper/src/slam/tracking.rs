@@ -4,7 +4,9 @@
 use super::closure::Found;
 use super::estimate::Lost;
 use super::submap::Submap;
+use super::witness::{WheelsWord, Witnesses, discounted};
 use super::{Active, Anchored, Latest, Slam, Tracking};
+use fht_perception::frame::LaserScan;
 use fht_perception::grid::{Cell, CellState};
 use fht_perception::matching::{Prior, ScanMatch, SearchWindow, alignments, refine_with_prior};
 use fht_perception::pose::{Point2, Pose2};
@@ -48,40 +50,57 @@ impl Slam {
             let contradicted = in_submap.max(self.contradicted_by_grid(points, &self.locate(&here)));
             contradicted as f64 > config.lost_contradiction * points.len() as f64
         };
-        best.filter(|found| {
-            found.score >= config.good_score || (found.score >= config.min_score && !is_contradiction(found))
-        })
+        let found = best.filter(|found| found.score >= config.min_score)?;
+        if found.score >= config.good_score || !is_contradiction(&found) {
+            return Some(found);
+        }
+        self.is_doubtless().then(|| discounted(found, prior, config.wheels_sigmas)).flatten()
     }
 
+    /// Whether nothing speaks against the robot being where the wheels say.
+    fn is_doubtless(&self) -> bool {
+        !(self.is_contradicted || self.was_lost || self.is_found_again)
+    }
+
+    /// Whether the robot is where it is thought to be, after a scan that was matched with `score` or
+    /// not at all.
     pub(super) fn judge_tracking(
         &mut self,
-        is_matched: bool,
+        score: Option<f64>,
         driven_m: f64,
         submap: &Submap,
         points: &[Point2],
         latest: &Latest,
+        scan: &LaserScan,
     ) {
         self.next_job.lost = None;
-        self.is_contradicted = false;
-        if is_matched {
-            self.contradicted_m = 0.0;
-            self.was_lost = false;
-            self.tracking = Tracking::Matched;
-            return;
+        let was_contradicted = std::mem::take(&mut self.is_contradicted);
+        // A match that explains little may be of another place.
+        let is_good = score.is_some_and(|score| score >= self.config.good_score);
+        let word = if is_good { WheelsWord::Confirmed } else { self.hear_witnesses(scan, &latest.odom_from_base) };
+        self.remember(scan, &latest.odom_from_base, word);
+        if score.is_some() {
+            return self.believe(Tracking::Matched);
+        }
+        if word == WheelsWord::Confirmed && !self.is_found_again {
+            // The robot is where the wheels say: what contradicts the map has changed, or is no
+            // wall at all.
+            return self.believe(Tracking::Wheels);
         }
         // New rooms and endless halls are no contradiction: nobody looked there.
         let here = Anchored { keyframe: submap.first(), keyframe_from_base: latest.submap_from_base };
         let map_from_base = self.locate(&here);
         let in_submap = submap.judge(points, &latest.submap_from_base).contradicted;
         let contradicted = in_submap.max(self.contradicted_by_grid(points, &map_from_base)) as f64;
-        self.is_contradicted = contradicted > self.config.lost_contradiction * points.len() as f64
+        let is_against_map = contradicted > self.config.lost_contradiction * points.len() as f64
             && points.len() >= self.config.matching.min_points;
+        self.is_contradicted =
+            is_against_map && (was_contradicted || self.is_found_again || word == WheelsWord::Refuted);
         if self.is_contradicted {
             self.contradicted_m += driven_m;
         }
         let is_lost = self.is_contradicted || self.was_lost;
-        let range = self.config.lost_after_m..self.config.give_up_m;
-        if is_lost && range.contains(&self.contradicted_m) {
+        if is_lost && self.contradicted_m >= self.config.lost_after_m && !self.has_given_up() {
             self.tracking = Tracking::Lost;
             self.was_lost = true;
             self.next_job.lost = Some(Lost { points: points.to_vec(), odom_from_base: latest.odom_from_base });
@@ -123,10 +142,15 @@ impl Slam {
         points.iter().filter(is_contradicted).count()
     }
 
-    /// Whether a robot that is lost maps on as if in a new building, since no place was found for
-    /// so long.
+    /// Whether a robot that is lost maps on as if in a new building, since it is at no place that was
+    /// mapped, or none was found for so long.
     pub(super) fn has_given_up(&self) -> bool {
-        self.was_lost && self.contradicted_m >= self.config.give_up_m
+        self.was_lost && (self.is_nowhere() || self.contradicted_m >= self.config.give_up_m)
+    }
+
+    /// Whether a robot that is lost fits no place that was mapped.
+    pub(super) fn is_nowhere(&self) -> bool {
+        self.was_lost && self.searches_in_vain >= self.config.give_up_searches
     }
 
     /// Goes on where a lost robot was found: in a finished submap, which grows no more, so the next
@@ -146,7 +170,7 @@ impl Slam {
             submap_from_keyframe: submap_from_map * newest,
         };
         self.active = Some((Active { older: Submap::clone(&found.submap), newer: None }, latest));
-        (self.is_found_again, self.was_lost, self.contradicted_m) = (true, false, 0.0);
-        self.tracking = Tracking::Wheels;
+        self.believe(Tracking::Wheels);
+        (self.is_found_again, self.witnesses) = (true, Witnesses::default());
     }
 }

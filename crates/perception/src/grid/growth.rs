@@ -1,6 +1,6 @@
 //! A grid grows with what is seen, within bounds.
 
-use super::{Cell, CellBounds, OccupancyGrid, Seen};
+use super::{Cell, CellBounds, GridConfig, OccupancyGrid, Seen};
 
 /// The grid grows in steps of this many cells.
 const GROWTH_CELLS: i32 = 128;
@@ -11,6 +11,12 @@ pub(super) const MAX_CELL: i32 = 20_000;
 pub(super) const MAX_CELLS: usize = 64_000_000;
 
 impl OccupancyGrid {
+    /// An empty grid that has room for what is in `bounds`.
+    #[must_use]
+    pub fn within(config: GridConfig, bounds: CellBounds) -> Self {
+        Self::from_states(config, bounds, [])
+    }
+
     pub(super) fn grow_to_contain(&mut self, cell: Cell) {
         if self.bounds.contains(cell) {
             return;

@@ -1,7 +1,7 @@
 //! Scans drawn into the grid, beam by beam.
 
 use super::growth::MAX_CELL;
-use super::{Cell, OccupancyGrid};
+use super::{Cell, CellBounds, OccupancyGrid};
 use crate::frame::LaserScan;
 use crate::pose::{Point2, Pose2};
 
@@ -35,7 +35,9 @@ impl OccupancyGrid {
         self.grow_to_contain(self.cell_of(origin + nalgebra::Vector2::repeat(reach)));
 
         let start = self.cell_of(origin);
-        let mut hits = Vec::new();
+        let box_m = nalgebra::Vector2::repeat(reach);
+        let (low, high) = (self.cell_of(origin - box_m), self.cell_of(origin + box_m));
+        let mut hits = CellSet::new(low, high, &self.bounds);
         let mut rays = Vec::with_capacity(scan.ranges_m.len());
         for (index, &range) in scan.ranges_m.iter().enumerate() {
             let is_far = f64::from(range) > self.config.max_range_m;
@@ -54,41 +56,85 @@ impl OccupancyGrid {
             let (sin, cos) = scan.angle(index).sin_cos();
             let end = self.cell_of(map_from_sensor * Point2::new(length * cos, length * sin));
             if is_return {
-                hits.extend(self.bounds.index(end));
+                hits.insert(end);
             }
             rays.push(end);
         }
-        hits.sort_unstable();
-        hits.dedup();
 
         // A cell is freed at most once per scan, however many beams cross it: near the robot
         // hundreds do.
-        let mut crossed = Vec::with_capacity(rays.len() * 64);
+        let mut crossed = CellSet::new(low, high, &self.bounds);
         for end in rays {
-            for_each_cell_between(start, end, |cell| crossed.extend(self.bounds.index(cell)));
+            for_each_cell_between(start, end, |cell| crossed.insert(cell));
         }
-        crossed.sort_unstable();
-        crossed.dedup();
-        for index in crossed {
-            if hits.binary_search(&index).is_err() {
-                self.add(index, self.config.miss_log_odds);
-                if is_own {
-                    self.seen[index].count(false);
-                }
-            }
-        }
-        for index in hits {
-            self.add(index, self.config.hit_log_odds);
-            if is_own {
-                self.seen[index].count(true);
-            }
-        }
+        let (miss, hit) = (self.config.miss_log_odds, self.config.hit_log_odds);
+        crossed.remove_all(&hits);
+        let bounds = self.bounds;
+        crossed.for_each_index(&bounds, |index| self.take_in(index, miss, is_own.then_some(false)));
+        hits.for_each_index(&bounds, |index| self.take_in(index, hit, is_own.then_some(true)));
     }
 
-    fn add(&mut self, index: usize, amount: f32) {
+    /// Adds to a cell's log-odds; `has_ended` says whether one of this robot's own beams ended in
+    /// it.
+    fn take_in(&mut self, index: usize, amount: f32, has_ended: Option<bool>) {
         let limit = self.config.max_log_odds;
         let value = &mut self.log_odds[index];
         *value = (*value + amount).clamp(-limit, limit);
+        if let Some(has_ended) = has_ended {
+            self.seen[index].count(has_ended);
+        }
+    }
+}
+
+/// Cells within a box, a bit for each.
+struct CellSet {
+    within: CellBounds,
+    columns: usize,
+    rows: usize,
+    words_of_row: usize,
+    words: Vec<u64>,
+}
+
+impl CellSet {
+    /// None yet, of those from `low` to `high` that are within `bounds`.
+    fn new(low: Cell, high: Cell, bounds: &CellBounds) -> Self {
+        let min = Cell { i: low.i.max(bounds.min.i), j: low.j.max(bounds.min.j) };
+        let max = Cell { i: (high.i + 1).min(bounds.max.i), j: (high.j + 1).min(bounds.max.j) };
+        let within = CellBounds { min, max };
+        let (columns, rows) = (within.width(), within.height());
+        let words_of_row = columns.div_ceil(64);
+        Self { within, columns, rows, words_of_row, words: vec![0; words_of_row * rows] }
+    }
+
+    fn insert(&mut self, cell: Cell) {
+        // What lies before the box becomes a number far beyond it.
+        let (i, j) = (cell.i.wrapping_sub(self.within.min.i) as u32, cell.j.wrapping_sub(self.within.min.j) as u32);
+        if (i as usize) < self.columns && (j as usize) < self.rows {
+            self.words[j as usize * self.words_of_row + (i / 64) as usize] |= 1 << (i % 64);
+        }
+    }
+
+    /// Takes those of another set of the same box out.
+    fn remove_all(&mut self, others: &Self) {
+        self.words.iter_mut().zip(&others.words).for_each(|(word, other)| *word &= !other);
+    }
+
+    /// Visits the cells row by row, as places in `bounds`, which contain the box.
+    fn for_each_index(&self, bounds: &CellBounds, mut visit: impl FnMut(usize)) {
+        if self.words.is_empty() {
+            return;
+        }
+        let corner = Cell { i: self.within.min.i - bounds.min.i, j: self.within.min.j - bounds.min.j };
+        for (row, words) in self.words.chunks_exact(self.words_of_row).enumerate() {
+            let first = (corner.j as usize + row) * bounds.width() + corner.i as usize;
+            for (number, &word) in words.iter().enumerate() {
+                let mut rest = word;
+                while rest != 0 {
+                    visit(first + number * 64 + rest.trailing_zeros() as usize);
+                    rest &= rest - 1;
+                }
+            }
+        }
     }
 }
 

@@ -76,7 +76,15 @@ impl ReferencePoint {
 #[derive(Clone, Debug, Default)]
 pub struct ReferenceCloud {
     points: Vec<ReferencePoint>,
-    buckets: FxHashMap<(i32, i32), Vec<u32>>,
+    buckets: FxHashMap<(i32, i32), Vec<Entry>>,
+}
+
+/// A point as its bucket has it: where it is stands here once more, so that a search reads only the
+/// points that are near.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    position: Point2,
+    index: u32,
 }
 
 fn bucket_of(point: Point2) -> (i32, i32) {
@@ -102,7 +110,7 @@ impl ReferenceCloud {
             }
             let index = self.points.len() as u32;
             self.points.push(ReferencePoint { position, to_viewer, normal: None, weight: 1.0 });
-            self.buckets.entry(bucket_of(position)).or_default().push(index);
+            self.buckets.entry(bucket_of(position)).or_default().push(Entry { position, index });
         }
         self.estimate_normals((first as u32..self.points.len() as u32).collect(), first > 0);
     }
@@ -120,7 +128,7 @@ impl ReferenceCloud {
                 let index = self.points.len() as u32;
                 let SeenPoint { position, to_viewer } = point;
                 self.points.push(ReferencePoint { position, to_viewer, normal: None, weight: 1.0 });
-                self.buckets.entry(bucket_of(position)).or_default().push(index);
+                self.buckets.entry(bucket_of(position)).or_default().push(Entry { position, index });
             }
         }
         self.estimate_normals((first as u32..self.points.len() as u32).collect(), first > 0);
@@ -138,12 +146,14 @@ impl ReferenceCloud {
         let across = reference.normal.map_or(off, |normal| normal * off.dot(&normal));
         reference.position += across / (reference.weight + 1.0);
         reference.weight = (reference.weight + 1.0).min(MAX_WEIGHT);
-        let after = bucket_of(reference.position);
+        let entry = Entry { position: reference.position, index };
+        let after = bucket_of(entry.position);
+        let bucket = self.buckets.entry(before).or_default();
         if after != before {
-            if let Some(bucket) = self.buckets.get_mut(&before) {
-                bucket.retain(|&other| other != index);
-            }
-            self.buckets.entry(after).or_default().push(index);
+            bucket.retain(|other| other.index != index);
+            self.buckets.entry(after).or_default().push(entry);
+        } else if let Some(here) = bucket.iter_mut().find(|other| other.index == index) {
+            *here = entry;
         }
     }
 
@@ -196,7 +206,7 @@ impl ReferenceCloud {
 
     fn nearest_index(&self, point: &SeenPoint, radius_m: f64) -> Option<u32> {
         let mut best: Option<(f64, u32)> = None;
-        self.for_each_near(point.position, radius_m, |index, distance_squared| {
+        self.for_each_near(point.position, radius_m, |&Entry { index, .. }, distance_squared| {
             if best.is_none_or(|(least, _)| distance_squared < least) && self.points[index as usize].faces(point) {
                 best = Some((distance_squared, index));
             }
@@ -207,7 +217,7 @@ impl ReferenceCloud {
     /// The points around one that were seen from the same side.
     fn neighbours(&self, point: &ReferencePoint, radius_m: f64) -> Vec<u32> {
         let mut found = Vec::new();
-        self.for_each_near(point.position, radius_m, |index, _| {
+        self.for_each_near(point.position, radius_m, |&Entry { index, .. }, _| {
             if self.points[index as usize].to_viewer.dot(&point.to_viewer) > 0.0 {
                 found.push(index);
             }
@@ -215,16 +225,16 @@ impl ReferenceCloud {
         found
     }
 
-    fn for_each_near(&self, point: Point2, radius_m: f64, mut visit: impl FnMut(u32, f64)) {
+    fn for_each_near(&self, point: Point2, radius_m: f64, mut visit: impl FnMut(&Entry, f64)) {
         let radius_m = radius_m.min(BUCKET_M);
         let low = bucket_of(point - Vector2::repeat(radius_m));
         let high = bucket_of(point + Vector2::repeat(radius_m));
         for j in low.1..=high.1 {
             for i in low.0..=high.0 {
-                for &index in self.buckets.get(&(i, j)).into_iter().flatten() {
-                    let distance_squared = (self.points[index as usize].position - point).norm_squared();
+                for entry in self.buckets.get(&(i, j)).into_iter().flatten() {
+                    let distance_squared = (entry.position - point).norm_squared();
                     if distance_squared <= radius_m * radius_m {
-                        visit(index, distance_squared);
+                        visit(entry, distance_squared);
                     }
                 }
             }
@@ -236,15 +246,20 @@ impl ReferenceCloud {
         let point = &self.points[index as usize];
         let centre = point.position;
         for radius in NORMAL_RADII_M {
-            let neighbours = self.neighbours(point, radius);
-            if neighbours.len() < 3 {
+            let (mut count, mut sum, mut squares) = (0.0, Vector2::zeros(), Matrix2::zeros());
+            self.for_each_near(centre, radius, |&Entry { position, index }, _| {
+                if self.points[index as usize].to_viewer.dot(&point.to_viewer) > 0.0 {
+                    let offset = position - centre;
+                    count += 1.0;
+                    sum += offset;
+                    squares += offset * offset.transpose();
+                }
+            });
+            if count < 3.0 {
                 continue;
             }
-            let count = neighbours.len() as f64;
-            let offset = |&index: &u32| self.points[index as usize].position - centre;
-            let mean = neighbours.iter().map(offset).sum::<Vector2<f64>>() / count;
-            let spread = neighbours.iter().map(offset).map(|d| (d - mean) * (d - mean).transpose());
-            let covariance: Matrix2<f64> = spread.sum::<Matrix2<f64>>() / count;
+            let mean = sum / count;
+            let covariance: Matrix2<f64> = squares / count - mean * mean.transpose();
             // Closed form of the 2 × 2 symmetric eigenproblem.
             let (a, b, c) = (covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]);
             let root = (0.25 * (a - c) * (a - c) + b * b).sqrt();

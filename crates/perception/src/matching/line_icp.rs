@@ -37,10 +37,11 @@ pub fn refine_with_prior(
     }
     let mut estimate = prior.reference_from_moving;
     let mut information = Matrix3::zeros();
+    let seen: Vec<SeenPoint> = moving.iter().copied().map(SeenPoint::of_scan).collect();
     for iteration in 0..config.max_iterations {
         let progress = (iteration as f64 / (config.max_iterations as f64 * 0.5)).min(1.0);
         let reach = config.first_reach_m * (config.last_reach_m / config.first_reach_m).powf(progress);
-        let system = linearise(reference, moving, &estimate, reach, config);
+        let system = linearise(reference, &seen, &estimate, reach, config);
         if system.partners < config.min_points / 2 {
             return None;
         }
@@ -56,8 +57,7 @@ pub fn refine_with_prior(
             break;
         }
     }
-    let seen = moving.iter().copied().map(SeenPoint::of_scan);
-    let score = reference.explained_share(seen, &estimate, config.explained_m)?;
+    let score = reference.explained_share(seen.into_iter(), &estimate, config.explained_m)?;
     Some(ScanMatch { reference_from_moving: estimate, covariance: information.try_inverse()?, score })
 }
 
@@ -75,7 +75,7 @@ struct System {
 
 fn linearise(
     reference: &ReferenceCloud,
-    moving: &[Point2],
+    moving: &[SeenPoint],
     estimate: &Pose2,
     reach: f64,
     config: &MatchConfig,
@@ -84,9 +84,9 @@ fn linearise(
     let variance = config.point_sigma_m * config.point_sigma_m;
     // Cauchy kernel: a point off by a third of the reach counts half.
     let softness = (reach / 3.0).max(2.0 * config.point_sigma_m);
-    for &point in moving {
-        let rotated = estimate.rotation * point.coords;
-        let seen = SeenPoint::of_scan(point).transformed(estimate);
+    for point in moving {
+        let rotated = estimate.rotation * point.position.coords;
+        let seen = point.transformed(estimate);
         let moved = seen.position;
         let Some(partner) = reference.nearest(&seen, reach) else { continue };
         system.partners += 1;

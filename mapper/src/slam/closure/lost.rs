@@ -1,7 +1,7 @@
 //! A robot that is lost, found again in some submap.
 
 use super::matching::judge;
-use super::{Found, LoopCloser};
+use super::{Found, LoopCloser, Search};
 use crate::slam::estimate::Lost;
 use crate::slam::graph::KeyframeGraph;
 use fht_perception::matching::{SearchWindow, alignments};
@@ -9,12 +9,12 @@ use fht_perception::pose::{Pose2, pose};
 use std::f64::consts::PI;
 
 impl LoopCloser {
-    /// Looks for a lost robot in every submap, at every heading. `None` also when two places fit
-    /// alike.
+    /// Looks for a lost robot in every submap, at every heading.
     #[must_use]
-    pub fn find(&self, lost: &Lost, graph: &KeyframeGraph) -> Option<Found> {
+    pub fn find(&self, lost: &Lost, graph: &KeyframeGraph) -> Search {
         let (config, points) = (&self.config, lost.points.as_slice());
         let mut fits: Vec<(i64, Pose2, Found)> = Vec::new();
+        let mut is_anywhere = false;
         for submap in &self.submaps {
             let middle = submap.members()[submap.members().len() / 2].translation;
             let window = SearchWindow {
@@ -26,6 +26,8 @@ impl LoopCloser {
             for found in alignments(submap.cloud(), points, &window, &config.matching) {
                 let (found, verdict) = judge(submap, points, found);
                 let is_good = verdict.agreement() >= config.lost_agreement && verdict.overlap() >= config.lost_overlap;
+                // As good as a closure.
+                is_anywhere |= verdict.agreement() >= config.min_agreement && verdict.overlap() >= config.min_overlap;
                 if is_good {
                     let submap_from_base = found.reference_from_moving;
                     let map_from_base = graph.poses()[submap.first()] * submap_from_base;
@@ -35,13 +37,16 @@ impl LoopCloser {
                 }
             }
         }
-        let (balance, place, found) = fits.iter().max_by_key(|(balance, ..)| *balance)?;
+        let best = fits.iter().max_by_key(|(balance, ..)| *balance);
+        let Some((balance, place, found)) = best else {
+            return if is_anywhere { Search::Unclear } else { Search::Nowhere };
+        };
         let is_elsewhere = |other: &Pose2| {
             let apart = place.inverse() * other;
             apart.translation.vector.norm() > 1.0 || apart.rotation.angle().abs() > 0.3
         };
         let rival = fits.iter().filter(|(_, other, _)| is_elsewhere(other)).map(|(balance, ..)| *balance).max();
         let is_clear = rival.is_none_or(|rival| (rival as f64) < config.lost_ambiguity * *balance as f64);
-        is_clear.then(|| found.clone())
+        if is_clear { Search::Found(found.clone()) } else { Search::Unclear }
     }
 }
