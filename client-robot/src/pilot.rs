@@ -4,6 +4,7 @@
 
 mod config;
 mod final_turn;
+mod people;
 mod progress;
 mod situation;
 mod task;
@@ -14,6 +15,7 @@ pub use progress::ProgressConfig;
 pub use task::{DriveGoal, Failure, PilotStep, Task, TaskOutcome};
 
 use self::final_turn::{FinalTurn, Turn};
+use self::people::GivingWay;
 use self::progress::ProgressWatch;
 use self::situation::Situation;
 
@@ -52,6 +54,7 @@ pub struct Pilot {
     is_new_task: bool,
     localizer: Localizer,
     local_map: LocalMap,
+    people: GivingWay,
     searcher: Searcher,
     steersman: Steersman,
     route: Option<FollowedPath>,
@@ -77,6 +80,7 @@ impl Pilot {
             is_new_task: true,
             localizer: Localizer::new(config.localize.clone()),
             local_map: LocalMap::new(config.local_map.clone()),
+            people: GivingWay::new(&config),
             searcher: Searcher::new(config.wander.clone(), config.steering.clone(), config.seed),
             steersman: Steersman::new(config.steering.clone()),
             route: None,
@@ -156,8 +160,9 @@ impl Pilot {
             };
         }
         self.last_us = Some(frame.time_us);
-        let localization = self.localizer.update(landmarks, frame, describe);
-        self.local_map.integrate(&localization.odometry, &frame.scan);
+        let lasting = self.people.hide(frame);
+        let localization = self.localizer.update(landmarks, &lasting, describe);
+        self.local_map.integrate(&localization.odometry, &lasting.scan);
         let started = *self.started_us.get_or_insert(frame.time_us);
         let seconds = frame.time_us.saturating_sub(started) as f64 / 1e6;
         let (command, outcome) = if seconds > self.config.max_time_s {
@@ -185,6 +190,10 @@ impl Pilot {
                 }
             }
         };
+        let (command, is_held) = self.people.keep_distance(command, frame.time_us);
+        if is_held {
+            self.progress.restart();
+        }
         let candidates = if localization.map_from_odom.is_none() { self.localizer.candidates() } else { Vec::new() };
         PilotStep { command, localization, candidates, outcome }
     }

@@ -110,7 +110,7 @@ impl<'a> Sight<'a> {
         let Some(DriveMoment { world_from_base, .. }) = self.drive.moments.get(moment) else {
             return (None, Duration::ZERO);
         };
-        let panorama = self.drive.photographer.panorama(world_from_base, moment as u64);
+        let panorama = self.drive.photographer.panorama(world_from_base, &[], moment as u64);
         let begin = Instant::now();
         let descriptor = self.net.descriptor(&panorama).ok();
         let described = (descriptor, begin.elapsed());

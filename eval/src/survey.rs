@@ -9,7 +9,7 @@ use fht_map::MapState;
 use fht_perception::frame::{FrameError, SensorFrame};
 use fht_perception::pose::{Pose2, pose};
 use fht_proto::{AuthorId, CodecError, Descriptor, Increment, decode, encode};
-use fht_sim::{Changes, SimConfig, Simulator, World, WorldError};
+use fht_sim::{Changes, PeopleConfig, SimConfig, Simulator, World, WorldError};
 use mapper::CameraError;
 use mapper::explore::Ending;
 use mapper::slam::Anchored;
@@ -29,6 +29,8 @@ pub struct SurveyTask {
     pub world_seed: u64,
     /// Changes in it since it was drawn.
     pub changes: Option<Changes>,
+    /// How many people walk about in it meanwhile.
+    pub people: usize,
     /// Where the explorer starts, world frame; `None` is the world's own start.
     pub start: Option<Pose2>,
     /// Seed of noise and wheels.
@@ -53,6 +55,7 @@ impl SurveyTask {
             textures: None,
             world_seed: 1,
             changes: None,
+            people: 0,
             start: None,
             cameras: true,
             seed: 1,
@@ -76,6 +79,9 @@ impl SurveyTask {
         if let Some(start) = self.start {
             let (x, y, yaw) = (start.translation.x, start.translation.y, start.rotation.angle());
             unusual += &format!("-from{x:.3},{y:.3},{yaw:.3}");
+        }
+        if self.people > 0 {
+            unusual += &format!("-people{}", self.people);
         }
         if !self.cameras {
             unusual += "-dark";
@@ -220,7 +226,8 @@ fn explore(task: &SurveyTask, world: &Arc<World>) -> Result<Kept, ExplorationErr
     if !task.cameras {
         sim.camera_every = 0;
     }
-    let mut simulator = Simulator::new(world.clone(), sim, start, task.seed);
+    let people = PeopleConfig::of(task.people, task.seed);
+    let mut simulator = Simulator::new(world.clone(), sim, start, task.seed).among(people);
     let net = || task.cameras.then(|| DescriptorNet::load(None)).transpose();
     let mut mapper = Mapper::new(task.mapper.clone(), AuthorId::of_robot("explorer"), net()?)?;
     let mut witness = Witness { net: net()?, seen: Vec::new() };

@@ -8,6 +8,7 @@
 //! | `support` | the two rules for support nodes (equations 5 and 6) |
 //! | `edges` | edges that lie in free space (equation 7) |
 //! | `map_change` | others' nodes that are not as they say any more (not in the paper) |
+//! | `passers_by` | people whom nodes' scans show (not in the paper) |
 //! | `coverage` | support nodes for free space that no rectangle covers (not in the paper) |
 //!
 //! [`Builder`] puts them in the order of the paper's Algorithm 1. All of it is plain computation on
@@ -19,6 +20,7 @@ mod covering;
 mod edges;
 mod map_change;
 mod nodes;
+mod passers_by;
 mod place;
 mod refinement;
 mod scan_coverage;
@@ -26,7 +28,7 @@ mod selection;
 mod support;
 mod upkeep;
 
-pub use config::{BuilderConfig, MapChangeConfig, NodeCorrectionConfig};
+pub use config::{BuilderConfig, MapChangeConfig, NodeCorrectionConfig, PasserByConfig};
 pub use coverage::CoverageConfig;
 pub use edges::{blocked as blocked_edges, edges_of};
 pub(crate) use nodes::Chain;
@@ -61,6 +63,8 @@ pub struct Builder {
     passed: Vec<PlaceObservation>,
     /// What was found of nodes that others made.
     doubt: MapChange,
+    /// Whether people walk about: where nobody does, no return is taken for somebody's.
+    has_people: bool,
 }
 
 /// Distance of the places that are remembered, metres.
@@ -79,7 +83,13 @@ impl Builder {
             footings: BTreeMap::new(),
             passed: Vec::new(),
             doubt: MapChange::default(),
+            has_people: false,
         }
+    }
+
+    /// People walk about: scans are looked at for those who stood and left.
+    pub fn expect_people(&mut self) {
+        self.has_people = true;
     }
 
     /// Whether this run made a node.

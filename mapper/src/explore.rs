@@ -121,6 +121,10 @@ pub struct Explorer {
     moved: Option<(Point2, u64)>,
     recovering_since_us: Option<u64>,
     recoveries: u32,
+    /// Since when the robot has stood for people without having got on.
+    gives_way_since_us: Option<u64>,
+    /// Since when nothing was found to drive to with people in the way.
+    hindered_since_us: Option<u64>,
     ended: Option<Ending>,
 }
 
@@ -146,6 +150,8 @@ impl Explorer {
             moved: None,
             recovering_since_us: None,
             recoveries: 0,
+            gives_way_since_us: None,
+            hindered_since_us: None,
             ended: None,
         }
     }
@@ -246,6 +252,7 @@ impl Explorer {
         if (position - anchor).norm() >= MOVED_M {
             self.moved = Some((position, time_us));
             self.recoveries = 0;
+            self.gives_way_since_us = None;
         } else if seconds(since_us, time_us) >= stuck_after_s && self.recovering_since_us.is_none() {
             if let Some(goal) = self.goal.take() {
                 tracing::debug!(x = goal.target.x, y = goal.target.y, "stuck on the way to a frontier");
@@ -255,6 +262,25 @@ impl Explorer {
             self.recovering_since_us = Some(time_us);
             self.recoveries += 1;
         }
+    }
+
+    /// The robot stands for somebody who is in its way: for a while that is not being stuck.
+    pub fn give_way(&mut self, time_us: u64) {
+        let since_us = *self.gives_way_since_us.get_or_insert(time_us);
+        if seconds(since_us, time_us) < self.config.give_way_s {
+            self.moved = None;
+        }
+    }
+
+    /// Whether the last answer, that nothing is left to drive to, may be because of people who stand
+    /// in the way: for a while.
+    fn is_hindered(&mut self, answer: &SearchResult) -> bool {
+        if answer.goal.is_some() || !answer.is_among_people {
+            self.hindered_since_us = None;
+            return false;
+        }
+        let since_us = *self.hindered_since_us.get_or_insert(self.chosen_us);
+        seconds(since_us, self.chosen_us) < self.config.give_way_s
     }
 
     fn recovery_command(&mut self, time_us: u64) -> Option<Twist> {
@@ -284,7 +310,7 @@ impl Explorer {
         let is_kept =
             |target| self.goal.as_ref().is_some_and(|goal| goal.target == target && goal.reached_us.is_none());
         if self.recovering_since_us.is_none() && answer.underway.is_none_or(is_kept) {
-            self.is_all_seen = answer.goal.is_none();
+            self.is_all_seen = answer.goal.is_none() && !self.is_hindered(&answer);
             if let Some(goal) = &answer.goal {
                 self.quiet_since_us = None;
                 let Point2 { coords } = goal.target;
@@ -320,7 +346,17 @@ impl Explorer {
         }
         let (config, setbacks, team) = (self.config.clone(), self.setbacks.clone(), self.team.clone());
         let (rules, map_from_base) = (Arc::clone(&self.rules), *map_from_base);
-        self.wanted = Some(Search { config, setbacks, team, rules, map_from_base, time_us, underway, map: None });
+        self.wanted = Some(Search {
+            config,
+            setbacks,
+            team,
+            rules,
+            map_from_base,
+            time_us,
+            underway,
+            map: None,
+            is_among_people: false,
+        });
     }
 
     /// Keeps, refreshes or replaces the goal.

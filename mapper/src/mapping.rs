@@ -19,6 +19,7 @@ use crate::publish::Journal;
 use crate::slam::{Anchored, ClosureCounts, Slam, Tracking};
 use fht_descriptor::{Appearance, DescriptorNet};
 use fht_map::MapState;
+use fht_navigation::people::{Bystanders, keep_distance};
 use fht_navigation::planning::Traversable;
 use fht_perception::frame::{FrameError, SensorFrame, Twist};
 use fht_perception::grid::OccupancyGrid;
@@ -55,6 +56,7 @@ pub struct Mapper {
     builder: Builder,
     journal: Journal,
     explorer: Explorer,
+    bystanders: Bystanders,
     goals: BackgroundWorker<(Search, OccupancyGrid), SearchResult>,
     camera: Option<CameraWorker<SensedPlace>>,
     /// What the descriptors are of.
@@ -104,6 +106,7 @@ impl Mapper {
             builder: Builder::new(config.builder.clone()),
             journal: Journal::new(author),
             explorer: Explorer::new(config.explore.clone()),
+            bystanders: Bystanders::new(config.people.clone()),
             goals: BackgroundWorker::one_by_one("goals", config.pace, |(search, grid): (Search, OccupancyGrid)| {
                 search.run(&grid)
             })?,
@@ -188,15 +191,26 @@ impl Mapper {
         if self.goals.is_idle()
             && let Some(search) = self.explorer.question()
         {
-            let search = search.over(|| self.journal.state().clone());
-            self.goals.submit((search, self.slam.grid().clone()), self.frame + GOAL_DELAY_FRAMES);
+            let mut grid = self.slam.grid().clone();
+            let is_among_people = self.bystanders.suppose(&mut grid, &map_from_base);
+            let search = search.over(|| self.journal.state().clone()).among_people(is_among_people);
+            self.goals.submit((search, grid), self.frame + GOAL_DELAY_FRAMES);
         }
         Ok(match step {
             _ if self.goals.has_ended() => MapperStep::Done(Ending::Stuck),
-            ExploreStep::Drive(twist) => MapperStep::Drive(twist),
+            ExploreStep::Drive(twist) => MapperStep::Drive(self.give_way(twist, frame.time_us)),
             ExploreStep::Done(_) if self.newcomer.is_some() => MapperStep::Done(Ending::Unplaced),
             ExploreStep::Done(ending) => MapperStep::Done(ending),
         })
+    }
+
+    /// A command that keeps its distance from people.
+    fn give_way(&mut self, wanted: Twist, time_us: u64) -> Twist {
+        let command = keep_distance(wanted, &self.bystanders.around(), &self.config.explore.distance);
+        if command.linear_mps == 0.0 && wanted.linear_mps != 0.0 {
+            self.explorer.give_way(time_us);
+        }
+        command
     }
 
     /// Takes in a frame of a robot that somebody else drives (a recorded run), and says where the
@@ -206,6 +220,10 @@ impl Mapper {
     /// [`FrameError`] for a frame that nothing can be made of; it changes nothing.
     pub fn observe(&mut self, frame: &SensorFrame) -> Result<Pose2, FrameError> {
         frame.check()?;
+        let frame = &*self.bystanders.hide(frame);
+        if self.bystanders.has_met() {
+            self.builder.expect_people();
+        }
         let update = self.slam.update(frame);
         let (time_us, map_from_base, anchored) = (frame.time_us, update.map_from_base, update.anchored);
         if let Some(before) = &self.latest {
@@ -321,6 +339,10 @@ impl Mapper {
         }
         let ops = self.builder.finish(&self.journal, self.slam.grid());
         self.write_all(&ops, time_us);
+        if self.bystanders.has_met() {
+            let ops = self.builder.leave_out_doubtful(&self.journal);
+            self.write_all(&ops, time_us);
+        }
         let ops = self.builder.cover(&mut self.journal, &self.slam.estimate());
         self.write_all(&ops, time_us);
         let space = Traversable::new(self.slam.grid(), &self.plan_config());

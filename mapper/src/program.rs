@@ -3,6 +3,7 @@
 mod arguments;
 mod explore;
 mod explore_command;
+mod people_score;
 mod picture;
 mod record;
 mod replay;
@@ -16,7 +17,7 @@ mod way;
 pub use explore::{ExploreError, ExploreProgress, ExploreTask, explore};
 pub use picture::PictureTask;
 pub use replay::{ReplayError, ReplayReport, ReplaySnapshot, ReplayTask, replay};
-pub use report::ExploreReport;
+pub use report::{ExploreReport, PeopleFigures};
 pub use scoring::main_node_errors;
 
 use self::arguments::{Cli, Command};

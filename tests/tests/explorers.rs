@@ -141,6 +141,7 @@ fn two_explorers_hand_over_to_a_client_as_processes() {
         world: "museum".to_owned(),
         textures: None,
         seed: 1,
+        people: 0,
         crew: Crew::Team(2),
         endpoint: free_endpoint().unwrap(),
         folder: folder.path().to_owned(),

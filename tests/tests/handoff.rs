@@ -36,6 +36,7 @@ fn the_digests_agree_although_an_operator_writes_meanwhile() {
         world: "museum".to_owned(),
         textures: None,
         seed: 1,
+        people: 0,
         crew: Crew::One,
         endpoint: free_endpoint().unwrap(),
         folder: folder.path().to_owned(),

@@ -6,6 +6,7 @@ use crate::blockages::BlockageConfig;
 use crate::path_following::PathFollowingConfig;
 use fht_localization::localizer::LocalizerConfig;
 use fht_navigation::local_map::LocalMapConfig;
+use fht_navigation::people::{BystanderConfig, DistanceConfig};
 use fht_navigation::steering::SteeringConfig;
 use fht_navigation::wandering::WanderingConfig;
 use fht_proto::Footprint;
@@ -26,6 +27,12 @@ pub struct PilotConfig {
     pub route: PathFollowingConfig,
     /// Driving.
     pub steering: SteeringConfig,
+    /// Who walks about.
+    pub people: BystanderConfig,
+    /// The distance from people.
+    pub distance: DistanceConfig,
+    /// Standing for somebody is no want of progress for so long, seconds. Default 20.
+    pub give_way_s: f64,
     /// Frames in a row without a way to the next point before what is in the way counts as blocked.
     /// Default 10 (2 s).
     pub blocked_after: usize,
@@ -64,6 +71,9 @@ impl PilotConfig {
             wander: WanderingConfig::of(footprint),
             route: PathFollowingConfig::of(footprint),
             steering: SteeringConfig::of(footprint),
+            people: BystanderConfig::default(),
+            distance: DistanceConfig::of(footprint),
+            give_way_s: 20.0,
             blocked_after: 10,
             blockages: BlockageConfig::default(),
             progress: ProgressConfig::default(),

@@ -137,7 +137,8 @@ pub(super) fn robot(setup: &SimSetup, sim: &SimConfig, footprint: &Footprint) ->
     let start =
         setup.start_in(&world, radius_m)?.unwrap_or_else(|| world.random_free_pose(setup.seed, START_CLEARANCE_M));
     let world_from_map = setup.map_origin.unwrap_or_else(|| world.start());
-    Ok((Simulator::new(world, sim.clone(), start, setup.seed), world_from_map))
+    let simulator = Simulator::new(world, sim.clone(), start, setup.seed).among(setup.crowd());
+    Ok((simulator, world_from_map))
 }
 
 /// `random` is a node far off, unless a place is called so.

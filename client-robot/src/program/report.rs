@@ -72,8 +72,11 @@ pub struct MissionReport {
     pub sim_s: f64,
     /// Time on the clock, seconds.
     pub wall_s: f64,
-    /// How often the robot's body touched something.
+    /// How often the robot's body touched a wall or a thing.
     pub collisions: u64,
+    /// How often people and the robot touched, if there were people.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contacts: Option<fht_sim::Contacts>,
     /// Where the robot thought it was after the fix, map frame, twice a second: `[x, y]`.
     pub trajectory: Vec<[f64; 2]>,
     /// Where it truly was all along, map frame, twice a second: `[x, y]`.

@@ -85,6 +85,7 @@ impl MissionScore {
         report.plans = outcome.plans;
         report.refixes = outcome.refixes;
         report.collisions = self.truth.collisions();
+        report.contacts = (!self.truth.people().is_empty()).then(|| self.truth.contacts());
         self.report
     }
 

@@ -12,6 +12,7 @@
 //! | --- | --- |
 //! | [`planning`] | where a robot's centre may be, and the cheapest ways between such places |
 //! | [`motion`] | following a path, stopping before obstacles, ground on which to be slow |
+//! | [`people`] | who walks about, and how to drive among them |
 //! | [`local_map`] | the robot's own live grid, in the odometry frame |
 //! | [`steering`] | driving to a point on the live grid: plan, follow, notice a dead end |
 //! | [`wandering`] | where to go while the robot does not know where it is |
@@ -49,6 +50,7 @@
 
 pub mod local_map;
 pub mod motion;
+pub mod people;
 pub mod planning;
 pub mod searching;
 pub mod steering;

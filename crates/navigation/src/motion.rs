@@ -10,5 +10,6 @@ mod safety;
 mod speed_limit;
 
 pub use path_follower::{PathFollower, PathFollowerConfig, distance_to_segment};
+pub(crate) use safety::position_after;
 pub use safety::{SafetyConfig, safe_command};
 pub use speed_limit::speed_limit_ahead;

@@ -12,6 +12,7 @@
 //! | `world` | a [`World`]: triangles with textures and a true plan; built in or from files |
 //! | `scene` | what rays meet, and the light it is seen in |
 //! | `sensing` | LiDAR, cameras, wheels |
+//! | `people` | people who walk, stand and gather ([`PeopleConfig`]) |
 //! | `simulator` | a [`Simulator`]: one robot in a world, which implements the port |
 //! | `photographer` | panoramas of a recorded drive, rendered only where they are wanted |
 //! | `setup` | a [`SimSetup`]: which world, where, by which seeds; as flags with `cli` |
@@ -38,6 +39,7 @@
 //! # Ok::<(), fht_sim::WorldError>(())
 //! ```
 
+mod people;
 mod photographer;
 mod plan;
 mod scene;
@@ -48,6 +50,7 @@ mod simulator;
 mod starts;
 mod world;
 
+pub use people::{Body, Contacts, PeopleConfig};
 pub use photographer::Photographer;
 pub use plan::{FloorPlan, Mask, path_length_m};
 pub use scoring::truth::Truth;

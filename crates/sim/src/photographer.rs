@@ -1,6 +1,7 @@
 //! Panoramas rendered one by one, without a robot that drives: only some pictures of a recorded
 //! drive are ever used.
 
+use crate::people::Body;
 use crate::scene::light::Light;
 use crate::sensing::camera::{self, CameraConfig};
 use crate::simulator::SimConfig;
@@ -27,12 +28,13 @@ impl Photographer {
         Self { world, config: config.camera(), light: Light::from_seed(config.light_seed), seed }
     }
 
-    /// The panorama seen from `world_from_base`. `number` is its number in the drive; each number
-    /// has its own pixel noise.
+    /// The panorama seen from `world_from_base`, with `people` in it. `number` is its number in the
+    /// drive; each number has its own pixel noise.
     #[must_use]
-    pub fn panorama(&self, world_from_base: &Pose2, number: u64) -> Panorama {
+    pub fn panorama(&self, world_from_base: &Pose2, people: &[Body], number: u64) -> Panorama {
         let mut noise = ChaCha8Rng::seed_from_u64(self.seed);
         noise.set_stream(number);
-        camera::panorama(self.world.scene(), &self.light, &self.config, world_from_base, &mut noise)
+        let seen = camera::Seen { scene: self.world.scene(), bodies: people, light: &self.light };
+        camera::panorama(seen, &self.config, world_from_base, &mut noise)
     }
 }

@@ -331,8 +331,16 @@ impl Scene {
     }
 
     /// Colour seen along a ray of unit `direction`, 0 to 255 before the camera's response. A pixel
-    /// spans `pixel_angle` radians.
-    pub(crate) fn colour_along(&self, origin: Vector, direction: Vector, pixel_angle: f32, light: &Light) -> [f32; 3] {
+    /// spans `pixel_angle` radians. `body` is what stands before the scene: its distance, metres, and
+    /// its colour.
+    pub(crate) fn colour_along(
+        &self,
+        origin: Vector,
+        direction: Vector,
+        pixel_angle: f32,
+        light: &Light,
+        body: Option<(f32, [f32; 3])>,
+    ) -> [f32; 3] {
         let plane_m = if direction.z < 0.0 {
             (self.ground_m - origin.z) / direction.z
         } else if direction.z > 0.0 {
@@ -341,6 +349,13 @@ impl Scene {
             f32::MAX
         };
         let ray = Ray::new(origin, direction);
+        if let Some((body_m, colour)) = body.filter(|(body_m, _)| *body_m < plane_m) {
+            let is_hidden = CompositeShapeRef(&self.mesh).cast_local_ray(&ray, body_m, true).is_some();
+            if !is_hidden {
+                let shade = light.on_surface(-direction, origin + direction * body_m);
+                return colour.map(|value| value * shade);
+            }
+        }
         if let Some((triangle, range)) = CompositeShapeRef(&self.mesh).cast_local_ray(&ray, plane_m.min(500.0), true) {
             let surface = &self.surfaces[self.surface_of[triangle as usize] as usize];
             let point = origin + direction * range;

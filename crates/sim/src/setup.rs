@@ -1,5 +1,6 @@
 //! Where a simulated robot is, and by which seeds.
 
+use crate::people::PeopleConfig;
 use crate::starts::{StartError, check_start};
 use crate::world::{World, WorldError, load, name_of};
 use fht_perception::pose::Pose2;
@@ -33,13 +34,24 @@ pub struct SimSetup {
     /// Seed of the sensors' noise, of the wheels' errors, and of what the robot draws by lot.
     #[cfg_attr(feature = "cli", arg(long, value_name = "NUMBER", default_value_t = 1))]
     pub seed: u64,
+    /// So many people walk about in the building, stand and gather, as the seed has it.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0))]
+    pub people: u16,
 }
 
 impl SimSetup {
     /// A robot in `world`, with the defaults of the flags for everything else.
     #[must_use]
     pub fn of(world: &str) -> Self {
-        Self { world: world.to_owned(), textures: None, world_seed: 1, start: None, map_origin: None, seed: 1 }
+        Self {
+            world: world.to_owned(),
+            textures: None,
+            world_seed: 1,
+            start: None,
+            map_origin: None,
+            seed: 1,
+            people: 0,
+        }
     }
 
     /// The name of the building's map unless somebody gives it another: the building's own, or its
@@ -54,6 +66,12 @@ impl SimSetup {
     /// ```
     pub fn map_name(&self) -> Result<MapName, ParseIdError> {
         name_of(Path::new(&self.world)).parse()
+    }
+
+    /// The people in the building.
+    #[must_use]
+    pub fn crowd(&self) -> PeopleConfig {
+        PeopleConfig::of(self.people.into(), self.seed)
     }
 
     /// Loads the building.

@@ -2,6 +2,8 @@
 
 mod robot;
 
+use crate::people::crowd::Crowd;
+use crate::people::{Body, Contacts, PeopleConfig};
 use crate::scene::light::Light;
 use crate::scoring::truth::Truth;
 use crate::sensing::camera::{self, CameraConfig};
@@ -19,6 +21,8 @@ use std::sync::Arc;
 /// Integration steps in one LiDAR period: at 0.5 m/s and 5 Hz the body moves 1 cm in each, less
 /// than any wall's width.
 const SUBSTEPS: u32 = 10;
+/// Height of the robot's body as people see it, metres.
+const ROBOT_HEIGHT_M: f64 = 0.19;
 /// A push out of an obstacle by less than this is rounding, not contact, metres.
 const TOUCH_M: f64 = 1e-4;
 
@@ -149,6 +153,8 @@ pub struct Simulator {
     touching: bool,
     collisions: u64,
     driven_m: f64,
+    /// People, if there are any.
+    crowd: Option<Crowd>,
 }
 
 impl Simulator {
@@ -176,9 +182,39 @@ impl Simulator {
             touching: false,
             collisions: 0,
             driven_m: 0.0,
+            crowd: None,
             world,
             config,
         }
+    }
+
+    /// The same robot among people. With nobody nothing differs, to the last bit.
+    #[must_use]
+    pub fn among(mut self, people: PeopleConfig) -> Self {
+        if people.count > 0 {
+            let place = |pose: &Pose2| Point2::from(pose.translation.vector);
+            let (start, here) = (place(&self.world.start()), place(&self.world_from_base));
+            self.crowd = Some(Crowd::new(self.world.plan(), start, here, people));
+        }
+        self.tell_truth();
+        self
+    }
+
+    /// Where people are now. For scoring and for pictures taken later.
+    #[must_use]
+    pub fn people(&self) -> Vec<Body> {
+        self.crowd.as_ref().map_or_else(Vec::new, Crowd::bodies)
+    }
+
+    /// How often people and the robot have touched.
+    #[must_use]
+    pub fn contacts(&self) -> Contacts {
+        self.crowd.as_ref().map_or_else(Contacts::default, Crowd::contacts)
+    }
+
+    fn tell_truth(&self) {
+        let people = self.people().iter().map(|body| (body.position, body.radius_m)).collect();
+        self.truth.set(self.world_from_base, self.driven_m, self.collisions, people, self.contacts());
     }
 
     /// The frame at the start, with a panorama unless `camera_every` is 0. Call it once before the
@@ -197,11 +233,11 @@ impl Simulator {
         let turn = limited(command.angular_radps, self.config.max_turn_radps);
         let period_s = self.config.lidar_period_us as f64 * 1e-6 / f64::from(SUBSTEPS);
         for _ in 0..SUBSTEPS {
-            self.advance(speed * period_s, turn * period_s);
+            self.advance(speed * period_s, turn * period_s, period_s);
         }
         self.steps += 1;
         self.has_sensed = true;
-        self.truth.set(self.world_from_base, self.driven_m, self.collisions);
+        self.tell_truth();
         let takes_picture = self.config.camera_every > 0 && self.steps.is_multiple_of(self.config.camera_every);
         self.sense(takes_picture)
     }
@@ -253,10 +289,12 @@ impl Simulator {
     }
 
     fn sense(&mut self, takes_picture: bool) -> SensorFrame {
-        let scene = self.world.scene();
-        let scan = lidar::scan(scene, &self.config.lidar(), &self.world_from_base, &mut self.lidar_noise);
+        let (scene, people) = (self.world.scene(), self.people());
+        let met = lidar::Met { scene, bodies: &people };
+        let scan = lidar::scan(met, &self.config.lidar(), &self.world_from_base, &mut self.lidar_noise);
         let panorama = takes_picture.then(|| {
-            camera::panorama(scene, &self.light, &self.config.camera(), &self.world_from_base, &mut self.camera_noise)
+            let seen = camera::Seen { scene, bodies: &people, light: &self.light };
+            camera::panorama(seen, &self.config.camera(), &self.world_from_base, &mut self.camera_noise)
         });
         SensorFrame {
             time_us: self.steps * self.config.lidar_period_us,
@@ -268,17 +306,25 @@ impl Simulator {
 
     /// Moves along a small arc. The wheels measure the distance that the body really moved along
     /// its own x: blocked wheels stall.
-    fn advance(&mut self, forward_m: f64, turn_rad: f64) {
+    fn advance(&mut self, forward_m: f64, turn_rad: f64, period_s: f64) {
         let before = self.world_from_base;
         let mid_heading = before.rotation.angle() + turn_rad / 2.0;
         let (sin, cos) = mid_heading.sin_cos();
         let from = Point2::from(before.translation.vector);
         let wanted = Point2::new(from.x + forward_m * cos, from.y + forward_m * sin);
-        let to = self.keep_out(from, wanted);
+        let mut to = self.keep_out(from, wanted);
+        if let Some(crowd) = &mut self.crowd {
+            to = crowd.stop_robot(from, to, self.config.radius_m);
+        }
         let moved = to - from;
         self.world_from_base = pose(to.x, to.y, before.rotation.angle() + turn_rad);
         self.driven_m += moved.norm();
         self.wheels.roll(moved.x * cos + moved.y * sin, turn_rad, &mut self.wheel_noise);
+        if let Some(crowd) = &mut self.crowd {
+            let radius_m = self.config.radius_m;
+            let robot = Body { position: to, velocity: moved / period_s, radius_m, height_m: ROBOT_HEIGHT_M };
+            crowd.step(self.world.plan(), &[robot], period_s);
+        }
     }
 
     /// The place nearest to `wanted` where the body touches nothing: pushed off the walls, or

@@ -50,6 +50,7 @@ fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, ProgramFailure> {
         world: cli.world.clone(),
         textures: cli.textures.clone(),
         seed: cli.seed,
+        people: cli.people,
         crew: match cli.explorers {
             _ if cli.succeed => Crew::Succession,
             0 | 1 => Crew::One,

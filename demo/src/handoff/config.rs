@@ -29,6 +29,8 @@ pub struct HandoffConfig {
     pub textures: Option<PathBuf>,
     /// Seed of everything: drawing, noise, light, start and goal.
     pub seed: u64,
+    /// So many people walk about where each robot is.
+    pub people: u16,
     /// Who explores.
     pub crew: Crew,
     /// Where the server listens.

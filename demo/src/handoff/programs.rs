@@ -60,6 +60,7 @@ pub(super) fn world_args(config: &HandoffConfig, map: &MapName, report: &Path) -
     add("--connect", config.endpoint.as_ref());
     add("--world-seed", config.seed.to_string().as_ref());
     add("--report", report.as_os_str());
+    add("--people", config.people.to_string().as_ref());
     if let Some(textures) = &config.textures {
         add("--textures", textures.as_os_str());
     }

@@ -3,6 +3,7 @@
 use super::Localizing;
 use fht_localization::landmarks::Landmarks;
 use fht_localization::localizer::{Localizer, LocalizerConfig};
+use fht_navigation::people::{BystanderConfig, Bystanders};
 use fht_perception::frame::SensorFrame;
 use fht_perception::pose::Pose2;
 use fht_proto::Descriptor;
@@ -11,6 +12,7 @@ use fht_proto::Descriptor;
 pub struct Ours<'a> {
     landmarks: &'a Landmarks,
     localizer: Localizer,
+    bystanders: Bystanders,
     has_cameras: bool,
 }
 
@@ -24,7 +26,8 @@ impl<'a> Ours<'a> {
     /// The same, as configured.
     #[must_use]
     pub fn with_config(landmarks: &'a Landmarks, has_cameras: bool, config: LocalizerConfig) -> Self {
-        Self { landmarks, localizer: Localizer::new(config), has_cameras }
+        let bystanders = Bystanders::new(BystanderConfig::default());
+        Self { landmarks, localizer: Localizer::new(config), bystanders, has_cameras }
     }
 }
 
@@ -32,6 +35,7 @@ impl Localizing for Ours<'_> {
     fn update(&mut self, frame: &SensorFrame, describe: &mut dyn FnMut() -> Option<Descriptor>) -> Option<Pose2> {
         let has_cameras = self.has_cameras;
         let look = || if has_cameras { describe() } else { None };
-        self.localizer.update(self.landmarks, frame, look).map_from_base()
+        let lasting = self.bystanders.hide(frame);
+        self.localizer.update(self.landmarks, &lasting, look).map_from_base()
     }
 }

@@ -26,6 +26,8 @@ pub struct BuilderConfig {
     pub coverage: CoverageConfig,
     /// Nodes that others made.
     pub doubt: MapChangeConfig,
+    /// People whom nodes' scans show.
+    pub passers_by: PasserByConfig,
     /// When SLAM moves what a node hangs on, the node follows once it is off.
     pub follow: NodeCorrectionConfig,
 }
@@ -45,6 +47,33 @@ pub struct NodeCorrectionConfig {
 impl Default for NodeCorrectionConfig {
     fn default() -> Self {
         Self { least_m: 0.005, least_rad: 0.002 }
+    }
+}
+
+/// When returns of a node's scan count as those of somebody who stood there.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
+pub struct PasserByConfig {
+    /// Nothing occupied may be within this of where the return ends, metres. Default 0.15.
+    pub slack_m: f64,
+    /// So many returns side by side must be gone. Default 2: one is a pole between beams.
+    pub least_returns: usize,
+    /// A scan of which more than this share is gone is left as it is: the map is what is wrong.
+    /// Default 0.3.
+    pub most_share: f64,
+    /// What hangs together and stands alone, with nothing beside it that is nearer than this behind
+    /// it, metres. Default 0.3.
+    pub alone_m: f64,
+    /// … may be somebody when it is at most this wide, metres. Default 0.6.
+    pub widest_m: f64,
+    /// … unless another node saw it so many frames before or after. Default 300 (a minute).
+    pub apart_frames: u64,
+}
+
+impl Default for PasserByConfig {
+    fn default() -> Self {
+        Self { slack_m: 0.15, least_returns: 2, most_share: 0.3, alone_m: 0.3, widest_m: 0.6, apart_frames: 300 }
     }
 }
 

@@ -4,7 +4,7 @@ use super::*;
 use fht_perception::frame::LaserScan;
 use fht_perception::grid::{Cell, CellBounds, CellState, GridConfig};
 use fht_perception::pose::{Point2, pose};
-use fht_proto::{AuthorId, EdgeKey};
+use fht_proto::{AuthorId, EdgeKey, Signature};
 use std::collections::BTreeSet;
 
 /// A scan from the middle of a square room of side 6 m, with a post of 0.2 m at (1, 0) if `post`.
@@ -138,4 +138,26 @@ fn ground_in_a_gap_too_narrow_for_an_edge_is_covered_from_outside() {
         builder.cover(&mut journal, &SlamEstimate { grid: &grid, poses: &[Pose2::identity()] }).is_empty(),
         "{before} nodes cover it"
     );
+}
+
+#[test]
+fn who_stood_before_a_node_is_left_out_of_its_scan_once_the_floor_there_is_free() {
+    let (mut builder, mut journal, grid, _) = mapped();
+    let estimate = SlamEstimate { grid: &grid, poses: &[Pose2::identity()] };
+    let anchored = Anchored { keyframe: 0, keyframe_from_base: pose(0.0, 0.0, 0.0) };
+    let signature = Signature { descriptor: None, scan: room(true).to_record() };
+    let footing = Footing { anchored, frame: Some(7) };
+    let (id, ops) = builder.make_node(footing, Some(signature), &mut journal, &estimate);
+    journal.write(ops, 2);
+    let nearest_mm = |journal: &Journal| {
+        let node = journal.state().node(id).expect("the node");
+        node.signature.and_then(|signature| signature.scan.ranges_mm.iter().copied().filter(|mm| *mm > 0).min())
+    };
+    assert_eq!(nearest_mm(&journal), Some(1000));
+    journal.write(builder.finish(&journal, &grid), 3);
+    assert_eq!(nearest_mm(&journal), Some(1000), "where nobody walks it is a post");
+    builder.expect_people();
+    journal.write(builder.finish(&journal, &grid), 4);
+    assert_eq!(nearest_mm(&journal), Some(3000));
+    assert!(builder.finish(&journal, &grid).is_empty(), "nothing is left to correct");
 }

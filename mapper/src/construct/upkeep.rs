@@ -2,7 +2,8 @@
 //! and what something stands in goes.
 
 use super::edges::{blocked, edges_of, nearby_nodes};
-use super::{Builder, NodeCorrectionConfig, map_change};
+use super::passers_by::{self, Sightings};
+use super::{Builder, Footing, NodeCorrectionConfig, map_change};
 use crate::publish::Journal;
 use crate::slam::SlamEstimate;
 use fht_map::NodeRef;
@@ -10,7 +11,7 @@ use fht_perception::free_rectangle;
 use fht_perception::grid::OccupancyGrid;
 use fht_perception::pose::{from_fixed, to_fixed};
 use fht_proto::{EdgeKey, FixedPoint, NodeId, NodeKind, Op, Rect};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Whether a rectangle around a node contains another around the same node, but for `slack_mm` on
 /// each side: a node that followed a correction lies elsewhere in its cell.
@@ -59,8 +60,28 @@ impl Builder {
             let rect = journal.state().node(id).and_then(|node| node.free_space);
             self.is_own(id) && rect.is_some_and(|rect| free_rectangle::is_obstructed(grid, position, &rect))
         };
-        let wrong = nodes.into_iter().filter(|&(_, id, position)| done != Some(id) && is_wrong(id, position));
-        wrong.filter_map(|(_, id, _)| self.free_space_op(id, journal, grid)).collect()
+        let wrong = nodes.iter().filter(|&&(_, id, position)| done != Some(id) && is_wrong(id, position));
+        let rectangles = wrong.filter_map(|(_, id, _)| self.free_space_op(*id, journal, grid));
+        let own = nodes.iter().filter(|(_, id, _)| self.is_own(*id));
+        let nodes = own.filter_map(|(_, id, _)| journal.state().node(*id));
+        rectangles.chain(nodes.filter_map(|node| self.passers_by_op(&node, grid))).collect()
+    }
+
+    /// At the end, where people were about: what may be somebody is left out of the scans of this
+    /// run's nodes.
+    #[must_use]
+    pub fn leave_out_doubtful(&self, journal: &Journal) -> Vec<Op> {
+        let seen_at = |(id, footing): (&NodeId, &Footing)| Some((*id, footing.frame?));
+        let frames: BTreeMap<NodeId, u64> = self.footings.iter().filter_map(seen_at).collect();
+        let sightings = Sightings::of(journal.state().main_nodes(), &frames);
+        let own = journal.state().main_nodes().filter_map(|node| Some((node.id, *frames.get(&node.id)?)));
+        let nodes = own.filter_map(|(id, frame)| Some((journal.state().node(id)?, frame)));
+        nodes.filter_map(|(node, frame)| sightings.without_doubtful(&node, frame, &self.config.passers_by)).collect()
+    }
+
+    /// The operation that takes people who have left out of a node's scan.
+    fn passers_by_op(&self, node: &NodeRef<'_>, grid: &OccupancyGrid) -> Option<Op> {
+        self.has_people.then(|| passers_by::without_them(node, grid, &self.config.passers_by)).flatten()
     }
 
     /// Keyframes have moved: the operations that move nodes with them, and the nodes.
@@ -124,8 +145,10 @@ impl Builder {
             |node: &NodeRef<'_>| node.kind == NodeKind::Support && self.is_own(node.id) && is_left_alone(node.id);
         let (alone, kept): (Vec<_>, Vec<_>) = state.nodes().partition(is_alone);
         let alone = alone.into_iter().map(|node| Op::RemoveNode { id: node.id });
+        let own = kept.iter().filter(|node| self.is_own(node.id));
+        let scans: Vec<Op> = own.filter_map(|node| self.passers_by_op(node, grid)).collect();
         let rectangles = kept.into_iter().filter_map(|node| self.free_space_op(node.id, journal, grid));
         let removals = blocked.iter().map(|edge| Op::RemoveEdge { edge: *edge });
-        removals.chain(alone).chain(rectangles).collect()
+        removals.chain(alone).chain(rectangles).chain(scans).collect()
     }
 }

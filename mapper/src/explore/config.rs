@@ -6,6 +6,7 @@ use super::setbacks::SetbackConfig;
 use super::utility::UtilityConfig;
 use crate::construct::RefinementConfig;
 use fht_navigation::motion::{PathFollowerConfig, SafetyConfig};
+use fht_navigation::people::DistanceConfig;
 use fht_navigation::planning::PlanConfig;
 use fht_proto::Footprint;
 use serde::{Deserialize, Serialize};
@@ -24,6 +25,11 @@ pub struct ExploreConfig {
     pub follow: PathFollowerConfig,
     /// The check of every command against the scan.
     pub safety: SafetyConfig,
+    /// The distance from people.
+    pub distance: DistanceConfig,
+    /// Standing for somebody is not being stuck, and a way that somebody blocks is waited for, for
+    /// so long, seconds. Default 20.
+    pub give_way_s: f64,
     /// What counts as a frontier.
     pub frontier: FrontierConfig,
     /// Terms of equation 1.
@@ -60,6 +66,8 @@ impl Default for ExploreConfig {
             squeeze_m: Footprint::default().squeeze_clearance_m(),
             follow: PathFollowerConfig::default(),
             safety: SafetyConfig::default(),
+            distance: DistanceConfig::default(),
+            give_way_s: 20.0,
             frontier: FrontierConfig::default(),
             utility: UtilityConfig::default(),
             setbacks: SetbackConfig::default(),

@@ -67,6 +67,8 @@ pub struct Search {
     pub(super) underway: Option<Underway>,
     /// The map, if others have seen some of the building.
     pub(super) map: Option<MapState>,
+    /// Whether the grid shows people who stand.
+    pub(super) is_among_people: bool,
 }
 
 /// Where to look for a goal, and for which.
@@ -86,9 +88,17 @@ pub struct SearchResult {
     pub(super) underway: Option<Point2>,
     /// What to drive to; `None` when nothing is left.
     pub(super) goal: Option<Goal>,
+    /// Whether people were in the way.
+    pub(super) is_among_people: bool,
 }
 
 impl Search {
+    /// The same question on a grid that shows people who stand.
+    #[must_use]
+    pub fn among_people(self, is_among_people: bool) -> Self {
+        Self { is_among_people, ..self }
+    }
+
     /// The same question, given the map if it is of use: when others have seen some of the
     /// building.
     #[must_use]
@@ -122,7 +132,7 @@ impl Search {
             .or_else(|| self.choose(&unseen))
             .or_else(|| self.choose(&Quest { free: &free, known: Knowledge::alone(grid), seams: Some(seams()?) }));
         let underway = self.underway.map(|underway| underway.target);
-        SearchResult { underway, goal }
+        SearchResult { underway, goal, is_among_people: self.is_among_people }
     }
 
     fn position(&self) -> Point2 {

@@ -4,6 +4,7 @@ use crate::construct::{BuilderConfig, CoverageConfig, Hierarchy, RefinementConfi
 use crate::explore::{ExploreConfig, FrontierConfig};
 use crate::slam::SlamConfig;
 use crate::team::JoinConfig;
+use fht_navigation::people::BystanderConfig;
 use fht_perception::drivable_line::DrivableLineConfig;
 use fht_worker::Pace;
 use serde::{Deserialize, Serialize};
@@ -21,6 +22,8 @@ pub struct MapperConfig {
     pub refine: RefinementConfig,
     /// Where to go.
     pub explore: ExploreConfig,
+    /// Who walks about.
+    pub people: BystanderConfig,
     /// Joining a map that exists.
     pub join: JoinConfig,
     /// Whether the loop waits for work beside it.

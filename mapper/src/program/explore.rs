@@ -138,7 +138,7 @@ pub async fn explore(
     let start = setup.start_in(&world, sim.radius_m)?.unwrap_or_else(|| world.start());
     let recorder = RunRecorder::new(task.record.as_deref())?;
     let camera_every = if mapping.cameras { sim.camera_every } else { 0 };
-    let simulator = Simulator::new(world, SimConfig { camera_every, ..sim }, start, setup.seed);
+    let simulator = Simulator::new(world, SimConfig { camera_every, ..sim }, start, setup.seed).among(setup.crowd());
     let score = ExplorationScore::new(&simulator, setup.map_origin);
     let watcher = Watcher { watch, next_us: 0 };
     // Its sensors are never silent, however slow the simulated time.

@@ -2,9 +2,25 @@
 
 use crate::explore::Ending;
 use fht_proto::{Digest, VersionVector};
+use fht_sim::Contacts;
 use fht_sim::scoring::TrajectoryError;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+
+/// People in the building, and what is left of them in the map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PeopleFigures {
+    /// How many there were.
+    pub count: usize,
+    /// How often they and the robot touched.
+    pub contacts: Contacts,
+    /// Returns in the scans of main nodes that truly ended on somebody and not on a wall.
+    pub returns_in_nodes: usize,
+    /// Returns in these scans altogether.
+    pub returns: usize,
+    /// Area that the grid says is occupied where there truly is nothing within 0.2 m, square metres.
+    pub ghosts_m2: f64,
+}
 
 /// Figures of one exploration.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -50,8 +66,11 @@ pub struct ExploreReport {
     pub delivered: bool,
     /// Distance truly driven, metres.
     pub driven_m: f64,
-    /// Times that the robot touched something.
+    /// Times that the robot touched a wall or a thing.
     pub collisions: u64,
+    /// The people in the building, if there were any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub people: Option<PeopleFigures>,
     /// Error of the poses of all frames as they were known at the frame.
     pub trajectory_error: TrajectoryError,
     /// Error of the same poses as they are known at the end.

@@ -1,5 +1,6 @@
 //! An exploration of a simulated building, scored against the truth.
 
+use super::people_score::{Crowded, figures};
 use super::report::ExploreReport;
 use crate::construct::point;
 use crate::mapping::{Located, Mapper};
@@ -30,6 +31,8 @@ pub(super) struct ExplorationScore {
     sim_s: f64,
     /// The truth at each frame.
     true_poses: Vec<Pose2>,
+    /// Where people were at each frame.
+    people: Vec<Crowded>,
     /// The estimate and the truth, from the frame on at which the robot has known where in the map
     /// it is.
     located: Vec<(Located, Pose2)>,
@@ -51,6 +54,7 @@ impl ExplorationScore {
             took: Duration::ZERO,
             sim_s: 0.0,
             true_poses: Vec::new(),
+            people: Vec::new(),
             located: Vec::new(),
             joined: None,
             world,
@@ -91,6 +95,13 @@ impl ExplorationScore {
             delivered: summary.is_delivered(),
             driven_m: self.truth.driven_m(),
             collisions: self.truth.collisions(),
+            people: figures(
+                &self.people,
+                &self.true_poses,
+                (&self.world, world_from_map),
+                mapper,
+                self.truth.contacts(),
+            ),
             trajectory_error: trajectory_error(&online, &truth, world_from_map),
             corrected_trajectory_error: trajectory_error(&corrected, &truth, world_from_map),
             own_main_nodes: node_errors_m.len(),
@@ -115,6 +126,7 @@ impl MappingObserver for ExplorationScore {
     fn on_frame(&mut self, mapped: &MappedFrame<'_>) -> ControlFlow<()> {
         let (mapper, truth) = (mapped.mapper, self.truth.world_from_base());
         self.true_poses.push(truth);
+        self.people.push(self.truth.people());
         self.sim_s = mapped.frame.time_us as f64 * 1e-6;
         if mapper.is_placed() {
             let (sim_s, driven_m) = (self.sim_s, self.truth.driven_m());

@@ -77,7 +77,7 @@ fn is_clear(twist: Twist, points: &[Point2], keep_m: f64, horizon_s: f64) -> boo
 
 /// Where the base is after driving `twist` for `seconds`, in the frame of the base before: an arc
 /// of a circle.
-pub(super) fn position_after(twist: Twist, seconds: f64) -> Point2 {
+pub(crate) fn position_after(twist: Twist, seconds: f64) -> Point2 {
     let turned = twist.angular_radps * seconds;
     let length = twist.linear_mps * seconds;
     if turned.abs() < 1e-6 {

@@ -1,14 +1,17 @@
 //! The truth about a simulated robot, for scoring. The robot itself never sees it.
 
-use fht_perception::pose::Pose2;
-use std::sync::{Arc, Mutex, PoisonError};
+use crate::people::Contacts;
+use fht_perception::pose::{Point2, Pose2};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The truth at the newest frame.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct TruthNow {
     world_from_base: Pose2,
     driven_m: f64,
     collisions: u64,
+    people: Vec<(Point2, f64)>,
+    contacts: Contacts,
 }
 
 /// The truth about one simulated robot at its newest frame. Clones refer to the same robot.
@@ -17,32 +20,52 @@ pub struct Truth(Arc<Mutex<TruthNow>>);
 
 impl Truth {
     pub(crate) fn at(world_from_base: Pose2) -> Self {
-        Self(Arc::new(Mutex::new(TruthNow { world_from_base, driven_m: 0.0, collisions: 0 })))
+        let (people, contacts) = (Vec::new(), Contacts::default());
+        Self(Arc::new(Mutex::new(TruthNow { world_from_base, driven_m: 0.0, collisions: 0, people, contacts })))
     }
 
-    pub(crate) fn set(&self, world_from_base: Pose2, driven_m: f64, collisions: u64) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = TruthNow { world_from_base, driven_m, collisions };
+    pub(crate) fn set(
+        &self,
+        world_from_base: Pose2,
+        driven_m: f64,
+        collisions: u64,
+        people: Vec<(Point2, f64)>,
+        contacts: Contacts,
+    ) {
+        *self.lock() = TruthNow { world_from_base, driven_m, collisions, people, contacts };
     }
 
-    fn now(&self) -> TruthNow {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, TruthNow> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The true pose of the robot, `world_from_base`.
     #[must_use]
     pub fn world_from_base(&self) -> Pose2 {
-        self.now().world_from_base
+        self.lock().world_from_base
     }
 
     /// Distance driven so far, metres.
     #[must_use]
     pub fn driven_m(&self) -> f64 {
-        self.now().driven_m
+        self.lock().driven_m
     }
 
-    /// How many times its body has hit something so far.
+    /// How many times its body has hit a thing so far: walls and furniture, not people.
     #[must_use]
     pub fn collisions(&self) -> u64 {
-        self.now().collisions
+        self.lock().collisions
+    }
+
+    /// Where people are, world frame, and the radius of each, metres.
+    #[must_use]
+    pub fn people(&self) -> Vec<(Point2, f64)> {
+        self.lock().people.clone()
+    }
+
+    /// How often people and the robot have touched so far.
+    #[must_use]
+    pub fn contacts(&self) -> Contacts {
+        self.lock().contacts
     }
 }

@@ -1,5 +1,6 @@
 //! Four cameras of 90° that share one centre, so that their views join without a seam.
 
+use crate::people::body::{self, Body};
 use crate::scene::Scene;
 use crate::scene::light::Light;
 use fht_perception::frame::Panorama;
@@ -19,10 +20,20 @@ pub(crate) struct CameraConfig {
     pub(crate) noise_levels: f32,
 }
 
+/// What the cameras look at.
+#[derive(Clone, Copy)]
+pub(crate) struct Seen<'a> {
+    /// Walls and things.
+    pub(crate) scene: &'a Scene,
+    /// Who is there.
+    pub(crate) bodies: &'a [Body],
+    /// The light that day.
+    pub(crate) light: &'a Light,
+}
+
 /// Renders the panorama seen from `world_from_base`. The pixel noise comes from `noise`.
 pub(crate) fn panorama(
-    scene: &Scene,
-    light: &Light,
+    seen: Seen<'_>,
     config: &CameraConfig,
     world_from_base: &Pose2,
     noise: &mut impl Rng,
@@ -32,19 +43,13 @@ pub(crate) fn panorama(
     let yaw = world_from_base.rotation.angle();
     let views = [0.0, 0.25, 0.5, 0.75].map(|turn| {
         let heading = yaw + turn * std::f64::consts::TAU;
-        view(scene, light, config, centre, heading, noise)
+        view(seen, config, centre, heading, noise)
     });
     Panorama { views }
 }
 
-fn view(
-    scene: &Scene,
-    light: &Light,
-    config: &CameraConfig,
-    centre: Vector,
-    heading: f64,
-    noise: &mut impl Rng,
-) -> RgbImage {
+fn view(seen: Seen<'_>, config: &CameraConfig, centre: Vector, heading: f64, noise: &mut impl Rng) -> RgbImage {
+    let light = seen.light;
     let side = config.pixels;
     let (sin, cos) = (heading.sin() as f32, heading.cos() as f32);
     let ahead = Vector::new(cos, sin, 0.0);
@@ -61,10 +66,11 @@ fn view(
             let x = (column as f32 + 0.5) * step - 1.0;
             let scale = 1.0 / (1.0 + x * x + y * y).sqrt();
             let direction = (ahead + right * x + up * y) * scale;
-            let seen = scene.colour_along(centre, direction, step * scale, light);
+            let body = body::seen(seen.bodies, centre, direction);
+            let colour = seen.scene.colour_along(centre, direction, step * scale, light, body);
             // A lens passes less light towards its corners; equal on both sides of a seam.
             let vignetting = 0.94 + 0.06 * scale * scale;
-            let pixel = light.respond(seen.map(|value| value * vignetting));
+            let pixel = light.respond(colour.map(|value| value * vignetting));
             let random = &noise_bytes[column as usize * 6..column as usize * 6 + 6];
             for (channel, value) in pixel.into_iter().enumerate() {
                 // The sum of two uniform bytes has standard deviation 104.5, and is close enough to

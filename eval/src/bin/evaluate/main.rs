@@ -6,6 +6,7 @@ mod knobs;
 mod maps;
 mod output;
 mod paths;
+mod people;
 mod recorded;
 mod relocalize;
 mod systems;
@@ -90,6 +91,12 @@ metres and radians.")]
   evaluate relocalize --worlds ../shared/data/maps/museum.yaml --starts 100
   evaluate relocalize --worlds museum --starts 20")]
     Relocalize(relocalize::RelocalizeArgs),
+    /// Missions among people: robots dropped anywhere in an explored building find out where they
+    /// are, and drive to a place far off.
+    #[command(after_help = "Examples:
+  evaluate people --worlds ../shared/data/maps/museum.yaml --people 20
+  evaluate people --worlds office --people 40 --starts 20 --no-cameras")]
+    People(people::PeopleArgs),
     /// Robots set down in a recorded log, on a map of its first part, of another log, or of a file:
     /// how soon they know where they are, how often they are wrong, and how far they can be
     /// believed.
@@ -122,6 +129,7 @@ fn main() -> ExitCode {
         Part::Contents(args) => contents::run(&args),
         Part::Knobs(args) => knobs::run(&args),
         Part::Relocalize(args) => relocalize::run(&args),
+        Part::People(args) => people::run(&args),
         Part::Recorded(args) => recorded::run(&args),
         Part::Merge(args) => merge::run(&args),
     };

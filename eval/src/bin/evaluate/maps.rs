@@ -21,6 +21,9 @@ pub struct MapArgs {
     /// Seed of the exploration, and of what is drawn in it.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+    /// So many people walk about while the building is explored.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub people: u16,
     /// Explore with one knob of the mapper turned.
     #[arg(long, value_enum)]
     pub knob: Option<Knob>,
@@ -65,7 +68,13 @@ impl MapArgs {
             knob.turn(&mut mapper);
             name = format!("{name}-{}", knob.name());
         }
-        let task = SurveyTask { seed: self.seed, variant: name.clone(), mapper, ..SurveyTask::usual(world) };
+        let task = SurveyTask {
+            seed: self.seed,
+            people: self.people.into(),
+            variant: name.clone(),
+            mapper,
+            ..SurveyTask::usual(world)
+        };
         if !Survey::is_kept(&task, &self.kept) {
             eprintln!("evaluate: {world} is explored ({name}), once; that takes some minutes");
         }

@@ -20,6 +20,9 @@ pub struct ExploreArgs {
     /// Factors of the wheels' drift.
     #[arg(long, value_delimiter = ',', default_value = "1,2")]
     drifts: Vec<f64>,
+    /// Numbers of people who walk about meanwhile.
+    #[arg(long, value_delimiter = ',', default_value = "0")]
+    people: Vec<u16>,
     /// Without cameras: several times faster, and loops are closed by geometry alone.
     #[arg(long)]
     no_cameras: bool,
@@ -33,23 +36,26 @@ struct Row {
     world: String,
     seed: u64,
     drift: f64,
+    people: u16,
     report: ExploreReport,
 }
 
 pub fn run(args: &ExploreArgs) -> Result<(), String> {
-    let count = args.worlds.len() * args.drifts.len() * args.seeds as usize;
+    let count = args.worlds.len() * args.drifts.len() * args.people.len() * args.seeds as usize;
     let bar = args.output.progress_bar(count as u64, "{bar:40} {pos}/{len} {msg}, {elapsed} gone, {eta} to go");
     say(
-        "| world | drift | seed | as known then: mean, greatest | as known at the end | main nodes within 0.05 m | greatest | closures | ended |",
+        "| world | drift | people | seed | as known then: mean, greatest | as known at the end | main nodes within 0.05 m | greatest | closures | ended, after | people touched by the robot, touched it | returns on people |",
     )?;
-    say("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")?;
+    say("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")?;
     let mut rows = Vec::new();
     for world in &args.worlds {
         for &drift in &args.drifts {
-            for seed in 1..=args.seeds {
-                bar.set_message(format!("{world}, drift {drift}, seed {seed}"));
-                let report = explore_once(world, seed, drift, !args.no_cameras)?;
-                let row = Row { world: world.clone(), seed, drift, report };
+            let runs = args.people.iter().flat_map(|&people| (1..=args.seeds).map(move |seed| (people, seed)));
+            for (people, seed) in runs {
+                bar.set_message(format!("{world}, drift {drift}, {people} people, seed {seed}"));
+                let setup = SimSetup { seed, people, ..SimSetup::of(world) };
+                let report = explore_once(setup, drift, !args.no_cameras)?;
+                let row = Row { world: world.clone(), seed, drift, people, report };
                 bar.suspend(|| say(&line(&row)))?;
                 bar.inc(1);
                 rows.push(row);
@@ -62,22 +68,23 @@ pub fn run(args: &ExploreArgs) -> Result<(), String> {
     say(&summary(&rows))
 }
 
-fn explore_once(world: &str, seed: u64, drift: f64, cameras: bool) -> Result<ExploreReport, String> {
+fn explore_once(setup: SimSetup, drift: f64, cameras: bool) -> Result<ExploreReport, String> {
     let map: MapName = "evaluation".parse().map_err(|error| format!("{error}"))?;
-    let setup = SimSetup { seed, ..SimSetup::of(world) };
+    let name = format!("{}, drift {drift}, {} people, seed {}", setup.world, setup.people, setup.seed);
     let mapping = MappingTask { cameras, ..MappingTask::new(map, "explorer") };
     let sim = SimConfig { drift_factor: drift, ..SimConfig::default() };
     let task = ExploreTask { sim, ..ExploreTask::new(setup, mapping) };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(|error| format!("the async runtime cannot be started: {error}"))?;
-    runtime.block_on(explore(task, |_| {})).map_err(|error| format!("{world}, drift {drift}, seed {seed}: {error}"))
+    runtime.block_on(explore(task, |_| {})).map_err(|error| format!("{name}: {error}"))
 }
 
 fn line(row: &Row) -> String {
-    let Row { world, seed, drift, report } = row;
+    let Row { world, seed, drift, people, report } = row;
+    let met = report.people.unwrap_or_default();
     let (then, end) = (&report.trajectory_error, &report.corrected_trajectory_error);
     format!(
-        "| {world} | {drift} | {seed} | {:.3} m, {:.2}°, {:.3} m | {:.3} m, {:.2}°, {:.3} m | {:.1} % | {:.3} m | {} + {} | {} |",
+        "| {world} | {drift} | {people} | {seed} | {:.3} m, {:.2}°, {:.3} m | {:.3} m, {:.2}°, {:.3} m | {:.1} % | {:.3} m | {} + {} | {}, {:.0} s | {}, {} | {} |",
         then.mean_m,
         then.mean_deg,
         then.max_m,
@@ -88,7 +95,11 @@ fn line(row: &Row) -> String {
         report.main_node_error_max_m,
         report.closures[0],
         report.closures[1],
-        report.ending
+        report.ending,
+        report.sim_s,
+        met.contacts.by_robot,
+        met.contacts.by_people,
+        met.returns_in_nodes
     )
 }
 

@@ -1,0 +1,206 @@
+//! The returns of a scan that something moving gave: they end where beams of a moment ago went on.
+
+use fht_perception::frame::LaserScan;
+use fht_perception::pose::{Point2, Pose2};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// Which returns count as those of something that moves.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
+pub struct MovingReturnConfig {
+    /// A scan is compared with those at least this much older, seconds. Default 0.35: who walks
+    /// has moved by more than a body's depth.
+    pub least_age_s: f64,
+    /// … and at most this much older, seconds. Default 1.3: the wheels are good for that long.
+    pub most_age_s: f64,
+    /// The beams of the older scan must have gone on by this much, metres. Default 0.3.
+    pub beyond_m: f64,
+    /// Share of a turn that the wheels may be off by. Default 0.08: beams so far aside must have gone
+    /// on, too.
+    pub turn_error: f64,
+    /// So many of the older scans must have seen through. Default 2: one may have seen a thin wall
+    /// from its edge, between two beams.
+    pub least_scans: usize,
+    /// So many returns of what hangs together must be new. Default 3: one or two are poles and
+    /// corners between beams.
+    pub least_returns: usize,
+    /// Returns side by side hang together when their ranges differ by less than this, metres.
+    /// Default 0.25.
+    pub gap_m: f64,
+    /// What hangs together moves as a whole when this share of it is new. Default 0.4.
+    pub least_share: f64,
+    /// … and it is at most this wide, metres. Default 0.9: what is wider is a wall.
+    pub widest_m: f64,
+    /// Returns farther than this are not judged, metres. Default 8: who is farther shows too few.
+    pub reach_m: f64,
+    /// A scan of which more than this share is new tells of this robot and not of others: its wheels
+    /// have slipped. Default 0.4.
+    pub most_share: f64,
+}
+
+impl Default for MovingReturnConfig {
+    fn default() -> Self {
+        Self {
+            least_age_s: 0.35,
+            most_age_s: 1.3,
+            beyond_m: 0.3,
+            turn_error: 0.08,
+            least_scans: 2,
+            least_returns: 3,
+            gap_m: 0.25,
+            least_share: 0.4,
+            widest_m: 0.9,
+            reach_m: 8.0,
+            most_share: 0.4,
+        }
+    }
+}
+
+struct Past {
+    time_us: u64,
+    odom_from_sensor: Pose2,
+    scan: LaserScan,
+}
+
+impl Past {
+    /// Whether the beams towards a place, and those beside it as far as the wheels may be off, went
+    /// on beyond it. `turned_rad` is how far the robot has turned since.
+    fn saw_through(&self, place: Point2, turned_rad: f64, config: &MovingReturnConfig) -> bool {
+        let to = self.odom_from_sensor.inverse_transform_point(&place);
+        let (distance_m, scan) = (to.coords.norm(), &self.scan);
+        let step_rad = scan.angle_increment.abs().max(1e-6);
+        let turn = std::f64::consts::TAU / step_rad;
+        let count = scan.ranges_m.len();
+        let is_full = (count as f64 - turn).abs() < 1.5;
+        let angle = (to.y.atan2(to.x) - scan.angle_min) / scan.angle_increment;
+        let beam = angle.rem_euclid(turn).round() as usize;
+        let aside = 1 + (config.turn_error * turned_rad / step_rad).ceil() as usize;
+        if 2 * aside >= count || (!is_full && !(aside..count - aside).contains(&beam)) {
+            return false; // it did not look there
+        }
+        let beams = (beam + count - aside..=beam + count + aside).map(|beam| f64::from(scan.ranges_m[beam % count]));
+        let least_m = distance_m + config.beyond_m;
+        // Of NaN nothing is known.
+        beams.into_iter().all(|range_m| !range_m.is_nan() && range_m.min(scan.range_max_m) > least_m)
+    }
+}
+
+/// Compares scans with those before.
+#[derive(Default)]
+pub(super) struct MovingReturns {
+    past: VecDeque<Past>,
+}
+
+impl MovingReturns {
+    /// Which returns of a scan something moving gave, beam by beam. Time must not go back.
+    pub(super) fn find(
+        &mut self,
+        odom_from_base: &Pose2,
+        scan: &LaserScan,
+        time_us: u64,
+        config: &MovingReturnConfig,
+    ) -> Vec<bool> {
+        let odom_from_sensor = odom_from_base * scan.base_from_sensor;
+        let age_s = |past: &Past| time_us.saturating_sub(past.time_us) as f64 * 1e-6;
+        while self.past.front().is_some_and(|past| age_s(past) > config.most_age_s) {
+            self.past.pop_front();
+        }
+        let is_judged = |range: f32| scan.is_return(range) && f64::from(range) < config.reach_m;
+        let older: Vec<&Past> = self.past.iter().filter(|past| age_s(past) >= config.least_age_s).collect();
+        let is_new = |(index, &range): (usize, &f32)| {
+            let (sin, cos) = scan.angle(index).sin_cos();
+            let place = odom_from_sensor * (Point2::new(cos, sin) * f64::from(range));
+            let turned_rad = |past: &Past| past.odom_from_sensor.rotation.angle_to(&odom_from_sensor.rotation).abs();
+            let through = older.iter().filter(|past| past.saw_through(place, turned_rad(past), config));
+            is_judged(range) && through.take(config.least_scans).count() >= config.least_scans
+        };
+        let new: Vec<bool> = scan.ranges_m.iter().enumerate().map(is_new).collect();
+        let moving = grown(&new, scan, config);
+        self.past.push_back(Past { time_us, odom_from_sensor, scan: scan.clone() });
+        let returns = scan.ranges_m.iter().filter(|range| scan.is_return(**range)).count();
+        let count = moving.iter().filter(|is_moving| **is_moving).count();
+        if count as f64 > config.most_share * returns as f64 { vec![false; moving.len()] } else { moving }
+    }
+}
+
+/// What hangs together, is no wider than somebody, and is new in good part.
+fn grown(new: &[bool], scan: &LaserScan, config: &MovingReturnConfig) -> Vec<bool> {
+    let ranges = &scan.ranges_m;
+    let mut moving = vec![false; new.len()];
+    let mut from = 0;
+    while from < ranges.len() {
+        let hangs = |index: usize| {
+            let step = f64::from(ranges[index]) - f64::from(ranges[index - 1]);
+            scan.is_return(ranges[index]) && step.abs() < config.gap_m
+        };
+        let mut to = from + 1;
+        while scan.is_return(ranges[from]) && to < ranges.len() && hangs(to) {
+            to += 1;
+        }
+        let count = new[from..to].iter().filter(|is_new| **is_new).count();
+        let is_much = count >= config.least_returns && count as f64 >= config.least_share * (to - from) as f64;
+        if is_much && width_m(scan, from, to - 1) <= config.widest_m {
+            moving[from..to].fill(true);
+        }
+        from = to;
+    }
+    moving
+}
+
+/// Distance between the ends of two beams, metres.
+fn width_m(scan: &LaserScan, first: usize, last: usize) -> f64 {
+    let end = |index: usize| {
+        let (sin, cos) = scan.angle(index).sin_cos();
+        Point2::new(cos, sin) * f64::from(scan.ranges_m[index])
+    };
+    (end(first) - end(last)).norm()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A room of 8 m by 8 m, seen from its middle, with somebody at a place or nobody.
+    fn room(somebody: Option<Point2>) -> LaserScan {
+        LaserScan::all_round(360, |cos, sin| {
+            let wall_m = 4.0 / cos.abs().max(sin.abs());
+            let met = somebody.and_then(|at| {
+                let along = at.x * cos + at.y * sin;
+                let beside = at.coords.norm_squared() - along * along;
+                (along > 0.0 && beside < 0.04).then(|| along - (0.04 - beside).sqrt())
+            });
+            met.unwrap_or(wall_m)
+        })
+    }
+
+    fn count(somebody: impl Fn(u64) -> Option<Point2>) -> Vec<usize> {
+        let (mut moving, config) = (MovingReturns::default(), MovingReturnConfig::default());
+        let scan = |frame| room(somebody(frame));
+        let find = |frame: u64| moving.find(&Pose2::identity(), &scan(frame), frame * 200_000, &config);
+        (0..15).map(find).map(|found| found.iter().filter(|is_moving| **is_moving).count()).collect()
+    }
+
+    #[test]
+    fn who_walks_across_is_seen_and_who_stands_is_not() {
+        let walking = count(|frame| Some(Point2::new(2.0, -1.5 + 0.25 * frame as f64)));
+        assert!(walking[3..].iter().all(|&count| count >= 8), "{walking:?}");
+        assert!(count(|_| Some(Point2::new(2.0, 0.5))).iter().all(|&count| count == 0));
+        assert!(count(|_| None).iter().all(|&count| count == 0));
+    }
+
+    #[test]
+    fn who_stops_is_not_seen_moving_after_a_moment() {
+        let stopping = count(|frame| Some(Point2::new(2.0, (0.25 * frame as f64 - 1.5).min(-0.5))));
+        assert!(stopping[4] >= 8 && stopping[12..].iter().all(|&count| count == 0), "{stopping:?}");
+    }
+
+    #[test]
+    fn a_scan_that_is_new_as_a_whole_tells_of_the_robot() {
+        let (mut moving, config) = (MovingReturns::default(), MovingReturnConfig::default());
+        let small = LaserScan::all_round(360, |cos, sin| 2.0 / cos.abs().max(sin.abs()));
+        (0..4).for_each(|frame| drop(moving.find(&Pose2::identity(), &room(None), frame * 200_000, &config)));
+        assert!(moving.find(&Pose2::identity(), &small, 900_000, &config).iter().all(|is_moving| !is_moving));
+    }
+}

@@ -1,0 +1,126 @@
+//! People whom a main node's scan shows: what it saw is not there any more. (Not in the paper, in
+//! whose buildings nobody walks.)
+//!
+//! A return that ends where the robot's grid has free floor by now, with nothing occupied near, was
+//! somebody's. Who was seen walking is not in the scan in the first place
+//! ([`Bystanders`](fht_navigation::people::Bystanders)); this is for who stood, and left. Where people
+//! walk, things of a person's width that stand alone are left out as well, unless another node has
+//! seen them at another time.
+
+use super::config::PasserByConfig;
+use fht_map::NodeRef;
+use fht_perception::frame::LaserScan;
+use fht_perception::grid::{Cell, CellState, OccupancyGrid};
+use fht_perception::pose::{Point2, from_fixed};
+use fht_proto::{NodeId, Op, Signature};
+use std::collections::{BTreeMap, HashMap};
+use std::ops::Range;
+
+/// The operation that takes people who have left out of a node's scan; none if it shows nobody.
+pub(super) fn without_them(node: &NodeRef<'_>, grid: &OccupancyGrid, config: &PasserByConfig) -> Option<Op> {
+    let signature = node.signature?;
+    let scan = LaserScan::from_record(&signature.scan);
+    let map_from_sensor = from_fixed(node.pose) * scan.base_from_sensor;
+    let is_gone = |(index, &range): (usize, &f32)| {
+        let (sin, cos) = scan.angle(index).sin_cos();
+        scan.is_return(range)
+            && is_open(grid, map_from_sensor * (Point2::new(cos, sin) * f64::from(range)), config.slack_m)
+    };
+    let gone: Vec<bool> = scan.ranges_m.iter().enumerate().map(is_gone).collect();
+    let runs = runs_of(&gone, |a, b| a == b).filter(|run| gone[run.start] && run.len() >= config.least_returns);
+    blanked(node, runs, config)
+}
+
+/// Ranges of neighbours that hang together.
+fn runs_of<T>(items: &[T], hang: impl Fn(&T, &T) -> bool) -> impl Iterator<Item = Range<usize>> {
+    items.chunk_by(hang).scan(0, |from, run| {
+        *from += run.len();
+        Some(*from - run.len()..*from)
+    })
+}
+
+/// The operation that takes some returns out of a node's scan; none if there are none, or too many.
+fn blanked(node: &NodeRef<'_>, runs: impl Iterator<Item = Range<usize>>, config: &PasserByConfig) -> Option<Op> {
+    let signature = node.signature?;
+    let mut record = signature.scan.clone();
+    let returns = |ranges_mm: &[u16]| ranges_mm.iter().filter(|mm| **mm > 0).count();
+    runs.for_each(|run| record.ranges_mm[run].fill(0));
+    let (all, left) = (returns(&signature.scan.ranges_mm), returns(&record.ranges_mm));
+    let is_some = left < all && (all - left) as f64 <= config.most_share * all as f64;
+    let signature = || Signature { descriptor: signature.descriptor.clone(), scan: record };
+    is_some.then(|| Op::SetSignature { id: node.id, signature: signature() })
+}
+
+/// Where returns of main nodes end, in squares, and at which frames of the run.
+#[derive(Default)]
+pub(super) struct Sightings(HashMap<(i32, i32), Vec<u64>>);
+
+/// Side of these squares, metres.
+const SQUARE_M: f64 = 0.2;
+
+fn square(place: Point2) -> (i32, i32) {
+    ((place.x / SQUARE_M).floor() as i32, (place.y / SQUARE_M).floor() as i32)
+}
+
+impl Sightings {
+    /// What main nodes have seen; `frames` says when.
+    pub(super) fn of<'a>(nodes: impl Iterator<Item = NodeRef<'a>>, frames: &BTreeMap<NodeId, u64>) -> Self {
+        let mut seen = Self::default();
+        for node in nodes {
+            let (Some(signature), Some(&frame)) = (node.signature, frames.get(&node.id)) else { continue };
+            let map_from_base = from_fixed(node.pose);
+            for end in LaserScan::record_points_in_base(&signature.scan) {
+                seen.0.entry(square(map_from_base * end)).or_default().push(frame);
+            }
+        }
+        seen
+    }
+
+    /// Whether something was seen at a place so many frames before or after one.
+    fn confirm(&self, place: Point2, frame: u64, apart: u64) -> bool {
+        let (i, j) = square(place);
+        let around = (i - 1..=i + 1).flat_map(|i| (j - 1..=j + 1).map(move |j| (i, j)));
+        around.filter_map(|square| self.0.get(&square)).flatten().any(|other| other.abs_diff(frame) >= apart)
+    }
+
+    /// The operation that takes out of a node's scan, taken at a frame, what may be somebody: of a
+    /// person's width, alone, and not seen at another time.
+    pub(super) fn without_doubtful(&self, node: &NodeRef<'_>, frame: u64, config: &PasserByConfig) -> Option<Op> {
+        let scan = LaserScan::from_record(&node.signature?.scan);
+        let map_from_sensor = from_fixed(node.pose) * scan.base_from_sensor;
+        let range_m = |index: usize| Some(f64::from(scan.ranges_m[index])).filter(|range_m| range_m.is_finite());
+        let end = |index: usize| {
+            let (sin, cos) = scan.angle(index).sin_cos();
+            map_from_sensor * (Point2::new(cos, sin) * range_m(index).unwrap_or(0.0))
+        };
+        let count = scan.ranges_m.len();
+        let is_farther = |index: usize, than: usize| {
+            // No return is farther than any.
+            range_m(index % count).unwrap_or(f64::INFINITY) > range_m(than).unwrap_or(f64::INFINITY) + config.alone_m
+        };
+        let runs = runs_of(&scan.ranges_m, |a, b| (a - b).abs() < config.alone_m as f32);
+        let is_doubtful = |run: &Range<usize>| {
+            let (first, last) = (run.start, run.end - 1);
+            range_m(first).is_some()
+                && is_farther(first + count - 1, first)
+                && is_farther(last + 1, last)
+                && (end(first) - end(last)).norm() <= config.widest_m
+                && !run.clone().any(|index| self.confirm(end(index), frame, config.apart_frames))
+        };
+        blanked(node, runs.filter(is_doubtful), config)
+    }
+}
+
+/// Whether this robot's own scans say that a place is free, and nothing stands near it.
+fn is_open(grid: &OccupancyGrid, place: Point2, slack_m: f64) -> bool {
+    let centre = grid.cell_of(place);
+    if grid.state(centre) != CellState::Free || !grid.is_own(centre) {
+        return false;
+    }
+    let reach = (slack_m / grid.resolution_m()).ceil() as i32;
+    let around = (-reach..=reach).flat_map(|dj| (-reach..=reach).map(move |di| (di, dj)));
+    let mut near = around
+        .map(|(di, dj)| Cell { i: centre.i + di, j: centre.j + dj })
+        .filter(|&cell| (grid.centre(cell) - place).norm() <= slack_m);
+    near.all(|cell| grid.state(cell) != CellState::Occupied)
+}
