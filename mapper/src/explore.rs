@@ -272,8 +272,8 @@ impl Explorer {
         }
     }
 
-    /// Whether the last answer, that nothing is left to drive to, may be because of people who stand
-    /// in the way: for a while.
+    /// Whether the last answer, that nothing is left to drive to, may be because of people who
+    /// stand in the way: for a while.
     fn is_hindered(&mut self, answer: &SearchResult) -> bool {
         if answer.goal.is_some() || !answer.is_among_people {
             self.hindered_since_us = None;

@@ -8,7 +8,8 @@
 //! | module | idea |
 //! | --- | --- |
 //! | `tracking` | whether the robot is where it thinks it is, and how a lost one is found again |
-//! | `witness` | what was seen a moment ago: whether the wheels and the scans agree |
+//! | `wheels_word` | whether the wheels and the scans agree |
+//! | `witness` | what was seen a moment ago |
 //! | `keyframe` | the scans that join submaps and the graph |
 //! | `submap` | walls and free space that some keyframes saw |
 //! | `graph` | the keyframes and what was measured between them |
@@ -30,6 +31,7 @@ mod joining;
 mod keyframe;
 mod submap;
 mod tracking;
+mod wheels_word;
 mod witness;
 
 pub use closure::ClosureCounts;
@@ -39,7 +41,7 @@ pub(crate) use foreign_nodes::{Told, ToldNode};
 
 use crate::slam::calibration::OdometryCalibration;
 use back_end::{BackEnd, BackEndJob, BackEndResult};
-use closure::{Search, SubmapSighting};
+use closure::{LostSearch, SubmapSighting};
 use estimate::locate;
 use fht_perception::frame::{LaserScan, SensorFrame};
 use fht_perception::grid::OccupancyGrid;
@@ -257,9 +259,9 @@ impl Slam {
         }
         if self.tracking == Tracking::Lost {
             match outcome.search {
-                Some(Search::Found(found)) => self.resume(&found, odom_from_base),
-                Some(Search::Nowhere) => self.searches_in_vain += 1,
-                Some(Search::Unclear) | None => {}
+                Some(LostSearch::Found(found)) => self.resume(&found, odom_from_base),
+                Some(LostSearch::Nowhere) => self.searches_in_vain += 1,
+                Some(LostSearch::Unclear) | None => {}
             }
         }
         is_corrected

@@ -331,8 +331,8 @@ impl Scene {
     }
 
     /// Colour seen along a ray of unit `direction`, 0 to 255 before the camera's response. A pixel
-    /// spans `pixel_angle` radians. `body` is what stands before the scene: its distance, metres, and
-    /// its colour.
+    /// spans `pixel_angle` radians. `body` is what stands before the scene: its distance, metres,
+    /// and its colour.
     pub(crate) fn colour_along(
         &self,
         origin: Vector,

@@ -1,4 +1,5 @@
-//! People in simulated buildings: they walk, they are seen, and the same seed gives the same people.
+//! People in simulated buildings: they walk, they are seen, and the same seed gives the same
+//! people.
 
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::pose::{Point2, pose};

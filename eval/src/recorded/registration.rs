@@ -52,9 +52,9 @@ impl Registration {
         Some(map * (log.inverse() * log_from_base))
     }
 
-    /// The same for a robot that says that it is at `said`. Where a loop of the map is open, the map
-    /// lies over itself, a little apart: right is what agrees with one of the passes that the map
-    /// was made from near the place that was said.
+    /// The same for a robot that says that it is at `said`. Where a loop of the map is open, the
+    /// map lies over itself, a little apart: right is what agrees with one of the passes that the
+    /// map was made from near the place that was said.
     #[must_use]
     pub fn map_from_base_near(&self, log_from_base: &Pose2, said: &Pose2) -> Option<Pose2> {
         let near = self.pairs.iter().filter(|(_, map)| distance_m(map, said) <= NEAR_M);

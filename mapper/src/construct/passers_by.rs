@@ -3,9 +3,9 @@
 //!
 //! A return that ends where the robot's grid has free floor by now, with nothing occupied near, was
 //! somebody's. Who was seen walking is not in the scan in the first place
-//! ([`Bystanders`](fht_navigation::people::Bystanders)); this is for who stood, and left. Where people
-//! walk, things of a person's width that stand alone are left out as well, unless another node has
-//! seen them at another time.
+//! ([`Bystanders`](fht_navigation::people::Bystanders)); this is for who stood, and left. Where
+//! people walk, things of a person's width that stand alone are left out as well, unless another
+//! node has seen them at another time.
 
 use super::config::PasserByConfig;
 use fht_map::NodeRef;

@@ -18,7 +18,8 @@ pub struct PeopleFigures {
     pub returns_in_nodes: usize,
     /// Returns in these scans altogether.
     pub returns: usize,
-    /// Area that the grid says is occupied where there truly is nothing within 0.2 m, square metres.
+    /// Area that the grid says is occupied where there truly is nothing within 0.2 m, square
+    /// metres.
     pub ghosts_m2: f64,
 }
 

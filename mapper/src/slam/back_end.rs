@@ -1,6 +1,6 @@
 //! The back end's thread: keyframes go in, corrected poses and a grid redrawn with them come out.
 
-use super::closure::{ClosureConfig, ClosureCounts, LoopCloser, NewKeyframe, Search, SubmapSighting};
+use super::closure::{ClosureConfig, ClosureCounts, LoopCloser, LostSearch, NewKeyframe, SubmapSighting};
 use super::estimate::{GridScan, Lost, locate};
 use super::graph::KeyframeGraph;
 use super::submap::SubmapConfig;
@@ -41,7 +41,7 @@ pub struct BackEndResult {
     /// The grid of all views that it was given, if it had to be drawn again.
     pub grid: Option<OccupancyGrid>,
     /// What became of the search for a lost robot.
-    pub search: Option<Search>,
+    pub search: Option<LostSearch>,
     /// What was done so far.
     pub counts: ClosureCounts,
 }

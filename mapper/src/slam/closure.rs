@@ -94,7 +94,7 @@ pub struct Found {
 
 /// What became of the search for a lost robot.
 #[derive(Clone, Debug)]
-pub enum Search {
+pub enum LostSearch {
     /// It is here, and nowhere else.
     Found(Found),
     /// There are places where it may be.

@@ -4,7 +4,8 @@
 use super::closure::Found;
 use super::estimate::Lost;
 use super::submap::Submap;
-use super::witness::{WheelsWord, Witnesses, discounted};
+use super::wheels_word::discounted;
+use super::witness::{WheelsWord, Witnesses};
 use super::{Active, Anchored, Latest, Slam, Tracking};
 use fht_perception::frame::LaserScan;
 use fht_perception::grid::{Cell, CellState};
@@ -62,8 +63,8 @@ impl Slam {
         !(self.is_contradicted || self.was_lost || self.is_found_again)
     }
 
-    /// Whether the robot is where it is thought to be, after a scan that was matched with `score` or
-    /// not at all.
+    /// Whether the robot is where it is thought to be, after a scan that was matched with `score`
+    /// or not at all.
     pub(super) fn judge_tracking(
         &mut self,
         score: Option<f64>,
@@ -142,8 +143,8 @@ impl Slam {
         points.iter().filter(is_contradicted).count()
     }
 
-    /// Whether a robot that is lost maps on as if in a new building, since it is at no place that was
-    /// mapped, or none was found for so long.
+    /// Whether a robot that is lost maps on as if in a new building, since it is at no place that
+    /// was mapped, or none was found for so long.
     pub(super) fn has_given_up(&self) -> bool {
         self.was_lost && (self.is_nowhere() || self.contradicted_m >= self.config.give_up_m)
     }

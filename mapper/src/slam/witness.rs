@@ -1,37 +1,30 @@
-//! Wheels against scans: a scan that contradicts the map has many causes, and that the robot is
-//! elsewhere is the rarest. It is so only where the scan also contradicts what was seen a moment
-//! ago, at the place to which the wheels say the robot has moved since.
+//! What was seen a moment ago, and what wheels and scans have said of each other since.
 
-use super::estimate::Tracking;
-use super::{Latest, Slam, is_beyond};
 use fht_perception::frame::LaserScan;
-use fht_perception::matching::{Prior, ScanMatch};
-use fht_perception::pose::{Pose2, wrap_angle};
-use fht_perception::shared_view::{SharedView, Verdict};
-use nalgebra::Vector3;
+use fht_perception::pose::Pose2;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// Scans that are remembered: a metre of keyframes.
-const WITNESSES: usize = 4;
+pub(super) const WITNESSES: usize = 4;
 
 /// What the wheels and the scans have said of each other lately.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Witnesses {
     /// The newest scan, whatever became of it.
-    newest: Option<Witness>,
+    pub newest: Option<Witness>,
     /// The last scans that were taken where the robot surely was, oldest first.
-    believed: VecDeque<Witness>,
+    pub believed: VecDeque<Witness>,
     /// Whether two scans, one after the other, were of different places, and nothing has spoken for
     /// the robot's place since.
-    is_broken: bool,
+    pub is_broken: bool,
 }
 
 /// A scan, and where the wheels were.
 #[derive(Clone, Debug)]
-struct Witness {
-    scan: Arc<LaserScan>,
-    odom_from_base: Pose2,
+pub(super) struct Witness {
+    pub scan: Arc<LaserScan>,
+    pub odom_from_base: Pose2,
 }
 
 /// What the newest scan says of the robot's being where the wheels say.
@@ -43,81 +36,4 @@ pub(super) enum WheelsWord {
     Open,
     /// Between two scans everything has changed, and no scan since then shows what was seen before.
     Refuted,
-}
-
-impl Slam {
-    /// Holds the newest scan against what was seen before, where the wheels say.
-    pub(super) fn hear_witnesses(&mut self, scan: &LaserScan, odom_from_base: &Pose2) -> WheelsWord {
-        let config = &self.config.view;
-        let verdict = |witness: &Witness| {
-            let moved = self.calibration.correct(&(witness.odom_from_base.inverse() * odom_from_base));
-            SharedView::of(&witness.scan, scan, &moved, config).verdict(config)
-        };
-        let step = self.witnesses.newest.as_ref().map_or(Verdict::Open, verdict);
-        let is_broken = self.witnesses.is_broken || step == Verdict::Contradict;
-        let agrees = |witness: &Witness| verdict(witness) == Verdict::Agree;
-        if (!is_broken && step == Verdict::Agree) || self.witnesses.believed.iter().rev().any(agrees) {
-            WheelsWord::Confirmed
-        } else if is_broken {
-            WheelsWord::Refuted
-        } else {
-            WheelsWord::Open
-        }
-    }
-
-    /// Whether the wheels and the scan before leave room for a match: it is where the wheels' word
-    /// (`prior`) lets it be, or the scan before does not agree with the wheels alone.
-    pub(super) fn is_heard(&self, found: &ScanMatch, prior: &Prior, latest: &Latest, scan: &LaserScan) -> bool {
-        let Some(before) = self.witnesses.newest.as_ref() else { return true };
-        if is_near(found, prior, self.config.wheels_sigmas) {
-            return true;
-        }
-        let agrees = |submap_from_base: &Pose2| {
-            let moved = latest.submap_from_base.inverse() * submap_from_base;
-            let view = SharedView::of(&before.scan, scan, &moved, &self.config.view);
-            view.verdict(&self.config.view) == Verdict::Agree
-        };
-        agrees(&found.reference_from_moving) || !agrees(&prior.reference_from_moving)
-    }
-
-    /// Remembers the newest scan, and what it said.
-    pub(super) fn remember(&mut self, scan: &LaserScan, odom_from_base: &Pose2, word: WheelsWord) {
-        let witness = Witness { scan: Arc::new(scan.clone()), odom_from_base: *odom_from_base };
-        let witnesses = &mut self.witnesses;
-        witnesses.is_broken = word == WheelsWord::Refuted;
-        let spacing = (self.config.keyframe_distance_m, self.config.keyframe_turn_rad);
-        let is_new =
-            |last: &Witness| is_beyond(&(last.odom_from_base.inverse() * odom_from_base), spacing.0, spacing.1);
-        if word != WheelsWord::Refuted && witnesses.believed.back().is_none_or(is_new) {
-            witnesses.believed.push_back(witness.clone());
-            if witnesses.believed.len() > WITNESSES {
-                witnesses.believed.pop_front();
-            }
-        }
-        witnesses.newest = Some(witness);
-    }
-
-    /// Nothing speaks against the robot's being where it is thought to be.
-    pub(super) fn believe(&mut self, tracking: Tracking) {
-        self.contradicted_m = 0.0;
-        self.searches_in_vain = 0;
-        self.was_lost = false;
-        self.tracking = tracking;
-    }
-}
-
-/// A match in spite of contradictions, if it is where the wheels' word (`prior`) lets it be: with
-/// less weight, because what does not fit may have pulled at it.
-pub(super) fn discounted(found: ScanMatch, prior: &Prior, most_sigmas: f64) -> Option<ScanMatch> {
-    let scan_information = found.covariance.try_inverse()? - prior.information;
-    let covariance = (scan_information * found.score * found.score + prior.information).try_inverse()?;
-    is_near(&found, prior, most_sigmas).then_some(ScanMatch { covariance, ..found })
-}
-
-/// Whether a match is within so many standard deviations of the wheels' word.
-fn is_near(found: &ScanMatch, prior: &Prior, most_sigmas: f64) -> bool {
-    let (there, expected) = (&found.reference_from_moving, &prior.reference_from_moving);
-    let off = there.translation.vector - expected.translation.vector;
-    let off = Vector3::new(off.x, off.y, wrap_angle(there.rotation.angle() - expected.rotation.angle()));
-    off.dot(&(prior.information * off)) <= most_sigmas * most_sigmas
 }

@@ -44,12 +44,12 @@ pub struct RelocalizationConfig {
     pub min_confidence: f64,
     /// Its views are at least this far apart, metres. Default 0.7.
     pub min_spread_m: f64,
-    /// Share of the pieces of wall that a wrong place explains by chance, when it is looked for in a
-    /// whole map. Default 0.6.
+    /// Share of the pieces of wall that a wrong place explains by chance, when it is looked for in
+    /// a whole map. Default 0.6.
     pub explained_by_chance: f64,
-    /// A fix explains more than that by this many standard deviations, as if each piece of wall were
-    /// explained or not by the toss of a coin: of 36 pieces it explains 85 %, of 200 pieces 71 %.
-    /// Default 3.
+    /// A fix explains more than that by this many standard deviations, as if each piece of wall
+    /// were explained or not by the toss of a coin: of 36 pieces it explains 85 %, of 200 pieces 71
+    /// %. Default 3.
     pub explained_sigmas: f64,
     /// Greatest share of beams that cannot be, before any view. Default 0.015: where nothing was
     /// moved it is below 0.01, and in rooms that no main node looked into the best that is found

@@ -25,8 +25,8 @@ pub struct BystanderConfig {
     pub standing_s: f64,
     /// Radius of what people are taken for, metres. Default 0.2.
     pub radius_m: f64,
-    /// Somebody has truly walked when he has come so far while he was followed, metres. Default 0.7:
-    /// what is taken for somebody by mistake stays where it is.
+    /// Somebody has truly walked when he has come so far while he was followed, metres. Default
+    /// 0.7: what is taken for somebody by mistake stays where it is.
     pub walked_m: f64,
     /// … and was seen moving so often after the first time. Default 3.
     pub least_sights: usize,
@@ -107,8 +107,9 @@ impl Bystanders {
         self.has_met
     }
 
-    /// Takes in a frame, and gives it back without the returns of what moves: of these beams nothing
-    /// is known then, so that nothing that walks is matched or drawn. Time must not go back.
+    /// Takes in a frame, and gives it back without the returns of what moves: of these beams
+    /// nothing is known then, so that nothing that walks is matched or drawn. Time must not go
+    /// back.
     pub fn hide<'a>(&mut self, frame: &'a SensorFrame) -> Cow<'a, SensorFrame> {
         let SensorFrame { time_us, odom_from_base, scan, .. } = frame;
         let moving = self.returns.find(odom_from_base, scan, *time_us, &self.config.returns);
@@ -136,8 +137,8 @@ impl Bystanders {
         self.tracks.iter().filter(|_| self.has_met).map(see).collect()
     }
 
-    /// Takes the ground where people stand for occupied, on a copy of a grid: ways are to lead round
-    /// them. True if there is anybody. `grid_from_base` is the robot's pose in the grid.
+    /// Takes the ground where people stand for occupied, on a copy of a grid: ways are to lead
+    /// round them. True if there is anybody. `grid_from_base` is the robot's pose in the grid.
     pub fn suppose(&self, grid: &mut OccupancyGrid, grid_from_base: &Pose2) -> bool {
         let reach = Vector2::repeat(self.config.radius_m);
         let mut is_anybody = false;

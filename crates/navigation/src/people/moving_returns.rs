@@ -17,8 +17,8 @@ pub struct MovingReturnConfig {
     pub most_age_s: f64,
     /// The beams of the older scan must have gone on by this much, metres. Default 0.3.
     pub beyond_m: f64,
-    /// Share of a turn that the wheels may be off by. Default 0.08: beams so far aside must have gone
-    /// on, too.
+    /// Share of a turn that the wheels may be off by. Default 0.08: beams so far aside must have
+    /// gone on, too.
     pub turn_error: f64,
     /// So many of the older scans must have seen through. Default 2: one may have seen a thin wall
     /// from its edge, between two beams.
@@ -35,8 +35,8 @@ pub struct MovingReturnConfig {
     pub widest_m: f64,
     /// Returns farther than this are not judged, metres. Default 8: who is farther shows too few.
     pub reach_m: f64,
-    /// A scan of which more than this share is new tells of this robot and not of others: its wheels
-    /// have slipped. Default 0.4.
+    /// A scan of which more than this share is new tells of this robot and not of others: its
+    /// wheels have slipped. Default 0.4.
     pub most_share: f64,
 }
 

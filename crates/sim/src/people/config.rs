@@ -9,7 +9,8 @@ pub struct PeopleConfig {
     pub count: usize,
     /// Seed of where they are and what they do. Default 1.
     pub seed: u64,
-    /// Radius of somebody's body, a disc, metres. Default 0.2: legs and feet of somebody who stands.
+    /// Radius of somebody's body, a disc, metres. Default 0.2: legs and feet of somebody who
+    /// stands.
     pub radius_m: f64,
     /// Mean of the speed that people like to walk at, metres per second. Default 1.34.
     pub speed_mps: f64,
@@ -34,7 +35,8 @@ pub struct PeopleConfig {
     pub wall_m2ps2: f64,
     /// Range of that repulsion, metres. Default 0.2.
     pub wall_range_m: f64,
-    /// How long somebody stands where he meets others, least and greatest, seconds. Default 5 to 40.
+    /// How long somebody stands where he meets others, least and greatest, seconds. Default 5 to
+    /// 40.
     pub stay_s: (f64, f64),
     /// Share of the stays that are long. Default 0.1.
     pub linger_share: f64,

@@ -63,7 +63,8 @@ pub(crate) struct Crowd {
 }
 
 impl Crowd {
-    /// People on the floor of `plan` that hangs together with `start`, none of them near to `robot`.
+    /// People on the floor of `plan` that hangs together with `start`, none of them near to
+    /// `robot`.
     pub(crate) fn new(plan: &FloorPlan, start: Point2, robot: Point2, config: PeopleConfig) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
         let walkways = Walkways::new(plan, start, &config, &mut rng);
@@ -112,8 +113,8 @@ impl Crowd {
         self.contacts
     }
 
-    /// Everybody moves for `step_s` seconds. `robots` are in their way; the first of them is the one
-    /// whose contacts are counted.
+    /// Everybody moves for `step_s` seconds. `robots` are in their way; the first of them is the
+    /// one whose contacts are counted.
     pub(crate) fn step(&mut self, plan: &FloorPlan, robots: &[Body], step_s: f64) {
         self.time_s += step_s;
         if self.time_s - self.looked_s >= LOOK_EVERY_S - 1e-9 {
@@ -127,8 +128,8 @@ impl Crowd {
         }
     }
 
-    /// A robot wants to go from one place to another: where it gets, which is no farther if it would
-    /// run into somebody. That is a contact.
+    /// A robot wants to go from one place to another: where it gets, which is no farther if it
+    /// would run into somebody. That is a contact.
     pub(crate) fn stop_robot(&mut self, from: Point2, to: Point2, radius_m: f64) -> Point2 {
         let mut is_stopped = false;
         for person in &mut self.people {

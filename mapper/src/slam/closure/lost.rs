@@ -1,7 +1,7 @@
 //! A robot that is lost, found again in some submap.
 
 use super::matching::judge;
-use super::{Found, LoopCloser, Search};
+use super::{Found, LoopCloser, LostSearch};
 use crate::slam::estimate::Lost;
 use crate::slam::graph::KeyframeGraph;
 use fht_perception::matching::{SearchWindow, alignments};
@@ -11,7 +11,7 @@ use std::f64::consts::PI;
 impl LoopCloser {
     /// Looks for a lost robot in every submap, at every heading.
     #[must_use]
-    pub fn find(&self, lost: &Lost, graph: &KeyframeGraph) -> Search {
+    pub fn find(&self, lost: &Lost, graph: &KeyframeGraph) -> LostSearch {
         let (config, points) = (&self.config, lost.points.as_slice());
         let mut fits: Vec<(i64, Pose2, Found)> = Vec::new();
         let mut is_anywhere = false;
@@ -39,7 +39,7 @@ impl LoopCloser {
         }
         let best = fits.iter().max_by_key(|(balance, ..)| *balance);
         let Some((balance, place, found)) = best else {
-            return if is_anywhere { Search::Unclear } else { Search::Nowhere };
+            return if is_anywhere { LostSearch::Unclear } else { LostSearch::Nowhere };
         };
         let is_elsewhere = |other: &Pose2| {
             let apart = place.inverse() * other;
@@ -47,6 +47,6 @@ impl LoopCloser {
         };
         let rival = fits.iter().filter(|(_, other, _)| is_elsewhere(other)).map(|(balance, ..)| *balance).max();
         let is_clear = rival.is_none_or(|rival| (rival as f64) < config.lost_ambiguity * *balance as f64);
-        if is_clear { Search::Found(found.clone()) } else { Search::Unclear }
+        if is_clear { LostSearch::Found(found.clone()) } else { LostSearch::Unclear }
     }
 }
