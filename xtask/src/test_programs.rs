@@ -117,9 +117,19 @@ pub(crate) fn run(root: &Path) -> Result<Vec<PathBuf>, TestError> {
     Ok(failed.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
 }
 
+/// Cargo, without what the Cargo that runs this program tells it of itself: the build script of
+/// `ring` looks at that, and it and all of Zenoh's TLS would be built again, now and at the next
+/// direct call.
 fn cargo(root: &Path) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(root);
+    for (name, _) in std::env::vars_os() {
+        let is_of_this_package =
+            name.to_str().is_some_and(|name| name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_"));
+        if is_of_this_package {
+            command.env_remove(name);
+        }
+    }
     command
 }
 

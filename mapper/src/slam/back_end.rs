@@ -92,12 +92,8 @@ impl BackEnd {
         has_moved |= self.closer.settle(&mut self.graph);
         for keyframe in job.keyframes {
             self.closer.add(keyframe, &mut self.graph);
-            // A long loop that was closed moves much; small corrections wait for each other.
-            if self.closer.has_closed_loop() {
-                has_moved |= self.closer.settle(&mut self.graph);
-            }
+            has_moved |= self.closer.settle(&mut self.graph);
         }
-        has_moved |= self.closer.settle(&mut self.graph);
         for sighting in job.sightings {
             self.closer.observe_appearance(sighting, &mut self.graph);
             has_moved |= self.closer.settle(&mut self.graph);

@@ -171,12 +171,6 @@ impl LoopCloser {
         off.translation.vector.norm() <= 1.5 * window_m && off.rotation.angle().abs() <= 1.5 * window_rad
     }
 
-    /// Whether a long loop was closed since the last optimisation.
-    #[must_use]
-    pub fn has_closed_loop(&self) -> bool {
-        self.is_graduated
-    }
-
     /// Optimises if closures pull at the graph; true when poses have moved.
     pub fn settle(&mut self, graph: &mut KeyframeGraph) -> bool {
         if self.tension < self.config.optimise_tension {

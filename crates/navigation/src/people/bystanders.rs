@@ -181,6 +181,17 @@ impl Bystanders {
         tracks.retain(|track| {
             seconds(track.seen_us, time_us) < config.unseen_s && seconds(track.moved_us, time_us) < config.standing_s
         });
+        // Two who stand at one place are one, whom different returns told of.
+        let mut index = 0;
+        while index < tracks.len() {
+            let here = tracks[index].position;
+            let is_double = tracks[..index].iter().any(|before| (before.position - here).norm() < config.radius_m);
+            if is_double {
+                tracks.remove(index);
+            } else {
+                index += 1;
+            }
+        }
     }
 
     /// Somebody moves, and is here now.

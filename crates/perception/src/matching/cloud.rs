@@ -246,20 +246,15 @@ impl ReferenceCloud {
         let point = &self.points[index as usize];
         let centre = point.position;
         for radius in NORMAL_RADII_M {
-            let (mut count, mut sum, mut squares) = (0.0, Vector2::zeros(), Matrix2::zeros());
-            self.for_each_near(centre, radius, |&Entry { position, index }, _| {
-                if self.points[index as usize].to_viewer.dot(&point.to_viewer) > 0.0 {
-                    let offset = position - centre;
-                    count += 1.0;
-                    sum += offset;
-                    squares += offset * offset.transpose();
-                }
-            });
-            if count < 3.0 {
+            let neighbours = self.neighbours(point, radius);
+            if neighbours.len() < 3 {
                 continue;
             }
-            let mean = sum / count;
-            let covariance: Matrix2<f64> = squares / count - mean * mean.transpose();
+            let count = neighbours.len() as f64;
+            let offset = |&index: &u32| self.points[index as usize].position - centre;
+            let mean = neighbours.iter().map(offset).sum::<Vector2<f64>>() / count;
+            let spread = neighbours.iter().map(offset).map(|d| (d - mean) * (d - mean).transpose());
+            let covariance: Matrix2<f64> = spread.sum::<Matrix2<f64>>() / count;
             // Closed form of the 2 × 2 symmetric eigenproblem.
             let (a, b, c) = (covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]);
             let root = (0.25 * (a - c) * (a - c) + b * b).sqrt();

@@ -102,7 +102,8 @@ metres and radians.")]
     /// believed.
     #[command(after_help = "Examples:
   evaluate recorded ../shared/data/lidar/intel
-  evaluate recorded ../shared/data/lidar/intel --map-from 0.3,0.5,0.7 --json intel.json --pictures intel
+  evaluate recorded ../shared/data/lidar/intel --map-from 0.3,0.5,0.7 --pictures intel
+  evaluate recorded ../shared/data/lidar/intel --starts 36 --looks looks.csv
   evaluate recorded monday.mcap --map sunday.mcap --starts 50
   evaluate recorded monday.mcap --map museum.fht
 
