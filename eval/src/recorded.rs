@@ -15,7 +15,9 @@
 //! | `registration` | where the log's places lie in the map: [`Registration`] |
 //! | `judgement` | right, wrong or none: [`judge`] |
 //! | `figures` | all drives together: [`RecordedFigures`] |
+//! | `calibration` | what grounds are worth, fitted to looks: [`calibrate`] |
 
+mod calibration;
 mod figures;
 mod judgement;
 mod known_map;
@@ -23,6 +25,7 @@ mod log;
 mod registration;
 mod set_down;
 
+pub use calibration::{Calibration, Look, calibrate};
 pub use figures::{RecordedFigures, Reliability, STATED};
 pub use judgement::{JudgedDrive, JudgedStatement, judge};
 pub use known_map::KnownMap;

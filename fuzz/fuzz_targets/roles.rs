@@ -9,9 +9,12 @@ use fht_proto::{AuthorId, FixedPose, Increment, NodeId};
 use libfuzzer_sys::fuzz_target;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What people decide.
+/// What people decide: all annotations but the descriptor models, which explorers bring along.
 fn decided(map: &MapState) -> String {
-    format!("{:?}", map.annotations())
+    let it = map.annotations();
+    let (places, zones): (Vec<_>, Vec<_>) = (it.places().collect(), it.zones().collect());
+    let releases: Vec<_> = it.releases().map(|release| (release.id, release.release)).collect();
+    format!("{places:?} {zones:?} {releases:?} {:?}", it.enabled().map(|release| release.id))
 }
 
 /// The nodes of everybody but one author.

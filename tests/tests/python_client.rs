@@ -105,6 +105,7 @@ fn pose_of_robot() -> RobotPose {
         confidence: 0.97,
         candidates: Vec::new(),
         map_from_base: Some([1.0, 0.5, -1.25]),
+        lost_because: None,
         stamp_us: None,
     }
 }

@@ -17,7 +17,7 @@ use fht_descriptor::{DescriptorError, DescriptorNet, Fetching};
 use fht_localization::landmarks::check_usable;
 use fht_perception::frame::{Panorama, SensorFrame};
 use fht_perception::pose::Pose2;
-use fht_program::{RobotConfig, Stop, Waiting};
+use fht_program::{Stop, Waiting};
 use fht_proto::api::fleet::RobotRole;
 use fht_proto::api::reply::{Head, known_names};
 use fht_proto::{Descriptor, Footprint, MapName};
@@ -36,7 +36,7 @@ const START_CLEARANCE_M: f64 = 0.4;
 
 /// Carries out the mission, and writes its figures.
 pub(super) fn mission(
-    file: ClientFile,
+    mut file: ClientFile,
     args: &RobotArgs,
     goal: &MissionGoal,
     waiting: &Waiting,
@@ -46,7 +46,7 @@ pub(super) fn mission(
     let (map, name) = (file.map(), file.name().to_owned());
     check_owner(&file.connect, "client", &name)?;
     tracing::info!(%map, robot = name, "looks for its place");
-    let mut net = descriptor_net(&file.robot)?;
+    let mut net = descriptor_net(&mut file)?;
     let (simulator, world_from_map) = robot(&args.setup, &file.sim, &file.robot.footprint)?;
 
     let session = connect(&file.connect, waiting, stop)?;
@@ -103,10 +103,14 @@ pub(super) fn mission(
     Ok(if is_done { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-/// The network that describes what the robot sees.
-pub(super) fn descriptor_net(robot: &RobotConfig) -> Result<DescriptorNet, DescriptorError> {
-    let fetching = if robot.fetch { Fetching::Allowed } else { Fetching::Never };
-    DescriptorNet::load_with(robot.model.as_deref(), fetching)
+/// The network that describes what the robot sees. From when on two pictures are of one place, it
+/// says itself unless the configuration does: what the map says, any explorer can write.
+pub(super) fn descriptor_net(file: &mut ClientFile) -> Result<DescriptorNet, DescriptorError> {
+    let fetching = if file.robot.fetch { Fetching::Allowed } else { Fetching::Never };
+    let net = DescriptorNet::load_with(file.robot.model.as_deref(), fetching)?;
+    let threshold = f32::from(net.model().match_threshold_e3) / 1000.0;
+    file.client.pilot.localize.relocalize.min_similarity.get_or_insert(threshold);
+    Ok(net)
 }
 
 /// The descriptors of panoramas.

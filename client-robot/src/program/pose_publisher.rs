@@ -56,5 +56,6 @@ fn report_of(step: &PilotStep) -> PoseReport {
         confidence: step.localization.confidence,
         candidates: step.candidates.clone(),
         map_from_base: step.localization.map_from_base(),
+        lost_because: step.localization.lost.map(|reason| reason.to_string()),
     }
 }

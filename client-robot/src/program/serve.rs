@@ -69,7 +69,7 @@ pub(super) fn serving(
     (file.client.walls, file.client.paths.taking) = (Taking::WhenThere, Taking::WhenThere);
     let (map, name) = (file.map(), file.name().to_owned());
     check_owner(&file.connect, "client", &name)?;
-    let mut net = descriptor_net(&file.robot)?;
+    let mut net = descriptor_net(&mut file)?;
     let (simulator, _) = robot(&args.robot.setup, &file.sim, &file.robot.footprint)?;
 
     let session = connect(&file.connect, waiting, stop)?;

@@ -27,12 +27,20 @@ pub struct PoseReport {
     pub candidates: Vec<Pose2>,
     /// Its pose in the map frame, if it knows.
     pub map_from_base: Option<Pose2>,
+    /// Why it gave up the last place that it knew, in words; none once it knows again.
+    pub lost_because: Option<String>,
 }
 
 impl Default for PoseReport {
     /// A robot that knows nothing yet.
     fn default() -> Self {
-        Self { state: LocalizationState::NotLocalized, confidence: 0.0, candidates: Vec::new(), map_from_base: None }
+        Self {
+            state: LocalizationState::NotLocalized,
+            confidence: 0.0,
+            candidates: Vec::new(),
+            map_from_base: None,
+            lost_because: None,
+        }
     }
 }
 
@@ -113,6 +121,7 @@ impl Presence {
             confidence: pose.confidence,
             candidates: pose.candidates.iter().map(x_y_yaw).collect(),
             map_from_base,
+            lost_because: pose.lost_because.clone(),
             stamp_us,
         };
         let status = RobotStatus {

@@ -214,6 +214,7 @@ impl MissionObserver for Observer<'_> {
             confidence: localization.confidence,
             candidates: step.candidates.clone(),
             map_from_base: localization.map_from_base(),
+            lost_because: localization.lost.map(|reason| reason.to_string()),
         });
         self.watcher.as_mut().map_or(ControlFlow::Continue(()), |watcher| watcher(frame, step))
     }

@@ -120,6 +120,7 @@ impl LocalizerState {
             confidence: self.confidence(),
             candidates: self.candidates.clone(),
             map_from_base: self.pose(),
+            lost_because: self.localization.lost.map(|reason| reason.to_string()),
         }
     }
 }

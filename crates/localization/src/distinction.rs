@@ -41,6 +41,17 @@ impl Default for DistinctionConfig {
     }
 }
 
+/// What pictures say of a place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PictureWord {
+    /// There are too few, or they are like those of other places.
+    Nothing,
+    /// They are of this place and of no other that the map has.
+    Tells,
+    /// They are not of this place.
+    Refuses,
+}
+
 /// What a place is judged by.
 pub(crate) struct Grounds<'a> {
     /// What was seen, oldest first.
@@ -58,29 +69,35 @@ pub(crate) struct Grounds<'a> {
 }
 
 impl Grounds<'_> {
-    /// Whether walls or pictures tell `best` from all `rivals`, and from places that the map does
-    /// not have.
-    pub fn tell_apart<'a>(
-        &self,
-        best: &Hypothesis,
-        rivals: impl Iterator<Item = &'a Hypothesis>,
-        config: &DistinctionConfig,
-    ) -> bool {
+    /// What pictures say of `best`.
+    pub fn pictures(&self, best: &Hypothesis, config: &DistinctionConfig) -> PictureWord {
         let mut looks = Looks::default();
         for (at, view) in best.at.iter().zip(self.views) {
             looks.add(at, view, self.landmarks, self.weigh.look_radius_m);
         }
         let (above, excess) = (looks.mean(looks.above), looks.mean(looks.excess));
         tracing::debug!(pictures = looks.pictures, above, excess, "pictures of the likeliest place");
-        let is_seen = looks.pictures >= config.min_pictures;
-        if is_seen && above < -config.max_deficit {
-            return false;
+        if looks.pictures < config.min_pictures {
+            PictureWord::Nothing
+        } else if above < -config.max_deficit {
+            PictureWord::Refuses
+        } else if excess >= config.min_excess {
+            PictureWord::Tells
+        } else {
+            PictureWord::Nothing
         }
+    }
+
+    /// Whether walls alone tell `best` from all `rivals`, and from places that are none of them.
+    pub fn walls_tell<'a>(
+        &self,
+        best: &Hypothesis,
+        rivals: impl Iterator<Item = &'a Hypothesis>,
+        config: &DistinctionConfig,
+    ) -> bool {
         let is_told = |others: f64| 1.0 / (1.0 + others) >= config.min_wall_confidence;
         let likelihood = |rival: &Hypothesis| (-best.wall_margin(rival, config.alike_share, self.weigh)).exp();
-        let is_told_by_pictures = is_seen && excess >= config.min_excess;
-        is_told_by_pictures
-            || (is_told(rivals.map(likelihood).sum()) && is_told(self.challengers(best).iter().map(likelihood).sum()))
+        is_told(rivals.map(likelihood).sum()) && is_told(self.challengers(best).iter().map(likelihood).sum())
     }
 
     /// Other places than `best` that walls alone suggest. The hypotheses at hand may lack them:

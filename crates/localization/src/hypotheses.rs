@@ -84,6 +84,8 @@ pub struct Hypothesis {
     evidence: Vec<Evidence>,
     /// What each view looks like: for it or against it.
     looks: Vec<f64>,
+    /// Whether the walls held the newest view there.
+    pub is_held: bool,
 }
 
 impl Hypothesis {
@@ -127,7 +129,7 @@ impl Hypothesis {
         landmarks: &Landmarks,
         config: &WeighConfig,
     ) -> Self {
-        let mut hypothesis = Self::default();
+        let mut hypothesis = Self { is_held: true, ..Self::default() };
         poses.zip(views).for_each(|(at, view)| hypothesis.add(at, view, landmarks, config));
         hypothesis
     }
@@ -151,8 +153,9 @@ impl Hypothesis {
     ) {
         let Some(before) = self.at.last() else { return };
         let predicted = before * (from.odom_from_base.inverse() * view.odometry.odom_from_base);
-        let at = held(&predicted, view, landmarks, matching).unwrap_or(predicted);
-        self.add(at, view, landmarks, config);
+        let at = held(&predicted, view, landmarks, matching);
+        self.is_held = at.is_some();
+        self.add(at.unwrap_or(predicted), view, landmarks, config);
     }
 
     /// Forgets the view of this index.

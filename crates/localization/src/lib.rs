@@ -18,7 +18,10 @@
 //! | [`preparation`] | what they saw put together in a thread, as the map changes |
 //! | [`relocalization`] | looking for a place in the whole map, and when to believe it |
 //! | `hypotheses` | places where a robot may be, weighed by all that it sees on its way |
-//! | `wall_squares` | what was seen, as pieces of wall that count once: [`PlaceEvidence`] |
+//! | `wall_squares` | what was seen, as pieces of wall that count once |
+//! | `place_evidence` | what speaks for a place: [`PlaceEvidence`] |
+//! | `confidence` | how probable that makes it: [`ConfidenceConfig`] |
+//! | `distinction` | whether pictures or walls tell it from places that the map does not have |
 //! | `estimate` | one estimation of the place: a scan fitted there (equation 9) |
 //! | `agreement` | which estimations agree, as a graph |
 //! | `pose_fix` | the optimum over those that agree (equation 10): a [`Fix`] |
@@ -75,22 +78,25 @@
 //! ```
 
 mod agreement;
+mod confidence;
 mod distinction;
 mod estimate;
 mod hypotheses;
 pub mod landmarks;
 pub mod localizer;
+mod place_evidence;
 mod pose_fix;
 pub mod preparation;
 pub mod relocalization;
 mod tracking;
 mod wall_squares;
 
+pub use confidence::ConfidenceConfig;
 pub use hypotheses::{Hypothesis, WeighConfig};
 pub use landmarks::{Landmark, Landmarks, UnusableDescriptors, check_usable};
 pub use localizer::{Localization, Localizer, LocalizerConfig};
+pub use place_evidence::PlaceEvidence;
 pub use pose_fix::{Fix, PoseFixConfig};
 pub use preparation::Preparation;
 pub use relocalization::{Belief, RelocalizationConfig, Relocalizer, Sensed};
-pub use tracking::TrackingConfig;
-pub use wall_squares::PlaceEvidence;
+pub use tracking::{LostReason, TrackingConfig};

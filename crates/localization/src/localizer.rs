@@ -3,7 +3,7 @@
 use crate::landmarks::Landmarks;
 use crate::pose_fix::Fix;
 use crate::relocalization::{Belief, RelocalizationConfig, Relocalizer, Sensed};
-use crate::tracking::{Tracker, TrackingConfig};
+use crate::tracking::{LostReason, Tracker, TrackingConfig};
 use fht_perception::frame::{LaserScan, SensorFrame};
 use fht_perception::pose::{Point2, Pose2, wrap_angle};
 use fht_perception::scan_odometry::{Odometry, ScanOdometry, ScanOdometryConfig};
@@ -69,6 +69,8 @@ pub struct Localization {
     pub confidence: f64,
     /// What the present fix rested on when it was declared: estimations that agreed, of how many.
     pub evidence: Option<[usize; 2]>,
+    /// Why it gave up the last place that it knew; none once it knows again.
+    pub lost: Option<LostReason>,
 }
 
 impl Localization {
@@ -92,6 +94,7 @@ pub struct Localizer {
     frames: usize,
     refixes: usize,
     evidence: Option<[usize; 2]>,
+    lost: Option<LostReason>,
 }
 
 impl Localizer {
@@ -109,6 +112,7 @@ impl Localizer {
             frames: 0,
             refixes: 0,
             evidence: None,
+            lost: None,
             config,
         }
     }
@@ -166,6 +170,7 @@ impl Localizer {
             is_new_fix: false,
             confidence: self.confidence,
             evidence: self.evidence.filter(|_| self.tracker.is_some()),
+            lost: self.lost,
         }
     }
 
@@ -183,8 +188,9 @@ impl Localizer {
         if self.frames.is_multiple_of(self.config.track_every.max(1)) {
             tracker.update(landmarks, points, scan);
         }
-        if tracker.is_lost() {
-            tracing::warn!(sigma_m = tracker.sigma_m(), "what the robot senses no longer fits the map: lost");
+        if let Some(reason) = tracker.lost() {
+            tracing::warn!("lost: {reason}");
+            self.lost = Some(reason);
             self.tracker = None;
             self.state = LocalizationState::Lost;
             self.confidence = 0.0;
@@ -236,5 +242,6 @@ impl Localizer {
         self.confidence = fix.confidence;
         self.tracker = Some(Tracker::new(self.config.track.clone(), fix.map_from_base, fix.covariance, odometry));
         self.state = LocalizationState::Localized;
+        self.lost = None;
     }
 }

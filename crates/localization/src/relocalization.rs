@@ -10,11 +10,12 @@ mod config;
 
 pub use config::RelocalizationConfig;
 
-use crate::distinction::Grounds;
+use crate::distinction::{Grounds, PictureWord};
 use crate::hypotheses::{Hypothesis, SensedView, held};
 use crate::landmarks::Landmarks;
+use crate::place_evidence::{Judged, PlaceEvidence};
 use crate::pose_fix::{Fix, fix_pose};
-use crate::wall_squares::{PlaceEvidence, WallSquares};
+use crate::wall_squares::WallSquares;
 use fht_perception::evidence_grid::Beams;
 use fht_perception::frame::LaserScan;
 use fht_perception::matching::{Favour, MatchConfig};
@@ -113,10 +114,7 @@ impl Relocalizer {
         let points = self.recent_points();
         self.find_more(&points, landmarks);
         self.sort();
-        self.evidence = self.hypotheses.first().map(|best| {
-            let squares = WallSquares::of(&self.views, self.config.square_m);
-            PlaceEvidence::of(best, self.rivals(&best.map_from_base()), &squares, self.spread_m())
-        });
+        self.evidence = self.hypotheses.first().map(|best| self.weigh(best, landmarks));
         self.judge(&points, landmarks)
     }
 
@@ -257,16 +255,11 @@ impl Relocalizer {
         self.hypotheses = kept;
     }
 
-    /// Probability of the heaviest hypothesis: against the others, and against being nowhere on the
-    /// map.
-    fn confidence(&self) -> f64 {
-        let config = &self.config;
-        let Some(best) = self.hypotheses.first() else { return 0.0 };
-        let weight = |hypothesis: &Hypothesis| hypothesis.weight(&config.weigh);
-        let at = best.map_from_base();
-        let nowhere = -config.weigh.beams_per_view * config.weigh.nowhere_cost * self.views.len() as f64;
-        let others = self.rivals(&at).map(weight).chain([nowhere]).map(|other| (other - weight(best)).exp());
-        1.0 / (1.0 + others.sum::<f64>())
+    /// What speaks for `best`. The order of the hypotheses is by all that was seen, this by walls.
+    fn weigh(&self, best: &Hypothesis, landmarks: &Landmarks) -> PlaceEvidence {
+        let squares = &WallSquares::of(&self.views, self.config.square_m);
+        let judged = Judged { views: &self.views, squares, landmarks, evidence: &self.config.weigh.evidence };
+        judged.place(best, self.rivals(&best.map_from_base()), self.spread_m())
     }
 
     /// Hypotheses of other places than this.
@@ -278,25 +271,33 @@ impl Relocalizer {
 
     fn judge(&self, points: &[Point2], landmarks: &Landmarks) -> Belief {
         let config = &self.config;
-        let Some(best) = self.hypotheses.first() else { return Belief::NotLocalized };
-        let confidence = self.confidence();
+        let Some((best, for_it)) = self.hypotheses.first().zip(self.evidence) else { return Belief::NotLocalized };
+        let grounds = self.grounds(points, landmarks);
+        let pictures = grounds.pictures(best, &config.distinction);
+        // Pictures of that place and no other tell it from its rivals, whatever the walls say.
+        let over_rivals = if pictures == PictureWord::Tells { f64::INFINITY } else { for_it.over_rivals };
+        let confidence = config.confidence.probability(&PlaceEvidence { over_rivals, ..for_it });
         let candidates = Belief::Candidates { hypotheses: self.hypotheses.len(), confidence };
-        let evidence = best.evidence();
+        let contradicted = best.evidence().contradicted_share();
         tracing::debug!(
             hypotheses = self.hypotheses.len(),
             views = self.views.len(),
-            weight = best.weight(&config.weigh),
             confidence,
-            explained = evidence.explained_share(),
-            contradicted = evidence.contradicted_share(),
+            contradicted,
+            ?for_it,
+            ?pictures,
             "likeliest place"
         );
+        let most = config.max_contradicted + config.max_contradicted_per_view * self.views.len() as f64;
         let is_good = confidence >= config.min_confidence
-            && self.spread_m() >= config.min_spread_m
-            && self.is_explained()
-            && evidence.contradicted_share()
-                <= config.max_contradicted + config.max_contradicted_per_view * self.views.len() as f64
-            && self.is_distinct(best, points, landmarks);
+            && contradicted <= most
+            && match pictures {
+                PictureWord::Refuses => false,
+                PictureWord::Tells => true,
+                PictureWord::Nothing => {
+                    grounds.walls_tell(best, self.rivals(&best.map_from_base()), &config.distinction)
+                }
+            };
         if !is_good {
             return candidates;
         }
@@ -306,19 +307,9 @@ impl Relocalizer {
         }
     }
 
-    /// Whether the likeliest place explains more of what was seen than a wrong one does by chance.
-    fn is_explained(&self) -> bool {
-        let config = &self.config;
-        self.evidence.is_some_and(|for_it| {
-            let deviation = 0.5 / for_it.walls.max(1.0).sqrt();
-            for_it.explained >= config.explained_by_chance + config.explained_sigmas * deviation
-        })
-    }
-
-    fn is_distinct(&self, best: &Hypothesis, points: &[Point2], landmarks: &Landmarks) -> bool {
+    fn grounds<'a>(&'a self, points: &'a [Point2], landmarks: &'a Landmarks) -> Grounds<'a> {
         let RelocalizationConfig { matching, weigh, same_m, same_rad, .. } = &self.config;
-        let grounds = Grounds { views: &self.views, points, landmarks, matching, weigh, same: (*same_m, *same_rad) };
-        grounds.tell_apart(best, self.rivals(&best.map_from_base()), &self.config.distinction)
+        Grounds { views: &self.views, points, landmarks, matching, weigh, same: (*same_m, *same_rad) }
     }
 
     /// How far apart the views are.

@@ -65,6 +65,33 @@ impl Default for TrackingConfig {
     }
 }
 
+/// Why a robot gave up the place that it knew.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LostReason {
+    /// Nothing held the pose for too long: the standard deviation of its position, metres.
+    Uncertain(f64),
+    /// Share of what the scanner sees that cannot be seen from there, 0 to 1.
+    Contradicted(f64),
+    /// Share of it that the map explains, 0 to 1.
+    Unexplained(f64),
+}
+
+impl std::fmt::Display for LostReason {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Uncertain(sigma_m) => {
+                write!(formatter, "no wall has held its position, which is known to {sigma_m:.1} m")
+            }
+            Self::Contradicted(share) => {
+                write!(formatter, "{:.0} % of what it sees cannot be seen from there", 100.0 * share)
+            }
+            Self::Unexplained(share) => {
+                write!(formatter, "the map explains only {:.0} % of what it sees", 100.0 * share)
+            }
+        }
+    }
+}
+
 /// A tracked pose.
 pub struct Tracker {
     config: TrackingConfig,
@@ -103,14 +130,19 @@ impl Tracker {
         self.covariance.fixed_view::<2, 2>(0, 0).symmetric_eigenvalues().max().max(0.0).sqrt()
     }
 
-    /// Whether the pose can no longer be stood by.
+    /// Why the pose can no longer be stood by, if it cannot.
     #[must_use]
-    pub fn is_lost(&self) -> bool {
+    pub fn lost(&self) -> Option<LostReason> {
         // Any comparison with NaN is false, so it is asked the other way round.
         let is_known =
             self.covariance.iter().all(|value| value.is_finite()) && self.sigma_m() <= self.config.lost_sigma_m;
-        let fits = self.contradicted <= self.config.lost_contradicted && self.explained >= self.config.lost_explained;
-        !(is_known && fits)
+        if !is_known {
+            return Some(LostReason::Uncertain(self.sigma_m()));
+        }
+        if self.contradicted > self.config.lost_contradicted {
+            return Some(LostReason::Contradicted(self.contradicted));
+        }
+        (self.explained < self.config.lost_explained).then_some(LostReason::Unexplained(self.explained))
     }
 
     /// Moves the pose by odometry.
@@ -179,9 +211,9 @@ mod tests {
             let covariance = Matrix3::from_diagonal(&Vector3::new(sigma * sigma, 0.01, 0.001));
             Tracker::new(TrackingConfig::default(), pose(0.0, 0.0, 0.0), covariance, at)
         };
-        assert!(!tracker(0.1).is_lost());
+        assert_eq!(tracker(0.1).lost(), None);
         for sigma in [1.0, f64::NAN, f64::INFINITY] {
-            assert!(tracker(sigma).is_lost(), "{sigma}");
+            assert!(matches!(tracker(sigma).lost(), Some(LostReason::Uncertain(_))), "{sigma}");
         }
     }
 }

@@ -257,8 +257,10 @@ impl Beams {
 pub enum BeamVerdict {
     /// It ends at a wall of the map.
     Explained,
-    /// It cannot be.
-    Contradicted,
+    /// It ends where the map is free: somebody stands there, or the pose is wrong.
+    TooShort,
+    /// It goes on behind a wall of the map: glass, a wall that is gone, or the pose is wrong.
+    TooLong,
     /// It ends where nobody looked.
     Silent,
 }
@@ -282,7 +284,7 @@ impl Evidence {
         for verdict in verdicts.iter().flatten() {
             match verdict {
                 BeamVerdict::Explained => evidence.explained += 1,
-                BeamVerdict::Contradicted => evidence.contradicted += 1,
+                BeamVerdict::TooShort | BeamVerdict::TooLong => evidence.contradicted += 1,
                 BeamVerdict::Silent => evidence.silent += 1,
             }
         }
@@ -345,11 +347,11 @@ impl EvidenceGrid {
             let is_behind = around.iter().all(|ray| ray.is_wall) && beam.least_m > farthest + config.margin_m;
             let is_before = beam.greatest_m < nearest - config.margin_m;
             Some(if is_behind {
-                BeamVerdict::Contradicted
+                BeamVerdict::TooLong
             } else if self.cell(from + ahead(beam) * range_m) & NEAR_WALL != 0 {
                 BeamVerdict::Explained
             } else if is_before {
-                BeamVerdict::Contradicted
+                BeamVerdict::TooShort
             } else {
                 BeamVerdict::Silent
             })

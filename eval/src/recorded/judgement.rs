@@ -7,7 +7,7 @@ use fht_localization::RelocalizationConfig;
 use fht_localization::landmarks::Landmarks;
 use fht_perception::evidence_grid::Beams;
 use fht_perception::matching::refine;
-use fht_perception::pose::Pose2;
+use fht_perception::pose::{Point2, Pose2, pose};
 use fht_sim::scoring::pose_error;
 
 /// A place is right within this, metres (paper, section IV-B).
@@ -18,6 +18,14 @@ const RIGHT_DEG: f64 = 5.0;
 const HELD_M: f64 = 0.5;
 /// … and this, degrees.
 const HELD_DEG: f64 = 5.0;
+/// Where the truth explains at least this share of a scan, it is the truth.
+const WELL_EXPLAINED: f64 = 0.75;
+/// Else it is torn if a place this near, metres,
+const TORN_M: f64 = 2.0;
+/// and this, degrees,
+const TORN_DEG: f64 = 6.0;
+/// explains so much more of the scan.
+const TORN_SHARE: f64 = 0.15;
 /// How far from its start the ground is looked at, metres.
 const GROUND_M: f64 = 5.0;
 /// Frames between two looks at it.
@@ -67,6 +75,67 @@ impl JudgedDrive {
     }
 }
 
+/// Where the log's places lie in the map, by the walls around them.
+struct Truth<'a> {
+    log: &'a RecordedLog,
+    landmarks: &'a Landmarks,
+    registration: &'a Registration,
+    config: RelocalizationConfig,
+}
+
+impl Truth<'_> {
+    /// Where the robot is at `frame`, for one that says that it is at `said`; none where nobody
+    /// knows how the log lies in the map. Bent maps agree on a place where the same walls are seen,
+    /// so it is held to them.
+    fn at(&self, frame: usize, said: Option<&Pose2>) -> Option<Pose2> {
+        let log_from_base = &self.log.log_from_base[frame];
+        let expected = match said {
+            Some(said) => self.registration.map_from_base_near(log_from_base, said)?,
+            None => self.registration.map_from_base(log_from_base)?,
+        };
+        let points = self.log.frames[frame].scan.points_in_base();
+        let near = self.held(&points, &expected, (HELD_M, HELD_DEG)).unwrap_or(expected);
+        Some(self.where_torn(frame, &points, &near).unwrap_or(near))
+    }
+
+    /// Where the log's own SLAM left a loop open, its truth lies beside what the robot sees, and
+    /// the walls say so: where that is, if a place near explains clearly more of the scan.
+    fn where_torn(&self, frame: usize, points: &[Point2], expected: &Pose2) -> Option<Pose2> {
+        let here = self.explained(frame, expected);
+        if here >= WELL_EXPLAINED {
+            return None;
+        }
+        let steps = |half: f64| (-2..=2).map(move |step| half * f64::from(step) / 2.0);
+        let moves = steps(TORN_M).flat_map(|x| steps(TORN_M).map(move |y| (x, y)));
+        let moves = moves.flat_map(|(x, y)| [-1.0, 0.0, 1.0].map(|turn| (x, y, turn * TORN_DEG.to_radians() / 2.0)));
+        let places = moves.filter_map(|(x, y, yaw)| {
+            let at = &expected.translation.vector;
+            let guess = pose(at.x + x, at.y + y, expected.rotation.angle() + yaw);
+            let held = self.held(points, &guess, (TORN_M, TORN_DEG))?;
+            let (metres, degrees) = pose_error(&held, expected);
+            (metres <= TORN_M && degrees <= TORN_DEG).then(|| (self.explained(frame, &held), held))
+        });
+        let (share, best) = places.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        (share >= here + TORN_SHARE).then_some(best)
+    }
+
+    /// `guess`, held to the walls, if they are within so many metres and degrees.
+    fn held(&self, points: &[Point2], guess: &Pose2, (most_m, most_deg): (f64, f64)) -> Option<Pose2> {
+        let matching = &self.config.matching;
+        let found = refine(&self.landmarks.walls().cloud, points, guess, matching)?;
+        let (metres, degrees) = pose_error(&found.reference_from_moving, guess);
+        let is_near = metres <= most_m && degrees <= most_deg && found.score >= matching.min_score;
+        is_near.then_some(found.reference_from_moving)
+    }
+
+    /// Share of a scan that the map explains at a place.
+    fn explained(&self, frame: usize, map_from_base: &Pose2) -> f64 {
+        let evidence = &self.config.weigh.evidence;
+        let beams = Beams::of(&self.log.frames[frame].scan, evidence);
+        self.landmarks.walls().known.weigh(&beams, map_from_base, evidence).explained_share()
+    }
+}
+
 /// Judges a drive on the map of `landmarks`; none where nobody knows how the log lies in the map.
 #[must_use]
 pub fn judge(
@@ -75,32 +144,13 @@ pub fn judge(
     landmarks: &Landmarks,
     registration: &Registration,
 ) -> Option<JudgedDrive> {
-    let config = RelocalizationConfig::default();
-    // Bent maps agree on a place where the same walls are seen.
-    let truth = |frame: usize, said: Option<&Pose2>| {
-        let log_from_base = &log.log_from_base[frame];
-        let expected = match said {
-            Some(said) => registration.map_from_base_near(log_from_base, said)?,
-            None => registration.map_from_base(log_from_base)?,
-        };
-        let points = log.frames[frame].scan.points_in_base();
-        let held = refine(&landmarks.walls().cloud, &points, &expected, &config.matching);
-        let held = held.filter(|held| held.score >= config.matching.min_score);
-        let held = held.map(|held| held.reference_from_moving).filter(|held| {
-            let (metres, degrees) = pose_error(held, &expected);
-            metres <= HELD_M && degrees <= HELD_DEG
-        });
-        Some(held.unwrap_or(expected))
-    };
+    let truth = Truth { log, landmarks, registration, config: RelocalizationConfig::default() };
     let judged = |said: &Statement| {
-        let truth = truth(said.frame, Some(&said.map_from_base))?;
+        let truth = truth.at(said.frame, Some(&said.map_from_base))?;
         let (error_m, error_deg) = pose_error(&said.map_from_base, &truth);
         Some(JudgedStatement { said: *said, truth, error_m, error_deg })
     };
-    let explained = |frame: usize| {
-        let beams = Beams::of(&log.frames[frame].scan, &config.weigh.evidence);
-        Some(landmarks.walls().known.weigh(&beams, &truth(frame, None)?, &config.weigh.evidence).explained_share())
-    };
+    let explained = |frame: usize| Some(truth.explained(frame, &truth.at(frame, None)?));
     let near = (drive.start..log.frames.len())
         .take_while(|frame| log.driven_m[*frame] - log.driven_m[drive.start] <= GROUND_M)
         .step_by(GROUND_EVERY);

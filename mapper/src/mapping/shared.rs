@@ -78,20 +78,19 @@ impl Mapper {
                     state => state,
                 },
                 confidence: newcomer.joining.confidence(),
-                map_from_base: None,
                 candidates: newcomer.joining.candidates(),
+                ..PoseReport::default()
             },
             (None, Some(latest)) if latest.tracking != Tracking::Lost => PoseReport {
                 state: LocalizationState::Localized,
                 confidence: 1.0,
                 map_from_base: Some(latest.map_from_base),
-                candidates: Vec::new(),
+                ..PoseReport::default()
             },
             _ => PoseReport {
                 state: LocalizationState::Lost,
-                confidence: 0.0,
-                map_from_base: None,
-                candidates: Vec::new(),
+                lost_because: Some("what it sees contradicts the map that it writes".to_owned()),
+                ..PoseReport::default()
             },
         }
     }

@@ -55,6 +55,9 @@ pub struct RobotPose {
     /// `[x, y, yaw]` in the map frame, metres and radians.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map_from_base: Option<[f64; 3]>,
+    /// Why it gave up the last place that it knew, in words. Absent once it knows again.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lost_because: Option<String>,
     /// When that was, by the robot's clock: microseconds since 1970. Absent if it has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stamp_us: Option<u64>,

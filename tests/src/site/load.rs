@@ -230,6 +230,7 @@ impl Reader {
                 format!("{}?from={from},0;to={to},{}", Key::topic(&map(), Topic::Path), FLOOR - 1)
             };
             // Asked until it is answered.
+            let repeated = asked.repeated;
             let mut answer = answer(session, &selector);
             while answer.is_none() && begin.elapsed() < 30 * self.limit {
                 asked.repeated += 1;
@@ -238,7 +239,10 @@ impl Reader {
             }
             asked.closed += u64::from(answer == Some(Answer::Closed));
             let time = begin.elapsed();
-            asked.late += u64::from(time > self.limit);
+            if time > self.limit {
+                asked.late += 1;
+                tracing::info!(reader = self.index, selector, ?time, tries = asked.repeated - repeated, "late");
+            }
             asked.times.push(time);
             std::thread::sleep(self.period.saturating_sub(time));
         }
@@ -266,6 +270,9 @@ fn answer(session: &Session, selector: &str) -> Option<Answer> {
             tracing::warn!("{selector}: {reply}");
             None
         }
-        Err(_) => None,
+        Err(error) => {
+            tracing::debug!("{selector}: {error}");
+            None
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! How the robot finds out where it is.
 
+use crate::confidence::ConfidenceConfig;
 use crate::distinction::DistinctionConfig;
 use crate::hypotheses::WeighConfig;
 use crate::pose_fix::PoseFixConfig;
@@ -40,17 +41,11 @@ pub struct RelocalizationConfig {
     pub same_rad: f64,
     /// Side of the pieces of wall that count as one, metres. Default 0.5.
     pub square_m: f64,
-    /// A fix is at least this probable. Default 0.995.
+    /// How probable a place is.
+    pub confidence: ConfidenceConfig,
+    /// A fix is at least this probable. Default 0.982, at a ground of
+    /// 1: of 2,600 looks in three logs that said so much all were right.
     pub min_confidence: f64,
-    /// Its views are at least this far apart, metres. Default 0.7.
-    pub min_spread_m: f64,
-    /// Share of the pieces of wall that a wrong place explains by chance, when it is looked for in
-    /// a whole map. Default 0.6.
-    pub explained_by_chance: f64,
-    /// A fix explains more than that by this many standard deviations, as if each piece of wall
-    /// were explained or not by the toss of a coin: of 36 pieces it explains 85 %, of 200 pieces 71
-    /// %. Default 3.
-    pub explained_sigmas: f64,
     /// Greatest share of beams that cannot be, before any view. Default 0.015: where nothing was
     /// moved it is below 0.01, and in rooms that no main node looked into the best that is found
     /// elsewhere has 0.05 and more.
@@ -87,10 +82,8 @@ impl Default for RelocalizationConfig {
             same_m: 0.5,
             same_rad: 0.25,
             square_m: 0.5,
-            min_confidence: 0.995,
-            min_spread_m: 0.7,
-            explained_by_chance: 0.6,
-            explained_sigmas: 3.0,
+            confidence: ConfidenceConfig::default(),
+            min_confidence: 0.982,
             max_contradicted: 0.015,
             max_contradicted_per_view: 0.0015,
             max_sigma_m: 0.15,

@@ -1,5 +1,6 @@
 //! Evaluations on real logs and in simulated buildings, as the field measures them.
 
+mod confidence;
 mod construction;
 mod contents;
 mod knobs;
@@ -110,6 +111,12 @@ metres and radians.")]
 What is right, SLAM over the whole log says: within 1 m and 5°. Ground is known where the map
 explains three quarters of what is seen on the first 5 m.")]
     Recorded(recorded::RecordedArgs),
+    /// What a robot's grounds for a place are worth, fitted to looks of recorded drives; and how
+    /// far it can be believed in logs that were left out.
+    #[command(after_help = "Examples:
+  evaluate recorded ../shared/data/lidar/{intel,aces,mit-csail} --map-from 0.35,0.65 --looks looks.csv
+  evaluate confidence looks.csv")]
+    Confidence(confidence::ConfidenceArgs),
     /// Maps of one building that were made from different starts, merged; and maps of different
     /// buildings, refused.
     #[command(after_help = "Examples:
@@ -132,6 +139,7 @@ fn main() -> ExitCode {
         Part::Relocalize(args) => relocalize::run(&args),
         Part::People(args) => people::run(&args),
         Part::Recorded(args) => recorded::run(&args),
+        Part::Confidence(args) => confidence::run(&args),
         Part::Merge(args) => merge::run(&args),
     };
     match outcome {

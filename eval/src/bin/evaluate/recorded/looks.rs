@@ -1,43 +1,43 @@
 //! All looks of all robots as a table, for whoever fits what robots say to what is right.
 
-use fht_eval::recorded::JudgedDrive;
-use std::io::Write;
+use fht_eval::recorded::{JudgedDrive, JudgedStatement, Look};
 use std::path::Path;
-
-const HEADER: &str = "log,map,start,ground,driven_m,stated,error_m,error_deg,walls,explained,contradicted,\
-                      margin_explained,margin_contradicted,rivals,spread_m";
 
 /// Appends the looks of a run to a table.
 pub fn append(file: &Path, (log, map): (&str, &str), drives: &[JudgedDrive]) -> Result<(), String> {
-    write(file, log, map, drives).map_err(|error| format!("{}: {error}", file.display()))
+    let looks = drives.iter().flat_map(|drive| drive.statements.iter().map(|look| of(log, map, drive, look)));
+    write(file, looks).map_err(|error| format!("{}: {error}", file.display()))
 }
 
-fn write(file: &Path, log: &str, map: &str, drives: &[JudgedDrive]) -> std::io::Result<()> {
-    let mut table = std::fs::OpenOptions::new().create(true).append(true).open(file)?;
-    if table.metadata()?.len() == 0 {
-        writeln!(table, "{HEADER}")?;
+fn write(file: &Path, looks: impl Iterator<Item = Look>) -> Result<(), csv::Error> {
+    let table = std::fs::OpenOptions::new().create(true).append(true).open(file)?;
+    let is_new = table.metadata()?.len() == 0;
+    let mut table = csv::WriterBuilder::new().has_headers(is_new).from_writer(table);
+    for look in looks {
+        table.serialize(look)?;
     }
-    for drive in drives {
-        for look in &drive.statements {
-            let (said, for_it) = (&look.said, &look.said.evidence);
-            writeln!(
-                table,
-                "{log},{map},{},{:.3},{:.2},{:.5},{:.3},{:.2},{:.0},{:.4},{:.4},{:.2},{:.2},{},{:.2}",
-                drive.start,
-                drive.ground,
-                said.driven_m,
-                said.stated,
-                look.error_m,
-                look.error_deg,
-                for_it.walls,
-                for_it.explained,
-                for_it.contradicted,
-                for_it.margin_explained,
-                for_it.margin_contradicted,
-                for_it.rivals,
-                for_it.spread_m
-            )?;
-        }
+    Ok(table.flush()?)
+}
+
+fn of(log: &str, map: &str, drive: &JudgedDrive, look: &JudgedStatement) -> Look {
+    let for_it = &look.said.evidence;
+    Look {
+        log: log.to_owned(),
+        map: map.to_owned(),
+        start: drive.start,
+        ground: drive.ground,
+        driven_m: look.said.driven_m,
+        stated: look.said.stated,
+        error_m: look.error_m,
+        error_deg: look.error_deg,
+        right: look.is_right(),
+        walls: for_it.walls,
+        explained: for_it.explained,
+        too_short: for_it.too_short,
+        too_long: for_it.too_long,
+        over_rivals: for_it.over_rivals,
+        over_moved: for_it.over_moved,
+        spread_m: for_it.spread_m,
+        is_held: for_it.is_held,
     }
-    Ok(())
 }

@@ -1,0 +1,128 @@
+//! How probable it is that a place is right.
+//!
+//! A place is as sure as its weakest ground. The grounds are: the map explains more of what was
+//! seen than a wrong place does by chance; it explains much less of it at any rival, and at this
+//! place, moved a little; what was seen was seen from places that are apart. What the weakest
+//! ground is worth was fitted to recorded drives, and tried on logs that were left out (`evaluate
+//! recorded --looks`, `evaluate confidence`).
+
+use crate::place_evidence::PlaceEvidence;
+use serde::{Deserialize, Serialize};
+
+/// What a place's grounds are worth.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(default, deny_unknown_fields)]
+pub struct ConfidenceConfig {
+    /// Share of the pieces of wall that a wrong place explains by chance, when it is looked for in
+    /// a whole map. Default 0.6.
+    pub explained_by_chance: f64,
+    /// A ground of 1 explains more than that by this many standard deviations, as if each piece of
+    /// wall were explained or not by the toss of a coin. Default 1.5.
+    pub explained_sigmas: f64,
+    /// The pieces count in full if the views are this far apart, metres: from one place all are
+    /// seen with the same errors. Default 2.
+    pub full_spread_m: f64,
+    /// A ground of 1 has so many pieces of wall right more than any rival has, or the place itself,
+    /// moved. Default 16.
+    pub distinct_pieces: f64,
+    /// A ground of 1 has views this far apart, metres. Default 0.7.
+    pub spread_m: f64,
+    /// The weakest ground of a place that is right as often as not. Default 0: with as strong a
+    /// rival it is.
+    pub even: f64,
+    /// How fast the odds grow with the weakest ground, natural logarithm. Default 4: 0.98 at a
+    /// ground of 1.
+    pub slope: f64,
+}
+
+impl Default for ConfidenceConfig {
+    fn default() -> Self {
+        Self {
+            explained_by_chance: 0.6,
+            explained_sigmas: 1.5,
+            full_spread_m: 2.0,
+            distinct_pieces: 16.0,
+            spread_m: 0.7,
+            even: 0.0,
+            slope: 4.0,
+        }
+    }
+}
+
+impl ConfidenceConfig {
+    /// How probable a place is, 0 to 1, by what speaks for it.
+    #[must_use]
+    pub fn probability(&self, for_it: &PlaceEvidence) -> f64 {
+        1.0 / (1.0 + (-self.slope * (self.weakest_ground(for_it) - self.even)).exp())
+    }
+
+    /// The weakest of a place's grounds: 1 suffices, less than 0 speaks against it.
+    #[must_use]
+    pub fn weakest_ground(&self, for_it: &PlaceEvidence) -> f64 {
+        /// A pose that only the odometry holds may be off by some degrees.
+        const NOT_HELD: f64 = 0.5;
+        let right = for_it.explained - for_it.too_short - for_it.too_long;
+        let deviation = 0.5 / for_it.walls.max(1.0).sqrt();
+        let sigmas = (right - self.explained_by_chance) / deviation;
+        let explained = sigmas * (for_it.spread_m / self.full_spread_m).min(1.0) / self.explained_sigmas;
+        let pieces = for_it.over_moved.min(for_it.over_rivals);
+        // Pieces that lie side by side are explained together.
+        let distinct = pieces.signum() * (pieces.abs() / self.distinct_pieces).sqrt();
+        let apart = for_it.spread_m / self.spread_m;
+        let held = if for_it.is_held { f64::INFINITY } else { NOT_HELD };
+        explained.min(distinct).min(apart).min(held)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A room seen from two places, and nothing like it.
+    fn sure() -> PlaceEvidence {
+        PlaceEvidence {
+            walls: 80.0,
+            explained: 0.95,
+            too_short: 0.01,
+            too_long: 0.0,
+            over_rivals: f64::INFINITY,
+            over_moved: 40.0,
+            spread_m: 2.0,
+            is_held: true,
+        }
+    }
+
+    #[test]
+    fn each_ground_alone_can_make_a_place_doubtful() {
+        let config = ConfidenceConfig::default();
+        assert!(config.probability(&sure()) > 0.985);
+        let doubtful = [
+            PlaceEvidence { explained: 0.62, ..sure() },
+            PlaceEvidence { too_short: 0.3, ..sure() },
+            PlaceEvidence { too_long: 0.3, ..sure() },
+            PlaceEvidence { over_rivals: 3.0, ..sure() },
+            PlaceEvidence { over_moved: 3.0, ..sure() },
+            PlaceEvidence { over_rivals: -5.0, ..sure() },
+            PlaceEvidence { spread_m: 0.3, ..sure() },
+            PlaceEvidence { walls: 4.0, ..sure() },
+            PlaceEvidence { is_held: false, ..sure() },
+        ];
+        for place in doubtful {
+            let probability = config.probability(&place);
+            assert!((0.0..0.95).contains(&probability), "{probability} of {place:?}");
+        }
+    }
+
+    #[test]
+    fn of_two_places_that_are_alike_either_may_be_right() {
+        let tie = PlaceEvidence { over_rivals: 0.0, ..sure() };
+        assert!((0.45..=0.5).contains(&ConfidenceConfig::default().probability(&tie)));
+    }
+
+    #[test]
+    fn nothing_seen_is_no_ground() {
+        let nothing = PlaceEvidence::default();
+        assert!(ConfidenceConfig::default().probability(&nothing) < 0.1);
+    }
+}

@@ -1,0 +1,83 @@
+//! What speaks for a place: how much of what was seen the map explains there, and how much less of
+//! it somewhere else.
+//!
+//! *Somewhere else* is each rival, and the place itself, moved a little. A corridor explains its
+//! two walls wherever one stands in it: what it has right a metre farther on as well says nothing.
+//! So a place that the map lacks cannot win by walls that are everywhere.
+
+use crate::hypotheses::{Hypothesis, SensedView};
+use crate::landmarks::Landmarks;
+use crate::wall_squares::{Tally, WallSquares};
+use fht_perception::evidence_grid::{BeamVerdict, EvidenceConfig};
+use fht_perception::pose::{Pose2, pose};
+use std::f64::consts::FRAC_PI_4;
+
+/// How far the place is moved, metres.
+const MOVES_M: [f64; 2] = [1.0, 2.0];
+
+/// What speaks for the likeliest place.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PlaceEvidence {
+    /// Pieces of wall that were seen.
+    pub walls: f64,
+    /// Share of them that the map explains, 0 to 1.
+    pub explained: f64,
+    /// Share of them that stand where the map is free, 0 to 1.
+    pub too_short: f64,
+    /// Share of them that lie behind a wall of the map, 0 to 1.
+    pub too_long: f64,
+    /// Pieces that the place has right more than its strongest rival: those that it explains,
+    /// without those that cannot be. Infinite without a rival.
+    pub over_rivals: f64,
+    /// The same over the place itself, moved by 1 m or 2 m in the direction that costs least.
+    pub over_moved: f64,
+    /// Distance between the views that are farthest apart, metres.
+    pub spread_m: f64,
+    /// Whether the walls held the newest view there: else the pose is a guess of the odometry.
+    pub is_held: bool,
+}
+
+/// By what a place is judged.
+pub(crate) struct Judged<'a> {
+    pub views: &'a [SensedView],
+    pub squares: &'a WallSquares,
+    pub landmarks: &'a Landmarks,
+    pub evidence: &'a EvidenceConfig,
+}
+
+impl Judged<'_> {
+    /// What speaks for `best` against `rivals`.
+    pub fn place<'a>(
+        &self,
+        best: &Hypothesis,
+        rivals: impl Iterator<Item = &'a Hypothesis>,
+        spread_m: f64,
+    ) -> PlaceEvidence {
+        let here = self.squares.tally(best.verdicts.iter());
+        let least_over = |others: &mut dyn Iterator<Item = Tally>| {
+            others.map(|there| here.net() - there.net()).fold(f64::INFINITY, f64::min)
+        };
+        let directions = (0..8).map(|eighth| FRAC_PI_4 * f64::from(eighth));
+        let moves = directions.flat_map(|angle| MOVES_M.map(|m| pose(m * angle.cos(), m * angle.sin(), 0.0)));
+        let walls = (self.squares.count as f64).max(1.0);
+        PlaceEvidence {
+            walls,
+            explained: here.explained / walls,
+            too_short: here.too_short / walls,
+            too_long: here.too_long / walls,
+            over_rivals: least_over(&mut rivals.map(|rival| self.squares.tally(rival.verdicts.iter()))),
+            over_moved: least_over(&mut moves.map(|by| self.moved(best, &by))),
+            spread_m,
+            is_held: best.is_held,
+        }
+    }
+
+    /// What the place says if it is moved on the map.
+    fn moved(&self, place: &Hypothesis, by: &Pose2) -> Tally {
+        let known = &self.landmarks.walls().known;
+        let views = place.at.iter().zip(self.views);
+        let verdicts: Vec<Vec<Option<BeamVerdict>>> =
+            views.map(|(at, view)| known.judge(&view.beams, &(by * at), self.evidence)).collect();
+        self.squares.tally(verdicts.iter())
+    }
+}
