@@ -24,13 +24,20 @@ impl Map {
         let (sender, events) = mpsc::channel(QUEUE);
         let said = |topic: RobotTopic| {
             let sender = sender.clone();
-            let take = move |sample: Sample| drop(message(&sample).map(|event| sender.try_send(event)));
+            let take = move |sample: Sample| pass_on(message(&sample), &sender);
             session.declare_subscriber(robots_of(name, topic)).callback(take)
         };
         let (poses, blocked) = (said(RobotTopic::Pose).await?, said(RobotTopic::Blocked).await?);
-        let token = move |sample: Sample| drop(presence(&sample).map(|event| sender.try_send(event)));
+        let token = move |sample: Sample| pass_on(presence(&sample), &sender);
         let tokens = session.liveliness().declare_subscriber(presence_of(name)).history(true).callback(token).await?;
         Ok(RobotEvents { events, _subscribers: [poses, blocked, tokens] })
+    }
+}
+
+/// An event for whoever reads; it is dropped if too many wait.
+fn pass_on(event: Option<RobotEvent>, sender: &mpsc::Sender<RobotEvent>) {
+    if let Some(event) = event {
+        let _ = sender.try_send(event);
     }
 }
 
