@@ -284,6 +284,47 @@ async fn one_explorer_fills_neither_the_maps_nor_the_room_of_others() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_operator_sees_quotas_and_sets_one() {
+    let site = Guarded::start(&[]).await;
+    site.taken(&museum(), &puts("ana", 1, 0, 3)).await;
+    site.taken(&museum(), &puts("ben", 1, 0, 2)).await;
+    let of = |quotas: &Value, name: &str| {
+        let writers = quotas["writers"].as_array().unwrap();
+        writers.iter().find(|view| view["writer"] == name).unwrap_or_else(|| panic!("no {name}: {quotas}")).clone()
+    };
+    let shown = site.run(&["quota", "show", "museum"]);
+    let names: Vec<&str> =
+        shown["writers"].as_array().unwrap().iter().filter_map(|view| view["writer"].as_str()).collect();
+    assert_eq!(names, ["ana", "ben", "desk"], "a client writes nothing");
+    let ben = of(&shown, "ben");
+    assert_eq!((&ben["role"], &ben["is_own"]), (&Value::from("explorer"), &Value::from(false)));
+    assert_eq!((&ben["map_elements"]["used"], &ben["maps"]["used"]), (&Value::from(2), &Value::from(1)));
+
+    let set = site.run(&["quota", "set", "museum", "ben", "--map-share", "0", "--increments-per-s", "10"]);
+    let ben = of(&set, "ben");
+    assert_eq!((&ben["is_own"], &ben["map_elements"]["most"]), (&Value::from(true), &Value::from(0)));
+    assert_eq!(of(&set, "ana"), of(&shown, "ana"), "nobody else's");
+    let told = site.refused(&museum(), &puts("ben", 2, 10, 1)).await;
+    assert_eq!(
+        (told.code, told.message.as_str()),
+        (ErrorCode::Full, "explorer ben has used up its quota of bytes in this map: 0")
+    );
+    site.taken(&museum(), &puts("ana", 2, 10, 1)).await;
+
+    assert_eq!(of(&site.run(&["quota", "set", "museum", "ben", "--of-role"]), "ben")["is_own"], false);
+    site.taken(&museum(), &puts("ben", 2, 10, 1)).await;
+
+    for (args, complaint) in [
+        (&["quota", "set", "museum", "tug", "--map-share", "1"][..], "nobody called tug may write here"),
+        (&["quota", "set", "museum", "ben", "--map-share", "7"], "map_share=7: 0 to 1 are allowed"),
+        (&["quota", "show", "nowhere"], "there is no map nowhere"),
+    ] {
+        let said = site.try_run(args).unwrap_err();
+        assert!(said.contains(complaint), "{args:?}: {said}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_was_let_in_before_the_roles_is_named_and_taken_back() {
     let open = Guarded::on(tempfile::tempdir().unwrap(), false, &[]).await;
     open.decide(12).await;

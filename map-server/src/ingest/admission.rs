@@ -7,6 +7,8 @@ use crate::config::{Limits, Quotas, WriterQuota};
 use crate::ingest::check::Refusal;
 use crate::ingest::intake::{Intake, WriterUse};
 use fht_map::WriterRole;
+use fht_proto::api::quota::{QuotaChange, QuotaUse, WriterQuotaView};
+use fht_proto::api::reply::known_names;
 use fht_proto::{AuthorId, MapName};
 use std::collections::BTreeMap;
 
@@ -35,6 +37,8 @@ struct Taken {
 pub(super) struct Admission {
     pub(super) writers: RoleList,
     pub(super) quotas: Quotas,
+    /// Those that an operator has set.
+    own_quotas: BTreeMap<AuthorId, WriterQuota>,
     allowances: BTreeMap<AuthorId, Allowance>,
     taken: BTreeMap<(MapName, AuthorId), Taken>,
 }
@@ -51,13 +55,74 @@ pub(super) struct Writer {
 impl Admission {
     /// Nobody has written yet.
     pub(super) fn new(writers: RoleList, quotas: Quotas) -> Self {
-        Self { writers, quotas, allowances: BTreeMap::new(), taken: BTreeMap::new() }
+        Self { writers, quotas, own_quotas: BTreeMap::new(), allowances: BTreeMap::new(), taken: BTreeMap::new() }
     }
 
     pub(super) fn writer(&self, author: AuthorId) -> Option<Writer> {
         let writers = self.writers.now();
         let (role, name) = writers.role(author).zip(writers.name(author))?;
-        Some(Writer { author, role, name: name.to_owned(), quota: self.quotas.of(role).clone() })
+        let quota = self.own_quotas.get(&author).unwrap_or_else(|| self.quotas.of(role)).clone();
+        Some(Writer { author, role, name: name.to_owned(), quota })
+    }
+
+    /// All who may write, by name.
+    fn all_writers(&self) -> Vec<Writer> {
+        let writers = self.writers.now();
+        let mut names: Vec<&str> = writers.names().collect();
+        names.sort_unstable();
+        let all = names.into_iter().filter_map(|name| self.writer(AuthorId::of_robot(name)));
+        all.filter(|writer| writer.role != WriterRole::Client).collect()
+    }
+
+    /// Sets the quota of a writer, until the server starts again.
+    ///
+    /// # Errors
+    /// A sentence: it may write nothing.
+    pub(super) fn set_quota(&mut self, change: &QuotaChange) -> Result<(), String> {
+        let author = AuthorId::of_robot(&change.writer);
+        let Some(writer) = self.writer(author).filter(|writer| writer.role != WriterRole::Client) else {
+            let names: Vec<String> = self.all_writers().into_iter().map(|writer| writer.name).collect();
+            return Err(format!("nobody called {} may write here: {}", change.writer, known_names(names.iter())));
+        };
+        if change.of_role {
+            self.own_quotas.remove(&author);
+        }
+        let before = if change.of_role { self.quotas.of(writer.role).clone() } else { writer.quota };
+        let after = WriterQuota {
+            map_share: change.map_share.unwrap_or(before.map_share),
+            total_share: change.total_share.unwrap_or(before.total_share),
+            increments_per_s: change.increments_per_s.unwrap_or(before.increments_per_s),
+            taken_per_hour_share: change.taken_per_hour_share.unwrap_or(before.taken_per_hour_share),
+        };
+        let is_of_role = *change == QuotaChange { writer: change.writer.clone(), of_role: true, ..Default::default() };
+        if !is_of_role {
+            self.own_quotas.insert(author, after);
+        }
+        // What it had left at the old pace is not left at the new one.
+        self.allowances.remove(&author);
+        self.taken.retain(|(_, taker), _| *taker != author);
+        Ok(())
+    }
+
+    /// What everybody takes and may take of a map and of all.
+    pub(super) fn quotas_in_use(&self, room: &Room<'_>) -> Vec<WriterQuotaView> {
+        let view = |writer: Writer| {
+            let [maps, map_bytes, map_elements, total_bytes, total_elements] =
+                room.rows(&writer, 0, 0).map(|row| QuotaUse { used: row.own, most: row.most() });
+            WriterQuotaView {
+                is_own: self.own_quotas.contains_key(&writer.author),
+                role: writer.role.to_string(),
+                writer: writer.name,
+                map_bytes,
+                map_elements,
+                total_bytes,
+                total_elements,
+                maps,
+                increments_per_s: writer.quota.increments_per_s,
+                taken_per_hour_share: writer.quota.taken_per_hour_share,
+            }
+        };
+        self.all_writers().into_iter().map(view).collect()
     }
 
     /// A token bucket.
@@ -105,62 +170,99 @@ pub(super) struct Room<'a> {
     pub(super) limits: &'a Limits,
 }
 
+/// One limit, and where a writer stands to it.
+struct Row {
+    /// Of what.
+    of: &'static str,
+    /// So much is there for the writer,
+    own: u64,
+    /// so much for all,
+    all: u64,
+    /// so much comes.
+    more: u64,
+    limit: u64,
+    /// The writer's share of the limit.
+    share: f64,
+}
+
+impl Row {
+    fn part(&self, share: f64) -> u64 {
+        (self.limit as f64 * share) as u64
+    }
+
+    /// What the writer may have.
+    fn most(&self) -> u64 {
+        self.part(self.share)
+    }
+}
+
 impl Room<'_> {
     /// Whether an increment of so many bytes and at most so many elements is within its writer's
     /// quota, and outside of what is kept for operators.
     pub(super) fn check(&self, writer: &Writer, reserve: f64, bytes: u64, elements: usize) -> Result<(), Refusal> {
-        let limits = self.limits;
-        let uses = || self.maps.values().filter_map(|intake| intake.by_author.get(&writer.author));
-        let (known, own) = match self.maps.get(self.map) {
-            None => ((0, 0), WriterUse::default()),
-            Some(intake) => {
-                let own = intake.by_author.get(&writer.author).copied().unwrap_or_default();
-                ((intake.bytes, intake.elements as u64), own)
-            }
-        };
-        let is_new = u64::from(!self.maps.contains_key(self.map));
-        let all = |of: fn(&Intake) -> u64| self.maps.values().map(of).sum::<u64>();
-        let all_own = |of: fn(&WriterUse) -> u64| uses().map(of).sum::<u64>();
-        let more = elements as u64;
-        let WriterQuota { map_share, total_share, .. } = writer.quota;
-        let (map_elements, total_elements) = (limits.max_map_elements as u64, limits.max_total_elements as u64);
-        // What, how much of it is there for the writer and for all, how much comes, the limit, the
-        // writer's share.
-        let rows = [
-            ("maps", uses().count() as u64, self.maps.len() as u64, is_new, limits.max_maps as u64, total_share),
-            ("bytes in this map", own.bytes, known.0, bytes, limits.max_map_bytes, map_share),
-            ("nodes and edges in this map", own.elements as u64, known.1, more, map_elements, map_share),
-            (
-                "bytes in all maps",
-                all_own(|own| own.bytes),
-                all(|intake| intake.bytes),
-                bytes,
-                limits.max_total_bytes,
-                total_share,
-            ),
-            (
-                "nodes and edges in all maps",
-                all_own(|own| own.elements as u64),
-                all(|intake| intake.elements as u64),
-                more,
-                total_elements,
-                total_share,
-            ),
-        ];
-        let part = |limit: u64, share: f64| (limit as f64 * share) as u64;
-        for (of, own, all, more, limit, share) in rows {
-            // A map that is there begins for nobody.
-            if more == 0 {
-                continue;
-            }
-            let most = part(limit, share);
-            if own + more > most {
+        // A map that is there begins for nobody.
+        for row in self.rows(writer, bytes, elements as u64).into_iter().filter(|row| row.more > 0) {
+            let (of, most) = (row.of, row.most());
+            if row.own + row.more > most {
                 return Err(Refusal::Quota { role: writer.role, name: writer.name.clone(), of, most });
             }
-            if writer.role != WriterRole::Operator && all + more > part(limit, 1.0 - reserve) {
+            if writer.role != WriterRole::Operator && row.all + row.more > row.part(1.0 - reserve) {
                 return Err(Refusal::Reserved(of));
             }
         }
         Ok(())
+    }
+
+    /// Maps; bytes and elements of the map; bytes and elements of all maps.
+    fn rows(&self, writer: &Writer, bytes: u64, elements: u64) -> [Row; 5] {
+        let limits = self.limits;
+        let uses = || self.maps.values().filter_map(|intake| intake.by_author.get(&writer.author));
+        let intake = self.maps.get(self.map);
+        let own = intake.and_then(|intake| intake.by_author.get(&writer.author)).copied().unwrap_or_default();
+        let all = |of: fn(&Intake) -> u64| self.maps.values().map(of).sum::<u64>();
+        let all_own = |of: fn(&WriterUse) -> u64| uses().map(of).sum::<u64>();
+        let WriterQuota { map_share, total_share, .. } = writer.quota;
+        [
+            Row {
+                of: "maps",
+                own: uses().count() as u64,
+                all: self.maps.len() as u64,
+                more: u64::from(intake.is_none()),
+                limit: limits.max_maps as u64,
+                share: total_share,
+            },
+            Row {
+                of: "bytes in this map",
+                own: own.bytes,
+                all: intake.map_or(0, |intake| intake.bytes),
+                more: bytes,
+                limit: limits.max_map_bytes,
+                share: map_share,
+            },
+            Row {
+                of: "nodes and edges in this map",
+                own: own.elements as u64,
+                all: intake.map_or(0, |intake| intake.elements as u64),
+                more: elements,
+                limit: limits.max_map_elements as u64,
+                share: map_share,
+            },
+            Row {
+                of: "bytes in all maps",
+                own: all_own(|own| own.bytes),
+                all: all(|intake| intake.bytes),
+                more: bytes,
+                limit: limits.max_total_bytes,
+                share: total_share,
+            },
+            Row {
+                of: "nodes and edges in all maps",
+                own: all_own(|own| own.elements as u64),
+                all: all(|intake| intake.elements as u64),
+                more: elements,
+                limit: limits.max_total_elements as u64,
+                share: total_share,
+            },
+        ]
     }
 }

@@ -7,6 +7,7 @@ use crate::ingest::check::{Checked, Refusal};
 use crate::ingest::pipeline::Ingest;
 use crate::store::{IncrementOrigin, Piece, StoreError};
 use fht_map::{WriterRole, WriterRoles, takes_from_others};
+use fht_proto::api::quota::{QuotaChange, QuotaReply};
 use fht_proto::{AuthorId, CompactedSeries, Increment, MapName, NodeId, decode};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -82,6 +83,21 @@ impl Ingest {
             Some(intake) => intake.recount_bytes(map, self.log.as_ref()),
             None => Ok(()),
         }
+    }
+
+    /// What writers take and may take of a map and of all, after the change, if there is one.
+    ///
+    /// # Errors
+    /// A sentence: there are no roles, or the writer has none.
+    pub fn quotas(&mut self, map: &MapName, change: Option<&QuotaChange>) -> Result<QuotaReply, String> {
+        let none = || "quotas hold where the server knows roles: map-server --roles roles.json5".to_owned();
+        let admission = self.admission.as_mut().ok_or_else(none)?;
+        if let Some(change) = change {
+            admission.set_quota(change)?;
+            tracing::warn!(?change, "an operator has set a quota, until the server starts again");
+        }
+        let room = Room { maps: &self.maps, map, limits: &self.limits };
+        Ok(QuotaReply { map: map.clone(), writers: admission.quotas_in_use(&room) })
     }
 
     /// Holds an increment against its author's role and quota. `None`: it comes too early to be

@@ -200,6 +200,11 @@ impl QueryService {
                     Ok(None) => (Err(unknown_map(&map, &catalog)), Ok(())),
                     Err(cause) => (Err(not_done(ingest, &cause)), Ok(())),
                 },
+                AdminOrder::Quota(_) if catalog.view(&map).is_none() => (Err(unknown_map(&map, &catalog)), Ok(())),
+                AdminOrder::Quota(change) => {
+                    let quotas = ingest.quotas(&map, change.as_ref());
+                    (quotas.map_err(bad_request).and_then(|quotas| json(&quotas)), Ok(()))
+                }
                 // Answered without the writer.
                 AdminOrder::Unblock { .. } | AdminOrder::KeepBlocked { .. } => return Ok(()),
                 AdminOrder::Undelete => match ingest.undelete(&map) {
@@ -230,7 +235,10 @@ fn not_shared(order: &AdminOrder) -> Option<&'static str> {
             "maps are deleted only where one server keeps its own log: here several stand on storages, and a storage that was \
              away would bring the map back",
         ),
-        AdminOrder::Import { .. } | AdminOrder::Unblock { .. } | AdminOrder::KeepBlocked { .. } => None,
+        AdminOrder::Import { .. }
+        | AdminOrder::Unblock { .. }
+        | AdminOrder::KeepBlocked { .. }
+        | AdminOrder::Quota(_) => None,
     }
 }
 

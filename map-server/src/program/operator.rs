@@ -10,6 +10,7 @@
 //! | `write` | the operator's increments |
 //! | `release` | releases |
 //! | `blocked` | what robots report blocked |
+//! | `quota` | what writers take of the server's room |
 //! | `rule` | named places, zones, closed edges |
 //! | `deletion` | maps deleted after a grace period |
 //! | `rename` | a map under another name |
@@ -27,6 +28,7 @@ mod command;
 mod deletion;
 mod error;
 mod merge;
+mod quota;
 mod release;
 mod rename;
 mod robots;

@@ -172,12 +172,14 @@ pub enum AdminAction {
     Unblock,
     /// Have what a robot reported blocked stay so.
     KeepBlocked,
+    /// Say what writers take of the server's room, or change what one may take.
+    Quota,
 }
 
 impl AdminAction {
     /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Retain, Self::Import, Self::Delete, Self::Undelete, Self::Unblock, Self::KeepBlocked];
+    pub const ALL: [Self; 7] =
+        [Self::Retain, Self::Import, Self::Delete, Self::Undelete, Self::Unblock, Self::KeepBlocked, Self::Quota];
 
     /// The chunk that names it.
     #[must_use]
@@ -189,6 +191,7 @@ impl AdminAction {
             Self::Undelete => "undelete",
             Self::Unblock => "unblock",
             Self::KeepBlocked => "keep-blocked",
+            Self::Quota => "quota",
         }
     }
 }

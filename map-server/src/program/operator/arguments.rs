@@ -2,6 +2,7 @@
 
 use crate::program::operator::blocked::BlockedAction;
 use crate::program::operator::deletion::{grace, reason};
+use crate::program::operator::quota::QuotaAction;
 use crate::program::operator::release::ReleaseAction;
 use crate::program::operator::rule::{Corners, parse_corners, parse_pose, parse_speed};
 use clap::{Args, Subcommand};
@@ -251,6 +252,13 @@ An undo is a change, too: the next one takes it back.")]
         #[arg(long, requires = "author", group = "of_author")]
         all: bool,
     },
+    /// What writers take of the server's room, and what they may take: shows it, or changes it for
+    /// one of them.
+    Quota {
+        /// What to do.
+        #[command(subcommand)]
+        action: QuotaAction,
+    },
     /// Folds old increments: the newest versions and all releases stay what they are, what only
     /// older versions needed goes.
     #[command(after_help = "Examples:
@@ -370,6 +378,7 @@ impl Operation {
                 | Self::Export { .. }
                 | Self::Release { action: ReleaseAction::List { .. } }
                 | Self::Blocked { action: BlockedAction::List { .. } }
+                | Self::Quota { action: QuotaAction::Show { .. } }
         );
         !only_asks
     }
@@ -380,6 +389,7 @@ impl Operation {
             Self::Maps | Self::Health | Self::Import { .. } => None,
             Self::Release { action } => Some(action.map()),
             Self::Blocked { action } => Some(action.map()),
+            Self::Quota { action } => Some(action.map()),
             Self::Robots { map, .. }
             | Self::Send { map, .. }
             | Self::Cancel { map, .. }

@@ -8,6 +8,7 @@ use crate::program::operator::blocked;
 use crate::program::operator::deletion;
 use crate::program::operator::error::OperatorError;
 use crate::program::operator::merge::{self, MergeOrder};
+use crate::program::operator::quota;
 use crate::program::operator::release::{self, ReleaseAction};
 use crate::program::operator::rename;
 use crate::program::operator::robots;
@@ -111,6 +112,7 @@ impl Operation {
                 show(&send::cancel(session, &map, robot.as_str(), id).await?, json, send::in_words)
             }
             Self::Blocked { action } => show(&action.carry_out(session).await?, json, blocked::in_words),
+            Self::Quota { action } => show(&action.carry_out(session).await?, json, quota::in_words),
             Self::Release { action } => action.carry_out(session, operator, json).await,
             Self::Diff { map, from, to } => {
                 let selector = format!("{}?from={from};to={to}", Key::topic(&map, Topic::Diff));

@@ -3,6 +3,7 @@
 use crate::api::deletion::DeletionOrder;
 use crate::api::fleet::BlockedReport;
 use crate::api::keys::AdminAction;
+use crate::api::quota::QuotaChange;
 use crate::api::reply::{ErrorReply, Series};
 use crate::api::request::parameters::{Parameters, bad_request};
 use crate::model::validate::Validate;
@@ -39,6 +40,8 @@ pub enum AdminOrder {
         /// For how long, seconds.
         for_s: f64,
     },
+    /// Say what writers take and may take, after the change, if there is one.
+    Quota(Option<QuotaChange>),
 }
 
 /// Reads an operator's order.
@@ -89,7 +92,31 @@ pub fn parse_order<'a>(
             let (robot, for_s) = robot_named(&given)?.zip(seconds(&given, "for_s")?).ok_or_else(missing)?;
             Ok(AdminOrder::KeepBlocked { robot, for_s })
         }
+        AdminAction::Quota => quota_change(parameters).map(AdminOrder::Quota),
     }
+}
+
+/// What a quota is to be; none if nothing is given.
+fn quota_change<'a>(parameters: impl Iterator<Item = (&'a str, &'a str)>) -> Result<Option<QuotaChange>, ErrorReply> {
+    let names = ["writer", "of_role", "map_share", "total_share", "increments_per_s", "taken_per_hour_share"];
+    let mut parameters = parameters.peekable();
+    if parameters.peek().is_none() {
+        return Ok(None);
+    }
+    let given = Parameters::of("quota", parameters, &names)?;
+    let number = |name| given.parsed::<f64>(name, "a number");
+    let writer: Option<RobotName> = given.parsed("writer", "the name of a robot or operator")?;
+    let missing = || bad_request("say whose quota: writer=amr-7;map_share=0.8".to_owned());
+    let change = QuotaChange {
+        writer: writer.ok_or_else(missing)?.to_string(),
+        of_role: given.parsed("of_role", "true or false")?.unwrap_or(false),
+        map_share: number("map_share")?,
+        total_share: number("total_share")?,
+        increments_per_s: number("increments_per_s")?,
+        taken_per_hour_share: number("taken_per_hour_share")?,
+    };
+    change.validate().map_err(|error| bad_request(error.to_string()))?;
+    Ok(Some(change))
 }
 
 /// The robot that is named, if one is.
