@@ -134,7 +134,10 @@ if [ "$role" = renew-authority ]; then
     [ ! -e "$out/old" ] || fail "$out/old exists: finish-authority, and move it away first"
     mkdir "$out/old"
     mv "$out"/*.pem "$out"/*.key "$out/old/"
-    sh "$0" --out "$out" --days "$ca_days" authority
+    # The new key is stored as was asked for.
+    plain=
+    [ -n "$asks" ] || plain=--no-passphrase
+    FHT_CA_PASSPHRASE=$passphrase sh "$0" --out "$out" --days "$ca_days" $plain authority
     # Whoever reads the first only, reads the one that signs from now on.
     cat "$out/old/ca.pem" >>"$out/ca.pem"
     echo "$out/ca.pem holds both authorities; make all certificates anew, but those that are revoked"
@@ -207,6 +210,8 @@ if grep -q 'BEGIN ENCRYPTED' "$out/ca.key"; then
     [ -n "$passphrase" ] || fail "$out/ca.key is encrypted; its passphrase is that of --passphrase-file or of FHT_CA_PASSPHRASE"
     lend_passphrase
     openssl pkey -in "$out/ca.key" -passin env:FHT_CA_PASSPHRASE -noout 2>/dev/null || fail "the passphrase of $out/ca.key is another"
+else
+    passphrase=
 fi
 
 # Robots only ever connect, so their certificates are no good for listening.

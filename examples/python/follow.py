@@ -105,4 +105,5 @@ if __name__ == "__main__":
     except KeyboardInterrupt:
         pass
     except (RuntimeError, zenoh.ZError) as error:
-        sys.exit(f"follow.py: {error}")
+        # Zenoh's errors end with a place in its source.
+        sys.exit(f"follow.py: {str(error).split(' at /')[0]}")

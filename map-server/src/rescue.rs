@@ -116,7 +116,8 @@ fn examine(file: &Path, copy: &Path) -> Result<Result<Vec<RescuedAuthor>, String
     Ok(match answer.recv_timeout(patience) {
         Ok(Ok(catalog)) => Ok(rebuild::of_catalog(&catalog)),
         Ok(Err(StoreError::Broken { reason, .. })) => Err(reason),
-        Ok(Err(error)) => Err(error.to_string()),
+        // What is said of the copy is said of the store.
+        Ok(Err(error)) => Err(error.to_string().replace(&to.display().to_string(), &file.display().to_string())),
         Err(_) => Err(format!("it was not read within {} s", patience.as_secs())),
     })
 }

@@ -123,6 +123,13 @@ fn the_key_of_the_authority_is_encrypted_with_a_passphrase() {
     assert!(robot.starts_with("-----BEGIN PRIVATE KEY-----"), "robots start without a person");
     let verify = ["verify", "-CAfile", "ca.pem", "explorer-ana.pem"];
     assert!(Command::new("openssl").args(verify).current_dir(&out).output().unwrap().status.success());
+    // A new authority's key is stored as the old one was.
+    for words in [&["renew-authority"][..], &["explorer", "ben"]] {
+        let output = make(&[&of_file[..], words].concat(), "");
+        assert!(output.status.success(), "{words:?}: {}", said(&output));
+    }
+    let key = std::fs::read_to_string(out.join("ca.key")).unwrap();
+    assert!(key.starts_with("-----BEGIN ENCRYPTED PRIVATE KEY-----"), "{key}");
 }
 
 #[test]

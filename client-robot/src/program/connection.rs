@@ -1,7 +1,7 @@
 //! The way to the server.
 
 use super::error::CliError;
-use fht_client::{AskError, ask_head};
+use fht_client::{AskError, Presence, ask_head};
 use fht_program::{Stop, Waiting};
 use fht_proto::MapName;
 use fht_proto::api::reply::{ErrorCode, Head};
@@ -15,6 +15,9 @@ pub(super) const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Between two questions for what is not there yet.
 pub(super) const ASK_AGAIN: Duration = Duration::from_millis(200);
+
+/// Within this the names of the robots that are there are known.
+const ROLL_CALL: Duration = Duration::from_secs(1);
 
 /// Zenoh brings its own threads but wants to be opened, and waited for, from a multi-threaded
 /// runtime.
@@ -43,4 +46,18 @@ pub(super) fn wait_for_map(session: &Session, map: &MapName, waiting: &Waiting, 
         }
         std::thread::sleep(ASK_AGAIN);
     }
+}
+
+/// Two robots of one name would both drive where one is sent.
+pub(super) fn wait_for_name(presence: &Presence, waiting: &Waiting, stop: &Stop) -> Result<(), CliError> {
+    stop.doing("asking whether a robot of this name is there already");
+    let mut content = waiting.for_content();
+    while presence.is_taken(ROLL_CALL)? {
+        let taken = CliError::NameTaken(presence.robot().to_owned());
+        if !content.goes_on(&taken) {
+            return Err(taken);
+        }
+        std::thread::sleep(ASK_AGAIN);
+    }
+    Ok(())
 }

@@ -2,7 +2,7 @@
 //! map of a real server.
 
 use super::arguments::RobotArgs;
-use super::connection::{ASK_AGAIN, TIMEOUT, connect, runtime, wait_for_map};
+use super::connection::{ASK_AGAIN, TIMEOUT, connect, runtime, wait_for_map, wait_for_name};
 use super::display::Display;
 use super::error::CliError;
 use super::pose_publisher::PosePublisher;
@@ -51,6 +51,7 @@ pub(super) fn mission(
 
     let session = connect(&file.connect, waiting, stop)?;
     let presence = Presence::new(&session, &map, &name, RobotRole::Client)?;
+    wait_for_name(&presence, waiting, stop)?;
     let _alive = presence.declare()?;
     let head = wait_for_map(&session, &map, waiting, stop)?;
     let replica = copy_of_map(&session, &file, &net, &head)?;

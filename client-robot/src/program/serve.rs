@@ -1,7 +1,7 @@
 //! `client-robot serve`: a robot in a simulated world that drives wherever it is sent.
 
 use super::arguments::{RobotArgs, ServeArgs};
-use super::connection::{ASK_AGAIN, connect, runtime, wait_for_map};
+use super::connection::{connect, runtime, wait_for_map, wait_for_name};
 use super::display::Display;
 use super::error::CliError;
 use super::mission::{UntilAsked, copy_of_map, describing, descriptor_net, robot};
@@ -24,10 +24,7 @@ use serde::Serialize;
 use std::ops::ControlFlow;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
-
-/// Within this the names of the robots that are there are known.
-const ROLL_CALL: Duration = Duration::from_secs(1);
+use std::time::Instant;
 
 /// What became of the goals of a run.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -146,20 +143,6 @@ impl MissionObserver for Ready {
         }
         ControlFlow::Continue(())
     }
-}
-
-/// Two robots of one name would both drive where one is sent.
-fn wait_for_name(presence: &Presence, waiting: &Waiting, stop: &Stop) -> Result<(), CliError> {
-    stop.doing("asking whether a robot of this name is there already");
-    let mut content = waiting.for_content();
-    while presence.is_taken(ROLL_CALL)? {
-        let taken = CliError::NameTaken(presence.robot().to_owned());
-        if !content.goes_on(&taken) {
-            return Err(taken);
-        }
-        std::thread::sleep(ASK_AGAIN);
-    }
-    Ok(())
 }
 
 fn in_words(news: &GoalStatus) -> String {

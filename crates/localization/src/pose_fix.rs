@@ -80,7 +80,7 @@ impl Fix {
     }
 }
 
-/// The fix that a hypothesis gives; `None` if its views do not agree.
+/// The fix that a hypothesis gives; `None` if its views do not agree, or the newest with none.
 #[must_use]
 pub fn fix_pose(
     hypothesis: &Hypothesis,
@@ -101,6 +101,13 @@ pub fn fix_pose(
     let agreeing = heaviest_clique(&graph, &scores, u64::MAX);
     let chosen: Vec<PlaceEstimate> = members(agreeing).filter_map(|index| estimates.get(index).cloned()).collect();
     if chosen.len() < config.min_estimates || (chosen.len() as f64) < config.min_share * count as f64 {
+        return None;
+    }
+    // Where the odometry has just slipped, the newest scan contradicts the rest: the others say
+    // where the robot was, and not where it is.
+    let agrees =
+        |estimate: &PlaceEstimate| (estimate.odometer_m, estimate.turned_rad) == (newest.odometer_m, newest.turned_rad);
+    if !chosen.last().is_some_and(agrees) {
         return None;
     }
     let map_from_base = optimum(&chosen, &newest, config)?;

@@ -34,8 +34,8 @@ pub enum CredentialError {
     /// The certificate is another robot's.
     #[error(
         "transport.link.tls.connect_certificate: {} is of {common_name}, but this {role} is called {name}, and would not \
-         be let write: start it with --robot {owner}, or with a certificate of its own",
-        file.display()
+         be let write: start it with --{} {owner}, or with a certificate of its own",
+        file.display(), flag_of(role)
     )]
     OtherName {
         /// The certificate.
@@ -44,7 +44,7 @@ pub enum CredentialError {
         common_name: String,
         /// The name in it.
         owner: String,
-        /// What the program is: `explorer` or `client`.
+        /// What the program is: `explorer`, `client` or `operator`.
         role: &'static str,
         /// What it is called.
         name: String,
@@ -86,11 +86,16 @@ pub enum CredentialError {
         allowed: Vec<String>,
     },
     /// Mutual TLS is asked for, but half of it is not there.
-    #[error("transport.link.tls.enable_mtls is set, but {option} is not: the robot has no certificate to show")]
+    #[error("transport.link.tls.enable_mtls is set, but {option} is not: there is no certificate to show")]
     Missing {
         /// Which option is not set.
         option: &'static str,
     },
+}
+
+/// The flag that says what a program of this role is called.
+fn flag_of(role: &str) -> &'static str {
+    if role == "operator" { "operator" } else { "robot" }
 }
 
 /// The options of `transport.link.tls` that a connecting session uses, each with what its file

@@ -34,7 +34,7 @@ Examples:
       what the router called hall needs: make one for each router, of the same list
   map-server access-control roles.json5 --router hall --into router.json5 --into storages.json5
       the same with storages, for map-servers that keep nothing themselves
-  map-server access-control roles.json5 --into server-alone.json5 > server.json5
+  map-server access-control roles.json5 --into server-alone.json5 > alone.json5
       what a map-server needs that is the only router
 
 A list of roles:

@@ -71,7 +71,11 @@ impl Repair {
             }
             Self::Rescue { source, target } => {
                 let rescued = rescue(&source, &target).map_err(not_rescued)?;
-                print(&rescued, "rescued", json)
+                print(&rescued, "rescued", json)?;
+                if rescued.damage.is_some() && rescued.authors.is_empty() {
+                    return Err(ProgramFailure::of_run(format!("nothing of {} can be read", source.display())));
+                }
+                Ok(())
             }
             Self::Restore { backup, store } => {
                 let restored = restore(&backup, store.as_deref().unwrap_or(data))
@@ -119,7 +123,10 @@ fn print(found: &Rescued, what: &str, json: bool) -> Result<(), ProgramFailure> 
         print_line!("map {map}, author {author}: {} of {last} increments {what}, {lost} lost{lost_ones}", last - lost);
     }
     if found.authors.is_empty() {
-        print_line!("there are no increments");
+        print_line!(
+            "{}",
+            if found.damage.is_some() { "no increment of it can be read" } else { "there are no increments" }
+        );
     }
     Ok(())
 }

@@ -70,6 +70,11 @@ pub(super) async fn arrived(session: &Session, map: &MapName, sent: GoalStatus) 
         match ask(session, &selector).await {
             Ok(news) => (status, heard) = (news, Instant::now()),
             Err(error @ OperatorError::Refused(ErrorReply { code: ErrorCode::UnknownGoal, .. })) => return Err(error),
+            // The server answers in its place.
+            Err(OperatorError::Refused(ErrorReply { code: ErrorCode::BadRequest, .. })) => {
+                let why = ": the robot has ended, or takes no more goals".to_owned();
+                return Err(OperatorError::NotArrived { robot: status.robot, id, state: status.state, why });
+            }
             // The link may come back.
             Err(error) if heard.elapsed() > PATIENCE => return Err(error),
             Err(error) => tracing::debug!("asked in vain: {error}"),
