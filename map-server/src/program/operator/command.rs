@@ -101,15 +101,13 @@ impl Operation {
             }
             Self::Robots { map, watch } => show_robots(session, &map, watch, json).await,
             Self::Send { map, robot, to, id, to_nearest, wait_arrived } => {
-                asking::head(session, &map).await?; // there is such a map
                 let id = id.map_or_else(send::new_id, |id| id.as_str().to_owned());
                 let selector = send::selector((&map, robot.as_str()), &id, &to, to_nearest)?;
-                let sent = send::send(session, &selector).await?;
+                let sent = send::send(session, &map, &selector).await?;
                 let status = if wait_arrived { send::arrived(session, &map, sent).await? } else { sent };
                 show(&status, json, send::in_words)
             }
             Self::Cancel { map, robot, id } => {
-                asking::head(session, &map).await?;
                 let id = id.as_ref().map(RobotName::as_str);
                 show(&send::cancel(session, &map, robot.as_str(), id).await?, json, send::in_words)
             }

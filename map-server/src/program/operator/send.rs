@@ -1,5 +1,6 @@
 //! Robots that take goals are sent somewhere.
 
+use crate::program::operator::asking::head;
 use crate::program::operator::error::OperatorError;
 use crate::program::operator::rule::parse_pose;
 use fht_client::{AskError, ask_json_async};
@@ -44,7 +45,8 @@ pub(super) fn selector(
 }
 
 /// Sends it: the robot's word that it drives there, or will.
-pub(super) async fn send(session: &Session, selector: &str) -> Result<GoalStatus, OperatorError> {
+pub(super) async fn send(session: &Session, map: &MapName, selector: &str) -> Result<GoalStatus, OperatorError> {
+    head(session, map).await?; // there is such a map
     ask(session, selector).await
 }
 
@@ -94,6 +96,7 @@ pub(super) async fn cancel(
     robot: &str,
     id: Option<&str>,
 ) -> Result<GoalStatus, OperatorError> {
+    head(session, map).await?;
     let key = Key::goal(map, robot, GoalTopic::Cancel);
     let selector = id.map_or_else(|| key.to_string(), |id| format!("{key}?id={id}"));
     ask(session, &selector).await
