@@ -114,7 +114,7 @@ explains three quarters of what is seen on the first 5 m.")]
     /// What a robot's grounds for a place are worth, fitted to looks of recorded drives; and how
     /// far it can be believed in logs that were left out.
     #[command(after_help = "Examples:
-  evaluate recorded ../shared/data/lidar/{intel,aces,mit-csail} --map-from 0.35,0.65 --looks looks.csv
+  evaluate recorded ../shared/data/lidar/intel ../shared/data/lidar/aces --looks looks.csv
   evaluate confidence looks.csv")]
     Confidence(confidence::ConfidenceArgs),
     /// Maps of one building that were made from different starts, merged; and maps of different

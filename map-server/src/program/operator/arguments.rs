@@ -254,6 +254,9 @@ An undo is a change, too: the next one takes it back.")]
     },
     /// What writers take of the server's room, and what they may take: shows it, or changes it for
     /// one of them.
+    #[command(after_help = "Examples:
+  map-server quota show museum
+  map-server quota set museum amr-7 --map-share 0.8")]
     Quota {
         /// What to do.
         #[command(subcommand)]
