@@ -66,7 +66,7 @@ fn check(log: &MemoryLog, catalog: &Catalog, limits: &Limits, quotas: &Quotas) {
         assert!(own().all(|(_, bytes)| *bytes <= share(limits.max_map_bytes, quotas.explorers.map_share)));
         let all: u64 = own().map(|(_, bytes)| bytes).sum();
         assert!(all <= share(limits.max_total_bytes, quotas.explorers.total_share), "{name} has {all}");
-        // Nobody else has begun a map that it alone has written to. In others' it may write besides.
+        // A map that it alone has written to, it has begun. In others' maps it may write besides.
         let writers = |map: &String| stored.keys().filter(|(other, _)| other == map).count();
         let begun = own().filter(|((map, _), _)| writers(map) == 1).count() as u64;
         assert!(begun <= share(limits.max_maps as u64, quotas.explorers.total_share), "{name} began {begun}");
