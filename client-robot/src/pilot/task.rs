@@ -1,5 +1,6 @@
 //! What the robot is to do, and what comes of it.
 
+use fht_client::PoseReport;
 use fht_localization::localizer::Localization;
 use fht_perception::frame::Twist;
 use fht_perception::pose::{Point2, Pose2};
@@ -110,4 +111,19 @@ pub struct PilotStep {
     pub candidates: Vec<Pose2>,
     /// Set once the task has ended.
     pub outcome: Option<TaskOutcome>,
+}
+
+impl PilotStep {
+    /// Where the robot is, as it tells others.
+    #[must_use]
+    pub fn pose_report(&self) -> PoseReport {
+        let localization = &self.localization;
+        PoseReport {
+            state: localization.state,
+            confidence: localization.confidence,
+            candidates: self.candidates.clone(),
+            map_from_base: localization.map_from_base(),
+            lost_because: localization.lost.map(|reason| reason.to_string()),
+        }
+    }
 }

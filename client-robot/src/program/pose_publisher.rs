@@ -38,7 +38,7 @@ impl<'a> PosePublisher<'a> {
 
 impl MissionObserver for PosePublisher<'_> {
     fn on_frame(&mut self, _: &SensorFrame, step: &PilotStep, _: &Pilot) -> ControlFlow<()> {
-        let report = report_of(step);
+        let report = step.pose_report();
         self.unsaid = if self.frames.is_multiple_of(POSE_EVERY) {
             self.presence.publish(&report, self.replica.read().vector().clone(), self.release());
             None
@@ -47,15 +47,5 @@ impl MissionObserver for PosePublisher<'_> {
         };
         self.frames += 1;
         ControlFlow::Continue(())
-    }
-}
-
-fn report_of(step: &PilotStep) -> PoseReport {
-    PoseReport {
-        state: step.localization.state,
-        confidence: step.localization.confidence,
-        candidates: step.candidates.clone(),
-        map_from_base: step.localization.map_from_base(),
-        lost_because: step.localization.lost.map(|reason| reason.to_string()),
     }
 }

@@ -4,7 +4,7 @@ use crate::map::Map;
 use crate::place::{Place, locate};
 use client_robot::mission::{MissionConfig, MissionError, MissionGoal, MissionObserver, Services, run};
 use client_robot::pilot::{DriveGoal, Failure, Pilot, PilotConfig, PilotStep, TaskOutcome};
-use fht_client::{PoseReport, ServerPaths, ServerPathsConfig};
+use fht_client::{ServerPaths, ServerPathsConfig};
 #[cfg(feature = "descriptor")]
 use fht_descriptor::DescriptorNet;
 use fht_perception::frame::{Panorama, SensorFrame};
@@ -207,15 +207,8 @@ struct Observer<'a> {
 
 impl MissionObserver for Observer<'_> {
     fn on_frame(&mut self, frame: &SensorFrame, step: &PilotStep, _: &Pilot) -> ControlFlow<()> {
-        let localization = &step.localization;
-        self.pose = localization.map_from_base().or(self.pose);
-        self.map.inner.set_pose(PoseReport {
-            state: localization.state,
-            confidence: localization.confidence,
-            candidates: step.candidates.clone(),
-            map_from_base: localization.map_from_base(),
-            lost_because: localization.lost.map(|reason| reason.to_string()),
-        });
+        self.pose = step.localization.map_from_base().or(self.pose);
+        self.map.inner.set_pose(step.pose_report());
         self.watcher.as_mut().map_or(ControlFlow::Continue(()), |watcher| watcher(frame, step))
     }
 
