@@ -6,8 +6,11 @@ use crate::mission::{
     Director, MapSource, MissionConfig, MissionError, MissionGoal, MissionObserver, Services, direct, place_of,
 };
 use crate::pilot::{DriveGoal, Failure, Pilot, PilotStep, Task, TaskOutcome};
+use fht_map::plan::node_route::check_on_map;
+use fht_map::{NodeRouteConfig, PlanError};
 use fht_perception::pose::{Point2, pose};
 use fht_perception::robot::{Robot, Supervised};
+use fht_proto::FixedPoint;
 use fht_proto::api::goal::GoalOrder;
 use fht_proto::api::reply::{ErrorReply, PlaceRef};
 use std::ops::ControlFlow;
@@ -87,10 +90,11 @@ impl<D: GoalDesk> Director for Serving<'_, D> {
     }
 }
 
-/// Where a goal is on the map.
+/// Where a goal is on the map. A goal that waits for its turn is not planned yet: what no path
+/// could lead to is refused all the same, before it takes another one's place.
 ///
 /// # Errors
-/// `UNKNOWN_PLACE` or `UNKNOWN_NODE`.
+/// `UNKNOWN_PLACE`, `UNKNOWN_NODE` or `OUT_OF_MAP`.
 pub fn locate(order: &GoalOrder, map: &dyn MapSource) -> Result<DriveGoal, ErrorReply> {
     let goal = match &order.to {
         PlaceRef::Point(point) => match order.yaw {
@@ -100,5 +104,12 @@ pub fn locate(order: &GoalOrder, map: &dyn MapSource) -> Result<DriveGoal, Error
         PlaceRef::Node(id) => MissionGoal::Node(*id),
         PlaceRef::Named(name) => MissionGoal::Named(name.clone()),
     };
-    Ok(DriveGoal { to_nearest: order.to_nearest, ..place_of(&goal, map)? })
+    let goal = DriveGoal { to_nearest: order.to_nearest, ..place_of(&goal, map)? };
+    if !goal.to_nearest {
+        let at = FixedPoint::from_metres(goal.position.x, goal.position.y);
+        let mut checked = Ok(());
+        map.view(&mut |map| checked = check_on_map(map, at, true, &NodeRouteConfig::default()));
+        checked.map_err(|far| ErrorReply::new(PlanError::Route(far).code(), &far.to_string()))?;
+    }
+    Ok(goal)
 }

@@ -59,7 +59,7 @@ pub struct HandoffArgs {
     #[arg(long, value_name = "FILE", value_parser = fht_picture::png_file)]
     pub picture: Option<PathBuf>,
     /// Write the figures to this file as JSON.
-    #[arg(long, alias = "json", value_name = "FILE")]
+    #[arg(long, alias = "json", value_name = "FILE", value_parser = fht_program::flags::output_file)]
     pub report: Option<PathBuf>,
     /// Do not fetch a missing ONNX Runtime library from PyPI: start no process for it.
     #[arg(long)]

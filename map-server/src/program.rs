@@ -306,13 +306,15 @@ where
         Ok(file) => file,
         Err(code) => return code,
     };
-    let (config, reload) = match cli.server(file.server) {
+    let (mut config, reload) = match cli.server(file.server) {
         Ok(server) => server,
         Err(error) => return ProgramFailure::of_input(error).tell("map-server"),
     };
     if let Err(error) = cli.check(&config) {
         return refuse(&error);
     }
+    // A server waits for its routers for ever, unless it is told otherwise.
+    config.link.patience = Waiting::new("map-server", cli.operator.wait(), None).for_session();
     let link = ConnectArgs { connect: cli.link.connect, zenoh_config: cli.link.zenoh_config, wait: None };
     let link = link.over(&file.connect);
     let outcome = match cli.command {

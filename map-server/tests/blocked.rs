@@ -118,6 +118,10 @@ async fn operators_open_what_was_reported_and_copies_hear_of_it() {
 
     let cleared = site.run(&["blocked", "clear", "museum", "--robot", "tug", "--ignore", "1h"]);
     assert_eq!(cleared["blocked"], Value::Array(Vec::new()));
+    let ignored = &cleared["ignored"][0];
+    assert!(ignored["robot"] == "tug" && ignored["for_s"].as_f64().is_some_and(|for_s| for_s > 3590.0), "{cleared}");
+    let listed = site.run(&["blocked", "list", "museum"]);
+    assert_eq!(listed["ignored"][0]["robot"], "tug", "{listed}");
     assert!(path(&site).await.is_ok(), "at once");
     copy_knows(0).await;
     say(&robot, "tug", &report(LONG, &BARRIER)).await;

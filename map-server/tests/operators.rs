@@ -184,6 +184,10 @@ async fn robots_use_the_release_that_is_enabled() {
     site.run(&["release", "enable", "museum", "head"]);
     site.run(&["release", "delete", "museum", "first"]);
     assert!(site.complaint(&["release", "enable", "museum", "first"]).contains("has no release first"));
+    // Its name never comes back, and nothing is written in the attempt.
+    let before = site.run(&["release", "list", "museum"]);
+    assert!(site.complaint(&["release", "create", "museum", "first"]).contains("choose another name"));
+    assert_eq!(site.run(&["release", "list", "museum"]), before);
 
     let diff = site.run(&["diff", "museum", "6", "second"]);
     assert_eq!(diff["added_nodes"].as_array().unwrap().len(), 6);

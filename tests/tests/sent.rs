@@ -265,6 +265,10 @@ fn a_goal_waits_is_replaced_and_cancelled_and_a_flood_does_no_harm() {
     assert_eq!(site.ask(None, "id=c;to=home").unwrap().state, GoalState::Waiting, "the same goal again");
     let other = site.ask(None, "id=c;to=far").unwrap_err();
     assert_eq!(other.code, ErrorCode::BadRequest, "{other}");
+    // A goal that is not on the map takes nobody's place.
+    let outside = site.ask(None, "id=o;x=500;y=500").unwrap_err();
+    assert_eq!(outside.code, ErrorCode::OutOfMap, "{outside}");
+    assert_eq!(site.ask(Some(GoalTopic::Status), "id=c").unwrap().state, GoalState::Waiting);
 
     // On the way it is told to stand, at once.
     let begun = site.pose();

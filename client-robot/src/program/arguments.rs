@@ -161,7 +161,7 @@ pub(super) struct RobotArgs {
     #[command(flatten)]
     pub(super) report: ReportArgs,
     /// Print nothing but errors.
-    #[arg(long)]
+    #[arg(long, short)]
     pub(super) quiet: bool,
 }
 

@@ -5,6 +5,7 @@ use super::connection::{ASK_AGAIN, TIMEOUT, connect, wait_for_map};
 use super::error::CliError;
 use super::settings::ClientFile;
 use fht_client::{AskError, PathQuestion, PlannedPath, ask_path, planned};
+use fht_program::flags::with_flags;
 use fht_program::{ProgramFailure, Stop, Waiting, print_line};
 use fht_proto::api::reply::{ErrorCode, PlaceRef, SpeedLimit};
 use std::process::ExitCode;
@@ -56,11 +57,6 @@ pub(super) fn path(
     Ok(ExitCode::SUCCESS)
 }
 
-/// What servers and planners say to who asks by parameters, for who has flags.
-pub(super) fn with_flags(message: &str) -> String {
-    message.replace("to_nearest=true", "--to-nearest")
-}
-
 fn print_path(path: &PlannedPath, goal_yaw: Option<f64>) {
     print_line!("{:.2} m, {} points", path.length_m, path.points.len());
     if path.goal_moved_m > 0.0 {
@@ -75,14 +71,5 @@ fn print_path(path: &PlannedPath, goal_yaw: Option<f64>) {
     }
     if let Some(yaw) = goal_yaw {
         print_line!("heading there: {:.1} degrees", yaw.to_degrees());
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn who_has_flags_is_told_of_flags() {
-        let said = super::with_flags("2.10 m from the goal: to_nearest=true asks for the path there");
-        assert_eq!(said, "2.10 m from the goal: --to-nearest asks for the path there");
     }
 }

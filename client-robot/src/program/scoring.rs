@@ -1,12 +1,12 @@
 //! A mission in a simulated world, scored against the truth.
 
-use super::path::with_flags;
 use super::report::MissionReport;
 use crate::mission::{MissionObserver, MissionOutcome};
 use crate::pilot::{DriveGoal, Pilot, PilotStep, TaskOutcome};
 use fht_client::Planner;
 use fht_perception::frame::SensorFrame;
 use fht_perception::pose::{Point2, Pose2, wrap_angle};
+use fht_program::flags::with_flags;
 use fht_sim::Simulator;
 use fht_sim::scoring::pose_error;
 use fht_sim::{Truth, World};

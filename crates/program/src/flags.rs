@@ -16,7 +16,19 @@ use std::process::ExitCode;
 /// # Errors
 /// The code to exit with.
 pub fn parse_args<C: Parser>(args: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<C, ExitCode> {
-    C::try_parse_from(args).map_err(|error| refuse(&error))
+    let mut command = with_negative_numbers(C::command());
+    let mut given = command.try_get_matches_from_mut(args).map_err(|error| refuse(&error))?;
+    C::from_arg_matches_mut(&mut given).map_err(|error| refuse(&error.format(&mut command)))
+}
+
+/// The same, but a number below zero is a value, and is judged as one: clap would take it for a
+/// flag, and advise to write `-- -1`.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let command = command.mut_args(|arg| {
+        let takes_more = arg.is_allow_hyphen_values_set() || arg.is_allow_negative_numbers_set();
+        if !takes_more && arg.get_action().takes_values() { arg.allow_negative_numbers(true) } else { arg }
+    });
+    command.mut_subcommands(with_negative_numbers)
 }
 
 /// Prints what clap says, and returns the code to exit with.
@@ -117,7 +129,7 @@ impl ConnectArgs {
 #[derive(Clone, Debug, Default, Args)]
 pub struct ReportArgs {
     /// Write the figures to this file as JSON.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = output_file)]
     pub report: Option<PathBuf>,
     /// Print the figures as JSON.
     #[arg(long)]
@@ -171,6 +183,26 @@ impl CompletionsArgs {
     }
 }
 
+/// What servers and planners say to who asks by parameters, for who has flags.
+#[must_use]
+pub fn with_flags(message: &str) -> String {
+    message.replace("to_nearest=true", "--to-nearest")
+}
+
+/// A file that a program will write when it ends: its folder must be there already.
+///
+/// # Errors
+/// A sentence that names what is wrong.
+pub fn output_file(text: &str) -> Result<PathBuf, String> {
+    let file = PathBuf::from(text);
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+    match folder {
+        _ if file.is_dir() => Err("it is a folder".to_owned()),
+        Some(folder) if !folder.is_dir() => Err(format!("there is no folder {}", folder.display())),
+        _ => Ok(file),
+    }
+}
+
 /// `text` as a number within `range`.
 ///
 /// # Errors
@@ -214,6 +246,34 @@ mod tests {
         assert_eq!(over(&[], None), (endpoint, credentials.clone()));
         assert_eq!(over(&["tcp/flag:1"], None), (vec!["tcp/flag:1".to_owned()], credentials));
         assert_eq!(over(&[], Some("flag.json5")), (Vec::new(), Some("flag.json5".into())));
+    }
+
+    #[test]
+    fn a_number_below_zero_is_judged_as_a_value() {
+        #[derive(Debug, Parser)]
+        struct Lamp {
+            #[arg(long, value_parser = wait)]
+            wait: Option<f64>,
+        }
+        let command = with_negative_numbers(Lamp::command());
+        let said = command.try_get_matches_from(["lamp", "--wait", "-1"]).map_err(|error| error.to_string());
+        assert!(said.as_ref().is_err_and(|said| said.contains("'-1' is not a number from 0")), "{said:?}");
+    }
+
+    #[test]
+    fn who_has_flags_is_told_of_flags() {
+        let said = with_flags("2.10 m from the goal: to_nearest=true asks for the path there");
+        assert_eq!(said, "2.10 m from the goal: --to-nearest asks for the path there");
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_is_refused_at_once() -> std::io::Result<()> {
+        let dir = tempfile::tempdir()?;
+        let said = |file: &str| output_file(&dir.path().join(file).to_string_lossy()).err();
+        assert_eq!((said("report.json"), output_file("report.json").err()), (None, None));
+        assert_eq!(said("").as_deref(), Some("it is a folder"));
+        assert!(said("missing/report.json").is_some_and(|said| said.starts_with("there is no folder")));
+        Ok(())
     }
 
     #[test]

@@ -160,6 +160,7 @@ fn whoever_errs_is_told_where_and_what_was_meant() {
         ("place_m = [1.0]", "lamp.toml:1: place_m has 1 entries; it must have 2"),
         ("place_m = [1.0, 'x']", "lamp.toml:1: place_m is the text \"x\"; it must be a number"),
         ("ending = 'soon'", "lamp.toml:1: ending is refused: unknown variant `soon`"),
+        ("[beam]\nresolution = 3", "lamp.toml:2: beam.resolution is not known; did you mean beam.resolution_m?"),
         ("uses = 3", "lamp.toml:1: uses is not known; did you mean"),
         ("name = 1979-05-27", "lamp.toml:1: name is the date 1979-05-27; it must be a text in quotes"),
         ("name = ", "lamp.toml:1: "),

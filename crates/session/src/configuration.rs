@@ -41,7 +41,24 @@ pub enum ConfigurationError {
 pub fn read_config(file: Option<&Path>) -> Result<Config, ConfigurationError> {
     let Some(file) = file else { return Ok(Config::default()) };
     Config::from_file(file)
-        .map_err(|error| ConfigurationError::File { file: file.to_owned(), reason: trouble::in_words(&error) })
+        .map_err(|error| ConfigurationError::File { file: file.to_owned(), reason: plain(&trouble::in_words(&error)) })
+}
+
+/// What Zenoh says of a file that it cannot read, without the marks of a debug text:
+/// `JSON error: Message { msg: "…", location: Some(Location { line: 6, column: 3 }) }`.
+fn plain(reason: &str) -> String {
+    let told = || {
+        let (_, rest) = reason.split_once("Message { msg: \"")?;
+        let (message, rest) = rest.split_once("\", location: ")?;
+        let number = |name: &str| {
+            let (_, rest) = rest.split_once(name)?;
+            rest.split(|letter: char| !letter.is_ascii_digit()).next().filter(|digits| !digits.is_empty())
+        };
+        let place = number("line: ").zip(number("column: "));
+        let place = place.map(|(line, column)| format!("line {line}, column {column}: ")).unwrap_or_default();
+        Some(format!("{place}{}", message.replace("\\\"", "\"")))
+    };
+    told().unwrap_or_else(|| reason.to_owned())
 }
 
 /// Sets a list of endpoints (`connect/endpoints`, `listen/endpoints`). `HOST:PORT` is
@@ -95,6 +112,15 @@ fn endpoint(given: &str) -> Result<String, ConfigurationError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_wrong_with_a_file_is_said_without_marks() {
+        let marked = "JSON error: Message { msg: \"unknown field `routers`, not \\\"a\\\"\", \
+            location: Some(Location { line: 6, column: 3 }) }";
+        assert_eq!(plain(marked), "line 6, column 3: unknown field `routers`, not \"a\"");
+        let nowhere = r#"Message { msg: "empty", location: None }"#;
+        assert_eq!((plain(nowhere).as_str(), plain("No such file").as_str()), ("empty", "No such file"));
+    }
 
     #[test]
     fn a_host_and_a_port_are_enough() {

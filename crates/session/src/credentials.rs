@@ -63,10 +63,11 @@ pub enum CredentialError {
     },
     /// The key is not the certificate's.
     #[error(
-        "transport.link.tls.connect_private_key: {} is not the key of the certificate {}",
-        key.display(), certificate.display()
+        "transport.link.tls.{option}: {} is not the key of the certificate {}", key.display(), certificate.display()
     )]
     NotItsKey {
+        /// Which option names the key.
+        option: &'static str,
         /// The certificate.
         certificate: PathBuf,
         /// The key.
@@ -85,12 +86,21 @@ pub enum CredentialError {
         /// What is allowed.
         allowed: Vec<String>,
     },
-    /// Mutual TLS is asked for, but half of it is not there.
-    #[error("transport.link.tls.enable_mtls is set, but {option} is not: there is no certificate to show")]
+    /// TLS is asked for, but half of it is not there.
+    #[error("transport.link.tls.{option} is not set: {}", lack(option))]
     Missing {
         /// Which option is not set.
         option: &'static str,
     },
+}
+
+/// What is lacking without an option.
+fn lack(option: &str) -> &'static str {
+    match option {
+        "root_ca_certificate" => "with enable_mtls, it says whose certificates are let in",
+        "listen_certificate" | "listen_private_key" => "who listens with TLS shows a certificate",
+        _ => "with enable_mtls, a certificate has to be shown",
+    }
 }
 
 /// The flag that says what a program of this role is called.
@@ -98,46 +108,66 @@ fn flag_of(role: &str) -> &'static str {
     if role == "operator" { "operator" } else { "robot" }
 }
 
-/// The options of `transport.link.tls` that a connecting session uses, each with what its file
-/// holds.
-const FILES: [(&str, &str); 3] = [
-    ("root_ca_certificate", "CERTIFICATE"),
-    ("connect_certificate", "CERTIFICATE"),
-    ("connect_private_key", "PRIVATE KEY"),
-];
+/// What a session does over TLS, and with it the options of `transport.link.tls` that it uses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TlsSide {
+    /// It connects.
+    Connecting,
+    /// It listens.
+    Listening,
+}
+
+impl TlsSide {
+    fn certificate(self) -> &'static str {
+        if self == Self::Connecting { "connect_certificate" } else { "listen_certificate" }
+    }
+
+    fn key(self) -> &'static str {
+        if self == Self::Connecting { "connect_private_key" } else { "listen_private_key" }
+    }
+
+    /// The options, each with what its file holds.
+    fn files(self) -> [(&'static str, &'static str); 3] {
+        [("root_ca_certificate", "CERTIFICATE"), (self.certificate(), "CERTIFICATE"), (self.key(), "PRIVATE KEY")]
+    }
+}
 
 fn needs_tls(endpoints: &[String]) -> bool {
     endpoints.iter().any(|endpoint| endpoint.starts_with("tls/") || endpoint.starts_with("quic/"))
 }
 
-/// Checks what `config` says of TLS, if one of `endpoints` needs it. Inline certificates
-/// (`…_base64`) are left to Zenoh.
+/// Checks what `config` says of TLS for one side, if one of its `endpoints` needs it. Inline
+/// certificates (`…_base64`) are left to Zenoh.
 ///
 /// # Errors
 /// The first thing that is wrong.
-pub fn check(config: &Config, endpoints: &[String]) -> Result<(), CredentialError> {
+pub fn check(config: &Config, endpoints: &[String], side: TlsSide) -> Result<(), CredentialError> {
     check_protocols(config, endpoints)?;
     if !needs_tls(endpoints) {
         return Ok(());
     }
     let tls = tls_options(config);
     let is_mutual = tls.get("enable_mtls").and_then(serde_json::Value::as_bool).unwrap_or(false);
-    for (option, expected) in FILES {
+    // Who listens shows a certificate in any case; who connects is checked against the authority
+    // only if the system's own are not enough.
+    let is_needed = |option: &str| match side {
+        TlsSide::Connecting => is_mutual && option != "root_ca_certificate",
+        TlsSide::Listening => is_mutual || option != "root_ca_certificate",
+    };
+    for (option, expected) in side.files() {
         match tls.get(option).and_then(serde_json::Value::as_str) {
             Some(file) => check_file(option, Path::new(file), expected)?,
-            None if is_mutual
-                && option != "root_ca_certificate"
-                && tls.get(format!("{option}_base64")).is_none_or(serde_json::Value::is_null) =>
-            {
+            None if is_needed(option) && tls.get(format!("{option}_base64")).is_none_or(serde_json::Value::is_null) => {
                 return Err(CredentialError::Missing { option });
             }
             None => {}
         }
     }
     let file = |option: &str| tls.get(option).and_then(serde_json::Value::as_str).map(Path::new);
-    match file("connect_certificate").zip(file("connect_private_key")) {
+    match file(side.certificate()).zip(file(side.key())) {
         Some((certificate, key)) if !is_key_of(certificate, key).unwrap_or(true) => {
-            Err(CredentialError::NotItsKey { certificate: certificate.to_owned(), key: key.to_owned() })
+            let (certificate, key) = (certificate.to_owned(), key.to_owned());
+            Err(CredentialError::NotItsKey { option: side.key(), certificate, key })
         }
         _ => Ok(()),
     }
@@ -237,7 +267,10 @@ mod tests {
         let said = |tls: &str, endpoint: &str| {
             let mut config = Config::default();
             config.insert_json5("transport/link/tls", tls).unwrap();
-            check(&config, &[endpoint.to_owned()]).err().map(|error| error.to_string()).unwrap_or_default()
+            check(&config, &[endpoint.to_owned()], TlsSide::Connecting)
+                .err()
+                .map(|error| error.to_string())
+                .unwrap_or_default()
         };
         let whole = format!(
             "{{enable_mtls: true, root_ca_certificate: {certificate:?}, connect_certificate: {certificate:?}, connect_private_key: {key:?}}}"
@@ -248,17 +281,33 @@ mod tests {
         let swapped = said(&whole.replace("robot.key", "robot.pem"), "tls/hall:7447");
         assert!(swapped.contains("holds no PRIVATE KEY"), "{swapped}");
         let without = said(&format!("{{enable_mtls: true, root_ca_certificate: {certificate:?}}}"), "tls/hall:7447");
-        assert!(without.contains("connect_certificate is not"), "{without}");
+        assert!(without.contains("connect_certificate is not set"), "{without}");
         assert_eq!(said("{root_ca_certificate: \"gone.pem\"}", "tcp/hall:7447"), "", "not needed");
+    }
+
+    #[test]
+    fn who_listens_needs_a_certificate_and_its_key() {
+        let said = |tls: &str| {
+            let mut config = Config::default();
+            config.insert_json5("transport/link/tls", tls).unwrap();
+            let listen = ["tls/0.0.0.0:7447".to_owned()];
+            check(&config, &listen, TlsSide::Listening).err().map(|error| error.to_string()).unwrap_or_default()
+        };
+        let none = said("{}");
+        assert!(none.contains("listen_certificate is not set"), "{none}");
+        let gone = said(r#"{listen_certificate: "gone.pem", listen_private_key: "gone.key"}"#);
+        assert!(gone.contains("listen_certificate: gone.pem cannot be read"), "{gone}");
+        let nobody = said("{enable_mtls: true}");
+        assert!(nobody.contains("root_ca_certificate is not set"), "{nobody}");
     }
 
     #[test]
     fn an_endpoint_whose_protocol_is_switched_off_is_named() {
         let mut config = Config::default();
         let hall = ["tcp/hall:7447".to_owned()];
-        assert!(check(&config, &hall).is_ok());
+        assert!(check(&config, &hall, TlsSide::Connecting).is_ok());
         config.insert_json5("transport/link/protocols", r#"["tls"]"#).unwrap();
-        let told = check(&config, &hall).unwrap_err().to_string();
+        let told = check(&config, &hall, TlsSide::Connecting).unwrap_err().to_string();
         assert!(told.starts_with("tcp/hall:7447 needs the protocol tcp"), "{told}");
     }
 }

@@ -99,7 +99,21 @@ fn hint(reason: &str) -> Option<&'static str> {
 pub fn in_words(error: &zenoh::Error) -> String {
     let text = error.to_string();
     let end = place(&text).map_or(text.len(), |(begin, _)| begin);
-    text.get(..end).unwrap_or(&text).trim_end_matches(['.', ' ']).to_owned()
+    closed(text.get(..end).unwrap_or(&text).trim_end_matches(['.', ' ']))
+}
+
+/// A text whose end was cut off, with the brackets that are open there closed.
+fn closed(text: &str) -> String {
+    let mut open = Vec::new();
+    for letter in text.chars() {
+        match letter {
+            '[' => open.push(']'),
+            '(' => open.push(')'),
+            ']' | ')' if open.last() == Some(&letter) => drop(open.pop()),
+            _ => {}
+        }
+    }
+    text.chars().chain(open.into_iter().rev()).collect()
 }
 
 /// A text, such as a line of a log, without the places in Zenoh's source that stand in it.
@@ -136,6 +150,8 @@ mod tests {
         assert_eq!(without_source_paths(said), "No link. - Caused by refused.");
         let error: zenoh::Error = said.into();
         assert_eq!(in_words(&error), "No link");
+        let cut: zenoh::Error = "No link to tcp/hall:1: [hall: refused (os error 111) at /src/tcp.rs:7.]".into();
+        assert_eq!(in_words(&cut), "No link to tcp/hall:1: [hall: refused (os error 111)]");
         for plain in ["nobody listens at tcp/hall:7447", "at home.rs: nothing", ""] {
             assert_eq!(without_source_paths(plain), plain);
         }

@@ -1,7 +1,7 @@
 //! A session as a configuration says. A client tries all of its endpoints until one answers.
 
 use crate::attempt::attempt;
-use crate::credentials::{self, CredentialError};
+use crate::credentials::{self, CredentialError, TlsSide};
 use crate::trouble;
 use std::sync::Once;
 use std::time::{Duration, Instant};
@@ -43,7 +43,7 @@ pub enum ConnectError {
 }
 
 fn within(patience: Option<Duration>) -> String {
-    patience.map(|patience| format!(" within {:.0} s", patience.as_secs_f64())).unwrap_or_default()
+    patience.map(|patience| format!(" within {:.0} s", patience.as_secs_f64().ceil())).unwrap_or_default()
 }
 
 /// Opens a session.
@@ -58,7 +58,8 @@ fn within(patience: Option<Duration>) -> String {
 /// runtime.
 pub async fn open_configured(mut config: Config, patience: Option<Duration>) -> Result<Session, ConnectError> {
     let endpoints = endpoints(&config);
-    credentials::check(&config, &endpoints)?;
+    credentials::check(&config, &endpoints, TlsSide::Connecting)?;
+    credentials::check(&config, &endpoints_at(&config, "listen/endpoints"), TlsSide::Listening)?;
     warn_of_threads(&endpoints);
     let waits =
         has(&config, "mode", "\"client\"") && (patience.is_some() || has(&config, "connect/timeout_ms", FOREVER));
@@ -131,7 +132,11 @@ async fn try_until_open(config: &Config, endpoints: &[String], mut remark_at: In
 /// The endpoints that a configuration connects to, as texts.
 #[must_use]
 pub fn endpoints(config: &Config) -> Vec<String> {
-    let json = config.get_json("connect/endpoints").unwrap_or_default();
+    endpoints_at(config, "connect/endpoints")
+}
+
+fn endpoints_at(config: &Config, key: &str) -> Vec<String> {
+    let json = config.get_json(key).unwrap_or_default();
     let mut found = Vec::new();
     // A list, a list for each mode, or groups of links: whatever is a text with a slash is one.
     let mut waiting: Vec<serde_json::Value> = serde_json::from_str(&json).into_iter().collect();

@@ -69,6 +69,24 @@ pub fn openings(routers: &[RouterFile]) -> Vec<String> {
     found
 }
 
+/// That a single router is one of several: a sentence. What holds them together is seen only if the
+/// configurations of all are given.
+#[must_use]
+pub fn others_not_given(routers: &[RouterFile]) -> Option<String> {
+    let [router] = routers else { return None };
+    let own = router.id();
+    let mut others = listed_routers(router)?;
+    others.retain(|id| Some(id) != own.as_ref());
+    let ids = others.iter().map(String::as_str).collect::<Vec<_>>().join(", ");
+    (!others.is_empty()).then(|| {
+        format!(
+            "{}: it counts others as routers ({ids}): give the configurations of all, or nobody sees whether a stranger gets \
+             between them",
+            router.name
+        )
+    })
+}
+
 /// Who gets in.
 fn doors(router: &RouterFile) -> Vec<String> {
     let mut found = Vec::new();

@@ -1,6 +1,6 @@
 //! `map-server check-site`: the routers' configurations on the command line.
 
-use crate::access::site_check::{RouterFile, openings};
+use crate::access::site_check::{RouterFile, openings, others_not_given};
 use clap::Args;
 use fht_program::print_line;
 use fht_session::{ConfigurationError, read_config};
@@ -55,7 +55,7 @@ impl SiteArgs {
         };
         let routers: Vec<RouterFile> = self.configs.iter().map(read).collect::<Result<_, _>>()?;
         let found = openings(&routers);
-        for text in &found {
+        for text in found.iter().chain(&others_not_given(&routers)) {
             print_line!("{text}");
         }
         if found.is_empty() {

@@ -19,7 +19,7 @@ pub enum ServerSessionError {
         /// The endpoints to listen on.
         listen: Vec<String>,
     },
-    /// Another reason: a certificate or key is unusable.
+    /// Nobody is there to connect to, or a certificate or key is unusable.
     #[error(transparent)]
     Link(ConnectError),
     /// The endpoint cannot be used.
@@ -162,12 +162,15 @@ pub async fn open(link: &ServerEndpoints) -> Result<Session, ServerSessionError>
     if !reaches_anyone(&config) {
         return Err(ServerSessionError::NoEndpoint);
     }
+    let is_client = config.get_json("mode").is_ok_and(|mode| mode == "\"client\"");
     fht_session::open_configured(config, link.patience).await.map_err(|error| {
-        let ConnectError::Refused { reason, .. } = error else { return ServerSessionError::Link(error) };
-        let listen = link.listen.clone();
+        let ConnectError::Refused { reason, .. } = &error else { return ServerSessionError::Link(error) };
+        let (listen, reason) = (link.listen.clone(), reason.clone());
         // Zenoh's errors are texts.
         if reason.contains("Address already in use") {
             ServerSessionError::InUse { listen }
+        } else if is_client {
+            ServerSessionError::Link(error)
         } else {
             ServerSessionError::Open { listen, reason }
         }

@@ -5,7 +5,7 @@ use crate::catalog::{MapView, PlanningState};
 use fht_map::Rules;
 use fht_map::plan::blocked::{BlockedBy, ReportLimits, ReportRefused, Reporter, Reports, middles};
 use fht_proto::api::fleet::BlockedReport;
-use fht_proto::api::reply::BlockedView;
+use fht_proto::api::reply::{BlockedView, IgnoredView};
 use fht_proto::{Digest, EdgeKey, MapName, ReleaseId};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -51,6 +51,11 @@ pub struct ActiveRules {
 
 /// How many such states are kept.
 const MAX_OTHERS: usize = 4;
+
+/// From now until then, seconds, to a tenth.
+fn left_s(until_us: u64, now_us: u64) -> f64 {
+    (until_us.saturating_sub(now_us) as f64 * 1e-5).round() / 10.0
+}
 
 impl ActiveRules {
     /// Nothing is reported yet.
@@ -154,11 +159,21 @@ impl ActiveRules {
         let Some(of_map) = maps.get_mut(map) else { return Vec::new() };
         let view = |(until_us, by): (u64, &BlockedBy)| BlockedView {
             robot: by.robot.clone(),
-            for_s: (until_us.saturating_sub(now_us) as f64 * 1e-5).round() / 10.0,
+            for_s: left_s(until_us, now_us),
             edges: by.edges.iter().map(EdgeKey::to_texts).collect(),
             places: by.places.iter().map(|place| [place.x(), place.y()]).collect(),
         };
         of_map.reports.at(now_us).map(view).collect()
+    }
+
+    /// Whose reports do not count on a map, and for how much longer.
+    #[must_use]
+    pub fn ignored(&self, map: &MapName, now_us: u64) -> Vec<IgnoredView> {
+        let mut maps = self.lock();
+        let Some(of_map) = maps.get_mut(map) else { return Vec::new() };
+        let view =
+            |(until_us, robot): (u64, &str)| IgnoredView { robot: robot.to_owned(), for_s: left_s(until_us, now_us) };
+        of_map.reports.ignored(now_us).map(view).collect()
     }
 
     /// A state that robots do not run: the one kept since an earlier question, or the one that

@@ -1,7 +1,12 @@
-//! What a robot is told of its map's end: each thing once, however often a head says it.
+//! What a robot is told of its map's end, and of its server's: each thing once, however often it is
+//! seen.
 
 use fht_proto::api::deletion::MapDeletion;
 use fht_proto::api::reply::Head;
+use std::time::{Duration, Instant};
+
+/// A server that says nothing for so long is told of: a restart takes less.
+const SILENT: Duration = Duration::from_secs(5);
 
 /// What was told.
 #[derive(Debug, Default)]
@@ -10,6 +15,10 @@ pub(super) struct Notices {
     is_known: bool,
     deletion: Option<MapDeletion>,
     is_gone: bool,
+    /// Since when the server has not answered.
+    silent_since: Option<Instant>,
+    /// Whether that was told.
+    is_silent: bool,
 }
 
 impl Notices {
@@ -27,6 +36,21 @@ impl Notices {
             Some(deletion) => Some(deletion.sentence(&head.map)),
             None => was_to_be.then(|| format!("map {} is not going to be deleted any more", head.map)),
         }
+    }
+
+    /// Whether the server has answered the question for the head, `now`. A sentence, if it has been
+    /// silent for long, or answers again.
+    pub(super) fn answer(&mut self, is_answered: bool, now: Instant) -> Option<String> {
+        if is_answered {
+            self.silent_since = None;
+            return std::mem::take(&mut self.is_silent).then(|| "the map-server answers again".to_owned());
+        }
+        let since = *self.silent_since.get_or_insert(now);
+        if !self.is_known || self.is_silent || now.saturating_duration_since(since) < SILENT {
+            return None;
+        }
+        self.is_silent = true;
+        Some("the map-server does not answer: the copy of the map here is used until it does".to_owned())
     }
 
     /// The server has no such map, and says why. A sentence, if it had it, and it was not told.
@@ -66,6 +90,20 @@ mod tests {
             read_only: false,
             damaged: false,
         }
+    }
+
+    #[test]
+    fn a_server_that_goes_and_comes_back_is_told_of_once() {
+        let (mut notices, begin) = (Notices::default(), Instant::now());
+        let at = |notices: &mut Notices, is_answered, second| {
+            notices.answer(is_answered, begin + Duration::from_secs(second)).is_some()
+        };
+        assert!(!at(&mut notices, false, 0) && !at(&mut notices, false, 100), "it was never there");
+        notices.head(&head(None));
+        assert!(!at(&mut notices, true, 101) && !at(&mut notices, false, 102) && !at(&mut notices, false, 104));
+        assert!(!at(&mut notices, true, 105), "a short silence is not told");
+        assert!(!at(&mut notices, false, 106) && at(&mut notices, false, 112) && !at(&mut notices, false, 120));
+        assert!(at(&mut notices, true, 121) && !at(&mut notices, true, 122));
     }
 
     #[test]

@@ -283,13 +283,17 @@ impl Worker {
                     self.refuse(error);
                 }
                 self.follow_blocked(head.is_some());
+                warn(self.notices.answer(head.is_some(), now));
                 if let Some(Ok(head)) = &head {
                     warn(self.notices.head(head));
                     self.follow_cleared(head);
                 }
                 self.sync.head_answered(&self.shared.read(), head.and_then(Result::ok), now);
             }
-            Event::NoMap(reason) => warn(self.notices.no_map(reason)),
+            Event::NoMap(reason) => {
+                warn(self.notices.answer(true, now));
+                warn(self.notices.no_map(reason));
+            }
             Event::Rules(payload) => self.take_rules(payload.as_deref()),
             Event::Piece(number, _) | Event::PartEnded(number) if self.part != (number, true) => {}
             Event::Piece(_, bytes) => match decode::<Series>(&bytes) {

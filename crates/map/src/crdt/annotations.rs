@@ -128,6 +128,11 @@ impl Annotations {
         self.releases.iter().filter_map(|(id, state)| state.kept(id))
     }
 
+    /// The releases that were deleted, by author and name: nobody can make them again.
+    pub fn deleted_releases(&self) -> impl Iterator<Item = &ReleaseId> {
+        self.releases.iter().filter_map(|(id, state)| state.removed.is_some().then_some(id))
+    }
+
     /// The release of this id, if it is not deleted.
     #[must_use]
     pub fn release(&self, id: &ReleaseId) -> Option<ReleaseRef<'_>> {

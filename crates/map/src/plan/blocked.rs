@@ -246,6 +246,12 @@ impl Reports {
         self.by_robot.values().flatten().map(|held| (held.until_us, &held.by))
     }
 
+    /// The robots whose reports do not count at `now_us`, with the time until when.
+    pub fn ignored(&mut self, now_us: u64) -> impl Iterator<Item = (u64, &str)> {
+        self.expire(now_us);
+        self.ignored.iter().map(|(robot, until_us)| (*until_us, robot.as_str()))
+    }
+
     /// A number that changes whenever what is blocked at `now_us` does.
     pub fn changes(&mut self, now_us: u64) -> u64 {
         self.expire(now_us);
@@ -335,6 +341,7 @@ mod tests {
         assert_eq!(who(&mut reports, 63), ["kept"], "it cannot take back what an operator keeps");
         assert_eq!(reports.clear(Some("kept"), 60.0, 64 * SECOND), 1);
         assert!(who(&mut reports, 65).is_empty());
+        assert_eq!(reports.ignored(65 * SECOND).collect::<Vec<_>>(), [(124 * SECOND, "kept")]);
         let ignored = take(&mut reports, "kept", &report(60.0, 0.0), 66 * SECOND);
         assert!(matches!(ignored, Err(ReportRefused::Ignored { .. })), "{ignored:?}");
         take(&mut reports, "kept", &report(60.0, 0.0), 125 * SECOND)?;

@@ -284,6 +284,20 @@ fn accesses<G: RouteGraph>(
     Ok(all.into_iter().filter(|(_, access)| !is_inside || access.entry.is_none()).collect())
 }
 
+/// Whether a path could begin or, as a goal, end at a place: that it is on the map, or near it.
+/// Whether anything leads there, only planning tells.
+///
+/// # Errors
+/// [`RouteError::OutOfMap`].
+pub fn check_on_map(
+    graph: impl RouteGraph,
+    point: FixedPoint,
+    is_goal: bool,
+    config: &NodeRouteConfig,
+) -> Result<(), RouteError> {
+    accesses(&graph, point, is_goal, config).map(drop)
+}
+
 /// Whether one rectangle contains both places: rectangles are convex, so the way is straight.
 fn share_rectangle<Id: Ord>(starts: &BTreeMap<Id, Access>, goals: &BTreeMap<Id, Access>) -> bool {
     let is_inside = |access: &Access| access.entry.is_none();

@@ -181,8 +181,10 @@ impl Rules {
             return Err(PlanError::GoalKeptOut { goal: to, zone: zone.clone() });
         }
         plan().map_err(|route| {
+            // What is closed has nothing to do with where the map ends.
+            let is_far = matches!(route, RouteError::OutOfMap { .. });
             let closed: Vec<String> = self.obeyed().iter().take(8).map(in_words).collect();
-            if closed.is_empty() { PlanError::Route(route) } else { PlanError::Closed { route, closed } }
+            if closed.is_empty() || is_far { PlanError::Route(route) } else { PlanError::Closed { route, closed } }
         })
     }
 }

@@ -10,6 +10,8 @@ use toml::de::{DeInteger, DeTable, DeValue};
 /// How much alike a key of the same section must be to be the one that was meant; else other
 /// sections are looked at.
 const ALIKE: f64 = 0.6;
+/// How much alike a key is of which the name is a word.
+const ALIKE_BY_WORD: f64 = 0.7;
 
 pub(super) fn read<T: Configuration>(defaults: &T, text: &str, file: &Path) -> Result<T, ConfigError> {
     let line_of = |at: usize| 1 + text.as_bytes().iter().take(at).filter(|byte| **byte == b'\n').count();
@@ -116,7 +118,11 @@ impl Reader<'_> {
     /// The known key that is most like the last of `path`: in its section, else anywhere.
     fn nearest(&self, section: KeySchema<'_>, path: &[String]) -> String {
         let Some((name, tables)) = path.split_last() else { return String::new() };
-        let likeness = |other: &str| strsim::normalized_damerau_levenshtein(name, other);
+        // `seed` is more like `light_seed` than like `see_m`.
+        let likeness = |other: &str| match other.split('_').any(|word| word == name) {
+            true => strsim::normalized_damerau_levenshtein(name, other).max(ALIKE_BY_WORD),
+            false => strsim::normalized_damerau_levenshtein(name, other),
+        };
         let most_alike = |one: &(f64, String), other: &(f64, String)| {
             // Of keys equally alike the one with the shortest path.
             one.0.total_cmp(&other.0).then(other.1.len().cmp(&one.1.len()))

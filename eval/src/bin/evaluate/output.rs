@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Args)]
 pub struct OutputArgs {
     /// Write the figures to this file.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = fht_program::flags::output_file)]
     json: Option<PathBuf>,
     /// No progress bar.
     #[arg(long, short)]

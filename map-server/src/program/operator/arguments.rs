@@ -30,7 +30,7 @@ pub struct OperatorArgs {
     pub(super) json: bool,
     /// Wait so long, from the start on, for the server and for the map; 'inf' is for ever. What is
     /// waited for is said every five seconds [default: 10 for the server; a map that it does not
-    /// have is not waited for].
+    /// have is not waited for. A server itself waits for its routers for ever].
     #[arg(long, global = true, help_heading = "The way to the server", value_name = "SECONDS", value_parser = wait)]
     wait: Option<f64>,
 }

@@ -1,7 +1,7 @@
 //! An operator's session, and questions over it.
 
 use crate::config::ServerEndpoints;
-use crate::network::{self, ServerSessionError};
+use crate::network;
 use crate::program::operator::error::OperatorError;
 use fht_client::AskError;
 use fht_program::Waiting;
@@ -23,15 +23,7 @@ pub(super) async fn connect(link: &ServerEndpoints, waiting: &Waiting) -> Result
     /// Longer than anybody waits.
     const FOR_EVER: Duration = Duration::from_secs(10_000_000);
     let patience = waiting.for_session().unwrap_or(FOR_EVER);
-    let link = ServerEndpoints { patience: Some(patience), ..link.clone() };
-    network::open(&link).await.map_err(|error| match error {
-        ServerSessionError::Open { reason, .. } => {
-            let file = link.zenoh_config.iter().map(|file| file.display().to_string());
-            let endpoints = link.connect.iter().cloned().chain(file).collect::<Vec<_>>().join(", ");
-            OperatorError::NoRouter { endpoints, seconds: patience.as_secs_f64(), reason }
-        }
-        other => OperatorError::Session(other),
-    })
+    Ok(network::open(&ServerEndpoints { patience: Some(patience), ..link.clone() }).await?)
 }
 
 /// A server listens before it answers, and a map may be made later: asks until there is an answer,

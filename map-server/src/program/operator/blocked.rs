@@ -6,7 +6,7 @@ use crate::program::operator::rule;
 use clap::Subcommand;
 use fht_proto::api::fleet::BlockedReport;
 use fht_proto::api::keys::{AdminAction, Key};
-use fht_proto::api::reply::{BlockedView, RulesReply};
+use fht_proto::api::reply::{BlockedView, IgnoredView, RulesReply};
 use fht_proto::{MapName, RobotName};
 use serde::Serialize;
 use std::time::Duration;
@@ -86,7 +86,7 @@ impl BlockedAction {
                 ask_all_json(session, &format!("{key}?robot={robot};for_s={}", duration.as_secs_f64())).await?
             }
         };
-        Ok(Blocked { map: rules.map, blocked: rules.blocked })
+        Ok(Blocked { map: rules.map, blocked: rules.blocked, ignored: rules.ignored })
     }
 }
 
@@ -95,17 +95,28 @@ impl BlockedAction {
 pub(super) struct Blocked {
     map: MapName,
     blocked: Vec<BlockedView>,
+    ignored: Vec<IgnoredView>,
+}
+
+/// A time to the second, such as `8h` or `1m 30s`.
+fn time_in_words(seconds: f64) -> humantime::FormattedDuration {
+    humantime::format_duration(Duration::from_secs(seconds.max(0.0).round() as u64)) // saturates
 }
 
 pub(super) fn in_words(blocked: &Blocked) -> String {
-    if blocked.blocked.is_empty() {
-        return format!("robots report nothing blocked on map {}", blocked.map);
-    }
     let one = |view: &BlockedView| {
         let edges = view.edges.iter().map(|[a, b]| format!("edge {a} {b}"));
         let places = view.places.iter().map(|[x, y]| format!("({x:.2}, {y:.2})"));
         let things: Vec<String> = edges.chain(places).collect();
-        format!("{}, for another {:.0} s: {}", view.robot, view.for_s, things.join(", "))
+        format!("{}, for another {}: {}", view.robot, time_in_words(view.for_s), things.join(", "))
     };
-    blocked.blocked.iter().map(one).collect::<Vec<_>>().join("\n")
+    let ignored = |view: &IgnoredView| {
+        format!("what {} reports does not count for another {}", view.robot, time_in_words(view.for_s))
+    };
+    let mut lines: Vec<String> = blocked.blocked.iter().map(one).collect();
+    if lines.is_empty() {
+        lines.push(format!("robots report nothing blocked on map {}", blocked.map));
+    }
+    lines.extend(blocked.ignored.iter().map(ignored));
+    lines.join("\n")
 }

@@ -9,7 +9,7 @@ use crate::program::operator::deletion;
 use crate::program::operator::error::OperatorError;
 use crate::program::operator::merge::{self, MergeOrder};
 use crate::program::operator::quota;
-use crate::program::operator::release::{self, ReleaseAction};
+use crate::program::operator::release::{self, Changed, ReleaseAction};
 use crate::program::operator::rename;
 use crate::program::operator::robots;
 use crate::program::operator::rule::{self, Corners};
@@ -22,7 +22,7 @@ use fht_merge::MergeConfig;
 use fht_program::{Waiting, print_line};
 use fht_proto::api::keys::{AdminAction, Key, Topic};
 use fht_proto::api::reply::{DiffReply, MapsReply};
-use fht_proto::{AuthorId, MapName, NodeId, Op, ReleaseName, RobotName, Zone, ZoneRule};
+use fht_proto::{MapName, NodeId, Op, ReleaseName, RobotName, Zone, ZoneRule};
 use fht_session::{SessionConfig, check_owner};
 use serde::Serialize;
 use std::io::IsTerminal;
@@ -95,15 +95,13 @@ impl Operation {
         let (json, operator) = (args.json, args.operator.as_str());
         match self {
             Self::Maps => show(&ask_json::<MapsReply>(session, &Key::Maps.to_string()).await?, json, maps_in_words),
-            Self::Health => {
-                let maps = ask_json::<MapsReply>(session, &Key::Maps.to_string()).await?;
-                show(&maps, json, health_in_words)
-            }
-            Self::Robots { map, watch } => show_robots(session, &map, watch, json).await,
+            Self::Health => show(&ask_json::<MapsReply>(session, &Key::Maps.to_string()).await?, json, health_in_words),
+            Self::Robots { map, watch: false } => show(&robots::fleet(session, &map).await?, json, robots::table),
+            Self::Robots { map, watch: true } => watch_robots(session, &map, json).await,
             Self::Send { map, robot, to, id, to_nearest, wait_arrived } => {
                 let id = id.map_or_else(send::new_id, |id| id.as_str().to_owned());
                 let selector = send::selector((&map, robot.as_str()), &id, &to, to_nearest)?;
-                let sent = send::send(session, &map, &selector).await?;
+                let sent = send::send(session, &map, &selector).await.map_err(OperatorError::with_flags)?;
                 let status = if wait_arrived { send::arrived(session, &map, sent).await? } else { sent };
                 show(&status, json, send::in_words)
             }
@@ -141,8 +139,8 @@ impl Operation {
             Self::Undo { map, last, author, against_roles, .. } => {
                 let undone = match (author, against_roles) {
                     (None, _) => undo::Undone::Newest(last),
-                    (Some(author), None) => undo::Undone::All(AuthorId::of_robot(author.as_str())),
-                    (Some(author), Some(file)) => undo::Undone::against_roles(author.as_str(), &file)?,
+                    (Some(author), None) => undo::Undone::All(author),
+                    (Some(author), Some(file)) => undo::Undone::against_roles(author, &file)?,
                 };
                 show(&undo::undo(session, &map, operator, undone, json).await?, json, undo::in_words)
             }
@@ -224,18 +222,20 @@ fn retained_in_words(done: &Retained) -> String {
 async fn change(session: &Session, args: &OperatorArgs, map: &MapName, op: Op) -> Result<(), OperatorError> {
     if rule::changes_nothing(&rule::list(session, map).await?, &op) {
         let head = asking::head(session, map).await?;
-        return show(&head, args.json, |head| {
-            format!("nothing to change; map {} stays at version {}", head.map, head.version)
-        });
+        return show(&head, args.json, |head| nothing_to_change(&head.map, head.version));
     }
     let head = write(session, map, args.operator.as_str(), vec![op]).await?;
     show(&head, args.json, |head| format!("written; map {} is at version {}", head.map, head.version))
 }
 
+fn nothing_to_change(map: &MapName, version: u64) -> String {
+    format!("nothing to change; map {map} stays at version {version}")
+}
+
 impl ReleaseAction {
     async fn carry_out(self, session: &Session, operator: &str, json: bool) -> Result<(), OperatorError> {
-        let releases = match self {
-            Self::List { map } => release::list(session, &map).await?,
+        let changed = match self {
+            Self::List { map } => Changed::Is(release::list(session, &map).await?),
             Self::Create { map, name, version } => {
                 let made = release::create(session, &map, operator, name, version).await?;
                 return show(&made, json, |made| {
@@ -246,23 +246,40 @@ impl ReleaseAction {
                 release::enable(session, &map, operator, Some(name.as_str()).filter(|name| *name != "head")).await?
             }
             Self::Rollback { map } => release::roll_back(session, &map, operator).await?,
-            Self::Delete { map, name } => release::delete(session, &map, operator, &name).await?,
+            Self::Delete { map, name } => Changed::Is(release::delete(session, &map, operator, &name).await?),
         };
-        show(&releases, json, releases_in_words)
+        match changed {
+            Changed::Is(releases) => show(&releases, json, releases_in_words),
+            Changed::Nothing(releases) => show(&releases, json, |releases| {
+                format!("{}\n{}", nothing_to_change(&releases.map, releases.version), releases_in_words(releases))
+            }),
+        }
     }
 }
 
-async fn show_robots(session: &Session, map: &MapName, watch: bool, json: bool) -> Result<(), OperatorError> {
+/// Shows them every second. A server that goes may come back.
+async fn watch_robots(session: &Session, map: &MapName, json: bool) -> Result<(), OperatorError> {
     /// Clears the terminal and goes to its top.
     const CLEAR: &str = "\x1b[2J\x1b[H";
+    let (mut has_shown, mut is_silent) = (false, false);
     loop {
-        let fleet = robots::fleet(session, map).await?;
-        if watch && !json && std::io::stdout().is_terminal() {
-            print!("{CLEAR}");
-        }
-        show(&fleet, json, robots::table)?;
-        if !watch {
-            return Ok(());
+        let fleet = match robots::fleet(session, map).await {
+            Ok(fleet) => Some(fleet),
+            Err(error @ OperatorError::Silent) if has_shown => {
+                if !is_silent {
+                    eprintln!("map-server: {error}; it is asked again");
+                }
+                None
+            }
+            Err(error) => return Err(error),
+        };
+        is_silent = fleet.is_none();
+        if let Some(fleet) = fleet {
+            if has_shown && !json && std::io::stdout().is_terminal() {
+                print!("{CLEAR}");
+            }
+            show(&fleet, json, robots::table)?;
+            has_shown = true;
         }
         tokio::time::sleep(Duration::from_secs(1)).await;
     }

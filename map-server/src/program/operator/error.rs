@@ -16,16 +16,6 @@ pub enum OperatorError {
     /// No session.
     #[error(transparent)]
     Session(#[from] ServerSessionError),
-    /// No server or router is there.
-    #[error("no server or router at {endpoints} within {seconds:.0} s: {reason}")]
-    NoRouter {
-        /// The endpoints.
-        endpoints: String,
-        /// How long was waited, seconds.
-        seconds: f64,
-        /// What Zenoh says.
-        reason: String,
-    },
     /// Zenoh refused.
     #[error("Zenoh refuses: {}", fht_session::in_words(.0))]
     Zenoh(#[from] zenoh::Error),
@@ -93,10 +83,12 @@ pub enum OperatorError {
     #[error(transparent)]
     Unsound(#[from] RestoreError),
     /// Nothing is taken back.
-    #[error("map {map}: {source}")]
+    #[error("map {map}: {}", source.with_names(names.iter().map(String::as_str)))]
     Undo {
         /// The map.
         map: MapName,
+        /// Who may be meant: authors are ids.
+        names: Vec<String>,
         /// Why.
         source: InverseError,
     },
@@ -133,6 +125,17 @@ impl OperatorError {
             // So many changes there are not.
             Self::Undo { source, .. } => matches!(source, InverseError::TooFew { .. } | InverseError::NoneSuch { .. }),
             _ => false,
+        }
+    }
+
+    /// What robots and planners say to who asks by parameters, for who has flags.
+    pub(super) fn with_flags(self) -> Self {
+        match self {
+            Self::Refused(reply) => {
+                let message = fht_program::flags::with_flags(&reply.message);
+                Self::Refused(ErrorReply { message, ..reply })
+            }
+            other => other,
         }
     }
 

@@ -100,11 +100,17 @@ fn find<'a>(releases: &'a ReleasesReply, text: &str) -> Result<&'a ReleaseView, 
     }
 }
 
-/// The day, and the first number that is free on it.
-fn next_name(releases: &ReleasesReply, now_us: u64) -> Result<ReleaseName, OperatorError> {
+/// Whether `author` deleted a release of this name.
+fn is_deleted(releases: &ReleasesReply, name: &str, author: AuthorId) -> bool {
+    releases.deleted.contains(&format!("{name}@{author}"))
+}
+
+/// The day, and the first number on it that `author` can use.
+fn next_name(releases: &ReleasesReply, author: AuthorId, now_us: u64) -> Result<ReleaseName, OperatorError> {
     let time = humantime::format_rfc3339_seconds(UNIX_EPOCH + Duration::from_micros(now_us)).to_string();
     let day: String = time.chars().take(10).collect();
-    let is_free = |name: &String| releases.releases.iter().all(|view| view.name != *name);
+    let is_free =
+        |name: &String| releases.releases.iter().all(|view| view.name != *name) && !is_deleted(releases, name, author);
     let name = (1_u32..).map(|number| format!("{day}.{number}")).find(is_free).unwrap_or(day);
     name.parse().map_err(|error| OperatorError::Usage(format!("{error}")))
 }
@@ -117,13 +123,17 @@ pub(super) async fn create(
     name: Option<ReleaseName>,
     version: Option<u64>,
 ) -> Result<ReleaseView, OperatorError> {
-    let releases = list(session, map).await?;
+    let (releases, author) = (list(session, map).await?, AuthorId::of_robot(operator));
     let name = match name {
         Some(name) => name,
-        None => next_name(&releases, now_us())?,
+        None => next_name(&releases, author, now_us())?,
     };
     if releases.releases.iter().any(|view| view.name == name.as_str()) {
         return Err(OperatorError::Usage(format!("map {map} has a release {name} already; releases never change")));
+    }
+    if is_deleted(&releases, name.as_str(), author) {
+        let text = format!("{operator} deleted a release {name} of map {map} before: choose another name");
+        return Err(OperatorError::Usage(text));
     }
     let version = version.map(|version| version.to_string());
     let state = state_of(session, map, version.as_deref()).await?;
@@ -132,11 +142,7 @@ pub(super) async fn create(
     }
     let release = Release { vector: state.vector, digest: state.digest };
     write(session, map, operator, vec![Op::PutRelease { name: name.clone(), release }]).await?;
-    let made = format!("{name}@{}", AuthorId::of_robot(operator));
-    let releases = list(session, map).await?;
-    let made = find(&releases, &made).cloned().map_err(|_| {
-        OperatorError::Usage(format!("{operator} has deleted a release {name} before: choose another name"))
-    })?;
+    let made = find(&list(session, map).await?, &format!("{name}@{author}")).cloned()?;
     if made.available {
         Ok(made)
     } else {
@@ -145,9 +151,12 @@ pub(super) async fn create(
     }
 }
 
-fn nothing_to_change(releases: ReleasesReply) -> ReleasesReply {
-    eprintln!("map-server: nothing to change; map {} stays at version {}", releases.map, releases.version);
-    releases
+/// What a command has come to.
+pub(super) enum Changed {
+    /// It is so now.
+    Is(ReleasesReply),
+    /// It was so before.
+    Nothing(ReleasesReply),
 }
 
 /// Tells robots to use a release, or the newest state, unless they do.
@@ -156,15 +165,15 @@ pub(super) async fn enable(
     map: &MapName,
     operator: &str,
     name: Option<&str>,
-) -> Result<ReleasesReply, OperatorError> {
+) -> Result<Changed, OperatorError> {
     let releases = list(session, map).await?;
     let release = match name {
-        None if releases.releases.iter().all(|view| !view.enabled) => return Ok(nothing_to_change(releases)),
+        None if releases.releases.iter().all(|view| !view.enabled) => return Ok(Changed::Nothing(releases)),
         None => None,
         Some(name) => {
             let view = find(&releases, name)?;
             if view.enabled {
-                return Ok(nothing_to_change(releases));
+                return Ok(Changed::Nothing(releases));
             }
             if !view.available {
                 return Err(OperatorError::Usage(format!("the server does not have all of release {name}")));
@@ -173,15 +182,11 @@ pub(super) async fn enable(
         }
     };
     write(session, map, operator, vec![Op::Enable { release }]).await?;
-    list(session, map).await
+    Ok(Changed::Is(list(session, map).await?))
 }
 
 /// Tells robots to use the newest release that is of an earlier version than what they use.
-pub(super) async fn roll_back(
-    session: &Session,
-    map: &MapName,
-    operator: &str,
-) -> Result<ReleasesReply, OperatorError> {
+pub(super) async fn roll_back(session: &Session, map: &MapName, operator: &str) -> Result<Changed, OperatorError> {
     let releases = list(session, map).await?;
     let enabled = releases.releases.iter().find(|view| view.enabled).map_or(u64::MAX, |view| view.version);
     let earlier = releases.releases.iter().filter(|view| view.available && view.version < enabled);
@@ -218,8 +223,10 @@ mod tests {
     #[test]
     fn releases_are_named_by_the_day() {
         let map: MapName = "m".parse().unwrap_or_else(|error| panic!("{error}"));
-        let mut releases = ReleasesReply { map, version: 0, releases: Vec::new() };
-        let name = |releases: &ReleasesReply| next_name(releases, 1_795_219_200_000_000).map(|name| name.to_string());
+        let mut releases = ReleasesReply { map, version: 0, releases: Vec::new(), deleted: Vec::new() };
+        let author = AuthorId::of_robot("desk");
+        let name =
+            |releases: &ReleasesReply| next_name(releases, author, 1_795_219_200_000_000).map(|name| name.to_string());
         assert_eq!(name(&releases).ok().as_deref(), Some("2026-11-21.1"));
         releases.releases.push(ReleaseView {
             name: "2026-11-21.1".to_owned(),
@@ -232,6 +239,8 @@ mod tests {
             available: true,
         });
         assert_eq!(name(&releases).ok().as_deref(), Some("2026-11-21.2"));
+        releases.deleted.push(format!("2026-11-21.2@{author}"));
+        assert_eq!(name(&releases).ok().as_deref(), Some("2026-11-21.3"), "what was deleted stays taken");
         assert!(find(&releases, "2026-11-21.1").is_ok() && find(&releases, "2026-11-21.1@0000000a").is_ok());
         assert!(find(&releases, "2026-11-21.2").is_err());
     }

@@ -35,7 +35,11 @@ pub(super) fn selector(
     let place = match to.parse::<PlaceRef>() {
         Ok(_) => format!("to={}", to.trim()),
         Err(refusal) => {
-            let pose = parse_pose(to).map_err(|_| OperatorError::Usage(format!("{}, or x,y,yaw", refusal.message)))?;
+            let has_yaw = to.matches(',').count() == 2;
+            let pose = parse_pose(to).map_err(|reason| match has_yaw {
+                true => OperatorError::Usage(reason),
+                false => OperatorError::Usage(format!("{}, or x,y,yaw", refusal.message)),
+            })?;
             let (at, yaw) = (pose.position, pose.yaw());
             format!("x={};y={};yaw={yaw}", at.x(), at.y())
         }

@@ -7,7 +7,7 @@ use crate::program::operator::transfer::fetch_state;
 use crate::program::operator::write::write;
 use fht_map::crdt::inverse::{Inverse, inverse, inverse_of, inverse_of_all};
 use fht_map::{WriterRole, WriterRoles, may_write};
-use fht_proto::{AuthorId, Increment, MapName, Op, Release};
+use fht_proto::{AuthorId, Increment, MapName, Op, Release, RobotName};
 use serde::Serialize;
 use std::path::Path;
 use zenoh::Session;
@@ -19,12 +19,12 @@ const MAX_BYTES: usize = 512 << 10;
 pub(super) enum Undone {
     /// So many of the operator's newest increments.
     Newest(u64),
-    /// All that an author wrote.
-    All(AuthorId),
-    /// What an author wrote that its role does not allow.
+    /// All that a robot wrote.
+    All(RobotName),
+    /// What a robot wrote that its role does not allow.
     AgainstRoles {
         /// Who wrote it.
-        author: AuthorId,
+        author: RobotName,
         /// The roles.
         writers: WriterRoles,
     },
@@ -32,9 +32,17 @@ pub(super) enum Undone {
 
 impl Undone {
     /// What the robot called `name` wrote against the list of roles in `file`.
-    pub(super) fn against_roles(name: &str, file: &Path) -> Result<Self, OperatorError> {
+    pub(super) fn against_roles(author: RobotName, file: &Path) -> Result<Self, OperatorError> {
         let writers = read_roles(file).map_err(|error| OperatorError::Usage(error.to_string()))?;
-        Ok(Self::AgainstRoles { author: AuthorId::of_robot(name), writers })
+        Ok(Self::AgainstRoles { author, writers })
+    }
+
+    /// The robot whose increments are meant; none: the operator's own.
+    fn robot(&self) -> Option<&RobotName> {
+        match self {
+            Self::Newest(_) => None,
+            Self::All(robot) | Self::AgainstRoles { author: robot, .. } => Some(robot),
+        }
     }
 }
 
@@ -63,10 +71,12 @@ pub(super) async fn undo(
 ) -> Result<TakenBack, OperatorError> {
     let (series, _) = fetch_state(session, map, quiet).await?;
     let author = AuthorId::of_robot(operator);
+    let names = undone.robot().map(ToString::to_string).into_iter().chain([operator.to_owned()]).collect();
     let computed = tokio::task::spawn_blocking(move || match undone {
         Undone::Newest(count) => inverse(&series, author, count),
-        Undone::All(of) => inverse_of_all(&series, of, author),
+        Undone::All(of) => inverse_of_all(&series, AuthorId::of_robot(of.as_str()), author),
         Undone::AgainstRoles { author: of, writers } => {
+            let of = AuthorId::of_robot(of.as_str());
             let role = writers.role(of).unwrap_or(WriterRole::Explorer);
             let is_against = |op: &Op| may_write(role, of, op).is_err();
             inverse_of(&series, of, author, |increment| increment.ops.iter().any(is_against))
@@ -74,7 +84,7 @@ pub(super) async fn undo(
     })
     .await?;
     let Inverse { first, last, ops, words } =
-        computed.map_err(|source| OperatorError::Undo { map: map.clone(), source })?;
+        computed.map_err(|source| OperatorError::Undo { map: map.clone(), names, source })?;
     for op in &ops {
         if let Op::PutRelease { release, .. } = op {
             check_kept(session, map, release).await?;

@@ -156,7 +156,8 @@ pub(super) fn releases(view: &MapView, log: &dyn IncrementLog) -> Result<Answer,
         })
         .collect();
     releases.sort_by(|a, b| (a.made_us, &a.name, &a.author).cmp(&(b.made_us, &b.name, &b.author)));
-    json(&ReleasesReply { map: view.head.map.clone(), version: view.head.version, releases })
+    let deleted = annotations.deleted_releases().map(ToString::to_string).collect();
+    json(&ReleasesReply { map: view.head.map.clone(), version: view.head.version, releases, deleted })
 }
 
 /// Whether what is left of a release below the floor adds up to it.

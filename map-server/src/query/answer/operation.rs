@@ -26,6 +26,7 @@ pub(super) fn rules(view: &MapView, active: &ActiveRules, now_us: u64) -> Result
         zones: zones.collect(),
         closed_edges: closed.collect(),
         blocked: active.blocked(&view.head.map, now_us),
+        ignored: active.ignored(&view.head.map, now_us),
     })
 }
 

@@ -36,4 +36,7 @@ pub struct ReleasesReply {
     pub version: u64,
     /// Oldest first.
     pub releases: Vec<ReleaseView>,
+    /// Those that were deleted, each `name@author`: their authors cannot use these names again.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub deleted: Vec<String>,
 }

@@ -74,6 +74,16 @@ impl BlockedView {
     }
 }
 
+/// A robot whose reports of blocked places do not count for a while, because an operator said so.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct IgnoredView {
+    /// The robot.
+    pub robot: String,
+    /// For how much longer, seconds.
+    pub for_s: f64,
+}
+
 /// The reply to `rules`: what operators and robots have added to the map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -90,4 +100,7 @@ pub struct RulesReply {
     pub closed_edges: Vec<[String; 2]>,
     /// What robots found blocked, and for how much longer.
     pub blocked: Vec<BlockedView>,
+    /// Robots whose reports do not count now.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ignored: Vec<IgnoredView>,
 }

@@ -7,7 +7,9 @@ use std::fmt;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum InverseError {
     /// The author has written less than that.
-    #[error("{author} has written {written} increments of this map, and {count} of them are to be taken back")]
+    #[error(
+        "{author} has written {written} increment{} of this map, and {count} cannot be taken back", plural(*written)
+    )]
     TooFew {
         /// The author.
         author: AuthorId,
@@ -62,6 +64,24 @@ pub enum InverseError {
         /// Number of the last.
         last: u64,
     },
+}
+
+fn plural(count: u64) -> &'static str {
+    if count == 1 { "" } else { "s" }
+}
+
+impl InverseError {
+    /// The same for people, with names of robots or operators in place of their author ids.
+    #[must_use]
+    pub fn with_names<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> String {
+        match self {
+            // A release is named by its id, of which its author's is a part.
+            Self::InUse { .. } | Self::Deleted { .. } => self.to_string(),
+            _ => names
+                .into_iter()
+                .fold(self.to_string(), |text, name| text.replace(&AuthorId::of_robot(name).to_string(), name)),
+        }
+    }
 }
 
 /// Something that is taken back as a whole.
