@@ -84,6 +84,7 @@ pub struct ReferenceCloud {
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     position: Point2,
+    to_viewer: Vector2<f64>,
     index: u32,
 }
 
@@ -110,7 +111,7 @@ impl ReferenceCloud {
             }
             let index = self.points.len() as u32;
             self.points.push(ReferencePoint { position, to_viewer, normal: None, weight: 1.0 });
-            self.buckets.entry(bucket_of(position)).or_default().push(Entry { position, index });
+            self.buckets.entry(bucket_of(position)).or_default().push(Entry { position, to_viewer, index });
         }
         self.estimate_normals((first as u32..self.points.len() as u32).collect(), first > 0);
     }
@@ -128,7 +129,7 @@ impl ReferenceCloud {
                 let index = self.points.len() as u32;
                 let SeenPoint { position, to_viewer } = point;
                 self.points.push(ReferencePoint { position, to_viewer, normal: None, weight: 1.0 });
-                self.buckets.entry(bucket_of(position)).or_default().push(Entry { position, index });
+                self.buckets.entry(bucket_of(position)).or_default().push(Entry { position, to_viewer, index });
             }
         }
         self.estimate_normals((first as u32..self.points.len() as u32).collect(), first > 0);
@@ -146,7 +147,7 @@ impl ReferenceCloud {
         let across = reference.normal.map_or(off, |normal| normal * off.dot(&normal));
         reference.position += across / (reference.weight + 1.0);
         reference.weight = (reference.weight + 1.0).min(MAX_WEIGHT);
-        let entry = Entry { position: reference.position, index };
+        let entry = Entry { position: reference.position, to_viewer: reference.to_viewer, index };
         let after = bucket_of(entry.position);
         let bucket = self.buckets.entry(before).or_default();
         if after != before {
@@ -160,12 +161,17 @@ impl ReferenceCloud {
     /// Estimates the normals of points, and of those around them if `with_neighbours`.
     fn estimate_normals(&mut self, mut touched: Vec<u32>, with_neighbours: bool) {
         if with_neighbours {
-            let near = |index: &u32, cloud: &Self| cloud.neighbours(&cloud.points[*index as usize], 0.25);
-            touched = touched.iter().flat_map(|index| near(index, self)).collect();
+            let mut around = Vec::new();
+            for &index in &touched {
+                let point = &self.points[index as usize];
+                self.for_each_beside(point, 0.25, |entry| around.push(entry.index));
+            }
+            touched = around;
             touched.sort_unstable();
             touched.dedup();
         }
-        let normals: Vec<_> = touched.iter().map(|&index| self.normal_at(index)).collect();
+        let mut offsets = Vec::new();
+        let normals: Vec<_> = touched.iter().map(|&index| self.normal_at(index, &mut offsets)).collect();
         for (index, normal) in touched.into_iter().zip(normals) {
             self.points[index as usize].normal = normal;
         }
@@ -214,15 +220,13 @@ impl ReferenceCloud {
         best.map(|(_, index)| index)
     }
 
-    /// The points around one that were seen from the same side.
-    fn neighbours(&self, point: &ReferencePoint, radius_m: f64) -> Vec<u32> {
-        let mut found = Vec::new();
-        self.for_each_near(point.position, radius_m, |&Entry { index, .. }, _| {
-            if self.points[index as usize].to_viewer.dot(&point.to_viewer) > 0.0 {
-                found.push(index);
+    /// Visits the points around one that were seen from the same side.
+    fn for_each_beside(&self, point: &ReferencePoint, radius_m: f64, mut visit: impl FnMut(&Entry)) {
+        self.for_each_near(point.position, radius_m, |entry, _| {
+            if entry.to_viewer.dot(&point.to_viewer) > 0.0 {
+                visit(entry);
             }
         });
-        found
     }
 
     fn for_each_near(&self, point: Point2, radius_m: f64, mut visit: impl FnMut(&Entry, f64)) {
@@ -242,18 +246,18 @@ impl ReferenceCloud {
     }
 
     /// The direction of least spread of the neighbourhood, if the neighbourhood is a line.
-    fn normal_at(&self, index: u32) -> Option<Vector2<f64>> {
+    /// `offsets` is room for the neighbours.
+    fn normal_at(&self, index: u32, offsets: &mut Vec<Vector2<f64>>) -> Option<Vector2<f64>> {
         let point = &self.points[index as usize];
-        let centre = point.position;
         for radius in NORMAL_RADII_M {
-            let neighbours = self.neighbours(point, radius);
-            if neighbours.len() < 3 {
+            offsets.clear();
+            self.for_each_beside(point, radius, |entry| offsets.push(entry.position - point.position));
+            if offsets.len() < 3 {
                 continue;
             }
-            let count = neighbours.len() as f64;
-            let offset = |&index: &u32| self.points[index as usize].position - centre;
-            let mean = neighbours.iter().map(offset).sum::<Vector2<f64>>() / count;
-            let spread = neighbours.iter().map(offset).map(|d| (d - mean) * (d - mean).transpose());
+            let count = offsets.len() as f64;
+            let mean = offsets.iter().sum::<Vector2<f64>>() / count;
+            let spread = offsets.iter().map(|d| (d - mean) * (d - mean).transpose());
             let covariance: Matrix2<f64> = spread.sum::<Matrix2<f64>>() / count;
             // Closed form of the 2 × 2 symmetric eigenproblem.
             let (a, b, c) = (covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]);
