@@ -251,7 +251,11 @@ impl GoalDesk for Dispatcher {
             1 => status.to_go_m.is_some_and(|metres| metres < 3.0),
             2 => goals.cancel(Some("a")).is_ok_and(|status| status.state == GoalState::Cancelled),
             3 => self.frames > 20,
-            4 => send("b", GOAL, false) && send("c", (9.0, 0.0), false) && send("d", (9.0, -0.3), true),
+            // What is not on the map is refused; to its nearest point it may be sent.
+            4 => {
+                let are_taken = send("b", GOAL, false) && send("c", (1.0, 0.0), false);
+                are_taken && !send("off", (9.0, 0.0), false) && send("d", (9.0, -0.3), true)
+            }
             5 => status.id.as_deref() == Some("d") && status.state.is_final(),
             _ => false,
         };
