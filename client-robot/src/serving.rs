@@ -6,11 +6,10 @@ use crate::mission::{
     Director, MapSource, MissionConfig, MissionError, MissionGoal, MissionObserver, Services, direct, place_of,
 };
 use crate::pilot::{DriveGoal, Failure, Pilot, PilotStep, Task, TaskOutcome};
-use fht_map::plan::node_route::check_on_map;
+use fht_map::plan::node_route::check_goal;
 use fht_map::{NodeRouteConfig, PlanError};
-use fht_perception::pose::{Point2, pose};
+use fht_perception::pose::{Point2, fixed_point, pose};
 use fht_perception::robot::{Robot, Supervised};
-use fht_proto::FixedPoint;
 use fht_proto::api::goal::GoalOrder;
 use fht_proto::api::reply::{ErrorReply, PlaceRef};
 use std::ops::ControlFlow;
@@ -106,10 +105,9 @@ pub fn locate(order: &GoalOrder, map: &dyn MapSource) -> Result<DriveGoal, Error
     };
     let goal = DriveGoal { to_nearest: order.to_nearest, ..place_of(&goal, map)? };
     if !goal.to_nearest {
-        let at = FixedPoint::from_metres(goal.position.x, goal.position.y);
         let mut checked = Ok(());
-        map.view(&mut |map| checked = check_on_map(map, at, true, &NodeRouteConfig::default()));
-        checked.map_err(|far| ErrorReply::new(PlanError::Route(far).code(), &far.to_string()))?;
+        map.view(&mut |map| checked = check_goal(map, fixed_point(goal.position), &NodeRouteConfig::default()));
+        checked.map_err(PlanError::Route)?;
     }
     Ok(goal)
 }

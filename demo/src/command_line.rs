@@ -56,7 +56,7 @@ pub struct HandoffArgs {
     #[arg(long)]
     pub keep: bool,
     /// Where the picture of the map goes, a PNG file [default: handoff-WORLD-SEED.png].
-    #[arg(long, value_name = "FILE", value_parser = fht_picture::png_file)]
+    #[arg(long, value_name = "FILE", value_parser = fht_program::flags::png_file)]
     pub picture: Option<PathBuf>,
     /// Write the figures to this file as JSON.
     #[arg(long, alias = "json", value_name = "FILE", value_parser = fht_program::flags::output_file)]

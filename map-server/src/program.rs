@@ -157,7 +157,9 @@ impl Cli {
         if listen.is_empty() && connect.is_empty() && zenoh_config.is_none() {
             listen.push(DEFAULT_LISTEN.to_owned());
         }
-        ServerEndpoints { listen, connect, zenoh_config, patience: None }
+        // A server waits for its routers for ever, unless it is told otherwise.
+        let patience = Waiting::new("map-server", self.operator.wait(), None).for_session();
+        ServerEndpoints { listen, connect, zenoh_config, patience }
     }
 }
 
@@ -306,15 +308,13 @@ where
         Ok(file) => file,
         Err(code) => return code,
     };
-    let (mut config, reload) = match cli.server(file.server) {
+    let (config, reload) = match cli.server(file.server) {
         Ok(server) => server,
         Err(error) => return ProgramFailure::of_input(error).tell("map-server"),
     };
     if let Err(error) = cli.check(&config) {
         return refuse(&error);
     }
-    // A server waits for its routers for ever, unless it is told otherwise.
-    config.link.patience = Waiting::new("map-server", cli.operator.wait(), None).for_session();
     let link = ConnectArgs { connect: cli.link.connect, zenoh_config: cli.link.zenoh_config, wait: None };
     let link = link.over(&file.connect);
     let outcome = match cli.command {

@@ -20,8 +20,7 @@ pub(crate) fn plan_inside(
     (from, to, ends): (Point2, Point2, PathEnds),
 ) -> Result<PlannedPath, ErrorReply> {
     let config = NodeRouteConfig { ends, ..NodeRouteConfig::default() };
-    let found = rules.plan(map, space, fixed_point(from), fixed_point(to), &config);
-    let found = found.map_err(|error| ErrorReply::new(error.code(), &error.to_string()))?;
+    let found = rules.plan(map, space, fixed_point(from), fixed_point(to), &config)?;
     let points = found
         .waypoints
         .iter()

@@ -36,22 +36,6 @@ pub fn default_file(kind: &str, source: &str, seed: Option<u64>) -> PathBuf {
     format!("{kind}-{stem}{seed}.png").into()
 }
 
-/// Reads the name of a picture to write, from a command line: it ends in `.png` and its folder is
-/// there.
-///
-/// # Errors
-/// A sentence that says what is wrong.
-pub fn png_file(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    if !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
-        return Err(format!("a picture's name ends in .png; '{text}' does not"));
-    }
-    match path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        Some(folder) if !folder.is_dir() => Err(format!("there is no folder {}", folder.display())),
-        _ => Ok(path),
-    }
-}
-
 /// Writes a picture.
 pub(crate) fn write(pixmap: &Pixmap, path: &Path) -> Result<(), PictureError> {
     let failed = |reason: String| PictureError::Write { path: path.to_owned(), reason };
@@ -73,14 +57,5 @@ mod tests {
         ] {
             assert_eq!(default_file(kind, source, seed), Path::new(expected));
         }
-    }
-
-    #[test]
-    fn what_is_no_picture_is_not_overwritten() {
-        let folder = tempfile::tempdir().unwrap();
-        let at = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
-        assert!(png_file("map.png").is_ok() && png_file(&at("Map.PNG")).is_ok());
-        assert!(png_file("run.mcap").is_err_and(|said| said.contains("ends in .png")));
-        assert!(png_file(&at("gone/map.png")).is_err_and(|said| said.contains("no folder") && said.contains("gone")));
     }
 }

@@ -6,7 +6,7 @@
 //! | `map` | an FHT-Map on its floor, like the paper's figure 1: [`MapPicture`] |
 //! | `plot` | drawing in metres, without seams between what abuts: [`Plot`] |
 //! | `sheet` | what stands around a plot: [`Sheet`] |
-//! | `file` | where pictures go: [`default_file`], [`png_file`] |
+//! | `file` | where pictures go: [`default_file`] |
 //! | `letters` | text in a bitmap font |
 //! | `round` | lengths that people like: 1, 2, 5, 10, … |
 //!
@@ -37,7 +37,7 @@ mod plot;
 mod round;
 mod sheet;
 
-pub use file::{PictureError, default_file, png_file};
+pub use file::{PictureError, default_file};
 pub use map::{Floor, MapPicture, Mark};
 pub use plot::{Extent, PictureConfig, Plot, Rgb};
 pub use sheet::{LegendEntry, Sheet, Swatch};

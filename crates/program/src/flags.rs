@@ -7,7 +7,7 @@ use fht_session::SessionConfig;
 use serde::Serialize;
 use std::ffi::OsString;
 use std::ops::RangeInclusive;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Parses the arguments, the program's name first. Help and version go to standard output with exit
@@ -203,6 +203,15 @@ pub fn output_file(text: &str) -> Result<PathBuf, String> {
     }
 }
 
+/// The same for a picture: its name ends in `.png`, so that nothing else is overwritten.
+///
+/// # Errors
+/// A sentence that names what is wrong.
+pub fn png_file(text: &str) -> Result<PathBuf, String> {
+    let is_png = Path::new(text).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
+    if is_png { output_file(text) } else { Err(format!("a picture's name ends in .png; '{text}' does not")) }
+}
+
 /// `text` as a number within `range`.
 ///
 /// # Errors
@@ -273,6 +282,16 @@ mod tests {
         assert_eq!((said("report.json"), output_file("report.json").err()), (None, None));
         assert_eq!(said("").as_deref(), Some("it is a folder"));
         assert!(said("missing/report.json").is_some_and(|said| said.starts_with("there is no folder")));
+        Ok(())
+    }
+
+    #[test]
+    fn what_is_no_picture_is_not_overwritten() -> std::io::Result<()> {
+        let folder = tempfile::tempdir()?;
+        let at = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+        assert!(png_file("map.png").is_ok() && png_file(&at("Map.PNG")).is_ok());
+        assert!(png_file("run.mcap").is_err_and(|said| said.contains("ends in .png")));
+        assert!(png_file(&at("gone/map.png")).is_err_and(|said| said.contains("no folder") && said.contains("gone")));
         Ok(())
     }
 

@@ -10,7 +10,7 @@ use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer};
 
 /// What a robot logs: errors, why it waits for a server, and that its map ends.
-pub const ROBOT: &str = "error,fht_session=warn,fht_client::deletion=warn";
+pub const ROBOT: &str = "error,fht_session=warn,fht_client::notice=warn";
 
 /// What `RUST_LOG` says, else `default`.
 fn filter(default: &str) -> EnvFilter {

@@ -163,17 +163,14 @@ pub async fn open(link: &ServerEndpoints) -> Result<Session, ServerSessionError>
         return Err(ServerSessionError::NoEndpoint);
     }
     let is_client = config.get_json("mode").is_ok_and(|mode| mode == "\"client\"");
-    fht_session::open_configured(config, link.patience).await.map_err(|error| {
-        let ConnectError::Refused { reason, .. } = &error else { return ServerSessionError::Link(error) };
-        let (listen, reason) = (link.listen.clone(), reason.clone());
+    let listen = || link.listen.clone();
+    fht_session::open_configured(config, link.patience).await.map_err(|error| match error {
         // Zenoh's errors are texts.
-        if reason.contains("Address already in use") {
-            ServerSessionError::InUse { listen }
-        } else if is_client {
-            ServerSessionError::Link(error)
-        } else {
-            ServerSessionError::Open { listen, reason }
+        ConnectError::Refused { reason, .. } if reason.contains("Address already in use") => {
+            ServerSessionError::InUse { listen: listen() }
         }
+        ConnectError::Refused { reason, .. } if !is_client => ServerSessionError::Open { listen: listen(), reason },
+        error => ServerSessionError::Link(error),
     })
 }
 

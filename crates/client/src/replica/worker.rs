@@ -75,7 +75,7 @@ pub(super) struct Worker {
 fn warn(notice: Option<String>) {
     if let Some(notice) = notice {
         // Robots show it, unlike most of what a copy has to say.
-        tracing::warn!(target: "fht_client::deletion", "{notice}");
+        tracing::warn!(target: "fht_client::notice", "{notice}");
     }
 }
 

@@ -284,18 +284,13 @@ fn accesses<G: RouteGraph>(
     Ok(all.into_iter().filter(|(_, access)| !is_inside || access.entry.is_none()).collect())
 }
 
-/// Whether a path could begin or, as a goal, end at a place: that it is on the map, or near it.
-/// Whether anything leads there, only planning tells.
+/// Whether a path could end at a place: that it is on the map, or near it. Whether anything leads
+/// there, only planning tells.
 ///
 /// # Errors
 /// [`RouteError::OutOfMap`].
-pub fn check_on_map(
-    graph: impl RouteGraph,
-    point: FixedPoint,
-    is_goal: bool,
-    config: &NodeRouteConfig,
-) -> Result<(), RouteError> {
-    accesses(&graph, point, is_goal, config).map(drop)
+pub fn check_goal(graph: impl RouteGraph, goal: FixedPoint, config: &NodeRouteConfig) -> Result<(), RouteError> {
+    accesses(&graph, goal, true, config).map(drop)
 }
 
 /// Whether one rectangle contains both places: rectangles are convex, so the way is straight.

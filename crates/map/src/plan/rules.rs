@@ -6,7 +6,7 @@ use crate::navmesh::free_space::{FreeSpace, SpaceConfig};
 use crate::plan::blocked::BlockedBy;
 use crate::plan::node_route::{NodeRoute, NodeRouteConfig, PathEnds, RouteError, RouteGraph};
 use crate::plan::shortest_path;
-use fht_proto::api::reply::{ErrorCode, Obeyed, SpeedLimit};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, Obeyed, SpeedLimit};
 use fht_proto::{EdgeKey, FixedPoint, Footprint, Label, Zone, ZoneRule};
 use std::collections::BTreeSet;
 
@@ -58,6 +58,12 @@ impl PlanError {
             },
             Self::GoalKeptOut { .. } => ErrorCode::KeepOut,
         }
+    }
+}
+
+impl From<PlanError> for ErrorReply {
+    fn from(error: PlanError) -> Self {
+        Self::new(error.code(), &error.to_string())
     }
 }
 

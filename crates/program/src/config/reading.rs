@@ -118,10 +118,10 @@ impl Reader<'_> {
     /// The known key that is most like the last of `path`: in its section, else anywhere.
     fn nearest(&self, section: KeySchema<'_>, path: &[String]) -> String {
         let Some((name, tables)) = path.split_last() else { return String::new() };
-        // `seed` is more like `light_seed` than like `see_m`.
-        let likeness = |other: &str| match other.split('_').any(|word| word == name) {
-            true => strsim::normalized_damerau_levenshtein(name, other).max(ALIKE_BY_WORD),
-            false => strsim::normalized_damerau_levenshtein(name, other),
+        let likeness = |other: &str| {
+            let alike = strsim::normalized_damerau_levenshtein(name, other);
+            // `seed` is more like `light_seed` than like `see_m`.
+            if other.split('_').any(|word| word == name) { alike.max(ALIKE_BY_WORD) } else { alike }
         };
         let most_alike = |one: &(f64, String), other: &(f64, String)| {
             // Of keys equally alike the one with the shortest path.

@@ -101,7 +101,7 @@ impl Operation {
             Self::Send { map, robot, to, id, to_nearest, wait_arrived } => {
                 let id = id.map_or_else(send::new_id, |id| id.as_str().to_owned());
                 let selector = send::selector((&map, robot.as_str()), &id, &to, to_nearest)?;
-                let sent = send::send(session, &map, &selector).await.map_err(OperatorError::with_flags)?;
+                let sent = send::send(session, &map, &selector).await?;
                 let status = if wait_arrived { send::arrived(session, &map, sent).await? } else { sent };
                 show(&status, json, send::in_words)
             }

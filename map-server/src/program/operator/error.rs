@@ -128,17 +128,6 @@ impl OperatorError {
         }
     }
 
-    /// What robots and planners say to who asks by parameters, for who has flags.
-    pub(super) fn with_flags(self) -> Self {
-        match self {
-            Self::Refused(reply) => {
-                let message = fht_program::flags::with_flags(&reply.message);
-                Self::Refused(ErrorReply { message, ..reply })
-            }
-            other => other,
-        }
-    }
-
     pub(super) fn json(error: &serde_json::Error) -> Self {
         Self::Answer(error.to_string())
     }

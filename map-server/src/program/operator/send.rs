@@ -4,6 +4,7 @@ use crate::program::operator::asking::head;
 use crate::program::operator::error::OperatorError;
 use crate::program::operator::rule::parse_pose;
 use fht_client::{AskError, ask_json_async};
+use fht_program::flags::with_flags;
 use fht_proto::MapName;
 use fht_proto::api::goal::{GoalState, GoalStatus};
 use fht_proto::api::keys::{GoalTopic, Key, RobotTopic};
@@ -59,6 +60,7 @@ async fn ask(session: &Session, selector: &str) -> Result<GoalStatus, OperatorEr
         AskError::Silent => {
             OperatorError::RobotSilent { robot: selector.split('/').nth(3).unwrap_or_default().to_owned() }
         }
+        AskError::Refused(reply) => OperatorError::Refused(ErrorReply { message: with_flags(&reply.message), ..reply }),
         error => error.into(),
     })
 }
@@ -89,7 +91,7 @@ pub(super) async fn arrived(session: &Session, map: &MapName, sent: GoalStatus) 
     if status.state == GoalState::Arrived {
         return Ok(status);
     }
-    let why = status.reason.map(|reason| format!(": {reason}")).unwrap_or_default();
+    let why = status.reason.map(|reason| format!(": {}", with_flags(&reason))).unwrap_or_default();
     Err(OperatorError::NotArrived { robot: status.robot, id, state: status.state, why })
 }
 
@@ -110,7 +112,7 @@ pub(super) async fn cancel(
 pub(super) fn in_words(status: &GoalStatus) -> String {
     let id = status.id.as_deref().map(|id| format!(" goal {id}")).unwrap_or_default();
     let far = status.to_go_m.map(|metres| format!(", {metres:.1} m to go")).unwrap_or_default();
-    let why = status.reason.as_deref().map(|reason| format!(": {reason}")).unwrap_or_default();
+    let why = status.reason.as_deref().map(|reason| format!(": {}", with_flags(reason))).unwrap_or_default();
     let next = status.waiting.as_deref().map(|next| format!("; goal {next} is next")).unwrap_or_default();
     format!("{}:{id} {}{far}{why}{next}", status.robot, status.state)
 }

@@ -8,7 +8,8 @@ use std::fmt;
 pub enum InverseError {
     /// The author has written less than that.
     #[error(
-        "{author} has written {written} increment{} of this map, and {count} cannot be taken back", plural(*written)
+        "{author} has written {written} increment{} of this map, and {count} cannot be taken back",
+        if *written == 1 { "" } else { "s" }
     )]
     TooFew {
         /// The author.
@@ -64,10 +65,6 @@ pub enum InverseError {
         /// Number of the last.
         last: u64,
     },
-}
-
-fn plural(count: u64) -> &'static str {
-    if count == 1 { "" } else { "s" }
 }
 
 impl InverseError {

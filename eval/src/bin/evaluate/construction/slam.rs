@@ -23,7 +23,7 @@ pub struct SlamArgs {
     /// The relations; without them there is a picture only.
     relations: Option<PathBuf>,
     /// Where the picture goes: the scans and the trajectory [default: slam-LOG.png].
-    #[arg(long, value_name = "FILE", value_parser = fht_picture::png_file)]
+    #[arg(long, value_name = "FILE", value_parser = fht_program::flags::png_file)]
     picture: Option<PathBuf>,
     /// Scans (sensor_msgs/LaserScan); by default /scan, or the only such topic.
     #[arg(long)]
