@@ -86,6 +86,11 @@ command -v openssl >/dev/null 2>&1 || fail "openssl is not installed"
 
 role=$1
 shift
+for argument in "$@"; do
+    case $argument in
+        -*) fail "$argument comes too late: options stand before $role" ;;
+    esac
+done
 # Keys and whatever else is made here belong to who made them.
 umask 077
 mkdir -p "$out"

@@ -24,11 +24,18 @@ class Map:
         self.session, self.name, self.vector, self.fields = session, name, {}, {}
 
     def ask(self, question):
-        for reply in self.session.get(f"fht/{self.name}/{question}", timeout=10.0):
-            if reply.ok is None:
-                raise RuntimeError(reply.err.payload.to_string())
-            return json.loads(reply.ok.payload.to_string())
-        raise RuntimeError("no map-server answered")
+        refusal = "no map-server answered"
+        for _ in range(3):  # a busy network loses a message now and then
+            # Replies as they come: Zenoh else holds them until the end of the query is here.
+            replies = self.session.get(f"fht/{self.name}/{question}", timeout=5.0,
+                                       consolidation=zenoh.ConsolidationMode.NONE)
+            for reply in replies:
+                if reply.ok is not None:
+                    return json.loads(reply.ok.payload.to_string())
+                refusal = reply.err.payload.to_string()
+            if refusal.startswith("{"):
+                break  # the server's own word
+        raise RuntimeError(refusal)
 
     def catch_up(self):
         while True:

@@ -220,6 +220,24 @@ fn elements_are_limited_whatever_they_weigh_on_the_wire() {
 }
 
 #[test]
+fn what_waits_for_a_gap_to_close_has_no_room_of_its_own() {
+    let limits = Limits { max_map_elements: 1000, ..Limits::default() };
+    let dir = tempfile::tempdir().unwrap();
+    let mut bench = Bench::open(dir.path(), limits);
+    let to_of_400 = |number: u64| arrival_of(&crowd(ANA, number, number as u32 * 400, 400));
+    // Before the map begins, and when it has begun: each alone has room, all together have not.
+    bench.take_arrivals(vec![to_of_400(2), to_of_400(3), to_of_400(1)]);
+    assert!(bench.catalog.view(&museum()).is_none(), "1200 do not fit into 1000");
+    bench.take_arrivals(vec![arrival_of(&crowd(ANA, 1, 0, 100))]);
+    assert!(bench.catalog.view(&museum()).is_none(), "nor do 900 and what waits behind them");
+    bench.take_arrivals(vec![arrival_of(&crowd(BEN, 1, 0, 100)), to_of_400(3), to_of_400(2)]);
+    bench.take_arrivals(vec![arrival_of(&crowd(ANA, 1, 0, 200))]);
+    assert_eq!(bench.head().version, 1, "100 of ben, 200 of ana and 800 that wait");
+    bench.take_arrivals(vec![arrival_of(&crowd(ANA, 1, 0, 50))]);
+    assert_eq!(bench.head().version, 4, "100, 50 and 800 fit");
+}
+
+#[test]
 fn what_waits_is_charged_as_it_is_in_memory() {
     let dir = tempfile::tempdir().unwrap();
     let mut limits = Limits::default();

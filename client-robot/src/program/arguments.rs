@@ -1,7 +1,7 @@
 //! The command line.
 
 use clap::{Args, Parser, Subcommand};
-use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, ReportArgs, number, seconds};
+use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, ReportArgs, number, output_file, seconds};
 use fht_proto::{Footprint, MapName, RobotName};
 use fht_sim::SimSetup;
 use std::path::PathBuf;
@@ -156,7 +156,7 @@ pub(super) struct RobotArgs {
     pub(super) max_sim: Option<f64>,
     /// Write the run, with the map that the robot uses, as a bag for ROS 2 and Foxglove: a file
     /// (FILE.mcap) or a rosbag2 folder.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = output_file)]
     pub(super) record: Option<PathBuf>,
     #[command(flatten)]
     pub(super) report: ReportArgs,

@@ -13,8 +13,8 @@ pub enum MergeRefusal {
     },
     /// One is a copy of the other, or goes on from it.
     #[error(
-        "the maps share {shared} main nodes: they are one map, or one goes on from the other; what one has and the other lacks is \
-         brought over by export and import"
+        "the maps share {shared} main nodes: they are one map, or robots of one name wrote both. What one map has and the other lacks \
+         of the same run is brought over by export and import; a run that is replayed to be merged needs a --robot of its own"
     )]
     SameMap {
         /// Main nodes that are in both.

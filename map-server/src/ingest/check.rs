@@ -90,7 +90,9 @@ pub enum Refusal {
         ahead_s: u64,
     },
     /// Another increment of this author and number is stored.
-    #[error("another increment with this author and number came before it")]
+    #[error(
+        "another increment with this author and number came before it: the same name has written both maps, or ran twice"
+    )]
     Conflict,
     /// A compacted series would come before increments that the map has, or leaves a gap.
     #[error("folded increments go only into a new map: give another name")]

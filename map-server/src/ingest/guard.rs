@@ -105,10 +105,11 @@ impl Ingest {
     pub(super) fn admit(&mut self, checked: Checked, now_us: u64) -> Result<Option<Checked>, Refusal> {
         // A clock that is set back must not stop a writer for as long.
         let passed_us = self.passed.at(now_us);
+        let (coming_bytes, coming_elements) = self.coming(&checked);
         let Some(admission) = self.admission.as_mut().filter(|_| checked.origin == IncrementOrigin::Writer) else {
             return Ok(Some(checked));
         };
-        let Checked { map, increment, bytes, .. } = &checked;
+        let Checked { map, increment, .. } = &checked;
         let Increment { author, number, ops, .. } = increment;
         admission.writers.now().check(increment)?;
         // Increments have at least one operation, and so their author has a role.
@@ -120,7 +121,7 @@ impl Ingest {
         }
         let reserve = admission.quotas.operators_reserve_share;
         let room = Room { maps: &self.maps, map, limits: &self.limits };
-        room.check(&writer, reserve, bytes.len() as u64, ops.len())?;
+        room.check(&writer, reserve, coming_bytes, coming_elements)?;
         let taken: BTreeSet<NodeId> = ops.iter().filter_map(|op| takes_from_others(*author, op)).collect();
         if taken.is_empty() || writer.role == WriterRole::Operator {
             return Ok(Some(checked));

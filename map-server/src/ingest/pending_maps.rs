@@ -46,6 +46,12 @@ impl PendingMaps {
         offered
     }
 
+    /// What waits for a map.
+    #[must_use]
+    pub fn of_map(&self, map: &MapName) -> Option<&ReorderBuffer<Checked>> {
+        self.maps.get(map)
+    }
+
     /// Takes out what has waited for a map, which now begins.
     pub fn take_map(&mut self, map: &MapName) -> ReorderBuffer<Checked> {
         match self.maps.remove(map) {

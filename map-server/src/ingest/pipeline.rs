@@ -13,9 +13,9 @@ use crate::ingest::refusals::{RefusalNotice, RefusalThrottle};
 use crate::ingest::retention::{Retained, retain};
 use crate::store::{IncrementLog, IncrementOrigin, StoreError, Stored};
 use crate::throttle::Throttle;
-use fht_map::crdt::reorder_buffer::Offered;
+use fht_map::crdt::reorder_buffer::{Offered, ReorderBuffer};
 use fht_proto::api::keys::Key;
-use fht_proto::{AuthorId, MapName, VersionVector};
+use fht_proto::{AuthorId, Increment, MapName, VersionVector};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -187,6 +187,22 @@ impl Ingest {
         Ok(())
     }
 
+    /// Bytes and elements that come with an increment: its own, and with one that closes a gap also
+    /// those of what has waited behind it. No operation makes more than one element.
+    pub(super) fn coming(&self, checked: &Checked) -> (u64, usize) {
+        let Increment { author, number, ops, .. } = &checked.increment;
+        let own = (checked.bytes.len() as u64, ops.len());
+        let known = self.maps.get(&checked.map).map(|intake| &intake.sequence);
+        let known = known.or_else(|| self.pending.of_map(&checked.map));
+        let is_next = |buffer: &&ReorderBuffer<Checked>| number.checked_sub(1) == Some(buffer.vector().get(*author));
+        let waiting = known.filter(is_next).into_iter().flat_map(|buffer| buffer.waiting_of(*author));
+        // One that waits under its own number gives way to it.
+        let behind = waiting.filter(|waiting| waiting.increment.number > *number);
+        behind.fold(own, |(bytes, elements), waiting| {
+            (bytes + waiting.bytes.len() as u64, elements + waiting.increment.ops.len())
+        })
+    }
+
     pub(super) fn check_and_sort(
         &mut self,
         arrival: Arrival,
@@ -226,13 +242,12 @@ impl Ingest {
             batch.outcome.announce.insert(map);
             return Ok(if same { Ok(()) } else { Err(Refusal::Conflict) });
         }
-        // No operation makes more than one element. A server has already accepted what storages
-        // hold, so all servers must.
-        let elements = checked.increment.ops.len();
-        if checked.origin == IncrementOrigin::Writer
-            && let Err(refusal) = self.check_room(&map, author, checked.bytes.len() as u64, elements)
-        {
-            return Ok(Err(refusal));
+        // A server has already accepted what storages hold, so all servers must.
+        if checked.origin == IncrementOrigin::Writer {
+            let (bytes, elements) = self.coming(&checked);
+            if let Err(refusal) = self.check_room(&map, author, bytes, elements) {
+                return Ok(Err(refusal));
+            }
         }
         match self.offer(checked, batch) {
             Placed::Conflict => return Ok(Err(Refusal::Conflict)),

@@ -51,8 +51,8 @@ fn put_only(expression: &str) -> Addressed {
         "kept" => Addressed::Storages,
         "robots" if is_of_goals(expression) && expression.contains('*') => Addressed::Robots,
         "robots" if is_of_goals(expression) => Addressed::NotAsked(format!(
-            "{key} is answered by the robot itself, and this one takes no goals: does client-robot serve run? \
-             {PREFIX}/{map}/{fleet} answers which robots there are"
+            "{key} is answered by the robot itself, and none of this name takes goals on this map: does client-robot \
+             serve run? {PREFIX}/{map}/{fleet} answers which robots there are"
         )),
         "robots" => Addressed::NotAsked(format!(
             "{key} is put by robots: subscribe to it; {PREFIX}/{map}/{fleet} answers which robots there are"

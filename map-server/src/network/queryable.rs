@@ -145,7 +145,9 @@ impl QueryService {
         let head = catalog.count_cleared(map).ok_or_else(|| unknown_map(map, catalog))?;
         let cleared = active_rules.clear_reports(map, robot.as_deref(), ignore_s, passed_us());
         let of = robot.as_deref().unwrap_or("all robots");
-        tracing::warn!(%map, cleared, ignore_s, "an operator has cleared what {of} reported blocked");
+        if cleared > 0 || ignore_s > 0.0 {
+            tracing::warn!(%map, cleared, ignore_s, "an operator has cleared what {of} reported blocked");
+        }
         publish_head(&self.session, &head);
         self.blocked(map)
     }

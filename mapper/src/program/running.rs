@@ -8,7 +8,7 @@ use clap::Args;
 use fht_descriptor::Fetching;
 use fht_picture::default_file;
 use fht_program::Waiting;
-use fht_program::flags::{ConnectArgs, ReportArgs, number, png_file, seconds};
+use fht_program::flags::{ConnectArgs, ReportArgs, number, output_file, png_file, seconds};
 use fht_proto::{MapName, RobotName};
 use fht_session::check_owner;
 use std::path::{Path, PathBuf};
@@ -44,7 +44,7 @@ pub(super) struct RunArgs {
     linger: Option<f64>,
     /// Write the run, with its map, as a bag for ROS 2 and Foxglove: a file (FILE.mcap) or a
     /// rosbag2 folder.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = output_file)]
     pub(super) record: Option<PathBuf>,
     /// Draw the map as it is at the end, as a PNG file; without a name it goes to
     /// explore-WORLD-SEED.png or replay-LOG.png here.

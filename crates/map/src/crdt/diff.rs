@@ -24,9 +24,17 @@ pub struct Diff {
     pub closed_edges: Vec<EdgeKey>,
     /// Edges that are open again.
     pub opened_edges: Vec<EdgeKey>,
-    /// Annotations that are new, gone or other: `place dock`, `zone lab`, `release
-    /// 2026-11-21.1@1a2b3c4d`, `enabled release`.
-    pub annotations: Vec<String>,
+    /// Annotations that are new, gone or other.
+    pub annotations: Vec<AnnotationChange>,
+}
+
+/// An annotation that one of two states has, or both have in different ways.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AnnotationChange {
+    /// Which: `place dock`, `zone lab`, `release 2026-11-21.1@1a2b3c4d`, `enabled release`.
+    pub what: String,
+    /// What has become of it: `added`, `removed` or `changed`.
+    pub became: &'static str,
 }
 
 /// Two ascending sequences joined by key: what one has, what the other has, or what both have.
@@ -90,11 +98,16 @@ pub fn diff(from: &MapState, to: &MapState) -> Diff {
     diff
 }
 
-fn annotations(from: &Annotations, to: &Annotations) -> Vec<String> {
+fn annotations(from: &Annotations, to: &Annotations) -> Vec<AnnotationChange> {
     let mut changed = Vec::new();
-    let mut note = |is_other: bool, what: String| {
+    let mut note = |is_other: bool, [was, is]: [bool; 2], what: String| {
         if is_other {
-            changed.push(what);
+            let became = match (was, is) {
+                (false, true) => "added",
+                (true, false) => "removed",
+                _ => "changed",
+            };
+            changed.push(AnnotationChange { what, became });
         }
     };
     joined(
@@ -104,7 +117,7 @@ fn annotations(from: &Annotations, to: &Annotations) -> Vec<String> {
         |it| it.0,
         |old, new| {
             let name = new.or(old).map(|it| it.0.to_string()).unwrap_or_default();
-            note(old != new, format!("place {name}"));
+            note(old != new, [old.is_some(), new.is_some()], format!("place {name}"));
         },
     );
     joined(
@@ -114,7 +127,7 @@ fn annotations(from: &Annotations, to: &Annotations) -> Vec<String> {
         |it| it.0,
         |old, new| {
             let name = new.or(old).map(|it| it.0.to_string()).unwrap_or_default();
-            note(old != new, format!("zone {name}"));
+            note(old != new, [old.is_some(), new.is_some()], format!("zone {name}"));
         },
     );
     joined(
@@ -123,13 +136,13 @@ fn annotations(from: &Annotations, to: &Annotations) -> Vec<String> {
         |it| it.id,
         |it| it.id,
         |old, new| {
-            let is_other = old != new;
+            let (is_other, there) = (old != new, [old.is_some(), new.is_some()]);
             let id = new.or(old).map(|it| it.id.to_string()).unwrap_or_default();
-            note(is_other, format!("release {id}"));
+            note(is_other, there, format!("release {id}"));
         },
     );
     let enabled = |of: &Annotations| of.enabled().map(|release| release.id.clone());
-    note(enabled(from) != enabled(to), "enabled release".to_owned());
+    note(enabled(from) != enabled(to), [true, true], "enabled release".to_owned());
     changed
 }
 
@@ -140,8 +153,8 @@ impl Diff {
         *self == Self::default()
     }
 
-    /// In a sentence, such as `12 nodes added, 3 moved by up to 0.04 m, 5 edges removed; changed:
-    /// place dock`.
+    /// In a sentence, such as `12 nodes added, 3 moved by up to 0.04 m, 5 edges removed, place dock
+    /// changed`.
     #[must_use]
     pub fn in_words(&self) -> String {
         if self.is_empty() {
@@ -158,8 +171,8 @@ impl Diff {
             count(self.removed_edges.len(), "edge").map(|text| format!("{text} removed")),
             count(self.closed_edges.len(), "edge").map(|text| format!("{text} closed")),
             count(self.opened_edges.len(), "edge").map(|text| format!("{text} opened")),
-            (!self.annotations.is_empty()).then(|| format!("other: {}", self.annotations.join(", "))),
         ];
-        parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
+        let annotations = self.annotations.iter().map(|of| format!("{} {}", of.what, of.became));
+        parts.into_iter().flatten().chain(annotations).collect::<Vec<_>>().join(", ")
     }
 }

@@ -57,6 +57,9 @@ pub fn inverse(map: &Series, author: AuthorId, count: u64) -> Result<Inverse, In
     let folded = map.folds.iter().filter(|fold| fold.author == author).map(|fold| fold.last).max().unwrap_or(0);
     let own = || map.increments.iter().filter(|increment| increment.author == author);
     let last = own().map(|increment| increment.number).max().unwrap_or(0).max(folded);
+    if last == 0 {
+        return Err(InverseError::NoneSuch { author });
+    }
     if count == 0 || count > last {
         return Err(InverseError::TooFew { author, written: last, count });
     }

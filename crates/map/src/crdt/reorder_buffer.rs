@@ -78,6 +78,11 @@ impl<T: PartialEq> ReorderBuffer<T> {
         self.waiting.len()
     }
 
+    /// What waits of one author, in order.
+    pub fn waiting_of(&self, author: AuthorId) -> impl Iterator<Item = &T> {
+        self.waiting.range((author, 0)..=(author, u64::MAX)).map(|(_, waiting)| &waiting.item)
+    }
+
     /// Bytes that wait, as they were offered.
     #[must_use]
     pub fn waiting_bytes(&self) -> usize {

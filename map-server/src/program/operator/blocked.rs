@@ -74,6 +74,7 @@ impl BlockedAction {
     /// [`OperatorError`].
     pub(super) async fn carry_out(self, session: &Session) -> Result<Blocked, OperatorError> {
         let order = |map: &MapName, action| Key::Admin { map: map.clone(), action }.to_string();
+        let is_list = matches!(self, Self::List { .. });
         let rules: RulesReply = match &self {
             Self::List { map } => rule::list(session, map).await?,
             Self::Clear { map, robot, ignore } => {
@@ -86,7 +87,7 @@ impl BlockedAction {
                 ask_all_json(session, &format!("{key}?robot={robot};for_s={}", duration.as_secs_f64())).await?
             }
         };
-        Ok(Blocked { map: rules.map, blocked: rules.blocked, ignored: rules.ignored })
+        Ok(Blocked { map: rules.map, blocked: rules.blocked, ignored: rules.ignored, is_list })
     }
 }
 
@@ -96,6 +97,9 @@ pub(super) struct Blocked {
     map: MapName,
     blocked: Vec<BlockedView>,
     ignored: Vec<IgnoredView>,
+    /// Whether it was only asked for.
+    #[serde(skip)]
+    is_list: bool,
 }
 
 /// A time to the second, such as `8h` or `1m 30s`.
@@ -115,7 +119,8 @@ pub(super) fn in_words(blocked: &Blocked) -> String {
     };
     let mut lines: Vec<String> = blocked.blocked.iter().map(one).collect();
     if lines.is_empty() {
-        lines.push(format!("robots report nothing blocked on map {}", blocked.map));
+        let any_more = if blocked.is_list { "" } else { " any more" };
+        lines.push(format!("robots report nothing blocked on map {}{any_more}", blocked.map));
     }
     lines.extend(blocked.ignored.iter().map(ignored));
     lines.join("\n")

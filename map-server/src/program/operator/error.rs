@@ -122,8 +122,11 @@ impl OperatorError {
             Self::Refused(reply) => reply.code.is_input(),
             Self::Usage(_) | Self::File { .. } | Self::Archive { .. } | Self::Unsound(_) => true,
             Self::NotRenamed { reason, .. } => reason.is_input(),
-            // So many changes there are not.
-            Self::Undo { source, .. } => matches!(source, InverseError::TooFew { .. } | InverseError::NoneSuch { .. }),
+            // There are no such changes, or not so many.
+            Self::Undo { source, .. } => {
+                use InverseError::{NoneSuch, TooFew, Unchanged};
+                matches!(source, TooFew { .. } | NoneSuch { .. } | Unchanged { .. })
+            }
             _ => false,
         }
     }

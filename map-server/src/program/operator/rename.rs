@@ -38,6 +38,14 @@ pub(super) async fn rename(
     }
     let before = head(session, old).await?;
     let has_begun = before.deletion.as_ref().is_some_and(|deletion| deletion.moved_to.as_ref() == Some(&new));
+    let moved = before.deletion.as_ref().and_then(|deletion| deletion.moved_to.as_ref());
+    if let Some(elsewhere) = moved.filter(|elsewhere| **elsewhere != new) {
+        let text = format!(
+            "{old} has moved to {elsewhere} already, and robots follow it there: rename {elsewhere}, or keep {old} with \
+             `map-server undelete {old}` first"
+        );
+        return usage(text);
+    }
     let maps: MapsReply = ask_json(session, &Key::Maps.to_string()).await?;
     if !has_begun && maps.maps.iter().any(|head| head.map == new) {
         return usage(format!("there is a map {new} already: choose another name, or merge them"));

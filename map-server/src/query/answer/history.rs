@@ -202,6 +202,6 @@ pub(super) fn diff(view: &MapView, log: &dyn IncrementLog, from: &Moment, to: &M
         closed_edges: ends(&diff.closed_edges),
         opened_edges: ends(&diff.opened_edges),
         words: diff.in_words(),
-        annotations: diff.annotations,
+        annotations: diff.annotations.into_iter().map(|change| change.what).collect(),
     })
 }
