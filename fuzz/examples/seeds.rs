@@ -1,8 +1,8 @@
 //! Writes the first inputs of every target into `corpus/`: small messages of every sort, as robots
 //! and tools send them.
 
-use fht_bag::cdr;
-use fht_bag::msg::{HeaderMsg, Image, LaserScanMsg, OdometryMsg, Pose, TfMessage, Time, TransformStamped};
+use fht_ros_messages::cdr;
+use fht_ros_messages::msg::{HeaderMsg, Image, LaserScanMsg, OdometryMsg, Pose, TfMessage, Time, TransformStamped};
 use fht_proto::api::compact::{
     CompactNode, CompactNodes, CompactNodesPage, CompactPath, CompactPathWithGoal, CompactWaypoint,
 };

@@ -2,8 +2,9 @@
 //! Recorded runs. The input is a row of messages (topic, length in two bytes, bytes), each also
 //! read on its own; or an MCAP file, if it begins like one.
 
-use fht_bag::msg::{CompressedImage, Image, LaserScanMsg, OdometryMsg, TfMessage};
-use fht_bag::{FrameConfig, Frames, cdr};
+use fht_ros_messages::msg::{CompressedImage, Image, LaserScanMsg, OdometryMsg, TfMessage};
+use fht_bag::{FrameConfig, Frames};
+use fht_ros_messages::cdr;
 use libfuzzer_sys::fuzz_target;
 use mcap::records::MessageHeader;
 use mcap::{WriteOptions, Writer};

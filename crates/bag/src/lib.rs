@@ -3,7 +3,7 @@
 //! ```text
 //!  MCAP files ── read ──→ SensorFrame ──→ a mapper, as if the robot drove again
 //!      ↑          │
-//!      │       ros: messages, CDR, headings, scans, frames
+//!      │       fht_ros_messages, fht_ros_frames: messages, CDR, headings, scans, frames
 //!      │          │
 //!      └──────── write ←── SensorFrame ←── a robot that records its run
 //! ```
@@ -12,8 +12,6 @@
 //! | --- | --- |
 //! | `read` | from files to [`Frames`]: which topics hold what, odometry at each scan |
 //! | `write` | frames ([`FrameRecording`]) and maps to a bag ([`BagWriter`], [`Recorder`]) |
-//! | [`msg`] | the ROS 2 messages, field for field |
-//! | [`cdr`] | their serialization |
 //!
 //! A run that is recorded and read back gives the same frames, bit for bit, so it replays to the
 //! same map:
@@ -49,19 +47,15 @@
 //! ```
 
 mod read;
-mod ros;
 mod write;
 
+pub use fht_ros_frames::{OdometryLimits, ScanConfig};
 pub use read::files::BagOpenError;
 pub use read::frames::{BagError, FrameConfig, Frames};
-pub use read::odometry::OdometryLimits;
 pub use read::report::{BagReport, Dropped};
 pub use read::stream::{Broken, Messages};
 pub use read::survey::{BagInfo, BagTopic, survey};
 pub use read::topics::{TopicConfig, TopicError};
-pub use ros::plane::{header_message, pose_message};
-pub use ros::scan::ScanConfig;
-pub use ros::{cdr, msg};
 pub use write::map::{RecordedGrid, write_map};
 pub use write::metadata::Durability;
 pub use write::recorder::Recorder;

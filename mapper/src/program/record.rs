@@ -3,11 +3,12 @@
 use super::way::WayDriven;
 use crate::mapping::Mapper;
 use crate::run::{MappedFrame, MappingObserver};
-use fht_bag::msg::{PathMsg as PathMessage, PoseStamped};
 use fht_bag::{Durability, FrameRecording, Recorder, WriteError, WriteReport};
-use fht_bag::{RecordedGrid, header_message, pose_message, write_map};
+use fht_bag::{RecordedGrid, write_map};
 use fht_perception::frame::SensorFrame;
 use fht_perception::pose::Pose2;
+use fht_ros_frames::{header_message, pose_message};
+use fht_ros_messages::msg::{PathMsg as PathMessage, PoseStamped};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -1,20 +1,19 @@
 //! Sensor frames from a bag.
 
 use super::files::BagOpenError;
-use super::odometry::{Lookup, OdometryLimits, Refused, Track};
 use super::picture::Cameras;
 use super::report::{BagReport, Dropped};
 use super::stream::Messages;
 use super::survey::{BagInfo, survey};
 use super::topics::{Chosen, OdometrySource, TopicConfig, TopicError, choose};
-use crate::ros::cdr;
-use crate::ros::msg::{self, CompressedImage, RosMessage, Time};
-use crate::ros::scan::{ScanConfig, scan_of};
-use crate::ros::tf::{Mount, TransformTree, frame_name};
-use crate::ros::yaw::yaw_of;
 use fht_perception::frame::SensorFrame;
 use fht_perception::pose::{Pose2, pose};
 use fht_perception::robot::{RobotError, Sensors};
+use fht_ros_frames::{Mount, OdometryLimits, OdometryTrack, PoseLookup, PoseRefused, ScanConfig, TransformTree};
+use fht_ros_frames::{frame_name, scan_of, yaw_of};
+use fht_ros_messages::RosMessage;
+use fht_ros_messages::cdr;
+use fht_ros_messages::msg::{self, CompressedImage, Time};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::path::Path;
@@ -108,7 +107,7 @@ pub struct Frames {
     info: BagInfo,
     messages: Messages,
     tree: TransformTree,
-    track: Track,
+    track: OdometryTrack,
     cameras: Option<Cameras>,
     pending: VecDeque<Pending>,
     base_frame: Option<String>,
@@ -131,7 +130,7 @@ impl Frames {
         Ok(Self {
             messages: Messages::of_files(info.files.clone()),
             tree: TransformTree::default(),
-            track: Track::new(config.odometry.clone()),
+            track: OdometryTrack::new(config.odometry.clone()),
             cameras: chosen.cameras.is_some().then(|| Cameras::new(config.picture_tolerance_s)),
             pending: VecDeque::new(),
             base_frame: config.base_frame.clone(),
@@ -240,8 +239,8 @@ impl Frames {
         };
         match self.track.push(stamp_ns, odom_from_base) {
             Ok(()) => {}
-            Err(Refused::NotNewer) => self.report.drop_one(Dropped::OdometryNotNewer),
-            Err(Refused::Unusable) => self.report.drop_one(Dropped::OdometryUnusable),
+            Err(PoseRefused::NotNewer) => self.report.drop_one(Dropped::OdometryNotNewer),
+            Err(PoseRefused::Unusable) => self.report.drop_one(Dropped::OdometryUnusable),
         }
     }
 
@@ -267,10 +266,10 @@ impl Frames {
         let waited_s = self.log_ns.saturating_sub(scan.log_ns) as f64 * 1e-9;
         let may_wait = !self.is_at_end && waited_s <= self.config.patience_s && self.pending.len() < PENDING_LIMIT;
         let odom_from_base = match self.track.pose_at(scan.stamp_ns) {
-            Lookup::Known(pose) => pose,
-            Lookup::Later if may_wait => return Ok(Verdict::Wait),
-            Lookup::Later | Lookup::Before => return Ok(Verdict::Drop(Dropped::ScanOutsideOdometry)),
-            Lookup::Gap => return Ok(Verdict::Drop(Dropped::ScanOdometryGap)),
+            PoseLookup::Known(pose) => pose,
+            PoseLookup::Later if may_wait => return Ok(Verdict::Wait),
+            PoseLookup::Later | PoseLookup::Before => return Ok(Verdict::Drop(Dropped::ScanOutsideOdometry)),
+            PoseLookup::Gap => return Ok(Verdict::Drop(Dropped::ScanOdometryGap)),
         };
         let is_settled = self.cameras.as_ref().is_none_or(|cameras| cameras.is_settled(scan.stamp_ns));
         if may_wait && !is_settled {

@@ -1,9 +1,9 @@
 //! Pictures of a bag: four cameras make a panorama.
 
 use super::report::Dropped;
-use crate::ros::cdr;
-use crate::ros::msg::{CompressedImage, Image};
 use fht_perception::frame::Panorama;
+use fht_ros_messages::cdr;
+use fht_ros_messages::msg::{CompressedImage, Image};
 use image::{ImageReader, Limits, RgbImage};
 use std::collections::VecDeque;
 use std::io::Cursor;
@@ -123,7 +123,7 @@ fn pixels(message: &Image<'_>) -> Option<RgbImage> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ros::msg::HeaderMsg;
+    use fht_ros_messages::msg::HeaderMsg;
 
     fn image(encoding: &str, width: u32, step: u32, data: &[u8]) -> Vec<u8> {
         let height = data.len() as u32 / step.max(1);

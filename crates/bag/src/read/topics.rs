@@ -1,7 +1,8 @@
 //! Which topics of a bag to read.
 
 use super::survey::BagTopic;
-use crate::ros::msg::{CompressedImage, Image, LaserScanMsg, OdometryMsg, RosMessage, TfMessage};
+use fht_ros_messages::RosMessage;
+use fht_ros_messages::msg::{CompressedImage, Image, LaserScanMsg, OdometryMsg, TfMessage};
 use serde::{Deserialize, Serialize};
 
 /// The topics to read. A topic that is `None` is found: by its default name, or as the only topic

@@ -2,13 +2,13 @@
 
 use super::metadata::Durability;
 use super::writer::{BagWriter, WriteError};
-use crate::ros::msg::{Color, MapMetaData, Marker, MarkerArray, OccupancyGridMsg, Pose, Vector3};
-use crate::ros::plane::header_message;
 use fht_map::MapState;
 use fht_perception::evidence_grid::EvidenceGrid;
 use fht_perception::grid::{Cell, CellState, OccupancyGrid};
 use fht_perception::pose::Point2;
 use fht_proto::{NodeId, NodeKind};
+use fht_ros_frames::header_message;
+use fht_ros_messages::msg::{Color, MapMetaData, Marker, MarkerArray, OccupancyGridMsg, Pose, Vector3};
 
 /// The paper's colours.
 const MAIN: Color = Color { r: 0.86, g: 0.15, b: 0.15, a: 1.0 };

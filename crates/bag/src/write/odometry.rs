@@ -1,9 +1,9 @@
 //! Odometry as ROS 2 filters and controllers need it: with the velocity in the robot's frame, and
 //! with how uncertain pose and velocity are.
 
-use crate::ros::msg::{Covariance, OdometryMsg, PoseWithCovariance, TwistWithCovariance, Vector3};
-use crate::ros::plane::{header_message, pose_message};
 use fht_perception::pose::{Pose2, wrap_angle};
+use fht_ros_frames::{header_message, pose_message};
+use fht_ros_messages::msg::{Covariance, OdometryMsg, PoseWithCovariance, TwistWithCovariance, Vector3};
 
 /// Error of wheels in distance and in rotation, a fraction: the standard deviation that the
 /// simulator's robot has, and more than a calibrated one.

@@ -1,9 +1,9 @@
 //! Writing bags that `ros2 bag`, Foxglove and every MCAP tool can read.
 
 use super::metadata::{Durability, Written, metadata, offered_qos_profiles};
-use crate::ros::cdr::{self, CdrError};
-use crate::ros::definitions::definition;
-use crate::ros::msg::RosMessage;
+use fht_ros_messages::RosMessage;
+use fht_ros_messages::cdr::{self, CdrError};
+use fht_ros_messages::definition;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, WriteOptions};
 use serde::{Deserialize, Serialize};

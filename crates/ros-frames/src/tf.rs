@@ -1,8 +1,8 @@
 //! The tree of coordinate frames, from transforms.
 
-use super::msg::{TransformStamped, Vector3};
-use super::yaw::rotation;
+use crate::yaw::rotation;
 use fht_perception::pose::{Pose2, pose};
+use fht_ros_messages::msg::{TransformStamped, Vector3};
 use nalgebra::{Isometry3, Translation3};
 use std::collections::BTreeMap;
 
@@ -18,7 +18,8 @@ pub struct TransformTree {
 }
 
 /// Frame ids with and without the leading slash of ROS 1 are the same.
-pub(crate) fn frame_name(id: &str) -> &str {
+#[must_use]
+pub fn frame_name(id: &str) -> &str {
     id.trim_start_matches('/')
 }
 
@@ -110,7 +111,7 @@ impl Mount {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ros::msg::{HeaderMsg, Pose, Quaternion};
+    use fht_ros_messages::msg::{HeaderMsg, Pose, Quaternion};
     use std::f64::consts::{FRAC_PI_2, PI};
 
     fn link(parent: &str, child: &str, x: f64, roll: f64, yaw: f64) -> TransformStamped {

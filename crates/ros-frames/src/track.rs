@@ -1,4 +1,4 @@
-//! Odometry of a bag: poses by time, and interpolation between them.
+//! Odometry: poses by time, and interpolation between them.
 
 use fht_perception::pose::{Pose2, pose, wrap_angle};
 use serde::{Deserialize, Serialize};
@@ -29,7 +29,7 @@ impl Default for OdometryLimits {
 
 /// Why a pose was rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Refused {
+pub enum PoseRefused {
     /// Not newer than the one before.
     NotNewer,
     /// Not finite, or a million metres away.
@@ -38,7 +38,8 @@ pub(crate) enum Refused {
 
 /// What is known about the pose at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Lookup {
+pub enum PoseLookup {
+    /// The pose, interpolated.
     Known(Pose2),
     /// No pose is that new yet.
     Later,
@@ -50,7 +51,7 @@ pub(crate) enum Lookup {
 
 /// The newest poses.
 #[derive(Clone, Debug)]
-pub(crate) struct Track {
+pub struct OdometryTrack {
     config: OdometryLimits,
     /// Times (nanoseconds) and poses, oldest first.
     poses: VecDeque<(u64, Pose2)>,
@@ -61,24 +62,32 @@ pub(crate) struct Track {
     jumps: u64,
 }
 
-impl Track {
-    pub(crate) fn new(config: OdometryLimits) -> Self {
+impl OdometryTrack {
+    /// No poses yet.
+    #[must_use]
+    pub fn new(config: OdometryLimits) -> Self {
         Self { config, poses: VecDeque::new(), raw: None, anchor: None, jumps: 0 }
     }
 
     /// How often the odometry was reset.
-    pub(crate) fn jumps(&self) -> u64 {
+    #[must_use]
+    pub fn jumps(&self) -> u64 {
         self.jumps
     }
 
-    pub(crate) fn push(&mut self, time_ns: u64, odom_from_base: Pose2) -> Result<(), Refused> {
+    /// Takes a pose at `time_ns` nanoseconds. After a jump (a reset) the motion goes on from the pose
+    /// before it.
+    ///
+    /// # Errors
+    /// [`PoseRefused`].
+    pub fn push(&mut self, time_ns: u64, odom_from_base: Pose2) -> Result<(), PoseRefused> {
         let at = odom_from_base.translation.vector;
         if !(at.norm() < FARTHEST_M && odom_from_base.rotation.angle().is_finite()) {
-            return Err(Refused::Unusable);
+            return Err(PoseRefused::Unusable);
         }
         if let (Some(&(before_ns, before)), Some(raw)) = (self.poses.back(), self.raw) {
             if time_ns <= before_ns {
-                return Err(Refused::NotNewer);
+                return Err(PoseRefused::NotNewer);
             }
             let reach = 1.0 + self.config.max_speed_mps * (time_ns - before_ns) as f64 * 1e-9;
             if (at - raw.translation.vector).norm() > reach {
@@ -96,18 +105,20 @@ impl Track {
         Ok(())
     }
 
-    pub(crate) fn pose_at(&self, time_ns: u64) -> Lookup {
+    /// The pose at `time_ns` nanoseconds.
+    #[must_use]
+    pub fn pose_at(&self, time_ns: u64) -> PoseLookup {
         let after = self.poses.partition_point(|(time, _)| *time < time_ns);
         match (after.checked_sub(1).map(|before| self.poses[before]), self.poses.get(after)) {
-            (_, Some(&(time, pose))) if time == time_ns => Lookup::Known(pose),
-            (_, None) => Lookup::Later,
-            (None, Some(_)) => Lookup::Before,
+            (_, Some(&(time, pose))) if time == time_ns => PoseLookup::Known(pose),
+            (_, None) => PoseLookup::Later,
+            (None, Some(_)) => PoseLookup::Before,
             (Some((t0, a)), Some(&(t1, b))) => {
                 if (t1 - t0) as f64 * 1e-9 > self.config.longest_gap_s {
-                    return Lookup::Gap;
+                    return PoseLookup::Gap;
                 }
                 let share = (time_ns - t0) as f64 / (t1 - t0) as f64;
-                Lookup::Known(between(&a, &b, share))
+                PoseLookup::Known(between(&a, &b, share))
             }
         }
     }
@@ -128,8 +139,8 @@ mod tests {
 
     const SECOND: u64 = 1_000_000_000;
 
-    fn track() -> Track {
-        Track::new(OdometryLimits { longest_gap_s: 2.0, ..OdometryLimits::default() })
+    fn track() -> OdometryTrack {
+        OdometryTrack::new(OdometryLimits { longest_gap_s: 2.0, ..OdometryLimits::default() })
     }
 
     #[test]
@@ -137,14 +148,16 @@ mod tests {
         let mut track = track();
         track.push(SECOND, pose(0.0, 0.0, PI - 0.1)).unwrap();
         track.push(2 * SECOND, pose(1.0, 2.0, -PI + 0.1)).unwrap();
-        let Lookup::Known(found) = track.pose_at(3 * SECOND / 2) else { panic!("{:?}", track.pose_at(3 * SECOND / 2)) };
+        let PoseLookup::Known(found) = track.pose_at(3 * SECOND / 2) else {
+            panic!("{:?}", track.pose_at(3 * SECOND / 2))
+        };
         assert!((found.translation.vector - nalgebra::Vector2::new(0.5, 1.0)).norm() < 1e-12);
         assert!(found.rotation.angle().abs() > PI - 1e-9, "{found}");
-        assert_eq!(track.pose_at(2 * SECOND), Lookup::Known(pose(1.0, 2.0, -PI + 0.1)));
-        assert_eq!(track.pose_at(SECOND / 2), Lookup::Before);
-        assert_eq!(track.pose_at(3 * SECOND), Lookup::Later);
+        assert_eq!(track.pose_at(2 * SECOND), PoseLookup::Known(pose(1.0, 2.0, -PI + 0.1)));
+        assert_eq!(track.pose_at(SECOND / 2), PoseLookup::Before);
+        assert_eq!(track.pose_at(3 * SECOND), PoseLookup::Later);
         track.push(9 * SECOND, pose(1.0, 2.0, 0.0)).unwrap();
-        assert_eq!(track.pose_at(3 * SECOND), Lookup::Gap);
+        assert_eq!(track.pose_at(3 * SECOND), PoseLookup::Gap);
     }
 
     #[test]
@@ -153,7 +166,7 @@ mod tests {
         track.push(SECOND, pose(50.0, 0.0, 1.0)).unwrap();
         track.push(2 * SECOND, pose(0.0, 0.0, 0.0)).unwrap();
         track.push(3 * SECOND, pose(1.0, 0.0, 0.0)).unwrap();
-        let Lookup::Known(found) = track.pose_at(3 * SECOND) else { panic!("unknown") };
+        let PoseLookup::Known(found) = track.pose_at(3 * SECOND) else { panic!("unknown") };
         assert!((found.translation.vector - nalgebra::Vector2::new(50.0 + 1.0_f64.cos(), 1.0_f64.sin())).norm() < 1e-9);
         assert_eq!(track.jumps(), 1);
     }
@@ -162,10 +175,10 @@ mod tests {
     fn old_and_absurd_poses_are_refused() {
         let mut track = track();
         track.push(SECOND, pose(0.0, 0.0, 0.0)).unwrap();
-        assert_eq!(track.push(SECOND, pose(0.0, 0.0, 0.0)), Err(Refused::NotNewer));
-        assert_eq!(track.push(SECOND / 2, pose(0.0, 0.0, 0.0)), Err(Refused::NotNewer));
+        assert_eq!(track.push(SECOND, pose(0.0, 0.0, 0.0)), Err(PoseRefused::NotNewer));
+        assert_eq!(track.push(SECOND / 2, pose(0.0, 0.0, 0.0)), Err(PoseRefused::NotNewer));
         for bad in [pose(f64::NAN, 0.0, 0.0), pose(1e9, 0.0, 0.0), pose(0.0, 0.0, f64::NAN)] {
-            assert_eq!(track.push(2 * SECOND, bad), Err(Refused::Unusable));
+            assert_eq!(track.push(2 * SECOND, bad), Err(PoseRefused::Unusable));
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Poses on the plane, and times, as messages.
 
-use crate::ros::msg::{HeaderMsg, Pose, Time, Vector3};
-use crate::ros::yaw::{heading_of, quaternion_of};
+use crate::yaw::{heading_of, quaternion_of};
 use fht_perception::pose::Pose2;
+use fht_ros_messages::msg::{HeaderMsg, Pose, Time, Vector3};
 
 /// A plane pose as a message; REP-103 axes.
 #[must_use]

@@ -1,8 +1,8 @@
 //! Laser scans as messages, and back.
 
-use super::msg;
-use super::tf::Mount;
+use crate::tf::Mount;
 use fht_perception::frame::LaserScan;
+use fht_ros_messages::msg;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 

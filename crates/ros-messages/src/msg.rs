@@ -1,12 +1,15 @@
 //! The ROS 2 messages, field for field in the order of their definitions, since CDR has no names.
 
-use serde::{Deserialize, Serialize};
+mod diagnostics;
+mod goals;
+mod sensors;
 
-/// A message type that travels in a bag.
-pub trait RosMessage {
-    /// Its ROS name, such as `sensor_msgs/msg/LaserScan`.
-    const TYPE: &'static str;
-}
+pub use diagnostics::{DiagnosticArray, DiagnosticStatus, KeyValue};
+pub use goals::{CancelGoal, CancelGoalRequest, CancelGoalResponse, GoalInfo, GoalStatus, GoalStatusArray, GoalUuid};
+pub use sensors::{ImuMsg, PointCloud2, PointField};
+
+use crate::interface::{RosMessage, RosService};
+use serde::{Deserialize, Serialize};
 
 macro_rules! message_types {
     ($($message:ty => $name:literal),+ $(,)?) => {
@@ -15,14 +18,40 @@ macro_rules! message_types {
 }
 
 message_types! {
+    StringMsg => "std_msgs/msg/String",
+    ClockMsg => "rosgraph_msgs/msg/Clock",
     LaserScanMsg => "sensor_msgs/msg/LaserScan",
-    OdometryMsg => "nav_msgs/msg/Odometry",
-    TfMessage => "tf2_msgs/msg/TFMessage",
+    ImuMsg => "sensor_msgs/msg/Imu",
+    PointCloud2<'_> => "sensor_msgs/msg/PointCloud2",
     Image<'_> => "sensor_msgs/msg/Image",
     CompressedImage<'_> => "sensor_msgs/msg/CompressedImage",
+    OdometryMsg => "nav_msgs/msg/Odometry",
+    TfMessage => "tf2_msgs/msg/TFMessage",
+    TwistMsg => "geometry_msgs/msg/Twist",
+    TwistStamped => "geometry_msgs/msg/TwistStamped",
+    PoseStamped => "geometry_msgs/msg/PoseStamped",
+    PoseWithCovarianceStamped => "geometry_msgs/msg/PoseWithCovarianceStamped",
+    PoseArray => "geometry_msgs/msg/PoseArray",
     OccupancyGridMsg => "nav_msgs/msg/OccupancyGrid",
+    OccupancyGridUpdate => "map_msgs/msg/OccupancyGridUpdate",
     PathMsg => "nav_msgs/msg/Path",
+    DiagnosticArray => "diagnostic_msgs/msg/DiagnosticArray",
+    GoalStatusArray => "action_msgs/msg/GoalStatusArray",
     MarkerArray => "visualization_msgs/msg/MarkerArray",
+}
+
+/// `std_msgs/String`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub struct StringMsg {
+    pub data: String,
+}
+
+/// `rosgraph_msgs/Clock`: the simulated time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub struct ClockMsg {
+    pub clock: Time,
 }
 
 /// `builtin_interfaces/Time`.
@@ -110,6 +139,22 @@ pub struct TwistWithCovariance {
     pub linear: Vector3,
     pub angular: Vector3,
     pub covariance: Covariance,
+}
+
+/// `geometry_msgs/Twist`: metres and radians per second.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub struct TwistMsg {
+    pub linear: Vector3,
+    pub angular: Vector3,
+}
+
+/// `geometry_msgs/TwistStamped`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub struct TwistStamped {
+    pub header: HeaderMsg,
+    pub twist: TwistMsg,
 }
 
 /// `nav_msgs/Odometry`.
@@ -226,6 +271,37 @@ pub struct PoseStamped {
     pub pose: Pose,
 }
 
+/// `geometry_msgs/PoseWithCovarianceStamped`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub struct PoseWithCovarianceStamped {
+    pub header: HeaderMsg,
+    pub pose: PoseWithCovariance,
+}
+
+/// `geometry_msgs/PoseArray`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub struct PoseArray {
+    pub header: HeaderMsg,
+    pub poses: Vec<Pose>,
+}
+
+/// `map_msgs/OccupancyGridUpdate`: a rectangle of cells of a grid that was published before.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub struct OccupancyGridUpdate {
+    pub header: HeaderMsg,
+    /// Column of its first cell.
+    pub x: i32,
+    /// Row of its first cell.
+    pub y: i32,
+    pub width: u32,
+    pub height: u32,
+    /// Row by row, as in the grid.
+    pub data: Vec<i8>,
+}
+
 /// `nav_msgs/Path`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)]
@@ -298,4 +374,28 @@ impl Marker {
 #[allow(missing_docs)]
 pub struct MarkerArray {
     pub markers: Vec<Marker>,
+}
+
+/// `std_srvs/SetBool`.
+pub struct SetBool;
+
+/// What [`SetBool`] is asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub struct SetBoolRequest {
+    pub data: bool,
+}
+
+/// What [`SetBool`] answers.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub struct SetBoolResponse {
+    pub success: bool,
+    pub message: String,
+}
+
+impl RosService for SetBool {
+    const TYPE: &'static str = "std_srvs/srv/SetBool";
+    type Request = SetBoolRequest;
+    type Response = SetBoolResponse;
 }

@@ -1,6 +1,6 @@
 //! Headings as quaternions and back.
 
-use super::msg::Quaternion;
+use fht_ros_messages::msg::Quaternion;
 use nalgebra::{UnitComplex, UnitQuaternion};
 use std::f64::consts::{PI, TAU};
 

@@ -49,7 +49,7 @@ pub fn encode<T: Serialize>(message: &T) -> Result<Vec<u8>, CdrError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ros::msg::{Image, LaserScanMsg, TfMessage, Time, TransformStamped};
+    use crate::msg::{Image, LaserScanMsg, TfMessage, Time, TransformStamped};
     use proptest::prelude::*;
 
     #[test]

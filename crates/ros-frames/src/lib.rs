@@ -1,0 +1,35 @@
+//! What ROS 2 messages mean to a robot on a plane, and back. No I/O, no clock.
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | `yaw` | headings as quaternions and back, bit for bit |
+//! | `plane` | poses on the plane, and times, as messages |
+//! | `scan` | laser scans as the robot's own and back |
+//! | `tf` | the tree of coordinate frames, and how a scanner is mounted |
+//! | `track` | poses by time, interpolated; resets of the odometry |
+//!
+//! ```
+//! use fht_perception::pose::pose;
+//! use fht_ros_frames::{Mount, TransformTree, pose_message};
+//! use fht_ros_messages::msg::TransformStamped;
+//!
+//! let mut stamped = TransformStamped { child_frame_id: "laser".to_owned(), ..TransformStamped::default() };
+//! stamped.header.frame_id = "base_link".to_owned();
+//! stamped.transform = pose_message(&pose(0.2, 0.0, 0.0));
+//! let mut tree = TransformTree::default();
+//! assert!(tree.insert(&stamped));
+//! let base_from_laser = tree.base_from("base_link", "laser").expect("they are connected");
+//! assert_eq!(Mount::of(&base_from_laser).base_from_sensor, pose(0.2, 0.0, 0.0));
+//! ```
+
+mod plane;
+mod scan;
+mod tf;
+mod track;
+mod yaw;
+
+pub use plane::{header_message, pose_message};
+pub use scan::{ScanConfig, scan_message, scan_of};
+pub use tf::{Mount, TransformTree, frame_name};
+pub use track::{OdometryLimits, OdometryTrack, PoseLookup, PoseRefused};
+pub use yaw::{heading_of, quaternion_of, yaw_of};
