@@ -1,4 +1,5 @@
-//! The program: an explorer in a simulated building, or a recorded run, whose map goes to a server.
+//! The program: an explorer in a simulated building, a ROS robot, or a recorded run, whose map goes
+//! to a server.
 
 mod arguments;
 mod explore;
@@ -9,6 +10,8 @@ mod record;
 mod replay;
 mod replay_command;
 mod report;
+mod ros;
+mod ros_command;
 mod running;
 mod scoring;
 mod settings;
@@ -18,9 +21,11 @@ pub use explore::{ExploreError, ExploreProgress, ExploreTask, explore};
 pub use picture::PictureTask;
 pub use replay::{ReplayError, ReplayReport, ReplaySnapshot, ReplayTask, replay};
 pub use report::{ExploreReport, PeopleFigures};
+pub use ros::{RosExploreError, RosExploreReport, RosExploreTask, RosSnapshot, explore_robot};
 pub use scoring::main_node_errors;
 
 use self::arguments::{Cli, Command};
+use self::ros_command::RosCommand;
 use self::settings::MapperFile;
 use fht_program::flags::{missing_command, parse_args};
 use fht_program::{ProgramFailure, Stop, logging};
@@ -55,7 +60,11 @@ where
         Err(code) => return code,
     };
     let outcome = match cli.command {
-        Some(Command::Explore(args)) => explore_command::explore_world(&args, file, stop.clone()),
+        Some(Command::Explore(args)) => match &args.ros {
+            Some(endpoint) => ros_command::explore_ros(&args, endpoint, file, stop.clone()),
+            None => explore_command::explore_world(&args, file, stop.clone()),
+        },
+        Some(Command::Ros(RosCommand::Check(args))) => ros_command::check_robot(&args, file),
         Some(Command::Replay(args)) => replay_command::replay_bag(&args, file, stop.clone()),
         Some(Command::Info(args)) => replay_command::info(&args),
         Some(Command::Completions(shell)) => {

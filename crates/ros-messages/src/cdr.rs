@@ -1,6 +1,7 @@
 //! ROS 2's serialization: a header of four bytes that names the encoding, then plain CDR.
 
 use byteorder::{BigEndian, LittleEndian};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Bytes of the header: the encoding (a big-endian number) and two bytes of options.
@@ -33,6 +34,14 @@ pub fn decode<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Result<T, CdrError> {
         1 => Ok(cdr_encoding::from_bytes::<T, LittleEndian>(body)?.0),
         other => Err(CdrError::Encoding(other)),
     }
+}
+
+/// The same for types that borrow nothing from the bytes.
+///
+/// # Errors
+/// [`CdrError`] when the bytes are not a message of this type.
+pub fn decode_owned<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, CdrError> {
+    decode(bytes)
 }
 
 /// Writes a message in little-endian CDR.

@@ -1,6 +1,7 @@
 //! The command line of `mapper`.
 
 use super::replay_command::{InfoArgs, ReplayArgs};
+use super::ros_command::{GraphArgs, RosCommand};
 use super::running::RunArgs;
 use clap::{Args, Parser, Subcommand};
 use fht_program::flags::{CompletionsArgs, ConfigArgs, number, seconds};
@@ -30,8 +31,8 @@ pub(super) struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
-    /// Explores a simulated building until nothing reachable is unknown, building the map on the
-    /// way.
+    /// Explores a building, with a simulated robot or one that speaks ROS 2, until nothing reachable
+    /// is unknown, and builds the map on the way.
     ///
     /// If the server has the map already, or another explorer is about to begin it, the robot
     /// joins: it explores, finds its place in the map without a guess, goes where no other explorer
@@ -47,6 +48,7 @@ pub(super) enum Command {
   mapper explore --world office --offline --json        # no server: how good is the map?
   mapper explore --world museum --offline --record run.mcap   # look at it in Foxglove, or replay it
   mapper explore --world museum --offline --picture     # draws the map: explore-museum-1.png
+  mapper explore --ros tcp/robot:7447 --namespace r1 --map lab    # a robot with rmw_zenoh
 
 Exit code 0: the map is complete and delivered; 1: it is not, or it failed; 2: wrong usage or bad
 input; 130 or 143: it was interrupted. Ctrl-C (or SIGTERM) ends the exploration within a second,
@@ -78,6 +80,9 @@ for logs.")]
   mapper info run.mcap
   mapper info run/ --json")]
     Info(InfoArgs),
+    /// A robot that speaks ROS 2: is there all that mapping needs?
+    #[command(subcommand)]
+    Ros(RosCommand),
     /// Writes completions for a shell to standard output.
     Completions(CompletionsArgs),
 }
@@ -86,6 +91,10 @@ for logs.")]
 pub(super) struct ExploreArgs {
     #[command(flatten)]
     pub(super) setup: SimSetup,
+    /// Explore with a robot that speaks ROS 2 over Zenoh, at its router (tcp/robot:7447), in place
+    /// of a simulated one. Its map is named robot, or as its namespace, unless --map says otherwise.
+    #[arg(long, value_name = "ENDPOINT", conflicts_with_all = ["world", "textures", "start", "rate"])]
+    pub(super) ros: Option<String>,
     #[command(flatten)]
     pub(super) run: RunArgs,
     /// Keep in this folder what the server has not acknowledged: if this run is killed, or its
@@ -117,6 +126,9 @@ pub(super) struct ExploreArgs {
     /// acknowledged, placed.
     #[arg(long)]
     pub(super) progress_json: bool,
+    // Last, since its heading holds for all that comes after it.
+    #[command(flatten)]
+    pub(super) graph: GraphArgs,
 }
 
 fn drift(text: &str) -> Result<f64, String> {

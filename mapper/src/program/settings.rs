@@ -4,6 +4,7 @@ use crate::mapping::MapperConfig;
 use crate::publish::WindowConfig;
 use fht_bag::FrameConfig;
 use fht_program::RobotConfig;
+use fht_ros_robot::RosRobotConfig;
 use fht_session::SessionConfig;
 use fht_sim::SimConfig;
 use schemars::JsonSchema;
@@ -22,6 +23,8 @@ pub(super) struct MapperFile {
     pub(super) robot: RobotConfig,
     /// The simulated robot of `mapper explore`.
     pub(super) sim: SimConfig,
+    /// The topics and frames of the robot of `mapper explore --ros`.
+    pub(super) ros: RosRobotConfig,
     /// How `mapper replay` reads recorded runs.
     pub(super) bag: FrameConfig,
     /// How maps are built and published.

@@ -1,0 +1,37 @@
+//! A robot that speaks ROS 2 over Zenoh, behind the port for robots
+//! ([`fht_perception::robot::Robot`]).
+//!
+//! ```text
+//!  /scan  /odom  /tf  /tf_static ──→ intake ──→ SensorFrame ──→ a program that maps or drives
+//!                                                                    │
+//!  /cmd_vel (Twist or TwistStamped) ←────────────── drive ←──────────┘
+//! ```
+//!
+//! | module | idea |
+//! | --- | --- |
+//! | `config` | which topics and frames the robot has ([`RosRobotConfig`]) |
+//! | `intake` | from messages to frames; what keeps them from coming, as a sentence |
+//! | `robot` | the topics behind the port ([`RosRobot`]) |
+//! | `check` | what a graph has of what is needed ([`check`]) |
+//!
+//! A sensor that falls silent is named in the log, and whoever supervises the robot
+//! ([`fht_perception::robot::Supervised`]) stops it. What is wrong is told before anything drives:
+//!
+//! ```
+//! use fht_ros_robot::{RosRobotConfig, Verdict, check};
+//!
+//! let findings = check(&[], &RosRobotConfig::default(), "r1")?;
+//! assert_eq!((findings[0].topic.as_str(), findings[0].verdict), ("/r1/scan", Verdict::Missing));
+//! println!("{}: {}", findings[0].topic, findings[0].sentence);
+//! # Ok::<(), fht_ros::NameError>(())
+//! ```
+
+mod check;
+mod config;
+mod intake;
+mod robot;
+
+pub use check::{Finding, Verdict, check};
+pub use config::RosRobotConfig;
+pub use intake::IntakeReport;
+pub use robot::RosRobot;

@@ -1,0 +1,218 @@
+//! The robot behind the port: its topics as [`Sensors`] and [`Robot`].
+
+use crate::config::RosRobotConfig;
+use crate::intake::{Intake, IntakeReport};
+use fht_perception::frame::{SensorFrame, Twist};
+use fht_perception::robot::{Robot, RobotError, Sensors};
+use fht_ros::{EndpointKind, Node, Publisher, Qos, Received, RosError, Subscription};
+use fht_ros_messages::msg::{HeaderMsg, LaserScanMsg, OdometryMsg, TfMessage, TwistMsg, TwistStamped, Vector3};
+use fht_ros_messages::{RosMessage, cdr};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+/// How long routers may take to tell who is on the graph.
+const ROLL_CALL: Duration = Duration::from_secs(2);
+/// How often waiting scans are looked at while nothing arrives.
+const TICK: Duration = Duration::from_millis(50);
+
+/// Velocity commands, with or without a stamp: which of the two is ROS's choice of the year.
+enum Commands {
+    Plain(Publisher<TwistMsg>),
+    Stamped(Publisher<TwistStamped>),
+}
+
+/// A robot on a ROS 2 graph. Its topics are those of a [`RosRobotConfig`].
+pub struct RosRobot {
+    intake: Intake,
+    scans: Subscription<LaserScanMsg>,
+    odometry: Option<Subscription<OdometryMsg>>,
+    transforms: Subscription<TfMessage>,
+    fixed_transforms: Subscription<TfMessage>,
+    commands: Commands,
+    began: Instant,
+    /// When the last frame was given.
+    last_frame: Instant,
+    /// Scans that the queue has dropped so far.
+    dropped: u64,
+    /// The trouble that was told last.
+    told: Option<String>,
+}
+
+impl RosRobot {
+    /// Subscribes to the robot's sensors, and offers it commands: with a stamp if whoever takes them
+    /// wants one (`geometry_msgs/TwistStamped`), else without.
+    ///
+    /// # Errors
+    /// [`RosError`] when a name cannot be one, or the session is closed.
+    pub async fn connect(node: &Node, config: RosRobotConfig) -> Result<Self, RosError> {
+        let sensor = Qos::sensor_data();
+        let scans = node.subscribe(&config.scan, sensor).await?;
+        let odometry = match config.has_odometry_in_tf() {
+            true => None,
+            false => Some(node.subscribe(&config.odometry, Qos { depth: 50, ..sensor }).await?),
+        };
+        let transforms = node.subscribe(&config.tf, Qos { depth: 100, ..Qos::default() }).await?;
+        let fixed_transforms = node.subscribe(&config.tf_static, Qos::latched(100)).await?;
+        let commands = Self::commands(node, &config).await?;
+        let odometry_topic = node.resolve(&config.odometry)?;
+        let began = Instant::now();
+        Ok(Self {
+            intake: Intake::new(config, scans.topic(), &odometry_topic),
+            scans,
+            odometry,
+            transforms,
+            fixed_transforms,
+            commands,
+            began,
+            last_frame: began,
+            dropped: 0,
+            told: None,
+        })
+    }
+
+    async fn commands(node: &Node, config: &RosRobotConfig) -> Result<Commands, RosError> {
+        let topic = node.resolve(&config.cmd_vel)?;
+        let there = node.endpoints(ROLL_CALL).await?;
+        let mut takers = there.iter().filter(|end| end.kind == EndpointKind::Subscription && end.name == topic);
+        let qos = Qos { depth: 1, ..Qos::default() };
+        Ok(if takers.any(|end| end.ros_type == TwistStamped::TYPE) {
+            Commands::Stamped(node.publisher(&topic, qos).await?)
+        } else {
+            Commands::Plain(node.publisher(&topic, qos).await?)
+        })
+    }
+
+    /// What became of the sensors' messages.
+    #[must_use]
+    pub fn report(&self) -> IntakeReport {
+        self.intake.report()
+    }
+
+    /// What keeps frames from coming, now: a sentence that names the topic and what to do.
+    #[must_use]
+    pub fn trouble(&self) -> Option<String> {
+        self.intake.trouble(self.began.elapsed().as_secs_f64())
+    }
+
+    /// Takes all that has come, fixed transforms first.
+    fn take_all(&mut self) {
+        while let Some(received) = self.fixed_transforms.take_raw() {
+            self.take_transforms(&received);
+        }
+        while let Some(received) = self.transforms.take_raw() {
+            self.take_transforms(&received);
+        }
+        while let Some(received) = self.odometry.as_ref().and_then(Subscription::take_raw) {
+            self.take_odometry(&received);
+        }
+        while let Some(received) = self.scans.take_raw() {
+            self.take_scan(&received);
+        }
+        let dropped = self.scans.dropped();
+        self.intake.lose_scans(dropped - self.dropped);
+        self.dropped = dropped;
+    }
+
+    fn arrived_s(&self, received: &Received) -> f64 {
+        received.arrived.saturating_duration_since(self.began).as_secs_f64()
+    }
+
+    fn take_scan(&mut self, received: &Received) {
+        let arrived_s = self.arrived_s(received);
+        if let Some(scan) = read(self.scans.topic(), received.decode()) {
+            self.intake.take_scan(scan, arrived_s, wall_ns());
+        }
+    }
+
+    fn take_odometry(&mut self, received: &Received) {
+        let (arrived_s, topic) = (self.arrived_s(received), self.odometry.as_ref().map_or("", Subscription::topic));
+        if let Some(odometry) = read(topic, received.decode()) {
+            self.intake.take_odometry(&odometry, arrived_s, wall_ns());
+        }
+    }
+
+    fn take_transforms(&mut self, received: &Received) {
+        let arrived_s = self.arrived_s(received);
+        if let Some(transforms) = read(self.transforms.topic(), received.decode()) {
+            self.intake.take_transforms(&transforms, arrived_s, wall_ns());
+        }
+    }
+
+    /// Waits until something arrives, for a moment at most.
+    async fn arrival(&mut self) {
+        let odometry = async {
+            match &self.odometry {
+                Some(odometry) => odometry.next_raw().await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            received = self.scans.next_raw() => self.take_scan(&received),
+            received = odometry => self.take_odometry(&received),
+            received = self.transforms.next_raw() => self.take_transforms(&received),
+            received = self.fixed_transforms.next_raw() => self.take_transforms(&received),
+            () = tokio::time::sleep(TICK) => {}
+        }
+    }
+
+    /// Says once what keeps frames from coming, when none has come for a while.
+    fn tell_trouble(&mut self, silent_after: Duration) {
+        if self.last_frame.elapsed() < silent_after {
+            return;
+        }
+        let trouble = self.trouble();
+        // Sentences that differ in a number only are told once.
+        let without_numbers = |text: &String| text.replace(|letter: char| letter.is_ascii_digit(), "");
+        if let Some(trouble) = trouble
+            && self.told.as_ref().map(without_numbers) != Some(without_numbers(&trouble))
+        {
+            tracing::warn!("{trouble}");
+            self.told = Some(trouble);
+        }
+    }
+}
+
+/// A message, or a word in the log that it is none.
+fn read<M>(topic: &str, message: Result<M, cdr::CdrError>) -> Option<M> {
+    message.map_err(|error| tracing::warn!("{topic} has a message that cannot be read: {error}")).ok()
+}
+
+fn wall_ns() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
+}
+
+impl Sensors for RosRobot {
+    async fn sense(&mut self) -> Result<SensorFrame, RobotError> {
+        let silent_after = Duration::try_from_secs_f64(self.intake.silent_after_s()).unwrap_or(Duration::MAX);
+        loop {
+            self.take_all();
+            if let Some(frame) = self.intake.frame(self.began.elapsed().as_secs_f64()) {
+                self.last_frame = Instant::now();
+                if self.told.take().is_some() {
+                    tracing::info!("the sensors are complete again");
+                }
+                return Ok(frame);
+            }
+            self.tell_trouble(silent_after);
+            self.arrival().await;
+        }
+    }
+}
+
+impl Robot for RosRobot {
+    async fn drive(&mut self, command: Twist) -> Result<(), RobotError> {
+        let twist = TwistMsg {
+            linear: Vector3 { x: command.linear_mps, ..Vector3::default() },
+            angular: Vector3 { z: command.angular_radps, ..Vector3::default() },
+        };
+        let sent = match &self.commands {
+            Commands::Plain(publisher) => publisher.publish(&twist),
+            Commands::Stamped(publisher) => {
+                // By the robot's clock, as far as its sensors tell it.
+                let header = HeaderMsg { stamp: self.intake.newest(), frame_id: self.intake.base_frame() };
+                publisher.publish(&TwistStamped { header, twist })
+            }
+        };
+        sent.map_err(RobotError::driver)
+    }
+}

@@ -1,0 +1,227 @@
+//! Exploring with a robot that speaks ROS 2 over Zenoh.
+
+use super::picture::{PictureTask, RunPicture};
+use super::record::RunRecorder;
+use crate::explore::Ending;
+use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask, RunError};
+use fht_bag::WriteError;
+use fht_perception::robot::{RobotError, SilenceConfig};
+use fht_picture::PictureError;
+use fht_program::stop::Stop;
+use fht_proto::Digest;
+use fht_ros::{Node, NodeConfig, RosError};
+use fht_ros_robot::{IntakeReport, RosRobot, RosRobotConfig};
+use fht_session::{SessionConfig, SessionError};
+use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// A live robot stops when no frame has come for so long, seconds.
+const STOP_AFTER_S: f64 = 0.5;
+
+/// Which robot explores, and where its map goes.
+#[derive(Clone, Debug)]
+pub struct RosExploreTask {
+    /// The robot's router.
+    pub graph: SessionConfig,
+    /// Who the mapper is on the robot's graph.
+    pub node: NodeConfig,
+    /// The robot's topics and frames.
+    pub robot: RosRobotConfig,
+    /// How long to wait for the robot's router; none: for ever.
+    pub patience: Option<Duration>,
+    /// What to map, and where to publish it. Cameras are not read.
+    pub mapping: MappingTask,
+    /// A bag to write: an `.mcap` file, or a folder.
+    pub record: Option<PathBuf>,
+    /// A picture to make of the map at the end.
+    pub picture: Option<PictureTask>,
+    /// Ends the exploration early, with the map finished as it is.
+    pub stop: Stop,
+}
+
+/// Why an exploration with a ROS robot failed.
+#[derive(Debug, thiserror::Error)]
+pub enum RosExploreError {
+    /// The robot's router is not there, or what names it is of no use.
+    #[error("the robot's router: {0}")]
+    Session(#[from] SessionError),
+    /// The robot's graph cannot be joined.
+    #[error(transparent)]
+    Graph(#[from] RosError),
+    /// The robot failed, or fell silent for good.
+    #[error("{error}{}", trouble.as_ref().map(|trouble| format!(": {trouble}")).unwrap_or_default())]
+    Robot {
+        /// How.
+        error: RobotError,
+        /// What keeps its frames from coming.
+        trouble: Option<String>,
+    },
+    /// The recording failed.
+    #[error("the recording failed: {0}")]
+    Record(#[from] WriteError),
+    /// The picture failed.
+    #[error("there is no picture of the map: {0}")]
+    Picture(#[from] PictureError),
+    /// The run failed.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+impl RosExploreError {
+    /// Whether what was given is wrong, and not the run.
+    #[must_use]
+    pub fn is_input(&self) -> bool {
+        match self {
+            Self::Session(error) => error.is_input(),
+            Self::Graph(RosError::Name(_)) => true,
+            Self::Run(error) => error.is_input(),
+            _ => false,
+        }
+    }
+}
+
+/// Figures of an exploration with a ROS robot.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct RosExploreReport {
+    /// What became of the sensors' messages.
+    #[serde(flatten)]
+    pub intake: IntakeReport,
+    /// Why the exploration ended: `complete`, `stuck`, `out_of_time` or `interrupted`.
+    pub ending: Ending,
+    /// Main nodes of the map.
+    pub main_nodes: usize,
+    /// Support nodes of the map.
+    pub support_nodes: usize,
+    /// Edges of the map.
+    pub edges: usize,
+    /// Free area on the grid, square metres.
+    pub free_area_m2: f64,
+    /// The map's version: increments of all authors that are in it.
+    pub version: u64,
+    /// Increments that this robot has written.
+    pub written: u64,
+    /// Of these, what the server has acknowledged.
+    pub acknowledged: u64,
+    /// Whether the server has acknowledged everything.
+    pub delivered: bool,
+    /// Digest of the map.
+    pub digest: Digest,
+    /// Bytes of all increments, each counted once.
+    pub map_bytes: u64,
+    /// Bytes put on the wire, repetitions included.
+    pub wire_bytes: u64,
+    /// Distance driven by the wheels' word, metres.
+    pub driven_m: f64,
+    /// Time of the robot's clock from the first frame to the last, seconds.
+    pub robot_s: f64,
+    /// Longest time that a frame took, milliseconds.
+    pub frame_max_ms: f64,
+    /// Seconds on the clock.
+    pub wall_s: f64,
+    /// The picture of the map, if one was made.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub picture: Option<PathBuf>,
+}
+
+/// What happens while it runs, for progress displays.
+#[derive(Clone, Debug)]
+pub struct RosSnapshot {
+    /// Seconds of the robot's clock so far.
+    pub robot_s: f64,
+    /// Free area on the grid, square metres.
+    pub free_area_m2: f64,
+    /// Nodes of the map.
+    pub nodes: usize,
+    /// Increments written.
+    pub written: u64,
+    /// Of these, what the server has durably.
+    pub acknowledged: u64,
+}
+
+/// Counts the way, and tells `watch` about once a second.
+struct Travel<W> {
+    watch: W,
+    next_us: u64,
+    last_us: u64,
+    driven_m: f64,
+    last_odom: Option<Vector2<f64>>,
+}
+
+/// Time between two looks at the progress, microseconds.
+const WATCH_EVERY_US: u64 = 1_000_000;
+
+impl<W: FnMut(RosSnapshot)> MappingObserver for Travel<W> {
+    fn on_frame(&mut self, mapped: &MappedFrame<'_>) -> ControlFlow<()> {
+        self.last_us = mapped.elapsed_us;
+        let odom_from_base = mapped.frame.odom_from_base.translation.vector;
+        self.driven_m += self.last_odom.map_or(0.0, |last| (odom_from_base - last).norm());
+        self.last_odom = Some(odom_from_base);
+        if mapped.elapsed_us >= self.next_us {
+            self.next_us = mapped.elapsed_us + WATCH_EVERY_US;
+            let counts = mapped.mapper.map().counts();
+            (self.watch)(RosSnapshot {
+                robot_s: mapped.elapsed_us as f64 * 1e-6,
+                free_area_m2: mapped.mapper.free_area_m2(),
+                nodes: counts.main_nodes + counts.support_nodes,
+                written: mapped.written,
+                acknowledged: mapped.acknowledged,
+            });
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// Explores with the robot and publishes the map. `watch` is called about once a second of the
+/// robot's clock. The robot stops when its sensors have been silent for half a second, and at the
+/// end.
+///
+/// # Errors
+/// [`RosExploreError`]; an exploration that ended is reported even if the server could not be
+/// reached (`delivered` false).
+pub async fn explore_robot(
+    task: RosExploreTask,
+    watch: impl FnMut(RosSnapshot) + Send + 'static,
+) -> Result<RosExploreReport, RosExploreError> {
+    let began = Instant::now();
+    let session = fht_session::open_within(&task.graph, task.patience).await?;
+    let node = Node::join(session, task.node).await?;
+    let robot = RosRobot::connect(&node, task.robot).await?;
+    let recorder = RunRecorder::new(task.record.as_deref())?;
+    let travel = Travel { watch, next_us: 0, last_us: 0, driven_m: 0.0, last_odom: None };
+    let silence = SilenceConfig { stop_after_s: STOP_AFTER_S, ..task.mapping.silence.clone() };
+    let mapping = MappingTask { cameras: false, silence, stop: task.stop, ..task.mapping };
+    let observer = ((recorder, RunPicture::new(task.picture)), travel);
+    let outcome = run::explore(mapping, robot, observer).await?;
+    let MappingOutcome { mut summary, mapper, robot, observer: ((mut recorder, mut picture), travel) } = outcome;
+    if let Some(error) = summary.robot_error.take() {
+        return Err(RosExploreError::Robot { error, trouble: robot.trouble() });
+    }
+    recorder.finish()?;
+    let picture = picture.finish()?;
+    let counts = mapper.map().counts();
+    let delivered = summary.is_delivered();
+    let published = summary.published.unwrap_or_default();
+    Ok(RosExploreReport {
+        intake: robot.report(),
+        ending: summary.ending,
+        main_nodes: counts.main_nodes,
+        support_nodes: counts.support_nodes,
+        edges: counts.edges,
+        free_area_m2: mapper.free_area_m2(),
+        version: summary.version,
+        written: summary.written,
+        acknowledged: published.acknowledged,
+        delivered,
+        digest: mapper.map().digest(),
+        map_bytes: published.map_bytes,
+        wire_bytes: published.wire_bytes,
+        driven_m: travel.driven_m,
+        robot_s: travel.last_us as f64 * 1e-6,
+        frame_max_ms: summary.frame_max.as_secs_f64() * 1e3,
+        wall_s: began.elapsed().as_secs_f64(),
+        picture,
+    })
+}

@@ -1,0 +1,287 @@
+//! `mapper explore --ros` and `mapper ros check` on the command line.
+
+use super::arguments::ExploreArgs;
+use super::ros::{RosExploreReport, RosExploreTask, RosSnapshot, explore_robot};
+use super::running::{RunEnd, increments, runtime};
+use super::settings::MapperFile;
+use clap::{Args, Subcommand};
+use fht_perception::robot::Sensors;
+use fht_program::{ProgramFailure, Stop, print_line};
+use fht_ros::{KeyForm, Node, NodeConfig, RosError};
+use fht_ros_messages::Distribution;
+use fht_ros_robot::{Finding, RosRobot, RosRobotConfig, Verdict, check};
+use fht_session::{SessionConfig, SessionError, open_within};
+use fht_worker::Pace;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// How a robot's graph is reached, and which topics the robot has.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "A robot that speaks ROS 2")]
+pub(super) struct GraphArgs {
+    /// The robot's namespace, such as r1: its topics are /r1/scan and so on.
+    #[arg(long, value_name = "NAME", default_value = "")]
+    namespace: String,
+    /// The robot's ROS_DOMAIN_ID.
+    #[arg(long, value_name = "NUMBER", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=232))]
+    domain: u32,
+    /// How its router maps ROS names to keys: rmw (nodes with rmw_zenoh) or bridge
+    /// (zenoh-bridge-ros2dds).
+    #[arg(long, value_name = "FORM", default_value = "rmw")]
+    ros_keys: KeyForm,
+    /// Its distribution: humble, jazzy or kilted.
+    #[arg(long, value_name = "NAME", default_value = "jazzy")]
+    distribution: Distribution,
+    /// Scans (sensor_msgs/LaserScan) [default: scan].
+    #[arg(long, value_name = "TOPIC")]
+    scan_topic: Option<String>,
+    /// Odometry (nav_msgs/Odometry), or the topic of the transforms (tf) [default: odom].
+    #[arg(long, value_name = "TOPIC")]
+    odom_topic: Option<String>,
+    /// Velocity commands (geometry_msgs/Twist or TwistStamped, as who takes them has it) [default:
+    /// cmd_vel].
+    #[arg(long, value_name = "TOPIC")]
+    cmd_vel_topic: Option<String>,
+    /// The robot's frame; by default what the odometry says.
+    #[arg(long, value_name = "FRAME")]
+    base_frame: Option<String>,
+}
+
+impl GraphArgs {
+    fn node(&self) -> NodeConfig {
+        NodeConfig {
+            namespace: self.namespace.clone(),
+            domain: self.domain,
+            form: self.ros_keys,
+            distribution: self.distribution,
+            ..NodeConfig::new("mapper")
+        }
+    }
+
+    /// These flags over what the file says.
+    fn robot(&self, file: RosRobotConfig) -> RosRobotConfig {
+        RosRobotConfig {
+            scan: self.scan_topic.clone().unwrap_or(file.scan),
+            odometry: self.odom_topic.clone().unwrap_or(file.odometry),
+            cmd_vel: self.cmd_vel_topic.clone().unwrap_or(file.cmd_vel),
+            base_frame: self.base_frame.clone().or(file.base_frame),
+            ..file
+        }
+    }
+}
+
+fn router(endpoint: &str) -> SessionConfig {
+    SessionConfig::from_options(vec![endpoint.to_owned()], None)
+}
+
+impl ExploreArgs {
+    /// The task of the robot at `endpoint`: these flags over what the file says.
+    fn robot_task(&self, endpoint: &str, file: MapperFile, stop: Stop) -> Result<RosExploreTask, String> {
+        let source = Path::new(if self.graph.namespace.is_empty() { "robot" } else { &self.graph.namespace });
+        let mut mapping = self.run.over(&file, source)?;
+        mapping.spool = self.spool.clone().or(mapping.spool);
+        mapping.max_s = self.max_sim.unwrap_or(mapping.max_s);
+        mapping.mapper.join.looks_again |= self.again;
+        mapping.mapper.pace = Pace::RealTime;
+        Ok(RosExploreTask {
+            graph: router(endpoint),
+            node: self.graph.node(),
+            robot: self.graph.robot(file.ros),
+            patience: None,
+            record: self.run.record.clone(),
+            picture: self.run.picture("explore", source, None),
+            stop,
+            mapping,
+        })
+    }
+}
+
+/// Runs `mapper explore --ros`; `false` if the map is not complete, or the server did not take all
+/// of it.
+pub(super) fn explore_ros(
+    args: &ExploreArgs,
+    endpoint: &str,
+    file: MapperFile,
+    stop: Stop,
+) -> Result<bool, ProgramFailure> {
+    let task = args.robot_task(endpoint, file, stop.clone()).map_err(ProgramFailure::of_input)?;
+    let (linger_s, spool) = (task.mapping.linger_s, task.mapping.spool.clone());
+    let runtime = runtime().map_err(ProgramFailure::of_run)?;
+    tracing::info!(map = %task.mapping.map, robot = task.mapping.robot, router = endpoint, "explores");
+    let bar = if args.run.quiet || args.progress_json { ProgressBar::hidden() } else { spinner() };
+    let (watched, is_offline, progress_json) = (bar.clone(), args.run.offline, args.progress_json);
+    let watch = move |snapshot: RosSnapshot| {
+        let RosSnapshot { robot_s, free_area_m2, nodes, written, acknowledged } = snapshot;
+        if progress_json {
+            print_line!(
+                "{}",
+                serde_json::json!({
+                    "sim_s": robot_s,
+                    "free_area_m2": free_area_m2,
+                    "nodes": nodes,
+                    "written": written,
+                    "acknowledged": acknowledged,
+                })
+            );
+        }
+        let sent = increments(written, acknowledged, is_offline);
+        watched.set_message(format!("{free_area_m2:.0} m² free, {nodes} nodes on the map, {sent}, {robot_s:.0} s"));
+        watched.tick();
+    };
+    let report = runtime.block_on(explore_robot(task, watch));
+    let report = report.map_err(|error| ProgramFailure::of(error.is_input(), error))?;
+    bar.finish_and_clear();
+    let in_words = |report: &RosExploreReport| {
+        if !args.progress_json {
+            print_report(report);
+        }
+    };
+    args.run.report.give(&report, in_words).map_err(ProgramFailure::of_run)?;
+    let end = RunEnd {
+        ending: report.ending,
+        is_offline: args.run.offline,
+        delivered: report.delivered,
+        written: report.written,
+        acknowledged: report.acknowledged,
+        linger_s,
+        is_asked_to_end: stop.is_set(),
+        spool: spool.as_deref(),
+    };
+    Ok(end.tell())
+}
+
+fn spinner() -> ProgressBar {
+    let style =
+        ProgressStyle::with_template("{spinner} exploring: {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
+    ProgressBar::new_spinner().with_style(style)
+}
+
+fn print_report(report: &RosExploreReport) {
+    let intake = &report.intake;
+    print_line!("ended       {}", report.ending);
+    print_line!(
+        "frames      {} of {} scans, {} late, {} lost; the odometry was reset {} times",
+        intake.frames,
+        intake.scans,
+        intake.frames_late,
+        intake.frames_lost,
+        intake.odometry_jumps
+    );
+    print_line!(
+        "map         {} main nodes, {} support nodes, {} edges, version {}, {:.0} m² free",
+        report.main_nodes,
+        report.support_nodes,
+        report.edges,
+        report.version,
+        report.free_area_m2
+    );
+    print_line!("bytes       {} of increments, {} on the wire", report.map_bytes, report.wire_bytes);
+    print_line!(
+        "time        {:.0} s and {:.0} m of the robot in {:.1} s; slowest frame {:.0} ms",
+        report.robot_s,
+        report.driven_m,
+        report.wall_s,
+        report.frame_max_ms
+    );
+    print_line!("digest      {}", report.digest);
+    if let Some(picture) = &report.picture {
+        print_line!("picture     {}", picture.display());
+    }
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum RosCommand {
+    /// Says what a robot's graph has of what mapping needs, and listens whether frames come.
+    #[command(after_help = "Examples:
+  mapper ros check tcp/robot:7447
+  mapper ros check tcp/robot:7447 --namespace r1 --domain 3 --json
+
+Exit code 0: all is there, and frames come; 1: something is missing; 2: wrong usage.")]
+    Check(CheckArgs),
+}
+
+#[derive(Debug, Args)]
+pub(super) struct CheckArgs {
+    /// The robot's router, such as tcp/robot:7447.
+    endpoint: String,
+    /// How long to wait for the router, and to listen, seconds each.
+    #[arg(long, value_name = "SECONDS", default_value_t = 5.0, value_parser = fht_program::flags::seconds)]
+    wait: f64,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    graph: GraphArgs,
+}
+
+/// What `mapper ros check` finds.
+#[derive(Debug, Serialize)]
+struct CheckReport {
+    findings: Vec<Finding>,
+    /// Frames that came while it listened.
+    frames: u64,
+    /// What kept frames from coming, if none came.
+    trouble: Option<String>,
+}
+
+/// Why a robot's graph cannot be looked at.
+#[derive(Debug, thiserror::Error)]
+enum CheckError {
+    #[error("the robot's router: {0}")]
+    Session(#[from] SessionError),
+    #[error(transparent)]
+    Graph(#[from] RosError),
+}
+
+impl CheckReport {
+    fn is_good(&self) -> bool {
+        self.frames > 0 && self.findings.iter().all(|finding| finding.verdict != Verdict::Missing)
+    }
+}
+
+/// Runs `mapper ros check`; `false` if something is missing.
+pub(super) fn check_robot(args: &CheckArgs, file: MapperFile) -> Result<bool, ProgramFailure> {
+    let runtime = runtime().map_err(ProgramFailure::of_run)?;
+    let report = runtime.block_on(look(args, file.ros)).map_err(|error| {
+        let is_input = matches!(&error, CheckError::Graph(RosError::Name(_)))
+            || matches!(&error, CheckError::Session(error) if error.is_input());
+        ProgramFailure::of(is_input, error)
+    })?;
+    if args.json {
+        print_line!("{}", serde_json::to_string_pretty(&report).map_err(ProgramFailure::of_run)?);
+    } else {
+        for Finding { topic, verdict, sentence } in &report.findings {
+            let word = match verdict {
+                Verdict::Good => "good    ",
+                Verdict::Doubtful => "doubtful",
+                Verdict::Missing => "missing ",
+            };
+            print_line!("{word}  {topic}: {sentence}");
+        }
+        match &report.trouble {
+            Some(trouble) => print_line!("no frame  {trouble}"),
+            None => print_line!("frames    {} in {} s", report.frames, args.wait),
+        }
+    }
+    Ok(report.is_good())
+}
+
+async fn look(args: &CheckArgs, file: RosRobotConfig) -> Result<CheckReport, CheckError> {
+    let wait = Duration::try_from_secs_f64(args.wait).unwrap_or(Duration::MAX);
+    let session = open_within(&router(&args.endpoint), Some(wait)).await?;
+    let node = Node::join(session, args.graph.node()).await?;
+    let config = args.graph.robot(file);
+    // Before the own subscriptions are there.
+    let endpoints = node.endpoints(wait).await?;
+    let findings = check(&endpoints, &config, &args.graph.namespace).map_err(RosError::Name)?;
+    let mut robot = RosRobot::connect(&node, config).await?;
+    let began = Instant::now();
+    while let Some(left) = wait.checked_sub(began.elapsed())
+        && tokio::time::timeout(left, robot.sense()).await.is_ok()
+    {}
+    let frames = robot.report().frames;
+    let trouble = if frames == 0 { robot.trouble() } else { None };
+    Ok(CheckReport { findings, frames, trouble })
+}
