@@ -1,8 +1,6 @@
 //! Writes the first inputs of every target into `corpus/`: small messages of every sort, as robots
 //! and tools send them.
 
-use fht_ros_messages::cdr;
-use fht_ros_messages::msg::{HeaderMsg, Image, LaserScanMsg, OdometryMsg, Pose, TfMessage, Time, TransformStamped};
 use fht_proto::api::compact::{
     CompactNode, CompactNodes, CompactNodesPage, CompactPath, CompactPathWithGoal, CompactWaypoint,
 };
@@ -15,6 +13,8 @@ use fht_proto::{
     NodeId, NodeKind, Op, Rect, Release, ReleaseId, ScanRecord, SeenArea, Signature, Square, VersionVector, Zone,
     ZoneRule, encode,
 };
+use fht_ros_messages::cdr;
+use fht_ros_messages::msg::{HeaderMsg, Image, LaserScanMsg, OdometryMsg, Pose, TfMessage, Time, TransformStamped};
 use std::error::Error;
 use std::path::Path;
 
@@ -143,12 +143,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (map, point) = ("museum".parse()?, FixedPoint { x_mm: 5, y_mm: -7 });
     let path = CompactPath { map, version: 3, waypoints: vec![CompactWaypoint { point, node: Some(node(1)) }] };
     write("replies", "seed-path", &body(&path)?)?;
-    let with_goal = CompactPathWithGoal {
-        path: path.clone(),
-        goal_moved_mm: 1660,
-        unmapped_mm: 0,
-        goal_yaw_e4: Some(15_708),
-    };
+    let with_goal =
+        CompactPathWithGoal { path: path.clone(), goal_moved_mm: 1660, unmapped_mm: 0, goal_yaw_e4: Some(15_708) };
     write("replies", "seed-path-with-goal", &body(&with_goal)?)?;
     let compact = CompactNode {
         id: node(1),
@@ -186,7 +182,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// What the targets of the server read: writers that take turns, and changes to a file.
 fn write_commands() -> Result<(), Box<dyn Error>> {
-    let turns = |map: u8| (0..120_u8).flat_map(move |turn| [0x80 | (turn % 5), map.wrapping_mul(turn), turn & 0x87, 40]);
+    let turns =
+        |map: u8| (0..120_u8).flat_map(move |turn| [0x80 | (turn % 5), map.wrapping_mul(turn), turn & 0x87, 40]);
     write("quotas", "seed-0", &turns(0).collect::<Vec<_>>())?;
     write("quotas", "seed-1", &turns(1).collect::<Vec<_>>())?;
     let change = |page: u32, at: u32| [&(page * 4096 + at).to_le_bytes()[..], &[0xff, 3]].concat();

@@ -2,9 +2,11 @@
 //! Recorded runs. The input is a row of messages (topic, length in two bytes, bytes), each also
 //! read on its own; or an MCAP file, if it begins like one.
 
-use fht_ros_messages::msg::{CompressedImage, Image, LaserScanMsg, OdometryMsg, TfMessage};
 use fht_bag::{FrameConfig, Frames};
 use fht_ros_messages::cdr;
+use fht_ros_messages::msg::{
+    CompressedImage, GoalStatusArray, Image, LaserScanMsg, OdometryMsg, PathMsg, PointCloud2, TfMessage,
+};
 use libfuzzer_sys::fuzz_target;
 use mcap::records::MessageHeader;
 use mcap::{WriteOptions, Writer};
@@ -71,6 +73,9 @@ fuzz_target!(|bytes: &[u8]| {
             let _ = cdr::decode::<TfMessage>(bytes);
             let _ = cdr::decode::<Image<'_>>(bytes);
             let _ = cdr::decode::<CompressedImage<'_>>(bytes);
+            let _ = cdr::decode::<PointCloud2<'_>>(bytes);
+            let _ = cdr::decode::<PathMsg>(bytes);
+            let _ = cdr::decode::<GoalStatusArray>(bytes);
         }
         std::fs::write(&path, bag(&messages)).expect("the folder for temporary files can be written");
     }

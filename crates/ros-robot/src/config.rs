@@ -23,7 +23,7 @@ pub struct RosRobotConfig {
     pub base_frame: Option<String>,
     /// The frame that odometry's transforms start from. Default odom.
     pub odom_frame: String,
-    /// A sensor that says nothing for so long is silent: the robot stops, seconds. Default 0.4.
+    /// A sensor that says nothing for so long is silent: the robot stops, seconds. Default 0.35.
     pub silent_after_s: f64,
     /// How long a scan waits for its odometry, seconds; then it is late. Default 0.3.
     pub patience_s: f64,
@@ -39,7 +39,7 @@ impl Default for RosRobotConfig {
             cmd_vel: "cmd_vel".to_owned(),
             base_frame: None,
             odom_frame: "odom".to_owned(),
-            silent_after_s: 0.4,
+            silent_after_s: 0.35,
             patience_s: 0.3,
         }
     }

@@ -400,7 +400,7 @@ mod tests {
                 said(|intake| {
                     intake.take_transforms(&laser, 0.0, 0);
                     intake.take_odometry(&odometry(1000 * MS, 0.0), 0.9, 0);
-                    intake.take_scan(scan(9000 * MS), 0.65, 0);
+                    intake.take_scan(scan(9000 * MS), 0.68, 0);
                 }),
                 &["the stamps of /r1/scan are 8.0 s ahead of those of /r1/odom", "chrony", "use_sim_time"],
             ),
@@ -408,7 +408,7 @@ mod tests {
                 said(|intake| {
                     intake.take_transforms(&laser, 0.0, 0);
                     intake.take_odometry(&odometry(9000 * MS, 0.0), 0.9, 0);
-                    intake.take_scan(scan(1000 * MS), 0.65, 0);
+                    intake.take_scan(scan(1000 * MS), 0.68, 0);
                 }),
                 &["the stamps of /r1/scan are 8.0 s behind those of /r1/odom"],
             ),

@@ -18,8 +18,9 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// A live robot stops when no frame has come for so long, seconds.
-const STOP_AFTER_S: f64 = 0.5;
+/// A live robot is told to stop when no frame has come for so long, seconds: it shall stand within
+/// half a second.
+const STOP_AFTER_S: f64 = 0.4;
 
 /// Which robot explores, and where its map goes.
 #[derive(Clone, Debug)]
