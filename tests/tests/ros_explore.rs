@@ -6,7 +6,7 @@
 use fht_demo::Role;
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::pose::{Pose2, pose};
-use fht_ros::{Node, NodeConfig, Publisher, Qos, Subscription};
+use fht_ros::{NodeConfig, Publisher, Qos, RosNode, Subscription};
 use fht_ros_frames::{header_message, pose_message, scan_message};
 use fht_ros_messages::msg::{LaserScanMsg, OdometryMsg, PoseWithCovariance, TfMessage, TransformStamped, TwistStamped};
 use fht_sim::{SimConfig, Simulator, load};
@@ -51,7 +51,7 @@ struct SimulatedRobot {
 }
 
 impl SimulatedRobot {
-    async fn new(node: &Node) -> Self {
+    async fn new(node: &RosNode) -> Self {
         let world = Arc::new(load("museum", None, 1).unwrap());
         let start = world.start();
         let config = SimConfig { camera_every: 0, ..SimConfig::default() };
@@ -111,7 +111,7 @@ fn output_of(child: Child) -> Output {
 async fn a_robot_with_ros_is_explored_with_and_stops_when_its_lidar_is_silent() {
     let (endpoint, router) = graph().await;
     let node =
-        Node::join(router, NodeConfig { namespace: "r1".to_owned(), ..NodeConfig::new("driver") }).await.unwrap();
+        RosNode::join(router, NodeConfig { namespace: "r1".to_owned(), ..NodeConfig::new("driver") }).await.unwrap();
     let mut robot = SimulatedRobot::new(&node).await;
     let flags =
         ["explore", "--ros", &endpoint, "--namespace", "r1", "--offline", "--max-sim", "20", "--json", "--quiet"];
@@ -152,7 +152,7 @@ async fn a_robot_with_ros_is_explored_with_and_stops_when_its_lidar_is_silent() 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_check_says_what_a_robot_has_and_lacks() {
     let (endpoint, router) = graph().await;
-    let node = Node::join(router, NodeConfig { domain: 3, ..NodeConfig::new("driver") }).await.unwrap();
+    let node = RosNode::join(router, NodeConfig { domain: 3, ..NodeConfig::new("driver") }).await.unwrap();
     let check = |flags: &[&str]| {
         let child = mapper(&[&["ros", "check", &endpoint, "--wait", "2"], flags].concat());
         let output = output_of(child);

@@ -6,7 +6,7 @@
 use fht_perception::frame::Twist;
 use fht_perception::pose::pose;
 use fht_perception::robot::{Robot, Sensors, SilenceConfig, Supervised};
-use fht_ros::{Node, NodeConfig, Qos};
+use fht_ros::{NodeConfig, Qos, RosNode};
 use fht_ros_messages::msg::{
     HeaderMsg, LaserScanMsg, MapMetaData, OccupancyGridMsg, OdometryMsg, SetBool, SetBoolRequest, SetBoolResponse,
     StringMsg, TfMessage, TwistMsg,
@@ -90,7 +90,7 @@ async fn router(port: u16) -> zenoh::Session {
     zenoh::open(config).await.unwrap()
 }
 
-async fn topics_and_services(node: &Node, peer: &mut Peer) {
+async fn topics_and_services(node: &RosNode, peer: &mut Peer) {
     let chatter = node.publisher("chatter", Qos::default()).await.unwrap();
     soon(async {
         while !chatter.is_heard().await.unwrap() {
@@ -118,7 +118,7 @@ async fn topics_and_services(node: &Node, peer: &mut Peer) {
     assert!(topics.contains("/chatter") && topics.contains("/map") && topics.contains("/scan"), "{topics}");
 }
 
-async fn the_peer_is_a_robot(node: &Node, peer: &mut Peer) {
+async fn the_peer_is_a_robot(node: &RosNode, peer: &mut Peer) {
     let mut robot = RosRobot::connect(node, RosRobotConfig::default()).await.unwrap();
     let frame = soon(robot.sense()).await.unwrap();
     assert!((frame.odom_from_base.translation.x - 1.5).abs() < 1e-12, "{:?}", frame.odom_from_base);
@@ -154,7 +154,7 @@ async fn a_foreign_peer_hears_us_and_is_heard() {
     let _router = router(port).await;
     let link = SessionConfig::from_options(vec![format!("tcp/127.0.0.1:{port}")], None);
     let session = fht_session::open(&link).await.unwrap();
-    let node = Node::join(session, NodeConfig::new("mapper")).await.unwrap();
+    let node = RosNode::join(session, NodeConfig::new("mapper")).await.unwrap();
 
     // Published before the peer is there.
     let map = node.publisher("map", Qos::latched(1)).await.unwrap();

@@ -61,7 +61,7 @@ pub struct GetResultRequest {
 /// `X_GetResult_Response`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GetResultResponse<R> {
-    /// How the goal ended: a constant of [`GoalStatus`](crate::msg::GoalStatus).
+    /// How the goal ended: a constant of [`GoalStatusMsg`](crate::msg::GoalStatusMsg).
     pub status: i8,
     /// What came of it.
     pub result: R,

@@ -5,7 +5,9 @@ mod goals;
 mod sensors;
 
 pub use diagnostics::{DiagnosticArray, DiagnosticStatus, KeyValue};
-pub use goals::{CancelGoal, CancelGoalRequest, CancelGoalResponse, GoalInfo, GoalStatus, GoalStatusArray, GoalUuid};
+pub use goals::{
+    CancelGoal, CancelGoalRequest, CancelGoalResponse, GoalInfo, GoalStatusArray, GoalStatusMsg, GoalUuid,
+};
 pub use sensors::{ImuMsg, PointCloud2, PointField};
 
 use crate::interface::{RosMessage, RosService};

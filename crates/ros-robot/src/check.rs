@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// How bad a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum Readiness {
     /// All is well.
     Good,
     /// It works, but not as it should.
@@ -24,7 +24,7 @@ pub struct Finding {
     /// The topic's full name.
     pub topic: String,
     /// How bad it is.
-    pub verdict: Verdict,
+    pub readiness: Readiness,
     /// What it is, and what to do.
     pub sentence: String,
 }
@@ -60,7 +60,7 @@ pub fn check(endpoints: &[Endpoint], config: &RosRobotConfig, namespace: &str) -
 }
 
 fn judge(endpoints: &[Endpoint], need: &Need) -> Finding {
-    let finding = |verdict, sentence| Finding { topic: need.topic.clone(), verdict, sentence };
+    let finding = |readiness, sentence| Finding { topic: need.topic.clone(), readiness, sentence };
     let does = if need.other == EndpointKind::Publisher { "publishes" } else { "subscribes to" };
     let wanted = need.types.join(" or ");
     let on_topic: Vec<&Endpoint> =
@@ -69,7 +69,7 @@ fn judge(endpoints: &[Endpoint], need: &Need) -> Finding {
         on_topic.iter().copied().filter(|end| need.types.contains(&end.ros_type.as_str())).collect();
     let Some(first) = fitting.first() else {
         if let Some(other) = on_topic.first() {
-            return finding(Verdict::Missing, format!("{} has {}, not {wanted}", other.node, other.ros_type));
+            return finding(Readiness::Missing, format!("{} has {}, not {wanted}", other.node, other.ros_type));
         }
         let elsewhere: Vec<&str> = endpoints
             .iter()
@@ -80,7 +80,7 @@ fn judge(endpoints: &[Endpoint], need: &Need) -> Finding {
             [] => format!("start what {does} it, or see whether domain and namespace are right"),
             _ => format!("there is {}: is that the topic, or another namespace?", listed(&elsewhere)),
         };
-        return finding(Verdict::Missing, format!("nobody {does} it ({wanted}); {hint}"));
+        return finding(Readiness::Missing, format!("nobody {does} it ({wanted}); {hint}"));
     };
     // Several nodes publish transforms; two that publish scans or odometry are two robots.
     let is_shared = need.types.contains(&TfMessage::TYPE) || need.other == EndpointKind::Subscription;
@@ -90,15 +90,15 @@ fn judge(endpoints: &[Endpoint], need: &Need) -> Finding {
             "{} publish it: two robots with the same names? give each a namespace, or a router",
             listed(&nodes)
         );
-        return finding(Verdict::Doubtful, sentence);
+        return finding(Readiness::Doubtful, sentence);
     }
     let mismatch = match need.other {
         EndpointKind::Publisher => need.qos.mismatch(&first.qos),
         _ => first.qos.mismatch(&need.qos),
     };
     match mismatch {
-        Some(mismatch) => finding(Verdict::Doubtful, format!("of {}: {mismatch}", first.node)),
-        None => finding(Verdict::Good, format!("{} {does} it ({})", first.node, first.ros_type)),
+        Some(mismatch) => finding(Readiness::Doubtful, format!("of {}: {mismatch}", first.node)),
+        None => finding(Readiness::Good, format!("{} {does} it ({})", first.node, first.ros_type)),
     }
 }
 
@@ -132,25 +132,28 @@ mod tests {
         ]
     }
 
-    fn said(change: impl FnOnce(&mut Vec<Endpoint>), topic: &str) -> (Verdict, String) {
+    fn said(change: impl FnOnce(&mut Vec<Endpoint>), topic: &str) -> (Readiness, String) {
         let mut endpoints = robot();
         change(&mut endpoints);
         let findings = check(&endpoints, &RosRobotConfig::default(), "r1").expect("names");
         let found = findings.into_iter().find(|finding| finding.topic == topic).expect("the topic");
-        (found.verdict, found.sentence)
+        (found.readiness, found.sentence)
     }
 
     #[test]
     fn a_robot_that_has_all_is_well() {
         let findings = check(&robot(), &RosRobotConfig::default(), "r1").expect("names");
-        assert!(findings.len() == 5 && findings.iter().all(|finding| finding.verdict == Verdict::Good), "{findings:?}");
+        assert!(
+            findings.len() == 5 && findings.iter().all(|finding| finding.readiness == Readiness::Good),
+            "{findings:?}"
+        );
     }
 
     #[test]
     fn what_is_wrong_is_told_with_what_to_do() {
-        use Verdict::{Doubtful, Missing};
+        use Readiness::{Doubtful, Missing};
         type Change = fn(&mut Vec<Endpoint>);
-        let cases: [(Change, &str, Verdict, &str); 10] = [
+        let cases: [(Change, &str, Readiness, &str); 10] = [
             (
                 |all| all.clear(),
                 "/r1/scan",
@@ -198,9 +201,9 @@ mod tests {
                 "there is /r1/tf: is that the topic",
             ),
         ];
-        for (change, topic, verdict, words) in cases {
+        for (change, topic, readiness, words) in cases {
             let (found, sentence) = said(change, topic);
-            assert_eq!(found, verdict, "{sentence}");
+            assert_eq!(found, readiness, "{sentence}");
             assert!(sentence.contains(words), "'{sentence}' should say '{words}'");
         }
     }

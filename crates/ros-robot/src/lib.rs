@@ -18,10 +18,10 @@
 //! ([`fht_perception::robot::Supervised`]) stops it. What is wrong is told before anything drives:
 //!
 //! ```
-//! use fht_ros_robot::{RosRobotConfig, Verdict, check};
+//! use fht_ros_robot::{RosRobotConfig, Readiness, check};
 //!
 //! let findings = check(&[], &RosRobotConfig::default(), "r1")?;
-//! assert_eq!((findings[0].topic.as_str(), findings[0].verdict), ("/r1/scan", Verdict::Missing));
+//! assert_eq!((findings[0].topic.as_str(), findings[0].readiness), ("/r1/scan", Readiness::Missing));
 //! println!("{}: {}", findings[0].topic, findings[0].sentence);
 //! # Ok::<(), fht_ros::NameError>(())
 //! ```
@@ -31,7 +31,7 @@ mod config;
 mod intake;
 mod robot;
 
-pub use check::{Finding, Verdict, check};
+pub use check::{Finding, Readiness, check};
 pub use config::RosRobotConfig;
 pub use intake::IntakeReport;
 pub use robot::RosRobot;

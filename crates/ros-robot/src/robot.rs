@@ -4,7 +4,7 @@ use crate::config::RosRobotConfig;
 use crate::intake::{Intake, IntakeReport};
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::robot::{Robot, RobotError, Sensors};
-use fht_ros::{EndpointKind, Node, Publisher, Qos, Received, RosError, Subscription};
+use fht_ros::{EndpointKind, Publisher, Qos, Received, RosError, RosNode, Subscription};
 use fht_ros_messages::msg::{HeaderMsg, LaserScanMsg, OdometryMsg, TfMessage, TwistMsg, TwistStamped, Vector3};
 use fht_ros_messages::{RosMessage, cdr};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -43,7 +43,7 @@ impl RosRobot {
     ///
     /// # Errors
     /// [`RosError`] when a name cannot be one, or the session is closed.
-    pub async fn connect(node: &Node, config: RosRobotConfig) -> Result<Self, RosError> {
+    pub async fn connect(node: &RosNode, config: RosRobotConfig) -> Result<Self, RosError> {
         let sensor = Qos::sensor_data();
         let scans = node.subscribe(&config.scan, sensor).await?;
         let odometry = match config.has_odometry_in_tf() {
@@ -69,7 +69,7 @@ impl RosRobot {
         })
     }
 
-    async fn commands(node: &Node, config: &RosRobotConfig) -> Result<Commands, RosError> {
+    async fn commands(node: &RosNode, config: &RosRobotConfig) -> Result<Commands, RosError> {
         let topic = node.resolve(&config.cmd_vel)?;
         let there = node.endpoints(ROLL_CALL).await?;
         let mut takers = there.iter().filter(|end| end.kind == EndpointKind::Subscription && end.name == topic);

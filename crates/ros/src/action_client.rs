@@ -2,7 +2,7 @@
 
 use crate::attachment::Gid;
 use crate::error::RosError;
-use crate::node::{Node, now_ns};
+use crate::node::{RosNode, now_ns};
 use crate::qos::Qos;
 use crate::service::RawClient;
 use crate::subscription::RawSubscription;
@@ -30,7 +30,7 @@ struct Clients {
     goals: RawClient,
     cancels: RawClient,
     results: RawClient,
-    node: Node,
+    node: RosNode,
 }
 
 /// A goal that the server has taken.
@@ -41,7 +41,7 @@ pub struct SentGoal<A> {
     action: PhantomData<fn() -> A>,
 }
 
-impl Node {
+impl RosNode {
     /// A client of the action `name`.
     ///
     /// # Errors
@@ -108,7 +108,7 @@ impl<A: RosAction> SentGoal<A> {
     }
 
     /// Waits until the goal has ended: how (a constant of
-    /// [`GoalStatus`](fht_ros_messages::msg::GoalStatus)), and what came of it.
+    /// [`GoalStatusMsg`](fht_ros_messages::msg::GoalStatusMsg)), and what came of it.
     ///
     /// # Errors
     /// [`RosError`]; [`RosError::NoServer`] when the server is gone.

@@ -2,11 +2,11 @@
 
 use crate::error::RosError;
 use crate::goals::{GoalBook, ResultAnswer};
-use crate::node::{Node, now_ns};
+use crate::node::{RosNode, now_ns};
 use crate::publisher::RawPublisher;
 use crate::qos::Qos;
 use crate::service::{RawCall, RawServer};
-use fht_ros_messages::msg::{CancelGoal, CancelGoalRequest, GoalStatus, GoalStatusArray, GoalUuid, Time};
+use fht_ros_messages::msg::{CancelGoal, CancelGoalRequest, GoalStatusArray, GoalStatusMsg, GoalUuid, Time};
 use fht_ros_messages::{
     FeedbackMessage, GetResultRequest, GetResultResponse, RosAction, RosMessage, RosService, SendGoalRequest,
     SendGoalResponse, cdr,
@@ -103,7 +103,7 @@ fn told<A: RosAction>(status: i8, result: A::Result) -> Vec<u8> {
     cdr::encode(&GetResultResponse { status, result }).unwrap_or_default()
 }
 
-impl Node {
+impl RosNode {
     /// Serves the action `name`, in a task of the Tokio runtime that calls this.
     ///
     /// # Errors
@@ -135,7 +135,7 @@ async fn answer_all<A: RosAction>(shared: Arc<Shared>, cancels: RawServer, resul
                         ResultAnswer::Later => {}
                         ResultAnswer::Now(call, result) => answer(&call, result),
                         ResultAnswer::Unknown(call) => {
-                            answer(&call, told::<A>(GoalStatus::UNKNOWN, A::Result::default()));
+                            answer(&call, told::<A>(GoalStatusMsg::UNKNOWN, A::Result::default()));
                         }
                     }
                 }
@@ -204,7 +204,7 @@ impl<A: RosAction> ActiveGoal<A> {
     /// Whether somebody wants it to end early.
     #[must_use]
     pub fn is_canceling(&self) -> bool {
-        self.shared.book().status(self.goal_id) == GoalStatus::CANCELING
+        self.shared.book().status(self.goal_id) == GoalStatusMsg::CANCELING
     }
 
     /// Waits until somebody wants it to end early. Cancel safe.
@@ -219,17 +219,17 @@ impl<A: RosAction> ActiveGoal<A> {
 
     /// It is reached.
     pub fn succeed(self, result: A::Result) {
-        self.end(GoalStatus::SUCCEEDED, result);
+        self.end(GoalStatusMsg::SUCCEEDED, result);
     }
 
     /// It cannot be reached.
     pub fn abort(self, result: A::Result) {
-        self.end(GoalStatus::ABORTED, result);
+        self.end(GoalStatusMsg::ABORTED, result);
     }
 
     /// It ends early, as was wanted.
     pub fn canceled(self, result: A::Result) {
-        self.end(GoalStatus::CANCELED, result);
+        self.end(GoalStatusMsg::CANCELED, result);
     }
 
     fn end(mut self, status: i8, result: A::Result) {
@@ -241,8 +241,8 @@ impl<A: RosAction> ActiveGoal<A> {
 impl<A: RosAction> Drop for ActiveGoal<A> {
     fn drop(&mut self) {
         if !self.has_ended {
-            let result = told::<A>(GoalStatus::ABORTED, A::Result::default());
-            self.shared.finish(self.goal_id, GoalStatus::ABORTED, result);
+            let result = told::<A>(GoalStatusMsg::ABORTED, A::Result::default());
+            self.shared.finish(self.goal_id, GoalStatusMsg::ABORTED, result);
         }
     }
 }

@@ -2,7 +2,7 @@
 //! result. No I/O.
 
 use fht_ros_messages::msg::{
-    CancelGoalRequest, CancelGoalResponse, GoalInfo, GoalStatus, GoalStatusArray, GoalUuid, Time,
+    CancelGoalRequest, CancelGoalResponse, GoalInfo, GoalStatusArray, GoalStatusMsg, GoalUuid, Time,
 };
 use std::collections::BTreeMap;
 
@@ -18,7 +18,7 @@ pub(crate) struct GoalBook<W> {
 struct Entry<W> {
     /// The how manieth accepted goal it is.
     number: u64,
-    status: GoalStatus,
+    status: GoalStatusMsg,
     /// The answer to who asks for the result, once there is one.
     result: Option<Vec<u8>>,
     waiting: Vec<W>,
@@ -41,7 +41,7 @@ impl<W> Default for GoalBook<W> {
 }
 
 fn has_ended(status: i8) -> bool {
-    status >= GoalStatus::SUCCEEDED
+    status >= GoalStatusMsg::SUCCEEDED
 }
 
 impl<W> GoalBook<W> {
@@ -51,7 +51,7 @@ impl<W> GoalBook<W> {
             return false;
         }
         self.accepted += 1;
-        let status = GoalStatus { goal_info: GoalInfo { goal_id, stamp }, status: GoalStatus::EXECUTING };
+        let status = GoalStatusMsg { goal_info: GoalInfo { goal_id, stamp }, status: GoalStatusMsg::EXECUTING };
         self.goals.insert(goal_id, Entry { number: self.accepted, status, result: None, waiting: Vec::new() });
         let mut ended: Vec<(u64, GoalUuid)> = self
             .goals
@@ -73,7 +73,7 @@ impl<W> GoalBook<W> {
 
     /// How a goal is.
     pub(crate) fn status(&self, goal_id: GoalUuid) -> i8 {
-        self.goals.get(&goal_id).map_or(GoalStatus::UNKNOWN, |entry| entry.status.status)
+        self.goals.get(&goal_id).map_or(GoalStatusMsg::UNKNOWN, |entry| entry.status.status)
     }
 
     /// Asks goals to end early, as `action_msgs/srv/CancelGoal` has it.
@@ -95,7 +95,7 @@ impl<W> GoalBook<W> {
             let is_meant =
                 *id == goal_id || (is_all && (before == (0, 0) || (accepted.sec, accepted.nanosec) <= before));
             if is_meant && !has_ended(entry.status.status) {
-                entry.status.status = GoalStatus::CANCELING;
+                entry.status.status = GoalStatusMsg::CANCELING;
                 goals_canceling.push(entry.status.goal_info);
             }
         }
@@ -152,9 +152,9 @@ mod tests {
         assert!(book.accept(id(1), at(1)) && !book.accept(id(1), at(2)));
         assert!(matches!(book.ask(id(1), "first"), ResultAnswer::Later));
         assert!(matches!(book.ask(id(2), "lost"), ResultAnswer::Unknown("lost")));
-        assert_eq!(book.finish(id(1), GoalStatus::SUCCEEDED, vec![7]), ["first"]);
+        assert_eq!(book.finish(id(1), GoalStatusMsg::SUCCEEDED, vec![7]), ["first"]);
         assert!(matches!(book.ask(id(1), "late"), ResultAnswer::Now("late", result) if result == [7]));
-        assert_eq!(book.statuses().status_list[0].status, GoalStatus::SUCCEEDED);
+        assert_eq!(book.statuses().status_list[0].status, GoalStatusMsg::SUCCEEDED);
     }
 
     #[test]
@@ -163,7 +163,7 @@ mod tests {
         for number in 1..=4 {
             book.accept(id(number), at(i32::from(number)));
         }
-        book.finish(id(4), GoalStatus::ABORTED, Vec::new());
+        book.finish(id(4), GoalStatusMsg::ABORTED, Vec::new());
         assert_eq!(book.cancel(&request(9, 0)).return_code, CancelGoalResponse::UNKNOWN_GOAL);
         assert_eq!(book.cancel(&request(4, 0)).return_code, CancelGoalResponse::TERMINATED);
         assert_eq!(book.cancel(&request(2, 0)).goals_canceling.len(), 1);
@@ -181,7 +181,7 @@ mod tests {
         let mut book = GoalBook::<()>::default();
         for number in 1..=200 {
             book.accept(id(number), at(0));
-            book.finish(id(number), GoalStatus::SUCCEEDED, Vec::new());
+            book.finish(id(number), GoalStatusMsg::SUCCEEDED, Vec::new());
         }
         assert_eq!(book.statuses().status_list.len(), ENDED + 1);
         assert!(book.knows(id(200)) && !book.knows(id(1)));

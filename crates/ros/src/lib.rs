@@ -12,7 +12,7 @@
 //! | `attachment` | what each message says of its sender |
 //! | `goals` | the goals of an action server, as plain data |
 //! | `inbox` | a queue of bounded length: the oldest goes first |
-//! | `node` | who one is, and who else is there ([`Node`]) |
+//! | `node` | who one is, and who else is there ([`RosNode`]) |
 //! | `publisher`, `subscription` | topics, also those that keep their last messages |
 //! | `service` | asking and answering |
 //! | `action_server`, `action_client` | goals, feedback, results |
@@ -20,7 +20,7 @@
 //! Needs a Tokio runtime with more than one thread, as Zenoh does. Here two nodes share a session:
 //!
 //! ```
-//! use fht_ros::{Node, NodeConfig, Qos};
+//! use fht_ros::{RosNode, NodeConfig, Qos};
 //! use fht_ros_messages::msg::StringMsg;
 //!
 //! # let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
@@ -29,8 +29,8 @@
 //! # config.insert_json5("scouting/multicast/enabled", "false")?;
 //! # config.insert_json5("listen/endpoints", "[]")?;
 //! let session = zenoh::open(config).await?; // on a robot: fht_session::open, at its router
-//! let talker = Node::join(session.clone(), NodeConfig::new("talker")).await?;
-//! let listener = Node::join(session, NodeConfig::new("listener")).await?;
+//! let talker = RosNode::join(session.clone(), NodeConfig::new("talker")).await?;
+//! let listener = RosNode::join(session, NodeConfig::new("listener")).await?;
 //! let heard = listener.subscribe::<StringMsg>("chatter", Qos::default()).await?;
 //! let chatter = talker.publisher("chatter", Qos::default()).await?;
 //! chatter.publish(&StringMsg { data: "hello".to_owned() })?;
@@ -63,7 +63,7 @@ pub use keys::{
     node_token, parse_token,
 };
 pub use names::{NameError, dds_type, resolve, ros_type};
-pub use node::{Node, NodeConfig};
+pub use node::{NodeConfig, RosNode};
 pub use publisher::Publisher;
 pub use qos::{Qos, QosDurability, QosReliability};
 pub use service::{Call, ServiceClient, ServiceServer};

@@ -47,7 +47,7 @@ impl NodeConfig {
 
 /// A node on a graph. It is there until it and all that it made are dropped.
 #[derive(Clone)]
-pub struct Node {
+pub struct RosNode {
     inner: Arc<Inner>,
 }
 
@@ -71,7 +71,7 @@ pub(crate) struct Declared {
     _token: Option<LivelinessToken>,
 }
 
-impl Node {
+impl RosNode {
     /// Joins the graph behind `session`: a client of the robot's router. A robot's `rmw_zenohd`
     /// does not pass on what peers say, so the session must not be a peer's.
     ///

@@ -3,7 +3,7 @@
 use crate::attachment::{Attachment, Gid};
 use crate::error::RosError;
 use crate::keys::{EndpointKind, KeyForm};
-use crate::node::{Declared, Node, now_ns};
+use crate::node::{Declared, RosNode, now_ns};
 use crate::qos::{Qos, QosDurability, QosReliability};
 use fht_ros_messages::{RosMessage, cdr};
 use serde::Serialize;
@@ -24,7 +24,7 @@ pub struct Publisher<M> {
     message: PhantomData<fn(&M)>,
 }
 
-impl Node {
+impl RosNode {
     /// Publishes `topic`.
     ///
     /// # Errors
@@ -85,11 +85,11 @@ pub(crate) struct RawPublisher {
     sequence: AtomicI64,
     publisher: zenoh::pubsub::Publisher<'static>,
     history: Option<History>,
-    node: Node,
+    node: RosNode,
 }
 
 impl RawPublisher {
-    pub(crate) async fn new(node: &Node, topic: &str, ros_type: &str, qos: Qos) -> Result<Self, RosError> {
+    pub(crate) async fn new(node: &RosNode, topic: &str, ros_type: &str, qos: Qos) -> Result<Self, RosError> {
         let declared = node.declare(EndpointKind::Publisher, topic, ros_type, qos).await?;
         let congestion = match qos.reliability {
             QosReliability::Reliable => CongestionControl::Block,
@@ -132,7 +132,7 @@ impl RawPublisher {
 }
 
 impl History {
-    async fn new(node: &Node, declared: &Declared, depth: usize) -> Result<Self, RosError> {
+    async fn new(node: &RosNode, declared: &Declared, depth: usize) -> Result<Self, RosError> {
         let session = node.session();
         let place = format!("{}/@adv/pub/{}/uhlc/_", declared.key, session.zid());
         let kept = Kept::default();

@@ -4,7 +4,7 @@ use crate::attachment::{Attachment, Gid};
 use crate::error::RosError;
 use crate::inbox::Inbox;
 use crate::keys::{EndpointKind, KeyForm};
-use crate::node::{Declared, Node, now_ns};
+use crate::node::{Declared, RosNode, now_ns};
 use crate::qos::Qos;
 use fht_ros_messages::{RosService, cdr};
 use serde::Serialize;
@@ -36,7 +36,7 @@ pub struct Call<S: RosService> {
     reply: RawCall,
 }
 
-impl Node {
+impl RosNode {
     /// A client of the service `name`.
     ///
     /// # Errors
@@ -94,11 +94,11 @@ pub(crate) struct RawClient {
     declared: Declared,
     gid: Gid,
     sequence: AtomicI64,
-    node: Node,
+    node: RosNode,
 }
 
 impl RawClient {
-    pub(crate) async fn new(node: &Node, name: &str, ros_type: &str) -> Result<Self, RosError> {
+    pub(crate) async fn new(node: &RosNode, name: &str, ros_type: &str) -> Result<Self, RosError> {
         let declared = node.declare(EndpointKind::Client, name, ros_type, Qos::default()).await?;
         let gid = Gid::of_token(&declared.token);
         Ok(Self { declared, gid, sequence: AtomicI64::new(1), node: node.clone() })
@@ -146,7 +146,7 @@ pub(crate) struct RawServer {
     pub(crate) inbox: Arc<Inbox<RawCall>>,
     _declared: Declared,
     _queryable: Queryable<()>,
-    _node: Node,
+    _node: RosNode,
 }
 
 /// A request as it came.
@@ -157,7 +157,7 @@ pub(crate) struct RawCall {
 }
 
 impl RawServer {
-    pub(crate) async fn new(node: &Node, name: &str, ros_type: &str) -> Result<Self, RosError> {
+    pub(crate) async fn new(node: &RosNode, name: &str, ros_type: &str) -> Result<Self, RosError> {
         let declared = node.declare(EndpointKind::Server, name, ros_type, Qos::default()).await?;
         let inbox = Arc::new(Inbox::new(REQUESTS));
         let (taking, key, name) = (Arc::clone(&inbox), declared.key.clone(), declared.name.clone());

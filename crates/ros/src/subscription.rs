@@ -4,7 +4,7 @@ use crate::attachment::{Attachment, Gid};
 use crate::error::RosError;
 use crate::inbox::Inbox;
 use crate::keys::EndpointKind;
-use crate::node::{Declared, Node};
+use crate::node::{Declared, RosNode};
 use crate::qos::{Qos, QosDurability};
 use fht_ros_messages::{RosMessage, cdr};
 use serde::Deserialize;
@@ -49,7 +49,7 @@ pub struct Subscription<M> {
     message: PhantomData<fn() -> M>,
 }
 
-impl Node {
+impl RosNode {
     /// Subscribes to `topic`. Of publishers of other distributions, whose hashes differ, messages
     /// are taken as well.
     ///
@@ -102,11 +102,11 @@ pub(crate) struct RawSubscription {
     pub(crate) inbox: Arc<Inbox<Received>>,
     _subscriber: Subscriber<()>,
     _publishers: Option<Subscriber<()>>,
-    _node: Node,
+    _node: RosNode,
 }
 
 impl RawSubscription {
-    pub(crate) async fn new(node: &Node, topic: &str, ros_type: &str, qos: Qos) -> Result<Self, RosError> {
+    pub(crate) async fn new(node: &RosNode, topic: &str, ros_type: &str, qos: Qos) -> Result<Self, RosError> {
         let declared = node.declare(EndpointKind::Subscription, topic, ros_type, qos).await?;
         let door = Arc::new(Door { inbox: Arc::new(Inbox::new(qos.kept())), seen: Mutex::default() });
         let (inbox, session) = (Arc::clone(&door.inbox), node.session());

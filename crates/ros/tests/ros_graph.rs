@@ -2,9 +2,9 @@
 //! actions, and who is there; in both forms of keys.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-use fht_ros::{EndpointKind, KeyForm, Node, NodeConfig, Qos, RosError};
+use fht_ros::{EndpointKind, KeyForm, NodeConfig, Qos, RosError, RosNode};
 use fht_ros_messages::msg::{
-    GoalStatus, PoseStamped, SetBool, SetBoolRequest, SetBoolResponse, StringMsg, TfMessage, TransformStamped,
+    GoalStatusMsg, PoseStamped, SetBool, SetBoolRequest, SetBoolResponse, StringMsg, TfMessage, TransformStamped,
 };
 use fht_ros_messages::nav2::{NavigateToPose, NavigateToPoseFeedback, NavigateToPoseGoal, NavigateToPoseResult};
 use std::time::Duration;
@@ -30,11 +30,11 @@ async fn graph() -> (Session, [Session; 2]) {
     (router, sessions)
 }
 
-async fn nodes(sessions: &[Session; 2], form: KeyForm) -> [Node; 2] {
+async fn nodes(sessions: &[Session; 2], form: KeyForm) -> [RosNode; 2] {
     let config = |name: &str| NodeConfig { namespace: "r1".to_owned(), domain: 3, form, ..NodeConfig::new(name) };
     [
-        Node::join(sessions[0].clone(), config("robot")).await.unwrap(),
-        Node::join(sessions[1].clone(), config("mapper")).await.unwrap(),
+        RosNode::join(sessions[0].clone(), config("robot")).await.unwrap(),
+        RosNode::join(sessions[1].clone(), config("mapper")).await.unwrap(),
     ]
 }
 
@@ -46,7 +46,7 @@ async fn soon<T>(future: impl Future<Output = T>) -> T {
     timeout(PATIENCE, future).await.expect("it does not take that long")
 }
 
-async fn topics_work(robot: &Node, mapper: &Node) {
+async fn topics_work(robot: &RosNode, mapper: &RosNode) {
     let heard = mapper.subscribe::<StringMsg>("chatter", Qos { depth: 3, ..Qos::default() }).await.unwrap();
     let chatter = robot.publisher("/r1/chatter", Qos::default()).await.unwrap();
     soon(async {
@@ -87,7 +87,7 @@ async fn topics_work(robot: &Node, mapper: &Node) {
     assert!(early.take_raw().is_none(), "what comes twice is taken once");
 }
 
-async fn services_work(robot: &Node, mapper: &Node) {
+async fn services_work(robot: &RosNode, mapper: &RosNode) {
     let client = mapper.client::<SetBool>("switch").await.unwrap();
     let nobody = client.call(&SetBoolRequest { data: true }, Duration::from_millis(300)).await;
     assert!(matches!(nobody, Err(RosError::NoServer(_))), "{nobody:?}");
@@ -112,7 +112,7 @@ fn goal(x: f64) -> NavigateToPoseGoal {
     NavigateToPoseGoal { pose, behavior_tree: String::new() }
 }
 
-async fn actions_work(robot: &Node, mapper: &Node) {
+async fn actions_work(robot: &RosNode, mapper: &RosNode) {
     let server = robot.action_server::<NavigateToPose>("navigate_to_pose").await.unwrap();
     let client = mapper.action_client::<NavigateToPose>("navigate_to_pose").await.unwrap();
     tokio::time::sleep(Duration::from_millis(200)).await;
@@ -137,7 +137,7 @@ async fn actions_work(robot: &Node, mapper: &Node) {
     });
     let sent = client.send(goal(1.0)).await.unwrap();
     assert!(soon(sent.feedback()).await.unwrap().distance_remaining < 10.0);
-    assert_eq!(soon(sent.result()).await.unwrap().status, GoalStatus::SUCCEEDED);
+    assert_eq!(soon(sent.result()).await.unwrap().status, GoalStatusMsg::SUCCEEDED);
     assert!(!sent.cancel().await.unwrap(), "it has ended");
 
     let rejected = client.send(goal(2.0)).await;
@@ -146,10 +146,10 @@ async fn actions_work(robot: &Node, mapper: &Node) {
     let sent = client.send(goal(3.0)).await.unwrap();
     assert!(sent.cancel().await.unwrap());
     let end = soon(sent.result()).await.unwrap();
-    assert_eq!((end.status, end.result.error_msg.as_str()), (GoalStatus::CANCELED, "as you wish"));
+    assert_eq!((end.status, end.result.error_msg.as_str()), (GoalStatusMsg::CANCELED, "as you wish"));
 
     let sent = client.send(goal(4.0)).await.unwrap();
-    assert_eq!(soon(sent.result()).await.unwrap().status, GoalStatus::ABORTED);
+    assert_eq!(soon(sent.result()).await.unwrap().status, GoalStatusMsg::ABORTED);
     driving.await.unwrap();
 }
 

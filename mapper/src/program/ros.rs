@@ -9,7 +9,7 @@ use fht_perception::robot::{RobotError, SilenceConfig};
 use fht_picture::PictureError;
 use fht_program::stop::Stop;
 use fht_proto::Digest;
-use fht_ros::{Node, NodeConfig, RosError};
+use fht_ros::{NodeConfig, RosError, RosNode};
 use fht_ros_robot::{IntakeReport, RosRobot, RosRobotConfig};
 use fht_session::{SessionConfig, SessionError};
 use nalgebra::Vector2;
@@ -188,7 +188,7 @@ pub async fn explore_robot(
 ) -> Result<RosExploreReport, RosExploreError> {
     let began = Instant::now();
     let session = fht_session::open_within(&task.graph, task.patience).await?;
-    let node = Node::join(session, task.node).await?;
+    let node = RosNode::join(session, task.node).await?;
     let robot = RosRobot::connect(&node, task.robot).await?;
     let recorder = RunRecorder::new(task.record.as_deref())?;
     let travel = Travel { watch, next_us: 0, last_us: 0, driven_m: 0.0, last_odom: None };

@@ -7,9 +7,9 @@ use super::settings::MapperFile;
 use clap::{Args, Subcommand};
 use fht_perception::robot::Sensors;
 use fht_program::{ProgramFailure, Stop, print_line};
-use fht_ros::{KeyForm, Node, NodeConfig, RosError};
+use fht_ros::{KeyForm, NodeConfig, RosError, RosNode};
 use fht_ros_messages::Distribution;
-use fht_ros_robot::{Finding, RosRobot, RosRobotConfig, Verdict, check};
+use fht_ros_robot::{Finding, Readiness, RosRobot, RosRobotConfig, check};
 use fht_session::{SessionConfig, SessionError, open_within};
 use fht_worker::Pace;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -237,7 +237,7 @@ enum CheckError {
 
 impl CheckReport {
     fn is_good(&self) -> bool {
-        self.frames > 0 && self.findings.iter().all(|finding| finding.verdict != Verdict::Missing)
+        self.frames > 0 && self.findings.iter().all(|finding| finding.readiness != Readiness::Missing)
     }
 }
 
@@ -252,11 +252,11 @@ pub(super) fn check_robot(args: &CheckArgs, file: MapperFile) -> Result<bool, Pr
     if args.json {
         print_line!("{}", serde_json::to_string_pretty(&report).map_err(ProgramFailure::of_run)?);
     } else {
-        for Finding { topic, verdict, sentence } in &report.findings {
-            let word = match verdict {
-                Verdict::Good => "good    ",
-                Verdict::Doubtful => "doubtful",
-                Verdict::Missing => "missing ",
+        for Finding { topic, readiness, sentence } in &report.findings {
+            let word = match readiness {
+                Readiness::Good => "good    ",
+                Readiness::Doubtful => "doubtful",
+                Readiness::Missing => "missing ",
             };
             print_line!("{word}  {topic}: {sentence}");
         }
@@ -271,7 +271,7 @@ pub(super) fn check_robot(args: &CheckArgs, file: MapperFile) -> Result<bool, Pr
 async fn look(args: &CheckArgs, file: RosRobotConfig) -> Result<CheckReport, CheckError> {
     let wait = Duration::try_from_secs_f64(args.wait).unwrap_or(Duration::MAX);
     let session = open_within(&router(&args.endpoint), Some(wait)).await?;
-    let node = Node::join(session, args.graph.node()).await?;
+    let node = RosNode::join(session, args.graph.node()).await?;
     let config = args.graph.robot(file);
     // Before the own subscriptions are there.
     let endpoints = node.endpoints(wait).await?;

@@ -22,14 +22,14 @@ pub struct GoalInfo {
 
 /// `action_msgs/GoalStatus`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct GoalStatus {
+pub struct GoalStatusMsg {
     /// The goal.
     pub goal_info: GoalInfo,
     /// Its state: [`Self::ACCEPTED`] to [`Self::ABORTED`].
     pub status: i8,
 }
 
-impl GoalStatus {
+impl GoalStatusMsg {
     /// Nothing is known of the goal.
     pub const UNKNOWN: i8 = 0;
     /// Accepted, not begun.
@@ -50,7 +50,7 @@ impl GoalStatus {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub struct GoalStatusArray {
-    pub status_list: Vec<GoalStatus>,
+    pub status_list: Vec<GoalStatusMsg>,
 }
 
 /// `action_msgs/srv/CancelGoal`.
