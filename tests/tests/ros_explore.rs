@@ -24,6 +24,7 @@ fn mapper(args: &[&str]) -> Child {
     Command::new(env!("CARGO_BIN_EXE_programs"))
         .args(["role", Role::Mapper.name(), "--"])
         .args(args)
+        .env("RUST_LOG", "info")
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
