@@ -53,7 +53,11 @@ pub fn check(endpoints: &[Endpoint], config: &RosRobotConfig, namespace: &str) -
         needs.push(need(full(&config.odometry)?, &[OdometryMsg::TYPE], publisher, sensor));
     }
     let takes = &[TwistMsg::TYPE, TwistStamped::TYPE];
-    needs.push(need(full(&config.tf)?, &[TfMessage::TYPE], publisher, Qos::default()));
+    let tf = full(&config.tf)?;
+    // A robot whose frames are all fixed has no moving transforms.
+    if config.has_odometry_in_tf() || endpoints.iter().any(|end| end.kind == publisher && end.name == tf) {
+        needs.push(need(tf, &[TfMessage::TYPE], publisher, Qos::default()));
+    }
     needs.push(need(full(&config.tf_static)?, &[TfMessage::TYPE], publisher, Qos::latched(1)));
     needs.push(need(full(&config.cmd_vel)?, takes, EndpointKind::Subscription, Qos::default()));
     Ok(needs.iter().map(|need| judge(endpoints, need)).collect())

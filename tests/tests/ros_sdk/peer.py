@@ -51,7 +51,7 @@ map_ = endpoint(
     ROS2Subscriber,
     "/map",
     "nav_msgs/msg/OccupancyGrid",
-    lambda grid: say("map", grid.header.frame_id, grid.info.width, grid.info.height, list(grid.data)),
+    lambda grid: say("map", grid.header.frame_id, grid.info.width, grid.info.height, grid.data.tolist()),
     qos=LATCHED,
 )
 cmd_vel = endpoint(
