@@ -11,6 +11,7 @@ mod replay;
 mod replay_command;
 mod report;
 mod ros;
+mod ros_arguments;
 mod ros_command;
 mod running;
 mod scoring;
@@ -25,7 +26,7 @@ pub use ros::{RosExploreError, RosExploreReport, RosExploreTask, RosSnapshot, ex
 pub use scoring::main_node_errors;
 
 use self::arguments::{Cli, Command};
-use self::ros_command::RosCommand;
+use self::ros_arguments::RosCommand;
 use self::settings::MapperFile;
 use fht_program::flags::{missing_command, parse_args};
 use fht_program::{ProgramFailure, Stop, logging};

@@ -75,8 +75,8 @@ impl OdometryTrack {
         self.jumps
     }
 
-    /// Takes a pose at `time_ns` nanoseconds. After a jump (a reset) the motion goes on from the pose
-    /// before it.
+    /// Takes a pose at `time_ns` nanoseconds. After a jump (a reset) the motion goes on from the
+    /// pose before it.
     ///
     /// # Errors
     /// [`PoseRefused`].

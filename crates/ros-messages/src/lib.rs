@@ -4,7 +4,8 @@
 //! | --- | --- |
 //! | [`msg`] | the messages, field for field, and services |
 //! | [`nav2`] | the actions of Nav2 |
-//! | `interface` | what a message, a service and an action are, and what ROS makes of an action |
+//! | `interface` | what a message, a service and an action are |
+//! | `action` | what ROS makes of an action: three services and two topics |
 //! | [`cdr`] | their serialization |
 //! | `definitions` | their definitions as text, which MCAP files carry |
 //! | `hash` | the type hashes (RIHS01) that ROS 2 puts into names, by distribution |
@@ -24,6 +25,7 @@
 //! # Ok::<(), fht_ros_messages::cdr::CdrError>(())
 //! ```
 
+mod action;
 pub mod cdr;
 mod definitions;
 mod hash;
@@ -31,9 +33,7 @@ mod interface;
 pub mod msg;
 pub mod nav2;
 
+pub use action::{FeedbackMessage, GetResultRequest, GetResultResponse, SendGoalRequest, SendGoalResponse};
 pub use definitions::definition;
 pub use hash::{Distribution, UnknownDistribution, definition_hash, type_hash};
-pub use interface::{
-    FeedbackMessage, GetResultRequest, GetResultResponse, RosAction, RosMessage, RosService, SendGoalRequest,
-    SendGoalResponse,
-};
+pub use interface::{RosAction, RosMessage, RosService};

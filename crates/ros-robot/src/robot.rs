@@ -38,8 +38,8 @@ pub struct RosRobot {
 }
 
 impl RosRobot {
-    /// Subscribes to the robot's sensors, and offers it commands: with a stamp if whoever takes them
-    /// wants one (`geometry_msgs/TwistStamped`), else without.
+    /// Subscribes to the robot's sensors, and offers it commands: with a stamp if whoever takes
+    /// them wants one (`geometry_msgs/TwistStamped`), else without.
     ///
     /// # Errors
     /// [`RosError`] when a name cannot be one, or the session is closed.

@@ -1,4 +1,4 @@
-//! Publishes a text on `/chatter` twice a second: `talker [ENDPOINT [COUNT]]`. Every node of ROS 2's
+//! Publishes a text on `/chatter` twice a second: `talker [ENDPOINT [COUNT]]`. ROS 2's
 //! `demo_nodes_cpp listener` hears it.
 
 use fht_ros::{NodeConfig, Qos, RosNode};

@@ -1,8 +1,8 @@
 //! A node on a ROS 2 graph over Zenoh, without ROS.
 //!
 //! Robots with `rmw_zenoh` speak Zenoh themselves; others stand behind `zenoh-bridge-ros2dds`. This
-//! library speaks as both do ([`KeyForm`]): keys, liveliness tokens, attachments and type hashes are
-//! theirs, so that ROS's own tools see its nodes as their own.
+//! library speaks as both do ([`KeyForm`]): keys, liveliness tokens, attachments and type hashes
+//! are theirs, so that ROS's own tools see its nodes as their own.
 //!
 //! | module | idea |
 //! | --- | --- |

@@ -1,7 +1,7 @@
 //! The command line of `mapper`.
 
 use super::replay_command::{InfoArgs, ReplayArgs};
-use super::ros_command::{GraphArgs, RosCommand};
+use super::ros_arguments::{GraphArgs, RosCommand};
 use super::running::RunArgs;
 use clap::{Args, Parser, Subcommand};
 use fht_program::flags::{CompletionsArgs, ConfigArgs, number, seconds};
@@ -31,8 +31,8 @@ pub(super) struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
-    /// Explores a building, with a simulated robot or one that speaks ROS 2, until nothing reachable
-    /// is unknown, and builds the map on the way.
+    /// Explores a building, with a simulated robot or one that speaks ROS 2, until nothing
+    /// reachable is unknown, and builds the map on the way.
     ///
     /// If the server has the map already, or another explorer is about to begin it, the robot
     /// joins: it explores, finds its place in the map without a guess, goes where no other explorer
@@ -92,7 +92,8 @@ pub(super) struct ExploreArgs {
     #[command(flatten)]
     pub(super) setup: SimSetup,
     /// Explore with a robot that speaks ROS 2 over Zenoh, at its router (tcp/robot:7447), in place
-    /// of a simulated one. Its map is named robot, or as its namespace, unless --map says otherwise.
+    /// of a simulated one. Its map is named robot, or as its namespace, unless --map says
+    /// otherwise.
     #[arg(long, value_name = "ENDPOINT", conflicts_with_all = ["world", "textures", "start", "rate"])]
     pub(super) ros: Option<String>,
     #[command(flatten)]
