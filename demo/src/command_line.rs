@@ -23,6 +23,7 @@ use std::path::PathBuf;
   handoff --succeed                        an explorer dies half-way, another one finishes the job
   handoff --world floor/map.yaml --textures pictures/
   handoff --people 20                      people walk about, stand and gather
+  handoff --explorers 2 --people 20        two explorers among them, who see each other
   handoff --keep                           the server stays up, for `zenoh get`
 
 Ctrl-C ends all programs that it has started, and removes their folder."
@@ -43,7 +44,8 @@ pub struct HandoffArgs {
     /// So many explorers at once: they begin in one room, and divide the building among them.
     #[arg(long, value_name = "COUNT", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=8), conflicts_with = "succeed")]
     pub explorers: u8,
-    /// So many people walk about where each robot is. Robots do not see each other.
+    /// So many people walk about. All robots are in one world: they meet the same people, and see
+    /// each other.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub people: u16,
     /// The explorer dies half-way (SIGKILL), and another one finishes the job.

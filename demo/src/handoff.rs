@@ -7,8 +7,8 @@ mod explorers;
 mod programs;
 mod report;
 
-pub use config::{Crew, HandoffConfig, HandoffError};
-pub use report::{ExplorerFigures, HandoffReport};
+pub use config::{Crew, HandoffConfig, HandoffError, shared_world};
+pub use report::{ContactFigures, ExplorerFigures, HandoffReport};
 
 use crate::process::{Process, ProcessError, Role};
 use crate::true_floor::TrueFloor;
@@ -16,8 +16,9 @@ use explorers::Explored;
 use fht_client::{LiveReplica, ReplicaConfig};
 use fht_perception::pose::{Point2, pose};
 use fht_picture::{MapPicture, Mark, PictureConfig};
-use fht_proto::MapName;
-use fht_sim::SimSetup;
+use fht_proto::{MapName, SharedWorldName};
+use fht_shared_world::Keeper;
+use fht_sim::{Contacts, RobotContacts, SimSetup};
 use programs::{Bars, read_report, session, world_args};
 use serde::Deserialize;
 use std::time::{Duration, Instant};
@@ -40,6 +41,8 @@ struct ClientReport {
     path_length_m: Option<f64>,
     shortest_length_m: Option<f64>,
     collisions: u64,
+    contacts: Contacts,
+    robot_contacts: RobotContacts,
     sim_s: f64,
     trajectory: Vec<[f64; 2]>,
     true_trajectory: Vec<[f64; 2]>,
@@ -59,11 +62,15 @@ pub fn hand_off(config: &HandoffConfig) -> Result<(HandoffReport, Process), Hand
     let server = Process::map_server(&config.executable, &data, &config.endpoint, PATIENCE)?;
 
     let bars = Bars::new(config);
-    let explored = explorers::explore(config, &map, &bars)?;
+    // The client meets the people whom the explorers met.
+    let shared = config.shared_world()?;
+    let keeper = shared.as_ref().map(Keeper::of).transpose()?;
+    let explored = explorers::explore(config, &map, &bars, shared.as_ref())?;
     let explore_wall_s = begin.elapsed().as_secs_f64();
     let client_begin = Instant::now();
-    let client = client(config, &map, &explored, &bars)?;
+    let client = client(config, &map, &explored, &bars, shared.as_ref())?;
     let client_wall_s = client_begin.elapsed().as_secs_f64();
+    drop(keeper);
     let digests_agree = draw(config, &map, &explored, &client)?;
 
     let end = |trajectory: &[[f64; 2]]| trajectory.last().copied();
@@ -94,6 +101,8 @@ pub fn hand_off(config: &HandoffConfig) -> Result<(HandoffReport, Process), Hand
         arrived: client.arrived,
         goal_distance_m: client.goal_distance_m,
         collisions: explored.collisions + client.collisions,
+        people: config.people,
+        contacts: shared.map(|_| explored.contacts + ContactFigures::of(client.contacts, client.robot_contacts)),
         failure: client.failure,
         explore_wall_s,
         client_wall_s,
@@ -108,10 +117,11 @@ fn client(
     map: &MapName,
     explored: &Explored,
     bars: &Bars,
+    shared: Option<&SharedWorldName>,
 ) -> Result<ClientReport, HandoffError> {
     let report = config.folder.join("client.json");
     let mut args = vec!["go".into()];
-    args.extend(world_args(config, map, &report));
+    args.extend(world_args(config, map, &report, shared));
     let [x, y, yaw] = explored.world_from_map;
     // Another day: other noise, other wheels, other light.
     let (seed, light) = ((1000 + config.seed).to_string(), (1 + config.seed).to_string());

@@ -32,7 +32,9 @@ mod roles;
 mod true_floor;
 
 pub use command_line::{HandoffArgs, HandoffCommand};
-pub use handoff::{Crew, ExplorerFigures, HandoffConfig, HandoffError, HandoffReport, hand_off};
+pub use handoff::{
+    ContactFigures, Crew, ExplorerFigures, HandoffConfig, HandoffError, HandoffReport, hand_off, shared_world,
+};
 pub use process::{Process, ProcessError, Role, free_endpoint, leave_nothing_behind, this_executable};
 pub use roles::run_role;
 pub use true_floor::TrueFloor;

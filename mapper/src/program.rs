@@ -2,9 +2,9 @@
 //! to a server.
 
 mod arguments;
+mod bodies_score;
 mod explore;
 mod explore_command;
-mod people_score;
 mod picture;
 mod record;
 mod replay;
@@ -21,7 +21,7 @@ mod way;
 pub use explore::{ExploreError, ExploreProgress, ExploreTask, explore};
 pub use picture::PictureTask;
 pub use replay::{ReplayError, ReplayReport, ReplaySnapshot, ReplayTask, replay};
-pub use report::{ExploreReport, PeopleFigures};
+pub use report::{ExploreReport, PeopleFigures, RobotFigures};
 pub use ros::{RosExploreError, RosExploreReport, RosExploreTask, RosSnapshot, explore_robot};
 pub use scoring::main_node_errors;
 

@@ -41,7 +41,7 @@ pub use model::annotation::{Label, Release, ReleaseId, ReleaseName, Zone, ZoneRu
 pub use model::compaction::CompactedSeries;
 pub use model::footprint::{Footprint, FootprintShape};
 pub use model::geometry::{FixedPoint, FixedPose, Rect};
-pub use model::ids::{AuthorId, MapName, NodeId, ParseIdError, RobotName};
+pub use model::ids::{AuthorId, MapName, NodeId, ParseIdError, RobotName, SharedWorldName};
 pub use model::increment::{EdgeKey, Increment, NodeKind, Op, Stamp};
 pub use model::seen::{Run, SeenArea, Square};
 pub use model::signature::{Descriptor, DescriptorModel, ModelId, ScanRecord, Signature};

@@ -3,6 +3,7 @@
 use fht_client::{AskError, ReplicaError, UnusablePath};
 use fht_proto::{MapName, ParseIdError};
 use fht_session::{SessionError, in_words};
+use fht_shared_world::JoinError;
 use fht_sim::{StartError, WorldError};
 
 /// Why a command could not be carried out.
@@ -20,6 +21,8 @@ pub(crate) enum CliError {
     World(#[from] WorldError),
     #[error(transparent)]
     Start(#[from] StartError),
+    #[error(transparent)]
+    SharedWorld(#[from] JoinError),
     #[error("the descriptor network cannot be loaded: {0}")]
     Descriptor(#[from] fht_descriptor::DescriptorError),
     #[error("the server's answer cannot be used: {0}")]
@@ -53,6 +56,7 @@ impl CliError {
     pub(crate) fn is_input(&self) -> bool {
         match self {
             Self::Link(error) => error.is_input(),
+            Self::SharedWorld(error) => error.is_input(),
             Self::Refused(reply) | Self::Ask(AskError::Refused(reply)) => reply.code.is_input(),
             Self::World(_)
             | Self::Start(_)

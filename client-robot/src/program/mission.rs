@@ -17,12 +17,14 @@ use fht_descriptor::{DescriptorError, DescriptorNet, Fetching};
 use fht_localization::landmarks::check_usable;
 use fht_perception::frame::{Panorama, SensorFrame};
 use fht_perception::pose::Pose2;
+use fht_perception::robot::SilenceConfig;
 use fht_program::{Stop, Waiting};
 use fht_proto::api::fleet::RobotRole;
 use fht_proto::api::reply::{Head, known_names};
-use fht_proto::{Descriptor, Footprint, MapName};
+use fht_proto::{Descriptor, MapName};
 use fht_session::check_owner;
-use fht_sim::{SimConfig, SimSetup, Simulator};
+use fht_shared_world::seat;
+use fht_sim::{SimSetup, Simulator};
 use std::ops::ControlFlow;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -47,7 +49,7 @@ pub(super) fn mission(
     check_owner(&file.connect, "client", &name)?;
     tracing::info!(%map, robot = name, "looks for its place");
     let mut net = descriptor_net(&mut file)?;
-    let (simulator, world_from_map) = robot(&args.setup, &file.sim, &file.robot.footprint)?;
+    let (simulator, world_from_map) = robot(&args.setup, &file)?;
 
     let session = connect(&file.connect, waiting, stop)?;
     let presence = Presence::new(&session, &map, &name, RobotRole::Client)?;
@@ -68,6 +70,7 @@ pub(super) fn mission(
     let score = MissionScore::new(&simulator, &world_from_map);
     let mut observer = (recording, (UntilAsked(stop.clone()), ((publisher, display), score)));
     let ClientSection { pilot, silence, to_nearest, walls, paths: asking, .. } = file.client;
+    let silence = patience(&args.setup, silence);
     let config = MissionConfig { pilot, silence, footprint: asking.footprint, to_nearest, walls };
     let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe };
     let outcome = runtime()?.block_on(run(simulator, config, goal, &mut services, &mut observer));
@@ -135,14 +138,22 @@ impl MissionObserver for UntilAsked {
     }
 }
 
+/// How long the sensors of a simulated robot may be silent: for ever in a world that it shares,
+/// where it waits for others.
+pub(super) fn patience(setup: &SimSetup, usual: SilenceConfig) -> SilenceConfig {
+    if setup.shared_world.is_some() { SilenceConfig::patient() } else { usual }
+}
+
 /// The simulated robot at its start, and where the map's frame truly lies.
-pub(super) fn robot(setup: &SimSetup, sim: &SimConfig, footprint: &Footprint) -> Result<(Simulator, Pose2), CliError> {
+pub(super) fn robot(setup: &SimSetup, file: &ClientFile) -> Result<(Simulator, Pose2), CliError> {
     let world = Arc::new(setup.load()?);
-    let radius_m = sim.radius_m.max(footprint.circumscribed_radius_m());
+    let sim = &file.sim;
+    let radius_m = sim.radius_m.max(file.robot.footprint.circumscribed_radius_m());
     let start =
         setup.start_in(&world, radius_m)?.unwrap_or_else(|| world.random_free_pose(setup.seed, START_CLEARANCE_M));
     let world_from_map = setup.map_origin.unwrap_or_else(|| world.start());
-    let simulator = Simulator::new(world, sim.clone(), start, setup.seed).among(setup.crowd());
+    let simulator = Simulator::new(world, sim.clone(), start, setup.seed);
+    let (simulator, _) = seat(simulator, setup, file.name())?;
     Ok((simulator, world_from_map))
 }
 

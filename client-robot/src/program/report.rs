@@ -77,6 +77,9 @@ pub struct MissionReport {
     /// How often people and the robot touched, if there were people.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contacts: Option<fht_sim::Contacts>,
+    /// How often other robots of a shared world and this one touched, if there were any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub robot_contacts: Option<fht_sim::RobotContacts>,
     /// Where the robot thought it was after the fix, map frame, twice a second: `[x, y]`.
     pub trajectory: Vec<[f64; 2]>,
     /// Where it truly was all along, map frame, twice a second: `[x, y]`.

@@ -33,6 +33,8 @@ pub struct MissionScore {
     map_from_world: Pose2,
     report: MissionReport,
     frames: usize,
+    /// Whether another robot was there at some time.
+    met_robots: bool,
     driven_at_fix_m: Option<f64>,
     first_us: Option<u64>,
     /// Where the robot drives to instead of the goal.
@@ -56,6 +58,7 @@ impl MissionScore {
             map_from_world,
             report: MissionReport { start, ..MissionReport::default() },
             frames: 0,
+            met_robots: false,
             driven_at_fix_m: None,
             first_us: None,
             instead: None,
@@ -85,6 +88,7 @@ impl MissionScore {
         report.plans = outcome.plans;
         report.refixes = outcome.refixes;
         report.collisions = self.truth.collisions();
+        report.robot_contacts = self.met_robots.then(|| self.truth.robot_contacts());
         report.contacts = (!self.truth.people().is_empty()).then(|| self.truth.contacts());
         self.report
     }
@@ -143,6 +147,7 @@ impl MissionObserver for MissionScore {
         let truth = self.map_from_world * self.truth.world_from_base();
         let is_drawn = self.frames.is_multiple_of(TRAJECTORY_EVERY);
         self.frames += 1;
+        self.met_robots |= !self.truth.robots().is_empty();
         let report = &mut self.report;
         let first = *self.first_us.get_or_insert(frame.time_us);
         report.sim_s = frame.time_us.saturating_sub(first) as f64 / 1e6;

@@ -4,7 +4,7 @@ use super::arguments::{RobotArgs, ServeArgs};
 use super::connection::{connect, runtime, wait_for_map, wait_for_name};
 use super::display::Display;
 use super::error::CliError;
-use super::mission::{UntilAsked, copy_of_map, describing, descriptor_net, robot};
+use super::mission::{UntilAsked, copy_of_map, describing, descriptor_net, patience, robot};
 use super::pose_publisher::PosePublisher;
 use super::recording::Recording;
 use super::settings::{ClientFile, ClientSection};
@@ -67,7 +67,7 @@ pub(super) fn serving(
     let (map, name) = (file.map(), file.name().to_owned());
     check_owner(&file.connect, "client", &name)?;
     let mut net = descriptor_net(&mut file)?;
-    let (simulator, _) = robot(&args.robot.setup, &file.sim, &file.robot.footprint)?;
+    let (simulator, _) = robot(&args.robot.setup, &file)?;
 
     let session = connect(&file.connect, waiting, stop)?;
     let presence = Presence::new(&session, &map, &name, RobotRole::Client)?;
@@ -94,6 +94,7 @@ pub(super) fn serving(
     let ready = Ready(says.then(|| (name.clone(), map.to_string())));
     let mut observer = (recording, (UntilAsked(stop.clone()), (publisher, (display, ready))));
     let ClientSection { pilot, silence, walls, .. } = file.client;
+    let silence = patience(&args.robot.setup, silence);
     let config = MissionConfig { pilot, silence, walls, ..MissionConfig::default() };
     let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe };
     let robot = Paced::new(simulator, Some(args.rate.unwrap_or(1.0)));

@@ -13,6 +13,7 @@
 //! | `scene` | what rays meet, and the light it is seen in |
 //! | `sensing` | LiDAR, cameras, wheels |
 //! | `people` | people who walk, stand and gather ([`PeopleConfig`]) |
+//! | `commons` | the [`Commons`]: a world that several robots share, and its port ([`SharedWorld`]) |
 //! | `simulator` | a [`Simulator`]: one robot in a world, which implements the port |
 //! | `photographer` | panoramas of a recorded drive, rendered only where they are wanted |
 //! | `setup` | a [`SimSetup`]: which world, where, by which seeds; as flags with `cli` |
@@ -39,6 +40,7 @@
 //! # Ok::<(), fht_sim::WorldError>(())
 //! ```
 
+mod commons;
 mod people;
 mod photographer;
 mod plan;
@@ -50,7 +52,8 @@ mod simulator;
 mod starts;
 mod world;
 
-pub use people::{Body, Contacts, PeopleConfig};
+pub use commons::{Commons, CommonsError, CommonsState, Entrant, Going, RobotContacts, SharedWorld, Turn};
+pub use people::{Body, BodyKind, Contacts, PeopleConfig};
 pub use photographer::Photographer;
 pub use plan::{FloorPlan, Mask, path_length_m};
 pub use scoring::truth::Truth;

@@ -7,6 +7,7 @@
 //! | `walkways` | the ways to the places where people meet, around walls and furniture |
 //! | `social_force` | what makes somebody speed up, turn and give way |
 //! | `crowd` | everybody, step by step |
+//! | `stored` | everybody as plain data |
 //!
 //! They move by the social-force model (Helbing and Molnár, "Social force model for pedestrian
 //! dynamics", Physical Review E 51, 1995). The robot is to them what another person is: they give
@@ -16,8 +17,9 @@ pub(crate) mod body;
 mod config;
 pub(crate) mod crowd;
 mod social_force;
+pub(crate) mod stored;
 mod walkways;
 
-pub use body::Body;
+pub use body::{Body, BodyKind};
 pub use config::PeopleConfig;
 pub use crowd::Contacts;

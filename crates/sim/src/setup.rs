@@ -4,7 +4,7 @@ use crate::people::PeopleConfig;
 use crate::starts::{StartError, check_start};
 use crate::world::{World, WorldError, load, name_of};
 use fht_perception::pose::Pose2;
-use fht_proto::{MapName, ParseIdError};
+use fht_proto::{MapName, ParseIdError, SharedWorldName};
 use std::path::{Path, PathBuf};
 
 /// The building that a simulated robot is in, its place there, and the seeds that it runs by. With
@@ -37,6 +37,11 @@ pub struct SimSetup {
     /// So many people walk about in the building, stand and gather, as the seed has it.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0))]
     pub people: u16,
+    /// Share the world with all robots of this machine that are given this name: they see each
+    /// other and meet the same people, and time goes on for all of them together. Without it the
+    /// robot has a world of its own. 1 to 64 of the letters a to z and A to Z, digits, _ or -.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "NAME"))]
+    pub shared_world: Option<SharedWorldName>,
 }
 
 impl SimSetup {
@@ -51,6 +56,7 @@ impl SimSetup {
             map_origin: None,
             seed: 1,
             people: 0,
+            shared_world: None,
         }
     }
 

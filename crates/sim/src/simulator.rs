@@ -1,17 +1,23 @@
 //! A robot in a world: it drives, bumps, and senses.
 
+pub(crate) mod chassis;
+mod company;
 mod robot;
 
+use crate::commons::{RobotContacts, SharedWorld, Turn};
 use crate::people::crowd::Crowd;
-use crate::people::{Body, Contacts, PeopleConfig};
+use crate::people::{Body, BodyKind, Contacts, PeopleConfig};
 use crate::scene::light::Light;
-use crate::scoring::truth::Truth;
+use crate::scoring::truth::{Truth, TruthNow};
 use crate::sensing::camera::{self, CameraConfig};
 use crate::sensing::lidar::{self, LidarConfig};
 use crate::sensing::wheels::{WheelConfig, Wheels};
-use crate::world::{BODY_HEIGHT_M, World};
+use crate::world::World;
+use chassis::Chassis;
+use company::Company;
 use fht_perception::frame::{SensorFrame, Twist};
-use fht_perception::pose::{Point2, Pose2, pose};
+use fht_perception::pose::{Point2, Pose2};
+use fht_perception::robot::RobotError;
 use fht_proto::Footprint;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -20,11 +26,13 @@ use std::sync::Arc;
 
 /// Integration steps in one LiDAR period: at 0.5 m/s and 5 Hz the body moves 1 cm in each, less
 /// than any wall's width.
-const SUBSTEPS: u32 = 10;
-/// Height of the robot's body as people see it, metres.
+pub(crate) const SUBSTEPS: u32 = 10;
+/// Height of the robot's body, metres; a scanner that is mounted higher makes it higher.
 const ROBOT_HEIGHT_M: f64 = 0.19;
-/// A push out of an obstacle by less than this is rounding, not contact, metres.
-const TOUCH_M: f64 = 1e-4;
+/// What stands above a scanner's beams, metres.
+const SCANNER_TOP_M: f64 = 0.02;
+/// The number of a robot that is the only one.
+const ALONE: u32 = 0;
 
 /// The robot and its sensors; defaults are the paper's robot, with wheels that drift.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -114,6 +122,12 @@ impl SimConfig {
         }
     }
 
+    /// The robot's body as others see it: an upright cylinder of this height, metres.
+    #[must_use]
+    pub fn height_m(&self) -> f64 {
+        ROBOT_HEIGHT_M.max(self.lidar_mount_m[2] + SCANNER_TOP_M)
+    }
+
     pub(crate) fn camera(&self) -> CameraConfig {
         CameraConfig {
             height_m: self.camera_height_m,
@@ -142,19 +156,15 @@ pub struct Simulator {
     wheel_noise: ChaCha8Rng,
     camera_noise: ChaCha8Rng,
     wheels: Wheels,
-    world_from_base: Pose2,
+    chassis: Chassis,
     steps: u64,
     /// Whether the first frame has been sensed.
     has_sensed: bool,
     /// The latest command.
     command: Twist,
-    /// A shared copy of `world_from_base`, `driven_m` and `collisions`, for scoring.
+    /// A shared copy of what is true, for scoring.
     truth: Truth,
-    touching: bool,
-    collisions: u64,
-    driven_m: f64,
-    /// People, if there are any.
-    crowd: Option<Crowd>,
+    company: Company,
 }
 
 impl Simulator {
@@ -174,15 +184,12 @@ impl Simulator {
             wheel_noise,
             camera_noise: stream(3),
             wheels,
-            world_from_base: start,
+            chassis: Chassis::at(start, config.radius_m),
             steps: 0,
             has_sensed: false,
             command: Twist::default(),
             truth: Truth::at(start),
-            touching: false,
-            collisions: 0,
-            driven_m: 0.0,
-            crowd: None,
+            company: Company::Nobody,
             world,
             config,
         }
@@ -193,28 +200,57 @@ impl Simulator {
     pub fn among(mut self, people: PeopleConfig) -> Self {
         if people.count > 0 {
             let place = |pose: &Pose2| Point2::from(pose.translation.vector);
-            let (start, here) = (place(&self.world.start()), place(&self.world_from_base));
-            self.crowd = Some(Crowd::new(self.world.plan(), start, here, people));
+            let (start, here) = (place(&self.world.start()), self.chassis.position());
+            self.company = Company::Own(Box::new(Crowd::new(self.world.plan(), start, here, people)));
         }
         self.tell_truth();
+        self
+    }
+
+    /// The same robot in a world that it shares with others: it enters when it senses first, and
+    /// time goes on for all of them together. It is driven through the port for robots then.
+    #[must_use]
+    pub fn sharing(mut self, world: Box<dyn SharedWorld>) -> Self {
+        let now = Turn { world_from_base: self.chassis.world_from_base, ..Turn::default() };
+        self.company = Company::Shared { world, now };
         self
     }
 
     /// Where people are now. For scoring and for pictures taken later.
     #[must_use]
     pub fn people(&self) -> Vec<Body> {
-        self.crowd.as_ref().map_or_else(Vec::new, Crowd::bodies)
+        self.company.people()
+    }
+
+    /// Where the other robots of a shared world are now. For scoring and for pictures taken later.
+    #[must_use]
+    pub fn robots(&self) -> Vec<Body> {
+        self.company.robots()
     }
 
     /// How often people and the robot have touched.
     #[must_use]
     pub fn contacts(&self) -> Contacts {
-        self.crowd.as_ref().map_or_else(Contacts::default, Crowd::contacts)
+        self.company.contacts()
+    }
+
+    /// How often other robots and this one have touched.
+    #[must_use]
+    pub fn robot_contacts(&self) -> RobotContacts {
+        self.company.robot_contacts()
     }
 
     fn tell_truth(&self) {
-        let people = self.people().iter().map(|body| (body.position, body.radius_m)).collect();
-        self.truth.set(self.world_from_base, self.driven_m, self.collisions, people, self.contacts());
+        let places = |bodies: Vec<Body>| bodies.iter().map(|body| (body.position, body.radius_m)).collect();
+        self.truth.set(TruthNow {
+            world_from_base: self.chassis.world_from_base,
+            driven_m: self.chassis.driven_m,
+            collisions: self.chassis.collisions,
+            people: places(self.people()),
+            robots: places(self.robots()),
+            contacts: self.contacts(),
+            robot_contacts: self.robot_contacts(),
+        });
     }
 
     /// The frame at the start, with a panorama unless `camera_every` is 0. Call it once before the
@@ -227,14 +263,15 @@ impl Simulator {
     /// Drives for one LiDAR period, then senses. At walls the robot slides along or stops. A
     /// command that is not finite counts as a stop.
     pub fn step(&mut self, command: Twist) -> SensorFrame {
-        let limited =
-            |value: f64, limit: f64| if value.is_finite() { value.clamp(-limit.abs(), limit.abs()) } else { 0.0 };
-        let speed = limited(command.linear_mps, self.config.max_speed_mps);
-        let turn = limited(command.angular_radps, self.config.max_turn_radps);
+        let Twist { linear_mps: speed, angular_radps: turn } = self.limited(command);
         let period_s = self.config.lidar_period_us as f64 * 1e-6 / f64::from(SUBSTEPS);
         for _ in 0..SUBSTEPS {
             self.advance(speed * period_s, turn * period_s, period_s);
         }
+        self.sense_next()
+    }
+
+    fn sense_next(&mut self) -> SensorFrame {
         self.steps += 1;
         self.has_sensed = true;
         self.tell_truth();
@@ -242,9 +279,41 @@ impl Simulator {
         self.sense(takes_picture)
     }
 
-    /// The first frame, or the one after a LiDAR period with the current command.
-    pub(crate) fn next_frame(&mut self) -> SensorFrame {
-        if self.has_sensed { self.step(self.command) } else { self.sense_first() }
+    /// What the robot can do of a command.
+    fn limited(&self, command: Twist) -> Twist {
+        let limited =
+            |value: f64, limit: f64| if value.is_finite() { value.clamp(-limit.abs(), limit.abs()) } else { 0.0 };
+        Twist {
+            linear_mps: limited(command.linear_mps, self.config.max_speed_mps),
+            angular_radps: limited(command.angular_radps, self.config.max_turn_radps),
+        }
+    }
+
+    /// The first frame, or the one after a LiDAR period with the current command. In a shared world
+    /// it comes when all robots have told theirs. Dropped before, it comes with the next call.
+    pub(crate) async fn next_frame(&mut self) -> Result<SensorFrame, RobotError> {
+        let (command, has_sensed) = (self.limited(self.command), self.has_sensed);
+        let turn = match &mut self.company {
+            Company::Shared { world, .. } if has_sensed => world.go_on(command).await?,
+            Company::Shared { world, .. } => world.enter().await?,
+            Company::Nobody | Company::Own(_) if has_sensed => return Ok(self.step(self.command)),
+            Company::Nobody | Company::Own(_) => return Ok(self.sense_first()),
+        };
+        self.take(turn);
+        Ok(if has_sensed { self.sense_next() } else { self.sense_first() })
+    }
+
+    /// The robot is where the shared world says.
+    fn take(&mut self, turn: Turn) {
+        for (forward_m, turn_rad) in &turn.rolls {
+            self.wheels.roll(*forward_m, *turn_rad, &mut self.wheel_noise);
+        }
+        self.chassis.world_from_base = turn.world_from_base;
+        (self.chassis.driven_m, self.chassis.collisions) = (turn.driven_m, turn.collisions);
+        if let Company::Shared { now, .. } = &mut self.company {
+            *now = turn;
+        }
+        self.tell_truth();
     }
 
     /// Sets the current command.
@@ -261,19 +330,19 @@ impl Simulator {
     /// The true `world_from_base`. For scoring only.
     #[must_use]
     pub fn truth(&self) -> Pose2 {
-        self.world_from_base
+        self.chassis.world_from_base
     }
 
     /// How many times the body has hit something so far.
     #[must_use]
     pub fn collisions(&self) -> u64 {
-        self.collisions
+        self.chassis.collisions
     }
 
     /// Distance truly driven so far, metres.
     #[must_use]
     pub fn driven_m(&self) -> f64 {
-        self.driven_m
+        self.chassis.driven_m
     }
 
     /// The world the robot is in.
@@ -289,12 +358,14 @@ impl Simulator {
     }
 
     fn sense(&mut self, takes_picture: bool) -> SensorFrame {
-        let (scene, people) = (self.world.scene(), self.people());
-        let met = lidar::Met { scene, bodies: &people };
-        let scan = lidar::scan(met, &self.config.lidar(), &self.world_from_base, &mut self.lidar_noise);
+        let (scene, mut bodies) = (self.world.scene(), self.people());
+        bodies.extend(self.robots());
+        let here = self.chassis.world_from_base;
+        let met = lidar::Met { scene, bodies: &bodies };
+        let scan = lidar::scan(met, &self.config.lidar(), &here, &mut self.lidar_noise);
         let panorama = takes_picture.then(|| {
-            let seen = camera::Seen { scene, bodies: &people, light: &self.light };
-            camera::panorama(seen, &self.config.camera(), &self.world_from_base, &mut self.camera_noise)
+            let seen = camera::Seen { scene, bodies: &bodies, light: &self.light };
+            camera::panorama(seen, &self.config.camera(), &here, &mut self.camera_noise)
         });
         SensorFrame {
             time_us: self.steps * self.config.lidar_period_us,
@@ -304,57 +375,23 @@ impl Simulator {
         }
     }
 
-    /// Moves along a small arc. The wheels measure the distance that the body really moved along
-    /// its own x: blocked wheels stall.
+    /// Moves along a small arc, alone or among people of its own.
     fn advance(&mut self, forward_m: f64, turn_rad: f64, period_s: f64) {
-        let before = self.world_from_base;
-        let mid_heading = before.rotation.angle() + turn_rad / 2.0;
-        let (sin, cos) = mid_heading.sin_cos();
-        let from = Point2::from(before.translation.vector);
-        let wanted = Point2::new(from.x + forward_m * cos, from.y + forward_m * sin);
-        let mut to = self.keep_out(from, wanted);
-        if let Some(crowd) = &mut self.crowd {
-            to = crowd.stop_robot(from, to, self.config.radius_m);
+        let mut step = self.chassis.step(&self.world, forward_m, turn_rad);
+        if let Company::Own(crowd) = &mut self.company {
+            step.to = crowd.stop_robot(ALONE, step.from, step.to, self.config.radius_m);
         }
-        let moved = to - from;
-        self.world_from_base = pose(to.x, to.y, before.rotation.angle() + turn_rad);
-        self.driven_m += moved.norm();
-        self.wheels.roll(moved.x * cos + moved.y * sin, turn_rad, &mut self.wheel_noise);
-        if let Some(crowd) = &mut self.crowd {
-            let radius_m = self.config.radius_m;
-            let robot = Body { position: to, velocity: moved / period_s, radius_m, height_m: ROBOT_HEIGHT_M };
-            crowd.step(self.world.plan(), &[robot], period_s);
+        let (moved, roll) = self.chassis.take(&step);
+        self.wheels.roll(roll.0, roll.1, &mut self.wheel_noise);
+        if let Company::Own(crowd) = &mut self.company {
+            let robot = Body {
+                position: step.to,
+                velocity: moved / period_s,
+                radius_m: self.config.radius_m,
+                height_m: ROBOT_HEIGHT_M,
+                kind: BodyKind::Robot,
+            };
+            crowd.step(self.world.plan(), &[(ALONE, robot)], period_s);
         }
-    }
-
-    /// The place nearest to `wanted` where the body touches nothing: pushed off the walls, or
-    /// `from` if the corner is too tight for that.
-    fn keep_out(&mut self, from: Point2, wanted: Point2) -> Point2 {
-        let radius = self.config.radius_m;
-        let mut at = wanted;
-        let mut touched = false;
-        // Two pushes resolve a corner; the third confirms it.
-        for _ in 0..3 {
-            let (nearest, distance) = self.world.scene().nearest(at, BODY_HEIGHT_M);
-            if distance >= radius - TOUCH_M {
-                break;
-            }
-            touched = true;
-            let away = at - nearest;
-            let length = away.norm();
-            if length < 1e-9 {
-                at = from;
-                break;
-            }
-            at = nearest + away * (radius / length);
-        }
-        if touched && self.world.scene().nearest(at, BODY_HEIGHT_M).1 < radius - 10.0 * TOUCH_M {
-            at = from;
-        }
-        if touched && !self.touching {
-            self.collisions += 1;
-        }
-        self.touching = touched;
-        at
     }
 }

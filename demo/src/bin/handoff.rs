@@ -3,9 +3,10 @@
 use clap::Parser;
 use fht_demo::run_role;
 use fht_demo::{Crew, HandoffConfig, hand_off};
-use fht_demo::{HandoffArgs, HandoffCommand, leave_nothing_behind, this_executable};
+use fht_demo::{HandoffArgs, HandoffCommand, leave_nothing_behind, shared_world, this_executable};
 use fht_picture::default_file;
 use fht_program::{ProgramFailure, Stop, print_line};
+use fht_shared_world::folder_of;
 use fht_sim::SimSetup;
 use std::process::ExitCode;
 
@@ -42,7 +43,9 @@ fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, ProgramFailure> {
         return Err(ProgramFailure::of_run(taken));
     }
     let folder = tempfile::tempdir().map_err(|error| text(&error))?;
+    let world = shared_world(folder.path()).map_err(ProgramFailure::of_run)?;
     leave_nothing_behind(stop, folder.path());
+    leave_nothing_behind(stop, &folder_of(&world));
     let map = SimSetup::of(&cli.world).map_name().map_err(ProgramFailure::of_input)?;
     let picture = cli.picture.clone().unwrap_or_else(|| default_file("handoff", map.as_str(), Some(cli.seed)));
     let config = HandoffConfig {

@@ -3,9 +3,11 @@
 use crate::process::ProcessError;
 use fht_client::ReplicaError;
 use fht_picture::PictureError;
+use fht_proto::{ParseIdError, SharedWorldName};
 use fht_session::SessionError;
+use fht_shared_world::JoinError;
 use fht_sim::WorldError;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Who explores.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,7 +31,7 @@ pub struct HandoffConfig {
     pub textures: Option<PathBuf>,
     /// Seed of everything: drawing, noise, light, start and goal.
     pub seed: u64,
-    /// So many people walk about where each robot is.
+    /// So many people walk about. All robots meet the same ones.
     pub people: u16,
     /// Who explores.
     pub crew: Crew,
@@ -43,6 +45,28 @@ pub struct HandoffConfig {
     pub fetch: bool,
     /// Whether progress is shown.
     pub progress: bool,
+}
+
+impl HandoffConfig {
+    /// The world that all robots share, if there are people or several robots at once in it. Its
+    /// name is that of this process and of the folder.
+    ///
+    /// # Errors
+    /// Never: every such name is one.
+    pub fn shared_world(&self) -> Result<Option<SharedWorldName>, ParseIdError> {
+        let is_shared = self.people > 0 || matches!(self.crew, Crew::Team(_));
+        is_shared.then(|| shared_world(&self.folder)).transpose()
+    }
+}
+
+/// The name of the world that the robots of a demo share which keeps its data in `folder`.
+///
+/// # Errors
+/// Never: every such name is one.
+pub fn shared_world(folder: &Path) -> Result<SharedWorldName, ParseIdError> {
+    let folder = folder.file_name().unwrap_or_default().to_string_lossy();
+    let letters: String = folder.chars().filter(char::is_ascii_alphanumeric).take(40).collect();
+    format!("handoff-{}-{letters}", std::process::id()).parse()
 }
 
 /// Why the demo ended early.
@@ -74,6 +98,9 @@ pub enum HandoffError {
     /// The world cannot be loaded.
     #[error(transparent)]
     World(#[from] WorldError),
+    /// The robots' world cannot be shared.
+    #[error(transparent)]
+    SharedWorld(#[from] JoinError),
     /// The picture cannot be made.
     #[error(transparent)]
     Picture(#[from] PictureError),
@@ -88,7 +115,7 @@ pub enum HandoffError {
     Runtime(#[from] std::io::Error),
     /// The world's name is not a valid map name.
     #[error(transparent)]
-    MapName(#[from] fht_proto::model::ids::ParseIdError),
+    MapName(#[from] ParseIdError),
 }
 
 impl HandoffError {

@@ -3,11 +3,11 @@
 
 use super::config::{Crew, HandoffConfig, HandoffError};
 use super::programs::{Bars, read_report, session, world_args};
-use super::report::ExplorerFigures;
+use super::report::{ContactFigures, ExplorerFigures};
 use crate::process::{Process, Role};
 use fht_perception::pose::Point2;
 use fht_proto::api::keys::{RobotTopic, robots_of};
-use fht_proto::{Digest, MapName, SeenArea, Square, VersionVector, decode};
+use fht_proto::{Digest, MapName, SeenArea, SharedWorldName, Square, VersionVector, decode};
 use fht_sim::scoring::explored_by;
 use fht_sim::{SimConfig, World, start_near};
 use indicatif::ProgressBar;
@@ -34,6 +34,7 @@ pub(super) struct Explored {
     pub(super) error_mean_m: f64,
     pub(super) driven_m: f64,
     pub(super) collisions: u64,
+    pub(super) contacts: ContactFigures,
     pub(super) sim_s: f64,
     /// The explorer's own map, if it was alone: its increments and its digest. Of several, the last
     /// may have ended before the last increment of another arrived.
@@ -71,17 +72,24 @@ impl Line {
     }
 }
 
-pub(super) fn explore(config: &HandoffConfig, map: &MapName, bars: &Bars) -> Result<Explored, HandoffError> {
+/// Explores; `shared` is the world that the explorers share.
+pub(super) fn explore(
+    config: &HandoffConfig,
+    map: &MapName,
+    bars: &Bars,
+    shared: Option<&SharedWorldName>,
+) -> Result<Explored, HandoffError> {
     let world = fht_sim::load(&config.world, config.textures.as_deref(), config.seed)?;
+    let job = Job { config, map, world: &world, bars, shared };
     match config.crew {
         Crew::One => {
-            let report = Job { config, map, world: &world, bars }.run(0, false, None)?;
+            let report = job.run(0, false, None)?;
             let state = report.vector.clone().map(|vector| (vector, report.digest));
             Ok(Explored { state, ..sum(vec![(name(0), report)], None) })
         }
         Crew::Team(count) => {
             let witness = Witness::start(config, map)?;
-            let job = &Job { config, map, world: &world, bars };
+            let job = &job;
             let reports = std::thread::scope(|scope| {
                 // The first explorer sets the map's frame, so the others start after it has begun
                 // the map.
@@ -100,7 +108,6 @@ pub(super) fn explore(config: &HandoffConfig, map: &MapName, bars: &Bars) -> Res
         }
         Crew::Succession => {
             let witness = Witness::start(config, map)?;
-            let job = Job { config, map, world: &world, bars };
             let died_s = job.run_until_half()?;
             let report = job.run(1, false, None)?;
             let mut explored = sum(vec![(name(1), report)], Some(witness.explored(&world)));
@@ -123,6 +130,7 @@ struct Job<'a> {
     map: &'a MapName,
     world: &'a World,
     bars: &'a Bars,
+    shared: Option<&'a SharedWorldName>,
 }
 
 impl Job<'_> {
@@ -131,7 +139,7 @@ impl Job<'_> {
         let Self { config, map, world, .. } = self;
         let report = config.folder.join(format!("{}.json", name(number)));
         let mut args = vec!["explore".into()];
-        args.extend(world_args(config, map, &report));
+        args.extend(world_args(config, map, &report, self.shared));
         let seed = (config.seed + 1000 * number as u64).to_string();
         let robot = ["--light-seed", "0", "--progress-json", "--robot", &name(number)];
         args.extend(["--seed", &seed].into_iter().chain(robot).map(Into::into));
@@ -189,6 +197,12 @@ impl Job<'_> {
     }
 }
 
+fn contacts_of(report: &ExploreReport) -> ContactFigures {
+    let people = report.people.map(|people| people.contacts).unwrap_or_default();
+    let robots = report.robots.map(|robots| robots.contacts).unwrap_or_default();
+    ContactFigures::of(people, robots)
+}
+
 /// Sums up several reports. The map is the last one's, the frame the first one's.
 fn sum(reports: Vec<(String, ExploreReport)>, explored_fraction: Option<f64>) -> Explored {
     let all = || reports.iter().map(|(_, report)| report);
@@ -213,6 +227,7 @@ fn sum(reports: Vec<(String, ExploreReport)>, explored_fraction: Option<f64>) ->
         error_mean_m: all().map(|report| report.trajectory_error.mean_m).fold(0.0, f64::max),
         driven_m: all().map(|report| report.driven_m).sum(),
         collisions: all().map(|report| report.collisions).sum(),
+        contacts: all().map(contacts_of).fold(ContactFigures::default(), |sum, more| sum + more),
         sim_s: all().map(|report| report.sim_s).fold(0.0, f64::max),
         state: None,
         explorers: reports.iter().map(figures).collect(),

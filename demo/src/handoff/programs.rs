@@ -1,7 +1,7 @@
 //! The programs' arguments, progress bars and reports.
 
 use super::config::{HandoffConfig, HandoffError};
-use fht_proto::MapName;
+use fht_proto::{MapName, SharedWorldName};
 use fht_session::SessionConfig;
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use serde::Deserialize;
@@ -52,7 +52,12 @@ pub(super) fn read_report<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T
 }
 
 /// The arguments that explorer and client share.
-pub(super) fn world_args(config: &HandoffConfig, map: &MapName, report: &Path) -> Vec<std::ffi::OsString> {
+pub(super) fn world_args(
+    config: &HandoffConfig,
+    map: &MapName,
+    report: &Path,
+    shared: Option<&SharedWorldName>,
+) -> Vec<std::ffi::OsString> {
     let mut args: Vec<std::ffi::OsString> = Vec::new();
     let mut add = |name: &str, value: &std::ffi::OsStr| args.extend([name.into(), value.to_owned()]);
     add("--world", config.world.as_ref());
@@ -61,6 +66,9 @@ pub(super) fn world_args(config: &HandoffConfig, map: &MapName, report: &Path) -
     add("--world-seed", config.seed.to_string().as_ref());
     add("--report", report.as_os_str());
     add("--people", config.people.to_string().as_ref());
+    if let Some(name) = shared {
+        add("--shared-world", name.as_str().as_ref());
+    }
     if let Some(textures) = &config.textures {
         add("--textures", textures.as_os_str());
     }

@@ -1,7 +1,9 @@
 //! What the demo came to, in figures.
 
+use fht_sim::{Contacts, RobotContacts};
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Display, Formatter};
+use std::ops::Add;
 
 /// One explorer, in figures.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -16,6 +18,40 @@ pub struct ExplorerFigures {
     pub driven_m: Option<f64>,
     /// Robot time from its start to its end, seconds.
     pub sim_s: f64,
+}
+
+/// How often robots touched people and each other, all robots together. Each counts for itself: by
+/// the robot if it moved towards the other at that moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ContactFigures {
+    /// Robots moved towards people.
+    pub people_by_robots: u64,
+    /// People walked into robots.
+    pub robots_by_people: u64,
+    /// Robots moved towards robots.
+    pub robots_by_robots: u64,
+}
+
+impl ContactFigures {
+    pub(super) fn of(people: Contacts, robots: RobotContacts) -> Self {
+        Self {
+            people_by_robots: people.by_robot,
+            robots_by_people: people.by_people,
+            robots_by_robots: robots.by_robot,
+        }
+    }
+}
+
+impl Add for ContactFigures {
+    type Output = Self;
+
+    fn add(self, more: Self) -> Self {
+        Self {
+            people_by_robots: self.people_by_robots + more.people_by_robots,
+            robots_by_people: self.robots_by_people + more.robots_by_people,
+            robots_by_robots: self.robots_by_robots + more.robots_by_robots,
+        }
+    }
 }
 
 /// What happened, in figures.
@@ -74,6 +110,12 @@ pub struct HandoffReport {
     pub goal_distance_m: Option<f64>,
     /// Times that either robot touched something.
     pub collisions: u64,
+    /// How many people there were.
+    #[serde(default)]
+    pub people: u16,
+    /// Contacts with people and between robots, if the robots shared a world.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contacts: Option<ContactFigures>,
     /// Why the client failed, if it did.
     pub failure: Option<String>,
     /// Robot time of the client from its start to its end, seconds.
@@ -102,6 +144,18 @@ impl Display for HandoffReport {
         writeln!(f, "world         {} (seed {})", self.world, self.seed)?;
         self.write_exploration(f)?;
         self.write_client(f)?;
+        if let Some(contacts) = self.contacts {
+            writeln!(
+                f,
+                "contacts      {} people in one world with the robots: robots ran into people {} times and into each other {} \
+                 times, people into robots {} times; {} collisions with things",
+                self.people,
+                contacts.people_by_robots,
+                contacts.robots_by_robots,
+                contacts.robots_by_people,
+                self.collisions
+            )?;
+        }
         writeln!(
             f,
             "time          {:.0} s: {:.0} s exploring ({:.0} s of robot time), {:.0} s relocalizing and driving \

@@ -5,11 +5,13 @@ use super::picture::{PictureTask, RunPicture};
 use super::record::RunRecorder;
 use super::report::ExploreReport;
 use super::scoring::ExplorationScore;
+use crate::mapping::Mapper;
 use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask, RunError};
 use fht_bag::WriteError;
 use fht_perception::robot::{Paced, RobotError, SilenceConfig};
 use fht_picture::PictureError;
 use fht_program::stop::Stop;
+use fht_shared_world::{JoinError, WorldExit, seat};
 use fht_sim::{SimConfig, SimSetup, Simulator, StartError, WorldError};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -52,6 +54,9 @@ pub enum ExploreError {
     /// The robot cannot start there.
     #[error(transparent)]
     Start(#[from] StartError),
+    /// The robot cannot be in the world that it shares.
+    #[error(transparent)]
+    SharedWorld(#[from] JoinError),
     /// The recording failed.
     #[error("the recording failed: {0}")]
     Record(#[from] WriteError),
@@ -72,6 +77,7 @@ impl ExploreError {
     pub fn is_input(&self) -> bool {
         match self {
             Self::World(_) | Self::Start(_) => true,
+            Self::SharedWorld(error) => error.is_input(),
             Self::Run(error) => error.is_input(),
             _ => false,
         }
@@ -123,6 +129,19 @@ impl<W: FnMut(ExploreProgress)> MappingObserver for Watcher<W> {
     }
 }
 
+/// A robot that drives no more leaves the world that it shares: the others do not wait for it.
+struct LeavesAtEnd(WorldExit);
+
+impl MappingObserver for LeavesAtEnd {
+    fn on_frame(&mut self, _: &MappedFrame<'_>) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    fn on_end(&mut self, _: &Mapper) {
+        self.0.leave();
+    }
+}
+
 /// Explores, publishes, and scores the result. `watch` is called about once a simulated second from
 /// the loop's thread.
 ///
@@ -138,14 +157,15 @@ pub async fn explore(
     let start = setup.start_in(&world, sim.radius_m)?.unwrap_or_else(|| world.start());
     let recorder = RunRecorder::new(task.record.as_deref())?;
     let camera_every = if mapping.cameras { sim.camera_every } else { 0 };
-    let simulator = Simulator::new(world, SimConfig { camera_every, ..sim }, start, setup.seed).among(setup.crowd());
+    let simulator = Simulator::new(world, SimConfig { camera_every, ..sim }, start, setup.seed);
+    let (simulator, exit) = seat(simulator, &setup, &mapping.robot)?;
     let score = ExplorationScore::new(&simulator, setup.map_origin);
     let watcher = Watcher { watch, next_us: 0 };
     // Its sensors are never silent, however slow the simulated time.
     let mapping = MappingTask { silence: SilenceConfig::patient(), stop: task.stop, ..mapping };
-    let observer = ((recorder, RunPicture::new(task.picture)), (watcher, score));
+    let observer = ((recorder, RunPicture::new(task.picture)), (watcher, (score, LeavesAtEnd(exit))));
     let outcome = run::explore(mapping, Paced::new(simulator, task.rate), observer).await?;
-    let MappingOutcome { mut summary, mapper, observer: ((mut recorder, mut picture), (_, score)), .. } = outcome;
+    let MappingOutcome { mut summary, mapper, observer: ((mut recorder, mut picture), (_, (score, _))), .. } = outcome;
     if let Some(error) = summary.robot_error.take() {
         return Err(error.into());
     }

@@ -2,7 +2,7 @@
 
 use crate::explore::Ending;
 use fht_proto::{Digest, VersionVector};
-use fht_sim::Contacts;
+use fht_sim::{Contacts, RobotContacts};
 use fht_sim::scoring::TrajectoryError;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -21,6 +21,23 @@ pub struct PeopleFigures {
     /// Area that the grid says is occupied where there truly is nothing within 0.2 m, square
     /// metres.
     pub ghosts_m2: f64,
+}
+
+/// Other robots of a shared world, and what is left of them in the map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RobotFigures {
+    /// How many there were at once, at most.
+    pub count: usize,
+    /// How often they and this robot touched.
+    pub contacts: RobotContacts,
+    /// Least distance between this robot's side and another's, metres.
+    pub nearest_m: f64,
+    /// Returns in this robot's scans that truly ended on another robot.
+    pub returns_in_scans: usize,
+    /// Returns in the scans of main nodes that did.
+    pub returns_in_nodes: usize,
+    /// Returns in the scans of main nodes altogether.
+    pub returns: usize,
 }
 
 /// Figures of one exploration.
@@ -72,6 +89,9 @@ pub struct ExploreReport {
     /// The people in the building, if there were any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub people: Option<PeopleFigures>,
+    /// Other robots in the building, if it is shared and there were any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robots: Option<RobotFigures>,
     /// Error of the poses of all frames as they were known at the frame.
     pub trajectory_error: TrajectoryError,
     /// Error of the same poses as they are known at the end.

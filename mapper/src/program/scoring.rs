@@ -1,7 +1,7 @@
 //! An exploration of a simulated building, scored against the truth.
 
-use super::people_score::{Crowded, figures};
-use super::report::ExploreReport;
+use super::bodies_score::{Crowded, Seen, on_bodies};
+use super::report::{ExploreReport, RobotFigures};
 use crate::construct::point;
 use crate::mapping::{Located, Mapper};
 use crate::run::{MappedFrame, MappingObserver, MappingSummary};
@@ -33,6 +33,10 @@ pub(super) struct ExplorationScore {
     true_poses: Vec<Pose2>,
     /// Where people were at each frame.
     people: Vec<Crowded>,
+    /// Where the other robots of a shared world were.
+    robots: Vec<Crowded>,
+    /// Returns of all scans that ended on other robots.
+    returns_on_robots: usize,
     /// The estimate and the truth, from the frame on at which the robot has known where in the map
     /// it is.
     located: Vec<(Located, Pose2)>,
@@ -55,6 +59,8 @@ impl ExplorationScore {
             sim_s: 0.0,
             true_poses: Vec::new(),
             people: Vec::new(),
+            robots: Vec::new(),
+            returns_on_robots: 0,
             located: Vec::new(),
             joined: None,
             world,
@@ -75,6 +81,8 @@ impl ExplorationScore {
         let counts = mapper.map().counts();
         let published = summary.published.as_ref();
         let at = world_from_map.translation;
+        let seen = Seen { truth: &self.true_poses, world: &self.world, world_from_map, mapper };
+        let robots = seen.robots(&self.robots, self.radius_m, self.truth.robot_contacts());
         ExploreReport {
             world: self.world.name().to_owned(),
             world_from_map: [at.x, at.y, world_from_map.rotation.angle()],
@@ -95,13 +103,8 @@ impl ExplorationScore {
             delivered: summary.is_delivered(),
             driven_m: self.truth.driven_m(),
             collisions: self.truth.collisions(),
-            people: figures(
-                &self.people,
-                &self.true_poses,
-                (&self.world, world_from_map),
-                mapper,
-                self.truth.contacts(),
-            ),
+            people: seen.people(&self.people, self.truth.contacts()),
+            robots: robots.map(|robots| RobotFigures { returns_in_scans: self.returns_on_robots, ..robots }),
             trajectory_error: trajectory_error(&online, &truth, world_from_map),
             corrected_trajectory_error: trajectory_error(&corrected, &truth, world_from_map),
             own_main_nodes: node_errors_m.len(),
@@ -127,6 +130,12 @@ impl MappingObserver for ExplorationScore {
         let (mapper, truth) = (mapped.mapper, self.truth.world_from_base());
         self.true_poses.push(truth);
         self.people.push(self.truth.people());
+        let robots = self.truth.robots();
+        if !robots.is_empty() {
+            let ends = mapped.frame.scan.points_in_base();
+            self.returns_on_robots += on_bodies(ends.into_iter(), &robots, &truth, &self.world);
+        }
+        self.robots.push(robots);
         self.sim_s = mapped.frame.time_us as f64 * 1e-6;
         if mapper.is_placed() {
             let (sim_s, driven_m) = (self.sim_s, self.truth.driven_m());

@@ -148,11 +148,21 @@ pub struct MapName(String);
 #[serde(try_from = "String", into = "String")]
 pub struct RobotName(String);
 
+/// The name of a simulated world that several robots share: 1 to 64 of `a-z A-Z 0-9 _ -`.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct SharedWorldName(String);
+
 name_of!(MapName, is_name, "a map name (1 to 64 of the letters a to z and A to Z, digits, _ or -)");
 name_of!(
     RobotName,
     is_name,
     "a name of a robot or operator (1 to 64 of the letters a to z and A to Z, digits, _ or -)"
+);
+name_of!(
+    SharedWorldName,
+    is_name,
+    "a name of a shared world (1 to 64 of the letters a to z and A to Z, digits, _ or -)"
 );
 
 /// Whether `text` can be one chunk of a key: 1 to 64 of `a-z A-Z 0-9 _ -`.

@@ -15,8 +15,21 @@ pub struct Body {
     pub radius_m: f64,
     /// Height, metres.
     pub height_m: f64,
+    /// Whose it is.
+    pub kind: BodyKind,
 }
 
+/// Whose a body is: scanner and bumper meet all alike, cameras see the difference.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BodyKind {
+    /// Somebody.
+    Person,
+    /// Another robot.
+    Robot,
+}
+
+/// A robot's housing, red, green, blue, 0 to 255.
+const HOUSING: [f32; 3] = [36.0, 38.0, 42.0];
 /// What people wear, by their number: red, green, blue, 0 to 255.
 const CLOTHES: [[f32; 3]; 6] = [
     [52.0, 60.0, 88.0],
@@ -64,6 +77,7 @@ pub(crate) fn seen(bodies: &[Body], origin: Vector, direction: Vector) -> Option
     let (distance, number, share) = met.min_by(|a, b| a.0.total_cmp(&b.0))?;
     // Face, clothes, trousers.
     let colour = match share {
+        _ if bodies[number].kind == BodyKind::Robot => HOUSING,
         0.86.. => [190.0, 150.0, 128.0],
         0.48.. => CLOTHES[number % CLOTHES.len()],
         _ => CLOTHES[(number / 2 + 3) % CLOTHES.len()].map(|level| level * 0.6),
@@ -76,7 +90,7 @@ mod tests {
     use super::*;
 
     fn body(x: f64, y: f64) -> Body {
-        Body { position: Point2::new(x, y), velocity: Vector2::zeros(), radius_m: 0.2, height_m: 1.7 }
+        Body { position: Point2::new(x, y), velocity: Vector2::zeros(), radius_m: 0.2, height_m: 1.7, kind: BodyKind::Person }
     }
 
     #[test]

@@ -1,9 +1,11 @@
 //! How many people there are, and how they walk.
 
+use serde::{Deserialize, Serialize};
+
 /// People in a building. The defaults of the forces are those of Helbing and Molnár (1995), section
 /// III, but for the walls: theirs keep everybody in the middle of a street, and a building's
 /// passages are narrower.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PeopleConfig {
     /// How many. Default 0: nobody, and nothing differs from a building without people.
     pub count: usize,
@@ -83,5 +85,25 @@ impl PeopleConfig {
     #[must_use]
     pub fn of(count: usize, seed: u64) -> Self {
         Self { count, seed, ..Self::default() }
+    }
+
+    /// Whether people can walk by it: all numbers are what they stand for.
+    pub(crate) fn is_sound(&self) -> bool {
+        let positive = [
+            self.radius_m,
+            self.speed_mps,
+            self.relaxation_s,
+            self.repulsion_range_m,
+            self.wall_range_m,
+            self.place_m2,
+            self.place_room_m,
+        ];
+        let spans = [self.stay_s, self.linger_s];
+        let others = [self.speed_sigma_mps, self.hurry, self.repulsion_m2ps2, self.foresight_s, self.sight_rad];
+        let others = others.into_iter().chain([self.behind, self.wall_m2ps2, self.linger_share, self.start_apart_m]);
+        self.count <= usize::from(u16::MAX)
+            && positive.into_iter().all(|value| (1e-3..1e6).contains(&value))
+            && spans.into_iter().all(|(least, most)| 0.0 <= least && least < most && most < 1e9)
+            && others.into_iter().all(|value| (0.0..1e6).contains(&value))
     }
 }

@@ -1,8 +1,9 @@
 //! Everybody in a building, step by step.
 
-use super::body::Body;
+use super::body::{Body, BodyKind};
 use super::config::PeopleConfig;
 use super::social_force::{drive, repulsion, wall};
+use super::stored::{CrowdState, PersonState};
 use super::walkways::Walkways;
 use crate::plan::FloorPlan;
 use fht_perception::pose::Point2;
@@ -11,6 +12,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Who comes no nearer for so long looks for another place to go, seconds.
 const PATIENCE_S: f64 = 8.0;
@@ -21,7 +23,7 @@ const RING_M: (f64, f64) = (0.5, 0.7);
 /// The way is looked at anew after this long, seconds.
 const LOOK_EVERY_S: f64 = 0.2;
 /// A robot that comes nearer by less than this drives past, metres per second.
-const TOWARDS_MPS: f64 = 0.01;
+pub(crate) const TOWARDS_MPS: f64 = 0.01;
 
 /// How often people and a robot have touched: who moved towards the other decides whose doing it
 /// was, and a robot that does has always done it.
@@ -33,22 +35,26 @@ pub struct Contacts {
     pub by_people: u64,
 }
 
+/// A robot among people: its number, and its body.
+pub(crate) type NumberedRobot = (u32, Body);
+
 /// What somebody is about.
-#[derive(Clone, Copy, Debug)]
-enum Doing {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Doing {
     /// Stands until then, seconds.
     Standing { until_s: f64 },
     /// Walks to a place, to stand at this spot beside it.
     Walking { place: usize, spot: Point2, nearest_m: f64, since_s: f64 },
 }
 
-struct Person {
-    body: Body,
-    doing: Doing,
-    speed_mps: f64,
+pub(super) struct Person {
+    pub(super) body: Body,
+    pub(super) doing: Doing,
+    pub(super) speed_mps: f64,
     /// Where he wants to go, a unit vector; nothing where he stands.
-    heading: Vector2<f64>,
-    touches_robot: bool,
+    pub(super) heading: Vector2<f64>,
+    /// The robots that he touches.
+    pub(super) touches: BTreeSet<u32>,
 }
 
 /// Everybody in a building.
@@ -59,7 +65,8 @@ pub(crate) struct Crowd {
     rng: ChaCha8Rng,
     time_s: f64,
     looked_s: f64,
-    contacts: Contacts,
+    /// By the number of the robot.
+    contacts: BTreeMap<u32, Contacts>,
 }
 
 impl Crowd {
@@ -74,7 +81,7 @@ impl Crowd {
             rng,
             time_s: 0.0,
             looked_s: f64::NEG_INFINITY,
-            contacts: Contacts::default(),
+            contacts: BTreeMap::new(),
             config,
         };
         for _ in 0..crowd.config.count * 50 {
@@ -98,9 +105,24 @@ impl Crowd {
         let deviation: f64 = StandardNormal.sample(&mut self.rng);
         let speed_mps = (self.config.speed_mps + self.config.speed_sigma_mps * deviation).max(0.4);
         let height_m = self.rng.random_range(1.55..1.9);
-        let body = Body { position, velocity: Vector2::zeros(), radius_m: self.config.radius_m, height_m };
+        let body = Body { position, velocity: Vector2::zeros(), radius_m: self.config.radius_m, height_m, kind: BodyKind::Person };
         let doing = Doing::Standing { until_s: self.rng.random_range(0.0..self.config.stay_s.1) };
-        self.people.push(Person { body, doing, speed_mps, heading: Vector2::zeros(), touches_robot: false });
+        self.people.push(Person { body, doing, speed_mps, heading: Vector2::zeros(), touches: BTreeSet::new() });
+    }
+
+    /// A robot is set down at `robot`: who stands too near is somewhere else at that moment.
+    pub(crate) fn make_room(&mut self, robot: Point2) {
+        let (near, far): (Vec<_>, Vec<_>) = std::mem::take(&mut self.people)
+            .into_iter()
+            .partition(|person| (person.body.position - robot).norm() < self.config.start_apart_m);
+        self.people = far;
+        let wanted = self.people.len() + near.len();
+        for _ in 0..near.len() * 50 {
+            if self.people.len() >= wanted {
+                break;
+            }
+            self.place_somebody(robot);
+        }
     }
 
     /// Where everybody is.
@@ -108,20 +130,44 @@ impl Crowd {
         self.people.iter().map(|person| person.body).collect()
     }
 
-    /// Who has touched whom.
-    pub(crate) fn contacts(&self) -> Contacts {
-        self.contacts
+    /// How they and a robot have touched.
+    pub(crate) fn contacts(&self, robot: u32) -> Contacts {
+        self.contacts.get(&robot).copied().unwrap_or_default()
     }
 
-    /// Everybody moves for `step_s` seconds. `robots` are in their way; the first of them is the
-    /// one whose contacts are counted.
-    pub(crate) fn step(&mut self, plan: &FloorPlan, robots: &[Body], step_s: f64) {
+    /// How many there are, and what they do by.
+    pub(crate) fn config(&self) -> &PeopleConfig {
+        &self.config
+    }
+
+    /// Where everybody is, and what he is about.
+    pub(crate) fn state(&self) -> CrowdState {
+        CrowdState {
+            people: self.people.iter().map(PersonState::from).collect(),
+            drawn: self.rng.get_word_pos(),
+            time_s: self.time_s,
+            looked_s: self.looked_s,
+            contacts: self.contacts.clone(),
+        }
+    }
+
+    /// Everybody is where `state` says, which must be one of these people in this building.
+    pub(crate) fn restore(&mut self, state: &CrowdState) {
+        self.people = state.people.iter().map(Person::from).collect();
+        self.rng = ChaCha8Rng::seed_from_u64(self.config.seed);
+        self.rng.set_word_pos(state.drawn);
+        (self.time_s, self.looked_s) = (state.time_s, state.looked_s);
+        self.contacts.clone_from(&state.contacts);
+    }
+
+    /// Everybody moves for `step_s` seconds. `robots` are in their way.
+    pub(crate) fn step(&mut self, plan: &FloorPlan, robots: &[NumberedRobot], step_s: f64) {
         self.time_s += step_s;
         if self.time_s - self.looked_s >= LOOK_EVERY_S - 1e-9 {
             self.looked_s = self.time_s;
             (0..self.people.len()).for_each(|number| self.decide(number, plan));
         }
-        let all: Vec<Body> = self.people.iter().map(|person| person.body).chain(robots.iter().copied()).collect();
+        let all: Vec<Body> = self.people.iter().map(|person| person.body).chain(robots.iter().map(|(_, body)| *body)).collect();
         for number in 0..self.people.len() {
             let velocity = self.next_velocity(number, plan, &all, step_s);
             self.walk(number, velocity, plan, robots, step_s);
@@ -130,18 +176,18 @@ impl Crowd {
 
     /// A robot wants to go from one place to another: where it gets, which is no farther if it
     /// would run into somebody. That is a contact.
-    pub(crate) fn stop_robot(&mut self, from: Point2, to: Point2, radius_m: f64) -> Point2 {
+    pub(crate) fn stop_robot(&mut self, robot: u32, from: Point2, to: Point2, radius_m: f64) -> Point2 {
         let mut is_stopped = false;
         for person in &mut self.people {
             let keep_m = person.body.radius_m + radius_m;
             let before_m = (person.body.position - from).norm();
             let after_m = (person.body.position - to).norm();
             if after_m < keep_m && after_m < before_m {
-                self.contacts.by_robot += u64::from(!person.touches_robot);
-                person.touches_robot = true;
+                let is_new = person.touches.insert(robot);
+                self.contacts.entry(robot).or_default().by_robot += u64::from(is_new);
                 is_stopped = true;
             } else if after_m > keep_m + 0.02 {
-                person.touches_robot = false;
+                person.touches.remove(&robot);
             }
         }
         if is_stopped { from } else { to }
@@ -217,7 +263,7 @@ impl Crowd {
     }
 
     /// Somebody walks for a step: not into walls, not into others, and not into a robot.
-    fn walk(&mut self, number: usize, velocity: Vector2<f64>, plan: &FloorPlan, robots: &[Body], step_s: f64) {
+    fn walk(&mut self, number: usize, velocity: Vector2<f64>, plan: &FloorPlan, robots: &[NumberedRobot], step_s: f64) {
         let radius_m = self.config.radius_m;
         let Body { position, .. } = self.people[number].body;
         let room_now_m = plan.clearance_m(position);
@@ -238,13 +284,12 @@ impl Crowd {
         };
         let mut velocity = steps.iter().find(fits).copied().unwrap_or_else(Vector2::zeros);
         let at = position + velocity * step_s;
-        if let Some(robot) = robots.iter().find(|robot| !is_apart(at, robot)) {
-            let is_first = std::ptr::eq(robot, &robots[0]);
-            let is_pushing = robot.velocity.dot(&(position - robot.position).normalize()) > TOWARDS_MPS;
-            if is_first && !self.people[number].touches_robot {
-                self.contacts.by_robot += u64::from(is_pushing);
-                self.contacts.by_people += u64::from(!is_pushing);
-                self.people[number].touches_robot = true;
+        if let Some((robot, body)) = robots.iter().find(|(_, body)| !is_apart(at, body)) {
+            let is_pushing = body.velocity.dot(&(position - body.position).normalize()) > TOWARDS_MPS;
+            if self.people[number].touches.insert(*robot) {
+                let contacts = self.contacts.entry(*robot).or_default();
+                contacts.by_robot += u64::from(is_pushing);
+                contacts.by_people += u64::from(!is_pushing);
             }
             velocity = Vector2::zeros();
         }
@@ -279,9 +324,31 @@ mod tests {
         let mut crowd = Crowd::new(&plan, middle, middle, PeopleConfig::of(1, 1));
         let at = crowd.bodies()[0].position;
         let (from, to) = (at - Vector2::new(0.31, 0.0), at - Vector2::new(0.3, 0.0));
-        assert_eq!((crowd.stop_robot(from, to, 0.105), crowd.stop_robot(from, to, 0.105)), (from, from));
-        assert_eq!(crowd.contacts(), Contacts { by_robot: 1, by_people: 0 });
-        assert_eq!(crowd.stop_robot(to, from, 0.105), from, "away from him it may go");
+        assert_eq!((crowd.stop_robot(0, from, to, 0.105), crowd.stop_robot(0, from, to, 0.105)), (from, from));
+        assert_eq!(crowd.contacts(0), Contacts { by_robot: 1, by_people: 0 });
+        assert_eq!(crowd.stop_robot(0, to, from, 0.105), from, "away from him it may go");
+    }
+
+    #[test]
+    fn what_is_stored_of_people_goes_on_as_they_would() {
+        let (plan, middle) = (hall(), Point2::new(5.0, 5.0));
+        let crowd = || Crowd::new(&plan, middle, middle, PeopleConfig::of(8, 3));
+        let (mut these, mut those) = (crowd(), crowd());
+        (0..500).for_each(|_| these.step(&plan, &[], 0.02));
+        those.restore(&these.state());
+        (0..1500).for_each(|_| these.step(&plan, &[], 0.02));
+        (0..1500).for_each(|_| those.step(&plan, &[], 0.02));
+        assert_eq!(these.bodies(), those.bodies());
+    }
+
+    #[test]
+    fn nobody_stands_where_a_robot_is_set_down() {
+        let (plan, middle) = (hall(), Point2::new(5.0, 5.0));
+        let mut crowd = Crowd::new(&plan, middle, middle, PeopleConfig::of(30, 2));
+        let here = crowd.bodies()[4].position;
+        crowd.make_room(here);
+        assert_eq!(crowd.bodies().len(), 30);
+        assert!(crowd.bodies().iter().all(|body| (body.position - here).norm() >= 1.5));
     }
 
     #[test]
@@ -294,9 +361,10 @@ mod tests {
             velocity: Vector2::zeros(),
             radius_m: 0.105,
             height_m: 0.19,
+            kind: BodyKind::Robot,
         };
-        crowd.walk(0, Vector2::new(1.0, 0.0), &plan, &[robot], 0.02);
-        assert_eq!(crowd.contacts(), Contacts { by_robot: 0, by_people: 1 });
+        crowd.walk(0, Vector2::new(1.0, 0.0), &plan, &[(0, robot)], 0.02);
+        assert_eq!(crowd.contacts(0), Contacts { by_robot: 0, by_people: 1 });
         assert_eq!(crowd.bodies()[0].position, at);
     }
 }

@@ -56,6 +56,7 @@ mod tests {
             velocity: Vector2::new(vx, 0.0),
             radius_m: 0.2,
             height_m: 1.7,
+            kind: super::super::body::BodyKind::Person,
         };
         let apart = Vector2::new(1.5, 0.0);
         let of = |vx: f64, heading: f64| repulsion(apart, &other(vx), Vector2::new(heading, 0.0), &config).x;

@@ -1,17 +1,20 @@
 //! The truth about a simulated robot, for scoring. The robot itself never sees it.
 
+use crate::commons::RobotContacts;
 use crate::people::Contacts;
 use fht_perception::pose::{Point2, Pose2};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The truth at the newest frame.
-#[derive(Clone, Debug)]
-struct TruthNow {
-    world_from_base: Pose2,
-    driven_m: f64,
-    collisions: u64,
-    people: Vec<(Point2, f64)>,
-    contacts: Contacts,
+#[derive(Clone, Debug, Default)]
+pub(crate) struct TruthNow {
+    pub(crate) world_from_base: Pose2,
+    pub(crate) driven_m: f64,
+    pub(crate) collisions: u64,
+    pub(crate) people: Vec<(Point2, f64)>,
+    pub(crate) robots: Vec<(Point2, f64)>,
+    pub(crate) contacts: Contacts,
+    pub(crate) robot_contacts: RobotContacts,
 }
 
 /// The truth about one simulated robot at its newest frame. Clones refer to the same robot.
@@ -20,19 +23,11 @@ pub struct Truth(Arc<Mutex<TruthNow>>);
 
 impl Truth {
     pub(crate) fn at(world_from_base: Pose2) -> Self {
-        let (people, contacts) = (Vec::new(), Contacts::default());
-        Self(Arc::new(Mutex::new(TruthNow { world_from_base, driven_m: 0.0, collisions: 0, people, contacts })))
+        Self(Arc::new(Mutex::new(TruthNow { world_from_base, ..TruthNow::default() })))
     }
 
-    pub(crate) fn set(
-        &self,
-        world_from_base: Pose2,
-        driven_m: f64,
-        collisions: u64,
-        people: Vec<(Point2, f64)>,
-        contacts: Contacts,
-    ) {
-        *self.lock() = TruthNow { world_from_base, driven_m, collisions, people, contacts };
+    pub(crate) fn set(&self, now: TruthNow) {
+        *self.lock() = now;
     }
 
     fn lock(&self) -> MutexGuard<'_, TruthNow> {
@@ -67,5 +62,17 @@ impl Truth {
     #[must_use]
     pub fn contacts(&self) -> Contacts {
         self.lock().contacts
+    }
+
+    /// Where the other robots of a shared world are, world frame, and the radius of each, metres.
+    #[must_use]
+    pub fn robots(&self) -> Vec<(Point2, f64)> {
+        self.lock().robots.clone()
+    }
+
+    /// How often other robots and this one have touched so far.
+    #[must_use]
+    pub fn robot_contacts(&self) -> RobotContacts {
+        self.lock().robot_contacts
     }
 }

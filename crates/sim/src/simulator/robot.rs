@@ -6,10 +6,10 @@ use fht_perception::robot::{Robot, RobotError, Sensors};
 
 /// The first call senses where the robot stands. Each later call drives for one LiDAR period with
 /// the current command, then senses. Every future is ready at once, so a simulated run repeats
-/// exactly.
+/// exactly; only in a shared world it waits for the other robots.
 impl Sensors for Simulator {
     async fn sense(&mut self) -> Result<SensorFrame, RobotError> {
-        Ok(self.next_frame())
+        self.next_frame().await
     }
 }
 
