@@ -6,8 +6,18 @@ use crate::source::{SourceError, output};
 use std::path::Path;
 
 /// Packages that integrators are spared.
-const SPARED: [&str; 9] =
-    ["clap", "fht-bag", "fht-descriptor", "fht-program", "fht-sim", "indicatif", "mapper", "mcap", "ort"];
+const SPARED: [&str; 10] = [
+    "clap",
+    "fht-bag",
+    "fht-descriptor",
+    "fht-program",
+    "fht-shared-world",
+    "fht-sim",
+    "indicatif",
+    "mapper",
+    "mcap",
+    "ort",
+];
 
 pub(crate) fn check(root: &Path) -> Result<Report, SourceError> {
     let args = ["tree", "--package", "fht", "--edges", "normal", "--prefix", "none", "--format", "{p}"];
