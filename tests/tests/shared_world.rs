@@ -86,9 +86,8 @@ fn a_robot_whose_program_is_killed_is_gone_and_the_other_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let world = room(folder.path());
     let shared = format!("killed-{}", std::process::id());
-    let start = |robot: &str, start: &str, more: &[&str]| {
-        Explorer::start(folder.path(), &world, &shared, robot, start, more)
-    };
+    let start =
+        |robot: &str, start: &str, more: &[&str]| Explorer::start(folder.path(), &world, &shared, robot, start, more);
     let mut dies = start("dies", "1.5,2.5,0", &["--progress-json"]);
     let lives = start("lives", "6.5,2.5,180", &[]);
     // Long enough for both to be there.

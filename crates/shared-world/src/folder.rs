@@ -111,8 +111,9 @@ impl Locked<'_> {
 
     /// Stores a state.
     pub(crate) fn write(&self, state: &CommonsState) -> Result<(), WorldFileError> {
-        let payload = postcard::to_stdvec(state).map_err(|error| {
-            WorldFileError::System { path: self.folder.file(), source: std::io::Error::other(error) }
+        let payload = postcard::to_stdvec(state).map_err(|error| WorldFileError::System {
+            path: self.folder.file(),
+            source: std::io::Error::other(error),
         })?;
         self.put(&payload)
     }

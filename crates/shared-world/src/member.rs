@@ -224,15 +224,9 @@ pub struct Member {
 impl Member {
     /// Takes a place in the world called `name` for the robot of `simulator`. It appears when it
     /// enters.
-    fn join(
-        name: &SharedWorldName,
-        robot: &str,
-        simulator: &Simulator,
-        setup: &SimSetup,
-    ) -> Result<Self, JoinError> {
+    fn join(name: &SharedWorldName, robot: &str, simulator: &Simulator, setup: &SimSetup) -> Result<Self, JoinError> {
         let config = simulator.config();
-        let entrant =
-            Entrant { start: simulator.truth(), radius_m: config.radius_m, height_m: config.height_m() };
+        let entrant = Entrant { start: simulator.truth(), radius_m: config.radius_m, height_m: config.height_m() };
         let mut commons = Commons::new(Arc::clone(simulator.world()), setup.crowd(), config.lidar_period_us);
         let seat = Seat::take(name, &file_of(robot), Some(robot), |locked, stored| {
             if let Stored::State(state) = stored {

@@ -19,12 +19,7 @@ fn a_name() -> SharedWorldName {
 }
 
 /// A robot that stands so far ahead of the museum's start, and looks the same way.
-fn robot(
-    name: &SharedWorldName,
-    robot: &str,
-    ahead_m: f64,
-    people: u16,
-) -> Result<(Simulator, WorldExit), JoinError> {
+fn robot(name: &SharedWorldName, robot: &str, ahead_m: f64, people: u16) -> Result<(Simulator, WorldExit), JoinError> {
     let config = SimConfig { camera_every: 0, ..SimConfig::default() };
     let start = MUSEUM.start() * pose(ahead_m, 0.0, 0.0);
     let setup = SimSetup { shared_world: Some(name.clone()), people, ..SimSetup::of("museum") };

@@ -20,7 +20,7 @@ pub use state::CommonsState;
 use crate::people::crowd::{Crowd, NumberedRobot};
 use crate::people::{Body, BodyKind, Contacts, PeopleConfig};
 use crate::simulator::SUBSTEPS;
-use crate::simulator::chassis::{Chassis, Roll, Step};
+use crate::simulator::chassis::{Chassis, Roll};
 use crate::world::World;
 use encounters::Encounters;
 use fht_perception::frame::Twist;
@@ -28,7 +28,7 @@ use fht_perception::pose::{Point2, Pose2, pose};
 use fht_perception::robot::RobotError;
 use nalgebra::Vector2;
 use state::RobotState;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::future::Future;
 use std::pin::Pin;
 use std::sync::Arc;
@@ -178,17 +178,16 @@ impl Commons {
     pub fn enter(&mut self, name: &str, entrant: &Entrant) -> Result<(), CommonsError> {
         let chassis = Chassis::at(entrant.start, entrant.radius_m);
         let here = chassis.position();
-        let is_in_the_way = |other: &Chassis| {
-            (other.position() - here).norm() < other.radius_m + entrant.radius_m + ENTRY_GAP_M
-        };
+        let is_in_the_way =
+            |other: &Chassis| (other.position() - here).norm() < other.radius_m + entrant.radius_m + ENTRY_GAP_M;
         let others = || self.robots.iter().filter(|(other, _)| *other != name);
         if let Some((other, _)) = others().find(|(_, other)| is_in_the_way(&other.chassis)) {
             return Err(CommonsError::Occupied(other.clone()));
         }
-        match &mut self.crowd {
-            Some(crowd) => crowd.make_room(here),
-            None if self.people.count > 0 => self.crowd = Some(self.gather(here)),
-            None => {}
+        if let Some(crowd) = &mut self.crowd {
+            crowd.make_room(here);
+        } else if self.people.count > 0 {
+            self.crowd = Some(self.gather(here));
         }
         let participant = Participant {
             number: self.next_number,
@@ -260,8 +259,7 @@ impl Commons {
 
     /// Everybody moves for `step_s` seconds, the robots one after the other.
     fn small_step(&mut self, step_s: f64) {
-        let mut bodies: Vec<NumberedRobot> =
-            self.robots.values().map(|robot| (robot.number, robot.body())).collect();
+        let mut bodies: Vec<NumberedRobot> = self.robots.values().map(|robot| (robot.number, robot.body())).collect();
         for (index, robot) in self.robots.values_mut().enumerate() {
             let Some(command) = robot.command else {
                 robot.velocity = Vector2::zeros();

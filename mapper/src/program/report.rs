@@ -2,8 +2,8 @@
 
 use crate::explore::Ending;
 use fht_proto::{Digest, VersionVector};
-use fht_sim::{Contacts, RobotContacts};
 use fht_sim::scoring::TrajectoryError;
+use fht_sim::{Contacts, RobotContacts};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 

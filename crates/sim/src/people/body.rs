@@ -90,7 +90,13 @@ mod tests {
     use super::*;
 
     fn body(x: f64, y: f64) -> Body {
-        Body { position: Point2::new(x, y), velocity: Vector2::zeros(), radius_m: 0.2, height_m: 1.7, kind: BodyKind::Person }
+        Body {
+            position: Point2::new(x, y),
+            velocity: Vector2::zeros(),
+            radius_m: 0.2,
+            height_m: 1.7,
+            kind: BodyKind::Person,
+        }
     }
 
     #[test]

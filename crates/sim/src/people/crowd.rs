@@ -105,7 +105,13 @@ impl Crowd {
         let deviation: f64 = StandardNormal.sample(&mut self.rng);
         let speed_mps = (self.config.speed_mps + self.config.speed_sigma_mps * deviation).max(0.4);
         let height_m = self.rng.random_range(1.55..1.9);
-        let body = Body { position, velocity: Vector2::zeros(), radius_m: self.config.radius_m, height_m, kind: BodyKind::Person };
+        let body = Body {
+            position,
+            velocity: Vector2::zeros(),
+            radius_m: self.config.radius_m,
+            height_m,
+            kind: BodyKind::Person,
+        };
         let doing = Doing::Standing { until_s: self.rng.random_range(0.0..self.config.stay_s.1) };
         self.people.push(Person { body, doing, speed_mps, heading: Vector2::zeros(), touches: BTreeSet::new() });
     }
@@ -167,7 +173,8 @@ impl Crowd {
             self.looked_s = self.time_s;
             (0..self.people.len()).for_each(|number| self.decide(number, plan));
         }
-        let all: Vec<Body> = self.people.iter().map(|person| person.body).chain(robots.iter().map(|(_, body)| *body)).collect();
+        let all: Vec<Body> =
+            self.people.iter().map(|person| person.body).chain(robots.iter().map(|(_, body)| *body)).collect();
         for number in 0..self.people.len() {
             let velocity = self.next_velocity(number, plan, &all, step_s);
             self.walk(number, velocity, plan, robots, step_s);
