@@ -25,8 +25,11 @@ pub enum WorldFileError {
         source: std::io::Error,
     },
     /// The state is none.
-    #[error("{0} is damaged; end all robots of this world, and it begins anew", .0.display())]
-    Damaged(PathBuf),
+    #[error("{path} is damaged; end all robots of this world, and it begins anew", path = path.display())]
+    Damaged {
+        /// Which file.
+        path: PathBuf,
+    },
 }
 
 /// The folder of a world, in the system's folder for temporary files.
@@ -106,7 +109,7 @@ impl Locked<'_> {
         if bytes.is_empty() {
             return Ok(Stored::Nothing);
         }
-        decode(&bytes).ok_or(WorldFileError::Damaged(path))
+        decode(&bytes).ok_or(WorldFileError::Damaged { path })
     }
 
     /// Stores a state.

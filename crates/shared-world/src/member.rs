@@ -90,23 +90,23 @@ impl Seat {
         let asked = Instant::now();
         while asked.elapsed() < LONGEST {
             let folder = WorldFolder::open(name).map_err(files)?;
-            if let Some(locked) = folder.lock().map_err(files)? {
+            let locked = folder.lock().map_err(files)?;
+            let stored = match &locked {
+                None => Stored::Closed,
+                Some(locked) if locked.has_anybody() => locked.read().map_err(files)?,
                 // What those have left who are all dead is nobody's.
-                let stored = match locked.has_anybody() {
-                    true => locked.read().map_err(files)?,
-                    false => nobodys(&locked, asked.elapsed() > CLOSING),
-                };
-                if stored != Stored::Closed {
-                    let taken = || JoinError::NameTaken { name: name.clone(), robot: robot.unwrap_or(file).to_owned() };
-                    let alive = locked.take_seat(file).map_err(files)?.ok_or_else(taken)?;
-                    if let Err(error) = begin(&locked, stored) {
-                        locked.give_back(alive);
-                        return Err(error);
-                    }
-                    drop(locked);
-                    let robot = robot.map(str::to_owned);
-                    return Ok(Self { name: name.clone(), folder, robot, alive: Mutex::new(Some(alive)) });
+                Some(locked) => nobodys(locked, asked.elapsed() > CLOSING),
+            };
+            if let (Some(locked), true) = (locked, stored != Stored::Closed) {
+                let taken = || JoinError::NameTaken { name: name.clone(), robot: robot.unwrap_or(file).to_owned() };
+                let alive = locked.take_seat(file).map_err(files)?.ok_or_else(taken)?;
+                if let Err(error) = begin(&locked, stored) {
+                    locked.give_back(alive);
+                    return Err(error);
                 }
+                drop(locked);
+                let (name, robot) = (name.clone(), robot.map(str::to_owned));
+                return Ok(Self { name, folder, robot, alive: Mutex::new(Some(alive)) });
             }
             std::thread::sleep(LOOK_AGAIN);
         }

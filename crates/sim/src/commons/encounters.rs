@@ -33,7 +33,7 @@ pub(super) struct Encounters {
     /// Pairs of numbers, the lesser first.
     pub(super) touching: BTreeSet<(u32, u32)>,
     /// What is to be counted, by number.
-    counted: BTreeMap<u32, RobotContacts>,
+    pub(super) counted: BTreeMap<u32, RobotContacts>,
 }
 
 impl Encounters {
