@@ -86,31 +86,47 @@ impl Seat {
         robot: Option<&str>,
         mut begin: impl FnMut(&Locked<'_>, Stored) -> Result<(), JoinError>,
     ) -> Result<Self, JoinError> {
-        let files = |source| JoinError::Files { name: name.clone(), source };
         let asked = Instant::now();
         while asked.elapsed() < LONGEST {
-            let folder = WorldFolder::open(name).map_err(files)?;
-            let locked = folder.lock().map_err(files)?;
-            let stored = match &locked {
-                None => Stored::Closed,
-                Some(locked) if locked.has_anybody() => locked.read().map_err(files)?,
-                // What those have left who are all dead is nobody's.
-                Some(locked) => nobodys(locked, asked.elapsed() > CLOSING),
-            };
-            if let (Some(locked), true) = (locked, stored != Stored::Closed) {
-                let taken = || JoinError::NameTaken { name: name.clone(), robot: robot.unwrap_or(file).to_owned() };
-                let alive = locked.take_seat(file).map_err(files)?.ok_or_else(taken)?;
-                if let Err(error) = begin(&locked, stored) {
-                    locked.give_back(alive);
-                    return Err(error);
-                }
-                drop(locked);
+            let opened = WorldFolder::open(name);
+            let folder = opened.map_err(|source| JoinError::Files { name: name.clone(), source })?;
+            let is_still_there = asked.elapsed() > CLOSING;
+            if let Some(alive) = Self::try_take(&folder, name, (file, robot), is_still_there, &mut begin)? {
                 let (name, robot) = (name.clone(), robot.map(str::to_owned));
                 return Ok(Self { name, folder, robot, alive: Mutex::new(Some(alive)) });
             }
             std::thread::sleep(LOOK_AGAIN);
         }
         Err(JoinError::Held { name: name.clone() })
+    }
+
+    /// The place, if nobody else has the world's file just now and the folder is not about to go.
+    fn try_take(
+        folder: &WorldFolder,
+        name: &SharedWorldName,
+        (file, robot): (&str, Option<&str>),
+        is_still_there: bool,
+        begin: &mut impl FnMut(&Locked<'_>, Stored) -> Result<(), JoinError>,
+    ) -> Result<Option<Alive>, JoinError> {
+        let files = |source| JoinError::Files { name: name.clone(), source };
+        let Some(locked) = folder.lock().map_err(files)? else { return Ok(None) };
+        let stored = match locked.has_anybody() {
+            true => locked.read().map_err(files)?,
+            // What those have left who are all dead is nobody's.
+            false => nobodys(&locked, is_still_there),
+        };
+        if stored == Stored::Closed {
+            return Ok(None);
+        }
+        let taken = || JoinError::NameTaken { name: name.clone(), robot: robot.unwrap_or(file).to_owned() };
+        let alive = locked.take_seat(file).map_err(files)?.ok_or_else(taken)?;
+        match begin(&locked, stored) {
+            Ok(()) => Ok(Some(alive)),
+            Err(error) => {
+                locked.give_back(alive);
+                Err(error)
+            }
+        }
     }
 
     fn files(&self, source: WorldFileError) -> JoinError {
