@@ -163,7 +163,8 @@ impl Locked<'_> {
     pub(crate) fn has_anybody(&self) -> bool {
         let Ok(entries) = std::fs::read_dir(&self.folder.path) else { return false };
         let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
-        names.filter(|name| name != "world").fold(false, |any, seat| self.is_alive(&seat) || any)
+        // Of each, so that the files of all who are dead go.
+        names.filter(|name| name != "world").filter(|seat| self.is_alive(seat)).count() > 0
     }
 
     /// Gives a seat back. After the last one the folder goes.

@@ -3,16 +3,16 @@
 //! … --shared-world NAME` use it, and so does the demo.
 //!
 //! ```text
-//!  mapper        Simulator ── Member ──┐                  world        the state, behind a lock
-//!  mapper        Simulator ── Member ──┼── folder NAME ── robot-a      locked while a lives
-//!  client-robot  Simulator ── Member ──┘                  robot-b      locked while b lives
+//!  mapper        Simulator ── Participant─┐                 world        the state, behind a lock
+//!  mapper        Simulator ── Participant─┼── folder NAME ─ robot-a      locked while a lives
+//!  client-robot  Simulator ── Participant─┘                 robot-b      locked while b lives
 //! ```
 //!
 //! There is no server that could die. The world is a file that whoever needs it reads, changes and
-//! writes back under the file's lock; the computation is [`fht_sim::Commons`], which knows no files.
-//! A robot writes down what it does next. The last one to do so lets time go on by a period, for
-//! everybody; the others look again every millisecond. So robots go on together, at the pace of the
-//! slowest.
+//! writes back under the file's lock; the computation is [`fht_sim::Commons`], which knows no
+//! files. A robot writes down what it does next. The last one to do so lets time go on by a period,
+//! for everybody; the others look again every millisecond. So robots go on together, at the pace of
+//! the slowest.
 //!
 //! Each process holds a lock of its own, which the system takes back however the process ends: the
 //! robot of a program that died is gone at the next look. One that lives and says nothing for
@@ -21,7 +21,7 @@
 //! | module | idea |
 //! | --- | --- |
 //! | `folder` | the files of a world, and their locks |
-//! | `member` | a robot's place in it ([`Member`]), and whoever keeps it ([`Keeper`]) |
+//! | `participant` | a robot's place in it ([`Participant`]), and whoever keeps it ([`Keeper`]) |
 //!
 //! ```
 //! use fht_perception::robot::Sensors;
@@ -50,7 +50,7 @@
 //! ```
 
 mod folder;
-mod member;
+mod participant;
 
 pub use folder::{WorldFileError, folder_of};
-pub use member::{JoinError, Keeper, Member, PATIENCE, WorldExit, seat};
+pub use participant::{JoinError, Keeper, PATIENCE, Participant, WorldExit, seat};

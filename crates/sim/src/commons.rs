@@ -17,10 +17,9 @@ mod state;
 pub use encounters::RobotContacts;
 pub use state::CommonsState;
 
+use crate::chassis::{Chassis, Roll, SUBSTEPS};
 use crate::people::crowd::{Crowd, NumberedRobot};
 use crate::people::{Body, BodyKind, Contacts, PeopleConfig};
-use crate::simulator::SUBSTEPS;
-use crate::simulator::chassis::{Chassis, Roll};
 use crate::world::World;
 use encounters::Encounters;
 use fht_perception::frame::Twist;

@@ -12,6 +12,7 @@
 //! | `world` | a [`World`]: triangles with textures and a true plan; built in or from files |
 //! | `scene` | what rays meet, and the light it is seen in |
 //! | `sensing` | LiDAR, cameras, wheels |
+//! | `chassis` | a robot's body on the floor: it drives, slides along walls and bumps |
 //! | `people` | people who walk, stand and gather ([`PeopleConfig`]) |
 //! | `commons` | the [`Commons`]: a world that several robots share, and its port ([`SharedWorld`]) |
 //! | `simulator` | a [`Simulator`]: one robot in a world, which implements the port |
@@ -40,6 +41,7 @@
 //! # Ok::<(), fht_sim::WorldError>(())
 //! ```
 
+mod chassis;
 mod commons;
 mod people;
 mod photographer;

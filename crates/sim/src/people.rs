@@ -6,6 +6,7 @@
 //! | `body` | what a scanner, a camera and a bumper meet of somebody |
 //! | `walkways` | the ways to the places where people meet, around walls and furniture |
 //! | `social_force` | what makes somebody speed up, turn and give way |
+//! | `person` | somebody: what he is about, and whom he has touched |
 //! | `crowd` | everybody, step by step |
 //! | `stored` | everybody as plain data |
 //!
@@ -16,10 +17,11 @@
 pub(crate) mod body;
 mod config;
 pub(crate) mod crowd;
+mod person;
 mod social_force;
 pub(crate) mod stored;
 mod walkways;
 
 pub use body::{Body, BodyKind};
 pub use config::PeopleConfig;
-pub use crowd::Contacts;
+pub use person::Contacts;

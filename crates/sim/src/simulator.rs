@@ -1,9 +1,9 @@
 //! A robot in a world: it drives, bumps, and senses.
 
-pub(crate) mod chassis;
 mod company;
 mod robot;
 
+use crate::chassis::{Chassis, SUBSTEPS};
 use crate::commons::{RobotContacts, SharedWorld, Turn};
 use crate::people::crowd::Crowd;
 use crate::people::{Body, BodyKind, Contacts, PeopleConfig};
@@ -13,8 +13,7 @@ use crate::sensing::camera::{self, CameraConfig};
 use crate::sensing::lidar::{self, LidarConfig};
 use crate::sensing::wheels::{WheelConfig, Wheels};
 use crate::world::World;
-use chassis::Chassis;
-use company::Company;
+use company::{ALONE, Company};
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::pose::{Point2, Pose2};
 use fht_perception::robot::RobotError;
@@ -24,15 +23,10 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Integration steps in one LiDAR period: at 0.5 m/s and 5 Hz the body moves 1 cm in each, less
-/// than any wall's width.
-pub(crate) const SUBSTEPS: u32 = 10;
 /// Height of the robot's body, metres; a scanner that is mounted higher makes it higher.
 const ROBOT_HEIGHT_M: f64 = 0.19;
 /// What stands above a scanner's beams, metres.
 const SCANNER_TOP_M: f64 = 0.02;
-/// The number of a robot that is the only one.
-const ALONE: u32 = 0;
 
 /// The robot and its sensors; defaults are the paper's robot, with wheels that drift.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

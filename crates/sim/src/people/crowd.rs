@@ -2,6 +2,7 @@
 
 use super::body::{Body, BodyKind};
 use super::config::PeopleConfig;
+use super::person::{Contacts, Doing, Person};
 use super::social_force::{drive, repulsion, wall};
 use super::stored::{CrowdState, PersonState};
 use super::walkways::Walkways;
@@ -11,7 +12,6 @@ use nalgebra::Vector2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Who comes no nearer for so long looks for another place to go, seconds.
@@ -25,37 +25,8 @@ const LOOK_EVERY_S: f64 = 0.2;
 /// A robot that comes nearer by less than this drives past, metres per second.
 pub(crate) const TOWARDS_MPS: f64 = 0.01;
 
-/// How often people and a robot have touched: who moved towards the other decides whose doing it
-/// was, and a robot that does has always done it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Contacts {
-    /// The robot moved towards somebody.
-    pub by_robot: u64,
-    /// Somebody walked into a robot that stood or went away.
-    pub by_people: u64,
-}
-
 /// A robot among people: its number, and its body.
 pub(crate) type NumberedRobot = (u32, Body);
-
-/// What somebody is about.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Doing {
-    /// Stands until then, seconds.
-    Standing { until_s: f64 },
-    /// Walks to a place, to stand at this spot beside it.
-    Walking { place: usize, spot: Point2, nearest_m: f64, since_s: f64 },
-}
-
-pub(super) struct Person {
-    pub(super) body: Body,
-    pub(super) doing: Doing,
-    pub(super) speed_mps: f64,
-    /// Where he wants to go, a unit vector; nothing where he stands.
-    pub(super) heading: Vector2<f64>,
-    /// The robots that he touches.
-    pub(super) touches: BTreeSet<u32>,
-}
 
 /// Everybody in a building.
 pub(crate) struct Crowd {

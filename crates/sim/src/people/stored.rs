@@ -1,7 +1,7 @@
 //! People as plain data, so that somebody else can go on with them.
 
 use super::body::{Body, BodyKind};
-use super::crowd::{Contacts, Doing, Person};
+use super::person::{Contacts, Doing, Person};
 use fht_perception::pose::Point2;
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};

@@ -4,6 +4,9 @@ use crate::commons::{RobotContacts, SharedWorld, Turn};
 use crate::people::crowd::Crowd;
 use crate::people::{Body, Contacts};
 
+/// The number of a robot that is the only one.
+pub(super) const ALONE: u32 = 0;
+
 /// Who else is where a robot is.
 pub(super) enum Company {
     /// The robot has the building for itself.
@@ -33,7 +36,7 @@ impl Company {
     pub(super) fn contacts(&self) -> Contacts {
         match self {
             Self::Nobody => Contacts::default(),
-            Self::Own(crowd) => crowd.contacts(super::ALONE),
+            Self::Own(crowd) => crowd.contacts(ALONE),
             Self::Shared { now, .. } => now.contacts,
         }
     }

@@ -182,7 +182,7 @@ pub fn seat(simulator: Simulator, setup: &SimSetup, robot: &str) -> Result<(Simu
     let Some(name) = &setup.shared_world else {
         return Ok((simulator.among(setup.crowd()), WorldExit(None)));
     };
-    let member = Member::join(name, robot, &simulator, setup)?;
+    let member = Participant::join(name, robot, &simulator, setup)?;
     let exit = WorldExit(Some(Arc::clone(&member.seat)));
     Ok((simulator.sharing(Box::new(member)), exit))
 }
@@ -223,7 +223,7 @@ impl Keeper {
 }
 
 /// A robot's place in a shared world.
-pub struct Member {
+pub struct Participant {
     seat: Arc<Seat>,
     robot: String,
     entrant: Entrant,
@@ -237,7 +237,7 @@ pub struct Member {
     barred: Option<Instant>,
 }
 
-impl Member {
+impl Participant {
     /// Takes a place in the world called `name` for the robot of `simulator`. It appears when it
     /// enters.
     fn join(name: &SharedWorldName, robot: &str, simulator: &Simulator, setup: &SimSetup) -> Result<Self, JoinError> {
@@ -257,8 +257,8 @@ impl Member {
         Ok(Self { seat, robot, entrant, commons, done: 0, told: None, waits: None, barred: None })
     }
 
-    /// Looks at the world, once it is this robot's turn to: what `act` returns, if it is not to look
-    /// again. `act` says as well whether it has changed the world.
+    /// Looks at the world, once it is this robot's turn to: what `act` returns, if it is not to
+    /// look again. `act` says as well whether it has changed the world.
     async fn until(
         &mut self,
         mut act: impl FnMut(&mut Self, &Locked<'_>) -> Result<(bool, Option<Turn>), JoinError> + Send,
@@ -358,7 +358,7 @@ fn file_of(robot: &str) -> String {
     format!("robot-{robot}")
 }
 
-impl SharedWorld for Member {
+impl SharedWorld for Participant {
     fn enter(&mut self) -> Going<'_> {
         Box::pin(async { self.appear().await.map_err(RobotError::driver) })
     }
