@@ -81,7 +81,12 @@ for logs.")]
   mapper info run/ --json")]
     Info(InfoArgs),
     /// A robot that speaks ROS 2: is there all that mapping needs?
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:
+  mapper ros check tcp/robot:7447
+  mapper ros check tcp/robot:7447 --namespace r1"
+    )]
     Ros(RosCommand),
     /// Writes completions for a shell to standard output.
     Completions(CompletionsArgs),
