@@ -228,8 +228,8 @@ fn what_waits_for_a_gap_to_close_has_no_room_of_its_own() {
     // Before the map begins, and when it has begun: each alone has room, all together have not.
     bench.take_arrivals(vec![to_of_400(2), to_of_400(3), to_of_400(1)]);
     assert!(bench.catalog.view(&museum()).is_none(), "1200 do not fit into 1000");
-    bench.take_arrivals(vec![arrival_of(&crowd(ANA, 1, 0, 100))]);
-    assert!(bench.catalog.view(&museum()).is_none(), "nor do 900 and what waits behind them");
+    bench.take_arrivals(vec![arrival_of(&crowd(ANA, 1, 0, 300))]);
+    assert!(bench.catalog.view(&museum()).is_none(), "nor do 300 and the 800 that wait behind them");
     bench.take_arrivals(vec![arrival_of(&crowd(BEN, 1, 0, 100)), to_of_400(3), to_of_400(2)]);
     bench.take_arrivals(vec![arrival_of(&crowd(ANA, 1, 0, 200))]);
     assert_eq!(bench.head().version, 1, "100 of ben, 200 of ana and 800 that wait");
