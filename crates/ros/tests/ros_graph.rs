@@ -70,9 +70,19 @@ async fn topics_work(robot: &RosNode, mapper: &RosNode) {
 
     // Who comes later gets the last message once, and those that follow.
     let publisher = robot.publisher("tf_static", Qos::latched(1)).await.unwrap();
+    let witness = mapper.subscribe::<TfMessage>("tf_static", Qos { depth: 2, ..Qos::default() }).await.unwrap();
+    soon(async {
+        while !publisher.is_heard().await.unwrap() {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    })
+    .await;
     let frame = |name: &str| TransformStamped { child_frame_id: name.to_owned(), ..TransformStamped::default() };
-    publisher.publish(&TfMessage { transforms: vec![frame("old")] }).unwrap();
-    publisher.publish(&TfMessage { transforms: vec![frame("laser")] }).unwrap();
+    for name in ["old", "laser"] {
+        publisher.publish(&TfMessage { transforms: vec![frame(name)] }).unwrap();
+        // Once it has arrived, nobody who comes later hears it on its way.
+        assert_eq!(soon(witness.next()).await.unwrap().transforms[0].child_frame_id, name);
+    }
     let late = mapper.subscribe::<TfMessage>("tf_static", Qos::latched(10)).await.unwrap();
     assert_eq!(soon(late.next()).await.unwrap().transforms[0].child_frame_id, "laser");
     publisher.publish(&TfMessage { transforms: vec![frame("camera")] }).unwrap();
