@@ -3,12 +3,12 @@
 use super::arguments::ExploreArgs;
 use super::explore::{ExploreProgress, ExploreTask, explore};
 use super::report::ExploreReport;
-use super::running::{RunEnd, increments, runtime};
+use super::running::{RunEnd, exploring_spinner, increments, runtime};
 use super::settings::MapperFile;
 use fht_program::{ProgramFailure, Stop, print_line};
 use fht_sim::SimConfig;
 use fht_worker::Pace;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use std::path::Path;
 
 impl ExploreArgs {
@@ -45,7 +45,7 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
     let (linger_s, spool) = (task.mapping.linger_s, task.mapping.spool.clone());
     let runtime = runtime().map_err(ProgramFailure::of_run)?;
     tracing::info!(map = %task.mapping.map, robot = task.mapping.robot, world = args.setup.world, "explores");
-    let bar = if args.run.quiet || args.progress_json { ProgressBar::hidden() } else { spinner() };
+    let bar = if args.run.quiet || args.progress_json { ProgressBar::hidden() } else { exploring_spinner() };
     let progress_json = args.progress_json;
     let (watched, is_offline) = (bar.clone(), args.run.offline);
     let watch = move |snapshot: ExploreProgress| {
@@ -92,12 +92,6 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
         spool: spool.as_deref(),
     };
     Ok(end.tell())
-}
-
-fn spinner() -> ProgressBar {
-    let style =
-        ProgressStyle::with_template("{spinner} exploring: {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
-    ProgressBar::new_spinner().with_style(style)
 }
 
 fn print_report(report: &ExploreReport) {

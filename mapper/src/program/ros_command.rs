@@ -3,7 +3,7 @@
 use super::arguments::ExploreArgs;
 use super::ros::{RosExploreReport, RosExploreTask, RosSnapshot, explore_robot};
 use super::ros_arguments::CheckArgs;
-use super::running::{RunEnd, increments, runtime};
+use super::running::{RunEnd, exploring_spinner, increments, runtime};
 use super::settings::MapperFile;
 use fht_perception::robot::Sensors;
 use fht_program::{ProgramFailure, Stop, print_line};
@@ -11,7 +11,7 @@ use fht_ros::{RosError, RosNode};
 use fht_ros_robot::{Finding, Readiness, RosRobot, RosRobotConfig, check};
 use fht_session::{SessionConfig, SessionError, open_within};
 use fht_worker::Pace;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use serde::Serialize;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -54,7 +54,7 @@ pub(super) fn explore_ros(
     let (linger_s, spool) = (task.mapping.linger_s, task.mapping.spool.clone());
     let runtime = runtime().map_err(ProgramFailure::of_run)?;
     tracing::info!(map = %task.mapping.map, robot = task.mapping.robot, router = endpoint, "explores");
-    let bar = if args.run.quiet || args.progress_json { ProgressBar::hidden() } else { spinner() };
+    let bar = if args.run.quiet || args.progress_json { ProgressBar::hidden() } else { exploring_spinner() };
     let (watched, is_offline, progress_json) = (bar.clone(), args.run.offline, args.progress_json);
     let watch = move |snapshot: RosSnapshot| {
         let RosSnapshot { robot_s, free_area_m2, nodes, written, acknowledged } = snapshot;
@@ -94,12 +94,6 @@ pub(super) fn explore_ros(
         spool: spool.as_deref(),
     };
     Ok(end.tell())
-}
-
-fn spinner() -> ProgressBar {
-    let style =
-        ProgressStyle::with_template("{spinner} exploring: {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
-    ProgressBar::new_spinner().with_style(style)
 }
 
 fn print_report(report: &RosExploreReport) {

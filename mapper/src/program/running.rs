@@ -11,6 +11,7 @@ use fht_program::Waiting;
 use fht_program::flags::{ConnectArgs, ReportArgs, number, output_file, png_file, seconds};
 use fht_proto::{MapName, RobotName};
 use fht_session::check_owner;
+use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
 
 /// The robot's name if neither a flag nor the file says one.
@@ -161,6 +162,12 @@ impl RunEnd<'_> {
         );
         format!("{count} of {} increments not acknowledged, {fate}", self.written)
     }
+}
+
+/// What turns while a robot explores: how much there is to explore is not known.
+pub(super) fn exploring_spinner() -> ProgressBar {
+    let style = ProgressStyle::with_template("{spinner} exploring: {msg}");
+    ProgressBar::new_spinner().with_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()))
 }
 
 /// A rate of simulated or recorded time.
