@@ -58,28 +58,33 @@ fn start(seed: u32, left: f64, size: [f64; 2]) -> Pose2 {
     pose(left + along(size[0], draw(0.618_034)), 1.0 + along(size[1], draw(0.754_878)), TAU * draw(0.569_840))
 }
 
-/// How often a wrong place is declared, and how often a right one.
-fn tried(
-    world: &Arc<World>,
-    world_from_map: &Pose2,
-    landmarks: &Landmarks,
-    (seed, left, size): (u32, f64, [f64; 2]),
-    cameras: bool,
-) -> TrialOutcome {
-    let drive = RecordedDrive::record(world, start(seed, left, size), u64::from(seed), DRIVE_M);
-    let mut net = DescriptorNet::load(None).unwrap();
-    let mut sight = Sight::new(&drive, &mut net);
-    run_trial(&mut Ours::new(landmarks, cameras), &mut sight, world_from_map)
-}
-
 /// As many starts in each room as `FHT_STARTS` says, or a few.
 fn starts() -> u32 {
     std::env::var("FHT_STARTS").ok().and_then(|text| text.parse().ok()).unwrap_or(3)
 }
 
-fn no_wrong_place_is_declared(cameras: bool) {
-    let mut wrong = Vec::new();
-    for second in [MAPPED, [18.0, 9.0]] {
+/// What comes of each start, on all cores.
+fn of_all_seeds(try_seed: impl Fn(u32) -> TrialOutcome + Sync) -> Vec<(u32, TrialOutcome)> {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let share = |thread: usize| (1..=starts()).skip(thread).step_by(threads);
+    let of_share = |thread| share(thread).map(|seed| (seed, try_seed(seed))).collect::<Vec<_>>();
+    let of_share = &of_share;
+    std::thread::scope(|scope| {
+        let running: Vec<_> = (0..threads).map(|thread| scope.spawn(move || of_share(thread))).collect();
+        running.into_iter().flat_map(|thread| thread.join().unwrap()).collect()
+    })
+}
+
+/// A world of two rooms, of which the first is mapped.
+struct Rooms {
+    world: Arc<World>,
+    world_from_map: Pose2,
+    landmarks: Landmarks,
+    cameras: bool,
+}
+
+impl Rooms {
+    fn explored(second: [f64; 2], cameras: bool) -> Self {
         let dir = tempfile::tempdir().unwrap();
         let world = two_rooms(dir.path(), second);
         let members = vec![Member::at(pose(5.0, 6.0, 0.0))];
@@ -87,19 +92,42 @@ fn no_wrong_place_is_declared(cameras: bool) {
         let explored = explore_as_team(&world, &task, |_, _| {}).unwrap();
         let mut landmarks = Landmarks::default();
         landmarks.refresh(&explored.map);
+        Self { world, world_from_map: explored.world_from_map, landmarks, cameras }
+    }
+
+    /// How often a robot that is set down in a room declares a wrong place, and whether the right
+    /// one.
+    fn tried(&self, seed: u32, left: f64, size: [f64; 2]) -> TrialOutcome {
+        let drive = RecordedDrive::record(&self.world, start(seed, left, size), u64::from(seed), DRIVE_M);
+        let mut net = DescriptorNet::load(None).unwrap();
+        let mut sight = Sight::new(&drive, &mut net);
+        run_trial(&mut Ours::new(&self.landmarks, self.cameras), &mut sight, &self.world_from_map)
+    }
+}
+
+fn no_wrong_place_is_declared(cameras: bool) {
+    let mut wrong = Vec::new();
+    for second in [MAPPED, [18.0, 9.0]] {
+        let rooms = Rooms::explored(second, cameras);
         for (room, left, size) in [("another room", SECOND_M, second), ("the mapped room", 1.0, MAPPED)] {
-            let mut right = 0;
-            for seed in 1..=starts() {
-                let trial = (seed, left, size);
-                let outcome = tried(&world, &explored.world_from_map, &landmarks, trial, cameras);
-                right += u32::from(outcome.right.is_some());
-                wrong.extend((outcome.false_fixes > 0).then_some((room, second, seed)));
-            }
+            let outcomes = of_all_seeds(|seed| rooms.tried(seed, left, size));
+            let right = outcomes.iter().filter(|(_, outcome)| outcome.right.is_some()).count();
+            let false_fixes = outcomes.iter().filter(|(_, outcome)| outcome.false_fixes > 0);
+            wrong.extend(false_fixes.map(|(seed, _)| (room, second, *seed)));
             // A rectangle fits in two ways, and plain walls look alike: it may not know in either.
             println!("{room} beside one of {second:?} m: right in {right} of {}", starts());
         }
     }
     assert!(wrong.is_empty(), "wrong places were declared: {wrong:?}");
+}
+
+#[test]
+fn a_room_that_fits_in_two_ways_is_not_told_by_a_rival_that_slid_along_its_wall() {
+    // With this seed the robot follows a long wall. What it sees last does not say how far along it
+    // the robot is, so that the room turned by half a turn fitted only 0.4 m beside its place, and
+    // seemed to explain less.
+    let outcome = Rooms::explored([18.0, 9.0], true).tried(9, 1.0, MAPPED);
+    assert_eq!(outcome.false_fixes, 0);
 }
 
 #[test]

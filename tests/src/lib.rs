@@ -12,6 +12,7 @@
 //! | [`soak`] | robots that come and go for an hour, and a server that is killed meanwhile |
 //! | [`router`] | a Zenoh router with storages, in zenohd's place |
 //! | [`maps`] | maps to try them on: explored, or drawn |
+//! | [`museum_demo`] | the demo in the museum |
 //! | [`corridors`] | the smallest map with a way in it |
 //! | [`upload`] | puts a map on a server |
 //! | [`trial`] | why a trial on a server ends without a result |
@@ -30,6 +31,7 @@
 pub mod corridors;
 pub mod fleet;
 pub mod maps;
+pub mod museum_demo;
 pub mod python;
 pub mod router;
 pub mod simulation;

@@ -11,6 +11,7 @@ use fht_perception::pose::{Point2, Pose2};
 use fht_proto::FixedPoint;
 use fht_session::SessionConfig;
 use fht_sim::{Changes, SimConfig, World, load, load_with, start_near};
+use fht_tests::museum_demo::museum_demo;
 use mapper::MapperConfig;
 use mapper::explore::Ending;
 use mapper::program::ExploreReport;
@@ -136,19 +137,8 @@ fn executable() -> &'static Path {
 #[test]
 fn two_explorers_hand_over_to_a_client_as_processes() {
     let folder = tempfile::tempdir().unwrap();
-    let config = HandoffConfig {
-        executable: executable().to_owned(),
-        world: "museum".to_owned(),
-        textures: None,
-        seed: 1,
-        people: 0,
-        crew: Crew::Team(2),
-        endpoint: free_endpoint().unwrap(),
-        folder: folder.path().to_owned(),
-        picture: folder.path().join("museum.png"),
-        fetch: true,
-        progress: false,
-    };
+    let config =
+        HandoffConfig { crew: Crew::Team(2), ..museum_demo(executable(), free_endpoint().unwrap(), folder.path()) };
     let (report, _server) = hand_off(&config).unwrap();
     assert!(report.is_success() && report.explored_fraction > 0.98 && report.collisions == 0, "{report:?}");
     // One began the map, and the other joined it.

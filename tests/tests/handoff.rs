@@ -2,7 +2,8 @@
 
 #![allow(clippy::unwrap_used)] // tests may panic
 
-use fht_demo::{Crew, HandoffConfig, Process, Role, free_endpoint, hand_off};
+use fht_demo::{Process, Role, free_endpoint, hand_off};
+use fht_tests::museum_demo::museum_demo;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -31,19 +32,7 @@ fn operate(endpoint: &str, stop: &AtomicBool) -> usize {
 #[test]
 fn the_digests_agree_although_an_operator_writes_meanwhile() {
     let folder = tempfile::tempdir().unwrap();
-    let config = HandoffConfig {
-        executable: executable().to_owned(),
-        world: "museum".to_owned(),
-        textures: None,
-        seed: 1,
-        people: 0,
-        crew: Crew::One,
-        endpoint: free_endpoint().unwrap(),
-        folder: folder.path().to_owned(),
-        picture: folder.path().join("museum.png"),
-        fetch: true,
-        progress: false,
-    };
+    let config = museum_demo(executable(), free_endpoint().unwrap(), folder.path());
     let stop = AtomicBool::new(false);
     let (ended, taken) = std::thread::scope(|scope| {
         let operator = scope.spawn(|| operate(&config.endpoint, &stop));

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // tests may panic
 
 use fht_demo::{Crew, HandoffConfig, HandoffReport, Process, Role, free_endpoint, hand_off};
+use fht_tests::museum_demo::museum_demo;
 use mapper::program::ExploreReport;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -127,17 +128,9 @@ fn a_robot_that_does_not_belong_there_is_refused() {
 fn two_explorers_and_a_client_meet_the_same_people_in_one_museum() {
     let folder = tempfile::tempdir().unwrap();
     let config = HandoffConfig {
-        executable: executable().to_owned(),
-        world: "museum".to_owned(),
-        textures: None,
-        seed: 1,
         people: 8,
         crew: Crew::Team(2),
-        endpoint: free_endpoint().unwrap(),
-        folder: folder.path().to_owned(),
-        picture: folder.path().join("museum.png"),
-        fetch: true,
-        progress: false,
+        ..museum_demo(executable(), free_endpoint().unwrap(), folder.path())
     };
     let (report, _server): (HandoffReport, _) = hand_off(&config).unwrap();
     println!("{report}");

@@ -5,7 +5,7 @@
 //! in two ways, something like it may be anywhere, and pictures that merely favour one way over the
 //! other prove nothing: they must look like that place and like no other.
 
-use crate::hypotheses::{Hypothesis, SensedView, WeighConfig, held};
+use crate::hypotheses::{Hypothesis, SensedView, WeighConfig, held, is_near};
 use crate::landmarks::Landmarks;
 use fht_perception::matching::MatchConfig;
 use fht_perception::pose::{Point2, Pose2};
@@ -28,6 +28,9 @@ pub struct DistinctionConfig {
     /// nodes elsewhere on the map, and than the model's threshold, cosine. Default 0.2: in a
     /// room that was not mapped, as plain as the one that was, it was up to 0.08, at times 0.15.
     pub min_excess: f64,
+    /// They look like the nodes near by this much more than like those near a rival, cosine, or the
+    /// walls must tell the rival. Default 0.1.
+    pub min_excess_over_rival: f64,
     /// Whatever the walls say, pictures of a known place are at most this much below the model's
     /// threshold, cosine. Default 0.05.
     pub max_deficit: f64,
@@ -37,7 +40,14 @@ pub struct DistinctionConfig {
 
 impl Default for DistinctionConfig {
     fn default() -> Self {
-        Self { min_wall_confidence: 0.97, alike_share: 0.03, min_excess: 0.2, max_deficit: 0.05, min_pictures: 3 }
+        Self {
+            min_wall_confidence: 0.97,
+            alike_share: 0.03,
+            min_excess: 0.2,
+            min_excess_over_rival: 0.1,
+            max_deficit: 0.05,
+            min_pictures: 3,
+        }
     }
 }
 
@@ -56,8 +66,8 @@ pub(crate) enum PictureWord {
 pub(crate) struct Grounds<'a> {
     /// What was seen, oldest first.
     pub views: &'a [SensedView],
-    /// End points of what was seen lately, in the frame of the last view.
-    pub points: &'a [Point2],
+    /// End points of what was seen, in the frame of the last view: lately, and on all of the way.
+    pub points: [&'a [Point2]; 2],
     /// The map.
     pub landmarks: &'a Landmarks,
     /// How views are held to it.
@@ -88,29 +98,59 @@ impl Grounds<'_> {
         }
     }
 
-    /// Whether walls alone tell `best` from all `rivals`, and from places that are none of them.
+    /// Whether pictures tell `best` from `rival`: they were taken near nodes that they look like
+    /// more than they look like the nodes near the rival.
+    pub fn pictures_tell_from(&self, best: &Hypothesis, rival: &Hypothesis, config: &DistinctionConfig) -> bool {
+        let radius_m = self.weigh.look_radius_m;
+        let pairs = best.at.iter().zip(&rival.at).zip(self.views);
+        let more: Vec<f64> = pairs
+            .filter_map(|((here, there), view)| {
+                let (_, here) = most_alike(here, view, self.landmarks, radius_m)?;
+                let (_, there) = most_alike(there, view, self.landmarks, radius_m)?;
+                Some(f64::from(here - there))
+            })
+            .collect();
+        let mean = more.iter().sum::<f64>() / (more.len() as f64).max(1.0);
+        more.len() >= config.min_pictures as usize && mean >= config.min_excess_over_rival
+    }
+
+    /// Whether walls alone tell `best` from all `rivals`.
     pub fn walls_tell<'a>(
         &self,
         best: &Hypothesis,
         rivals: impl Iterator<Item = &'a Hypothesis>,
         config: &DistinctionConfig,
     ) -> bool {
-        let is_told = |others: f64| 1.0 / (1.0 + others) >= config.min_wall_confidence;
         let likelihood = |rival: &Hypothesis| (-best.wall_margin(rival, config.alike_share, self.weigh)).exp();
-        is_told(rivals.map(likelihood).sum()) && is_told(self.challengers(best).iter().map(likelihood).sum())
+        1.0 / (1.0 + rivals.map(likelihood).sum::<f64>()) >= config.min_wall_confidence
     }
 
     /// Other places than `best` that walls alone suggest. The hypotheses at hand may lack them:
-    /// they are weighed by pictures, too, and what is light is dropped.
-    fn challengers(&self, best: &Hypothesis) -> Vec<Hypothesis> {
+    /// they are weighed by pictures, too, and what is light is dropped. In a corridor the last view
+    /// does not say how far along it the robot is; all that was seen on the way may.
+    pub fn challengers(&self, best: &Hypothesis) -> Vec<Hypothesis> {
         let Self { views, landmarks, .. } = self;
         let Some((last, pyramid)) = views.last().zip(landmarks.walls().pyramid.as_ref()) else { return Vec::new() };
-        let found = pyramid.find(self.points, &[]).into_iter();
-        let found = found.filter_map(|rough| held(&rough.map_from_scan, last, landmarks, self.matching));
-        let others = found.filter(|at| !best.is_near(at, self.same.0, self.same.1));
-        others.map(|at| Hypothesis::traced_back(&at, views, landmarks, self.matching, self.weigh)).collect()
+        let [_, way] = self.points;
+        let rough = self.points.into_iter().flat_map(|points| pyramid.find(points, &[]));
+        let found = rough.filter_map(|rough| {
+            let at = held(&rough.map_from_scan, &last.points, landmarks, self.matching)?;
+            Some(held(&at, way, landmarks, self.matching).unwrap_or(at))
+        });
+        let mut others: Vec<Pose2> = Vec::new();
+        for at in found.filter(|at| !best.is_near(at, self.same.0, self.same.1)) {
+            if !others.iter().any(|other| is_near(other, &at, SAME_CHALLENGER_M, SAME_CHALLENGER_RAD)) {
+                others.push(at);
+            }
+        }
+        others.iter().map(|at| Hypothesis::traced_back(at, views, landmarks, self.matching, self.weigh)).collect()
     }
 }
+
+/// Challengers nearer to each other than this are one, metres.
+const SAME_CHALLENGER_M: f64 = 0.05;
+/// The same for headings, radians.
+const SAME_CHALLENGER_RAD: f64 = 0.02;
 
 /// What pictures say of a place.
 #[derive(Default)]
@@ -127,26 +167,35 @@ struct Looks {
 impl Looks {
     /// Adds a view, if it has a picture and there is a node near.
     fn add(&mut self, at: &Pose2, view: &SensedView, landmarks: &Landmarks, radius_m: f64) {
-        let distance_m = |id: &NodeId, from: &Pose2| {
-            landmarks.get(*id).map(|node| (node.map_from_node.translation.vector - from.translation.vector).norm())
-        };
-        let near = view.alike.iter().filter(|(id, _)| distance_m(id, at).is_some_and(|metres| metres <= radius_m));
-        let Some((id, above)) = near.max_by(|a, b| a.1.total_cmp(&b.1)) else { return };
-        let Some((node, descriptor)) = landmarks.get(*id).and_then(|node| Some((node, node.descriptor()?))) else {
+        let Some((id, above)) = most_alike(at, view, landmarks, radius_m) else { return };
+        let Some((node, descriptor)) = landmarks.get(id).and_then(|node| Some((node, node.descriptor()?))) else {
             return;
         };
-        let elsewhere = *self.elsewhere.entry(*id).or_insert_with(|| {
-            let is_elsewhere =
-                |id: &NodeId| distance_m(id, &node.map_from_node).is_some_and(|metres| metres > 2.0 * radius_m);
+        let elsewhere = *self.elsewhere.entry(id).or_insert_with(|| {
+            let is_elsewhere = |id: &NodeId| {
+                distance_m(*id, &node.map_from_node, landmarks).is_some_and(|metres| metres > 2.0 * radius_m)
+            };
             let others = landmarks.similarities(descriptor).into_iter().filter(|(id, _)| is_elsewhere(id));
             others.map(|(_, similarity)| similarity).fold(f32::NEG_INFINITY, f32::max)
         });
         self.pictures += 1;
-        self.above += f64::from(*above);
+        self.above += f64::from(above);
         self.excess += f64::from(above - (elsewhere - view.match_threshold).max(0.0));
     }
 
     fn mean(&self, sum: f64) -> f64 {
         sum / f64::from(self.pictures.max(1))
     }
+}
+
+/// The node within `radius_m` of `at` that a view looks most like, and by how much more than the
+/// model's threshold, cosine.
+fn most_alike(at: &Pose2, view: &SensedView, landmarks: &Landmarks, radius_m: f64) -> Option<(NodeId, f32)> {
+    let is_near = |id: NodeId| distance_m(id, at, landmarks).is_some_and(|metres| metres <= radius_m);
+    let near = view.alike.iter().copied().filter(|(id, _)| is_near(*id));
+    near.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+fn distance_m(id: NodeId, from: &Pose2, landmarks: &Landmarks) -> Option<f64> {
+    landmarks.get(id).map(|node| (node.map_from_node.translation.vector - from.translation.vector).norm())
 }

@@ -114,7 +114,7 @@ impl Hypothesis {
         for view in views.iter().rev() {
             if let Some(later) = later {
                 let back = later.odometry.odom_from_base.inverse() * view.odometry.odom_from_base;
-                here = held(&(here * back), view, landmarks, matching).unwrap_or(here * back);
+                here = held(&(here * back), &view.points, landmarks, matching).unwrap_or(here * back);
             }
             at.push(here);
             later = Some(view);
@@ -153,7 +153,7 @@ impl Hypothesis {
     ) {
         let Some(before) = self.at.last() else { return };
         let predicted = before * (from.odom_from_base.inverse() * view.odometry.odom_from_base);
-        let at = held(&predicted, view, landmarks, matching);
+        let at = held(&predicted, &view.points, landmarks, matching);
         self.is_held = at.is_some();
         self.add(at.unwrap_or(predicted), view, landmarks, config);
     }
@@ -215,11 +215,15 @@ impl Hypothesis {
     /// Whether both say nearly the same place.
     #[must_use]
     pub fn is_near(&self, map_from_base: &Pose2, metres: f64, radians: f64) -> bool {
-        let here = self.map_from_base();
-        let apart = here.translation.vector - map_from_base.translation.vector;
-        let turn = wrap_angle(here.rotation.angle() - map_from_base.rotation.angle());
-        apart.norm() < metres && turn.abs() < radians
+        is_near(&self.map_from_base(), map_from_base, metres, radians)
     }
+}
+
+/// Whether two poses are nearer than this.
+pub fn is_near(one: &Pose2, other: &Pose2, metres: f64, radians: f64) -> bool {
+    let apart = one.translation.vector - other.translation.vector;
+    let turn = wrap_angle(one.rotation.angle() - other.rotation.angle());
+    apart.norm() < metres && turn.abs() < radians
 }
 
 /// A correction of more than this is another place, metres.
@@ -227,16 +231,15 @@ const MOST_CORRECTION_M: f64 = 0.5;
 /// The same for headings, radians.
 const MOST_CORRECTION_RAD: f64 = 0.2;
 
-/// `guess`, held to the walls by what the view sees; `None` where too little fits.
+/// `guess`, held to the walls by `points` that were seen, base frame; `None` where too few fit.
 #[must_use]
-pub fn held(guess: &Pose2, view: &SensedView, landmarks: &Landmarks, matching: &MatchConfig) -> Option<Pose2> {
+pub fn held(guess: &Pose2, points: &[Point2], landmarks: &Landmarks, matching: &MatchConfig) -> Option<Pose2> {
     // Half of the points say nearly as much as all of them.
-    let points: Vec<Point2> = view.points.iter().step_by(2).copied().collect();
+    let points: Vec<Point2> = points.iter().step_by(2).copied().collect();
     let found = refine(&landmarks.walls().cloud, &points, guess, matching)?;
-    let apart = found.reference_from_moving.translation.vector - guess.translation.vector;
-    let turn = wrap_angle(found.reference_from_moving.rotation.angle() - guess.rotation.angle());
-    let is_same_place = apart.norm() < MOST_CORRECTION_M && turn.abs() < MOST_CORRECTION_RAD;
-    (is_same_place && found.score >= matching.min_score).then_some(found.reference_from_moving)
+    let at = found.reference_from_moving;
+    let is_same_place = is_near(&at, guess, MOST_CORRECTION_M, MOST_CORRECTION_RAD);
+    (is_same_place && found.score >= matching.min_score).then_some(at)
 }
 
 fn beam_weight(evidence: &Evidence, config: &WeighConfig) -> f64 {

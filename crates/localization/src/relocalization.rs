@@ -111,7 +111,7 @@ impl Relocalizer {
         }
         let view = self.view(landmarks, observation);
         self.carry(landmarks, view);
-        let points = self.recent_points();
+        let points = self.points_of(self.config.search_memory_m);
         self.find_more(&points, landmarks);
         self.sort();
         self.evidence = self.hypotheses.first().map(|best| self.weigh(best, landmarks));
@@ -186,7 +186,7 @@ impl Relocalizer {
             if known(rough) || !Hypothesis::is_worth_a_look(rough, last, landmarks, hopeless, &config.weigh) {
                 continue;
             }
-            let Some(at) = held(&alignment.map_from_scan, last, landmarks, &config.matching) else { continue };
+            let Some(at) = held(&alignment.map_from_scan, &last.points, landmarks, &config.matching) else { continue };
             if known(&at) {
                 continue;
             }
@@ -194,9 +194,8 @@ impl Relocalizer {
         }
     }
 
-    /// End points of the scans of the last few metres, evenly spread, in the frame of the last
-    /// view.
-    fn recent_points(&self) -> Vec<Point2> {
+    /// End points of the scans of the last `metres`, evenly spread, in the frame of the last view.
+    fn points_of(&self, metres: f64) -> Vec<Point2> {
         /// Side of the squares of which one point each is kept, metres.
         const SQUARE_M: f64 = 0.25;
         let Some(last) = self.views.last() else { return Vec::new() };
@@ -204,7 +203,7 @@ impl Relocalizer {
         let mut squares = std::collections::BTreeSet::new();
         let mut points = Vec::new();
         for view in self.views.iter().rev() {
-            if last.odometry.odometer_m - view.odometry.odometer_m > self.config.search_memory_m {
+            if last.odometry.odometer_m - view.odometry.odometer_m > metres {
                 break;
             }
             let now_from_view = now_from_odom * view.odometry.odom_from_base;
@@ -272,11 +271,13 @@ impl Relocalizer {
     fn judge(&self, points: &[Point2], landmarks: &Landmarks) -> Belief {
         let config = &self.config;
         let Some((best, for_it)) = self.hypotheses.first().zip(self.evidence) else { return Belief::NotLocalized };
-        let grounds = self.grounds(points, landmarks);
+        let way = &self.points_of(f64::INFINITY);
+        let RelocalizationConfig { matching, weigh, same_m, same_rad, .. } = config;
+        let same = (*same_m, *same_rad);
+        let grounds = Grounds { views: &self.views, points: [points, way], landmarks, matching, weigh, same };
         let pictures = grounds.pictures(best, &config.distinction);
-        // Pictures of that place and no other tell it from its rivals, whatever the walls say.
-        let over_rivals = if pictures == PictureWord::Tells { f64::INFINITY } else { for_it.over_rivals };
-        let confidence = config.confidence.probability(&PlaceEvidence { over_rivals, ..for_it });
+        let at = best.map_from_base();
+        let confidence = self.confidence(for_it, best, self.rivals(&at), pictures, &grounds);
         let candidates = Belief::Candidates { hypotheses: self.hypotheses.len(), confidence };
         let contradicted = best.evidence().contradicted_share();
         tracing::debug!(
@@ -289,16 +290,17 @@ impl Relocalizer {
             "likeliest place"
         );
         let most = config.max_contradicted + config.max_contradicted_per_view * self.views.len() as f64;
-        let is_good = confidence >= config.min_confidence
-            && contradicted <= most
-            && match pictures {
-                PictureWord::Refuses => false,
-                PictureWord::Tells => true,
-                PictureWord::Nothing => {
-                    grounds.walls_tell(best, self.rivals(&best.map_from_base()), &config.distinction)
-                }
-            };
-        if !is_good {
+        if confidence < config.min_confidence || contradicted > most || pictures == PictureWord::Refuses {
+            return candidates;
+        }
+        let challengers = grounds.challengers(best);
+        let is_told = if pictures == PictureWord::Tells {
+            self.confidence(for_it, best, challengers.iter(), pictures, &grounds) >= config.min_confidence
+        } else {
+            grounds.walls_tell(best, self.rivals(&at), &config.distinction)
+                && grounds.walls_tell(best, challengers.iter(), &config.distinction)
+        };
+        if !is_told {
             return candidates;
         }
         match fix_pose(best, &self.views, landmarks, confidence, &config.matching, &config.pose_fix) {
@@ -307,9 +309,26 @@ impl Relocalizer {
         }
     }
 
-    fn grounds<'a>(&'a self, points: &'a [Point2], landmarks: &'a Landmarks) -> Grounds<'a> {
-        let RelocalizationConfig { matching, weigh, same_m, same_rad, .. } = &self.config;
-        Grounds { views: &self.views, points, landmarks, matching, weigh, same: (*same_m, *same_rad) }
+    /// How probable `best` is against `rivals`. Pictures that tell it from other places tell it from
+    /// those rivals that they look less like, whatever the walls say.
+    fn confidence<'a>(
+        &self,
+        for_it: PlaceEvidence,
+        best: &Hypothesis,
+        rivals: impl Iterator<Item = &'a Hypothesis>,
+        pictures: PictureWord,
+        grounds: &Grounds<'_>,
+    ) -> f64 {
+        let config = &self.config;
+        let over_rivals = if pictures == PictureWord::Tells {
+            let squares = WallSquares::of(&self.views, config.square_m);
+            let right = |place: &Hypothesis| squares.tally(place.verdicts.iter()).net();
+            let alike = rivals.filter(|rival| !grounds.pictures_tell_from(best, rival, &config.distinction));
+            alike.map(|rival| right(best) - right(rival)).fold(f64::INFINITY, f64::min)
+        } else {
+            for_it.over_rivals
+        };
+        config.confidence.probability(&PlaceEvidence { over_rivals, ..for_it })
     }
 
     /// How far apart the views are.

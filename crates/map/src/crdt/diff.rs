@@ -4,6 +4,7 @@ use crate::crdt::annotations::Annotations;
 use crate::crdt::state::{MapState, NodeRef};
 use fht_proto::{EdgeKey, NodeId};
 use std::collections::BTreeSet;
+use std::fmt;
 
 /// What has to be done to one state to get another. Everything in the order of ids.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -33,8 +34,29 @@ pub struct Diff {
 pub struct AnnotationChange {
     /// Which: `place dock`, `zone lab`, `release 2026-11-21.1@1a2b3c4d`, `enabled release`.
     pub what: String,
-    /// What has become of it: `added`, `removed` or `changed`.
-    pub became: &'static str,
+    /// What has become of it.
+    pub became: Became,
+}
+
+/// What has become of an annotation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Became {
+    /// Only the later state has it.
+    Added,
+    /// Only the earlier state has it.
+    Removed,
+    /// Both have it, in different ways.
+    Changed,
+}
+
+impl fmt::Display for Became {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Added => "added",
+            Self::Removed => "removed",
+            Self::Changed => "changed",
+        })
+    }
 }
 
 /// Two ascending sequences joined by key: what one has, what the other has, or what both have.
@@ -103,9 +125,9 @@ fn annotations(from: &Annotations, to: &Annotations) -> Vec<AnnotationChange> {
     let mut note = |is_other: bool, [was, is]: [bool; 2], what: String| {
         if is_other {
             let became = match (was, is) {
-                (false, true) => "added",
-                (true, false) => "removed",
-                _ => "changed",
+                (false, true) => Became::Added,
+                (true, false) => Became::Removed,
+                _ => Became::Changed,
             };
             changed.push(AnnotationChange { what, became });
         }
