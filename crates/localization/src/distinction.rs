@@ -66,8 +66,6 @@ pub(crate) enum PictureWord {
 pub(crate) struct Grounds<'a> {
     /// What was seen, oldest first.
     pub views: &'a [SensedView],
-    /// End points of what was seen, in the frame of the last view: lately, and on all of the way.
-    pub points: [&'a [Point2]; 2],
     /// The map.
     pub landmarks: &'a Landmarks,
     /// How views are held to it.
@@ -127,12 +125,12 @@ impl Grounds<'_> {
 
     /// Other places than `best` that walls alone suggest. The hypotheses at hand may lack them:
     /// they are weighed by pictures, too, and what is light is dropped. In a corridor the last view
-    /// does not say how far along it the robot is; all that was seen on the way may.
-    pub fn challengers(&self, best: &Hypothesis) -> Vec<Hypothesis> {
+    /// does not say how far along it the robot is; all that was seen on the way may. Both are end
+    /// points in the frame of the last view: those seen `lately`, and those of all of the `way`.
+    pub fn challengers(&self, best: &Hypothesis, lately: &[Point2], way: &[Point2]) -> Vec<Hypothesis> {
         let Self { views, landmarks, .. } = self;
         let Some((last, pyramid)) = views.last().zip(landmarks.walls().pyramid.as_ref()) else { return Vec::new() };
-        let [_, way] = self.points;
-        let rough = self.points.into_iter().flat_map(|points| pyramid.find(points, &[]));
+        let rough = [lately, way].into_iter().flat_map(|points| pyramid.find(points, &[]));
         let found = rough.filter_map(|rough| {
             let at = held(&rough.map_from_scan, &last.points, landmarks, self.matching)?;
             Some(held(&at, way, landmarks, self.matching).unwrap_or(at))

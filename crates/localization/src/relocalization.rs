@@ -271,10 +271,9 @@ impl Relocalizer {
     fn judge(&self, points: &[Point2], landmarks: &Landmarks) -> Belief {
         let config = &self.config;
         let Some((best, for_it)) = self.hypotheses.first().zip(self.evidence) else { return Belief::NotLocalized };
-        let way = &self.points_of(f64::INFINITY);
         let RelocalizationConfig { matching, weigh, same_m, same_rad, .. } = config;
         let same = (*same_m, *same_rad);
-        let grounds = Grounds { views: &self.views, points: [points, way], landmarks, matching, weigh, same };
+        let grounds = Grounds { views: &self.views, landmarks, matching, weigh, same };
         let pictures = grounds.pictures(best, &config.distinction);
         let at = best.map_from_base();
         let confidence = self.confidence(for_it, best, self.rivals(&at), pictures, &grounds);
@@ -293,7 +292,7 @@ impl Relocalizer {
         if confidence < config.min_confidence || contradicted > most || pictures == PictureWord::Refuses {
             return candidates;
         }
-        let challengers = grounds.challengers(best);
+        let challengers = grounds.challengers(best, points, &self.points_of(f64::INFINITY));
         let is_told = if pictures == PictureWord::Tells {
             self.confidence(for_it, best, challengers.iter(), pictures, &grounds) >= config.min_confidence
         } else {
