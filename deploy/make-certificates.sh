@@ -1,6 +1,6 @@
 #!/bin/sh
-# Makes the certificates of a site: an authority, then one certificate for each router, server, robot and operator.
-# Needs openssl (1.1.1 or newer) and a POSIX shell; uses no network.
+# Makes the certificates of a site: an authority, then one certificate for each router, server,
+# robot and operator. Needs openssl (1.1.1 or newer) and a POSIX shell; uses no network.
 set -eu
 
 days=365

@@ -1,8 +1,10 @@
 #!/usr/bin/env bash
-# Fuzzes every target but those of the server, or those named, for so many seconds each: fuzz/run.sh SECONDS [TARGET…]
+# Fuzzes every target but those of the server, or those named, for so many seconds each:
+#   fuzz/run.sh SECONDS [TARGET…]
 #
 # As cargo fuzz does, but with a stable compiler and without a sanitizer: there is no unsafe code to
-# watch, and what counts are panics, overflows, memory and time. `cargo fuzz run TARGET` works as well.
+# watch, and what counts are panics, overflows, memory and time. `cargo fuzz run TARGET` works as
+# well.
 #
 # It begins with the inputs of corpus/: TARGET/seed-*, made by `cargo run --example seeds`, and
 # TARGET.tar.gz, found by longer runs, one for each thing that they reach. New inputs go to

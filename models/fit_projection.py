@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-# With all of the mean subtracted, the direction of an ordinary place is left to chance; a small rest keeps ordinary
-# places alike.
+# With all of the mean subtracted, the direction of an ordinary place is left to chance; a small
+# rest keeps ordinary places alike.
 MEAN_SHARE = 0.97
 # Added to the eigenvalues of the within-place scatter, as a share of their mean.
 REGULARISATION = 0.1

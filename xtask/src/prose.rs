@@ -1,11 +1,13 @@
-//! Comments and documents keep to 100 columns. Tables, links, code blocks and headings may be
-//! longer.
+//! Comments and documents keep to 100 columns, those of configuration and scripts, too. Tables,
+//! links, code blocks and headings may be longer.
 
 use crate::Report;
 use crate::source::{Source, SourceError, files, read};
 use std::path::Path;
 
 const COLUMNS: usize = 100;
+/// Files whose comments begin with `#`.
+const CONFIGURATION: [&str; 6] = [".toml", ".yaml", ".yml", ".sh", ".py", ".service"];
 
 pub(crate) fn check(root: &Path, sources: &[Source]) -> Result<Report, SourceError> {
     let mut findings = Vec::new();
@@ -26,6 +28,17 @@ pub(crate) fn check(root: &Path, sources: &[Source]) -> Result<Report, SourceErr
             is_code ^= line.trim_start().starts_with("```");
             if !is_code && is_long(line) && !is_exempt(line) {
                 findings.push(format!("{path}:{}", number + 1));
+            }
+        }
+    }
+    for (endings, mark) in [(&CONFIGURATION[..], "#"), (&[".json5"], "//")] {
+        for ending in endings {
+            for path in files(root, ending)? {
+                let text = read(&root.join(&path))?;
+                let is_long_comment =
+                    |line: &str| line.trim_start().starts_with(mark) && is_long(line) && !is_exempt(line);
+                let long = text.lines().enumerate().filter(|(_, line)| is_long_comment(line));
+                findings.extend(long.map(|(number, _)| format!("{path}:{}", number + 1)));
             }
         }
     }

@@ -308,8 +308,8 @@ impl Relocalizer {
         }
     }
 
-    /// How probable `best` is against `rivals`. Pictures that tell it from other places tell it from
-    /// those rivals that they look less like, whatever the walls say.
+    /// How probable `best` is against `rivals`. Pictures that tell it from other places tell it
+    /// from those rivals that they look less like, whatever the walls say.
     fn confidence<'a>(
         &self,
         for_it: PlaceEvidence,

@@ -13,7 +13,8 @@
 //! use fht_ros_frames::{Mount, TransformTree, pose_message};
 //! use fht_ros_messages::msg::TransformStamped;
 //!
-//! let mut stamped = TransformStamped { child_frame_id: "laser".to_owned(), ..TransformStamped::default() };
+//! let mut stamped = TransformStamped::default();
+//! stamped.child_frame_id = "laser".to_owned();
 //! stamped.header.frame_id = "base_link".to_owned();
 //! stamped.transform = pose_message(&pose(0.2, 0.0, 0.0));
 //! let mut tree = TransformTree::default();

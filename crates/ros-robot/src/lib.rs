@@ -21,7 +21,8 @@
 //! use fht_ros_robot::{RosRobotConfig, Readiness, check};
 //!
 //! let findings = check(&[], &RosRobotConfig::default(), "r1")?;
-//! assert_eq!((findings[0].topic.as_str(), findings[0].readiness), ("/r1/scan", Readiness::Missing));
+//! assert_eq!(findings[0].topic, "/r1/scan");
+//! assert_eq!(findings[0].readiness, Readiness::Missing);
 //! println!("{}: {}", findings[0].topic, findings[0].sentence);
 //! # Ok::<(), fht_ros::NameError>(())
 //! ```

@@ -15,7 +15,7 @@ import blake3
 import zenoh
 
 
-# --- postcard -----------------------------------------------------------------------------------------------------------
+# --- postcard -------------------------------------------------------------------------------------
 
 class Reader:
     def __init__(self, data):
@@ -83,7 +83,7 @@ def listed(values):
     return uint(len(values)) + b"".join(values)
 
 
-# --- Rice codes ---------------------------------------------------------------------------------------------------------
+# --- Rice codes -----------------------------------------------------------------------------------
 
 class Mean:
     def __init__(self, start):
@@ -186,7 +186,7 @@ def write_ranges(ranges):
     return step, bits.bytes((len(ranges) + 15) // 16)
 
 
-# --- the parts of operations: as JSON shows them, to bytes and back -----------------------------------------------------
+# --- the parts of operations: as JSON shows them, to bytes and back -------------------------------
 
 def fixed(value, units):
     return int(value * units + (0.5 if value >= 0 else -0.5))
@@ -385,7 +385,7 @@ def read_op(reader, names):
     }.get(kind, dict)()
 
 
-# --- messages -----------------------------------------------------------------------------------------------------------
+# --- messages -------------------------------------------------------------------------------------
 
 def write_increment(increment):
     names = Names(increment["author"])
@@ -412,7 +412,7 @@ def unseal(message, kind):
     return body
 
 
-# --- digests ------------------------------------------------------------------------------------------------------------
+# --- digests --------------------------------------------------------------------------------------
 
 def hashed(data):
     return blake3.blake3(data).digest()
@@ -494,7 +494,7 @@ def digest(increments):
     return hashed(text("fht-map state 2") + listed(leaves) + hashed(annotations)).hex()
 
 
-# --- against the server -------------------------------------------------------------------------------------------------
+# --- against the server ---------------------------------------------------------------------------
 
 def main(endpoint, name, author):
     config = zenoh.Config()
