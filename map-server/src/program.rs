@@ -2,12 +2,15 @@
 //!
 //! | module | idea |
 //! | --- | --- |
+//! | `allocator` | where the memory of a program that serves comes from |
 //! | `serve_arguments` | the flags for serving |
 //! | `settings` | what the program reads from the configuration file |
 //! | `role_reload` | the list of roles, read anew while the server serves |
 //! | `repair` | what can be done with a damaged store |
 //! | `operator` | what operators do, talking to a running server |
 
+#[cfg(not(target_env = "msvc"))]
+mod allocator;
 mod operator;
 mod repair;
 mod role_reload;

@@ -51,15 +51,17 @@ pub enum CredentialError {
     },
     /// The certificate's role is not the program's.
     #[error(
-        "transport.link.tls.connect_certificate: {} is of {common_name}, which may not write maps: an explorer needs a \
-         certificate of an explorer",
-        file.display()
+        "transport.link.tls.connect_certificate: {} is of {common_name}, which may not {}: that takes a certificate of \
+         an {role}",
+        file.display(), deed_of(role)
     )]
     OtherRole {
         /// The certificate.
         file: PathBuf,
         /// Whom it names: `ROLE:NAME`.
         common_name: String,
+        /// What the program is: `explorer` or `operator`.
+        role: &'static str,
     },
     /// The key is not the certificate's.
     #[error(
@@ -92,6 +94,11 @@ pub enum CredentialError {
         /// Which option is not set.
         option: &'static str,
     },
+}
+
+/// What those of a role do, and others may not.
+fn deed_of(role: &str) -> &'static str {
+    if role == "explorer" { "write maps" } else { "give orders or change maps" }
 }
 
 /// What is lacking without an option.
@@ -204,7 +211,7 @@ fn tls_options(config: &Config) -> serde_json::Value {
 
 /// Checks that the certificate which a robot shows over TLS does not carry another robot's name: a
 /// common name of `ROLE:NAME` with this `role` and another name. An explorer's must not be a
-/// client's. What cannot be read is left to [`check`], and other common names to the routers.
+/// client's, and an operator's no robot's. What cannot be read is left to [`check`], and other common names to the routers.
 ///
 /// # Errors
 /// [`CredentialError::OtherName`], [`CredentialError::OtherRole`].
@@ -223,7 +230,10 @@ pub fn check_owner(
             let (owner, name) = (owner.to_owned(), name.to_owned());
             Err(CredentialError::OtherName { file, owner, role, name, common_name })
         }
-        Some(("client", _)) if role == "explorer" => Err(CredentialError::OtherRole { file, common_name }),
+        Some(("client", _)) if role == "explorer" => Err(CredentialError::OtherRole { file, common_name, role }),
+        Some(("client" | "explorer", _)) if role == "operator" => {
+            Err(CredentialError::OtherRole { file, common_name, role })
+        }
         _ => Ok(()),
     }
 }

@@ -113,6 +113,8 @@ fn a_certificate_of_another_robot_is_refused_before_anybody_connects() {
     assert_eq!(said("tls/localhost:7447", "client", "amr-7"), "");
     let told = said("tls/localhost:7447", "explorer", "amr-7");
     assert!(told.contains("robot.pem is of client:amr-7, which may not write maps"), "{told}");
+    let told = said("tls/localhost:7447", "operator", "amr-7");
+    assert!(told.contains("is of client:amr-7, which may not give orders or change maps: that takes"), "{told}");
     assert_eq!(said("tcp/localhost:7447", "client", "amr-8"), "", "nobody sees the certificate");
 }
 

@@ -63,7 +63,7 @@ impl Repair {
                 let found = check(&source, &scratch).map_err(not_rescued);
                 let _ = std::fs::remove_dir_all(&scratch); // it is of no more use
                 let found = found?;
-                print(&found, "can be rescued", json)?;
+                print(&found, if found.damage.is_some() { "can be rescued" } else { "are whole" }, json)?;
                 match &found.damage {
                     None => Ok(()),
                     Some(damage) => Err(ProgramFailure::of_run(format!("{} is damaged: {damage}", source.display()))),

@@ -14,7 +14,8 @@ use std::time::Duration;
 /// and robots report what is blocked. The server is killed every so often and starts again.
 ///
 /// Ends with 1 if an acknowledged increment is lost, a copy differs from the server's map in the
-/// end, or memory, open files or the store have grown by more than 15 %.
+/// end, or memory, open files or the store have grown by more than 15 %, over the hour or between
+/// two restarts.
 #[derive(Debug, Parser)]
 struct Args {
     /// How long, minutes.
@@ -128,6 +129,8 @@ fn sum_up(report: &SoakReport) {
         println!("{name:<14}{first:.1} {unit} at most in the first third, {last:.1} in the last");
     };
     row("memory", "MiB", &|minute| mib(minute.server_bytes as f64));
+    let [first, last] = report.first_and_last_between_restarts(|minute| minute.server_bytes as f64);
+    println!("              between two restarts at most from {:.1} to {:.1} MiB", mib(first), mib(last));
     row("files", "open", &|minute| minute.open_files as f64);
     row("store", "MiB", &|minute| mib(minute.stored_bytes as f64));
     row("median", "ms", &|minute| minute.median_ms);

@@ -4,7 +4,8 @@ use crate::fleet::latencies::Latencies;
 use crate::soak::robots::RobotActivity;
 use serde::Serialize;
 
-/// How much more the last third of a run may take of anything than the first, as a ratio.
+/// How much more the last third of a run may take of anything than the first, as a ratio; also the
+/// last third of what is between two restarts.
 const FLAT: f64 = 1.15;
 
 /// One minute.
@@ -73,10 +74,18 @@ impl SoakReport {
     /// The largest of a figure in the first and in the last third of the minutes without a kill.
     #[must_use]
     pub fn first_and_last(&self, of: impl Fn(&Minute) -> f64) -> [f64; 2] {
-        let steady: Vec<f64> = self.minutes.iter().filter(|minute| !minute.is_killed).map(of).collect();
-        let third = steady.len().div_ceil(3);
-        let most = |part: &[f64]| part.iter().copied().fold(0.0, f64::max);
-        [most(&steady[..third]), most(&steady[steady.len() - third..])]
+        first_and_last(&self.minutes.iter().filter(|minute| !minute.is_killed).map(of).collect::<Vec<f64>>())
+    }
+
+    /// The same between two restarts, where it has grown most: what grows with a server's age and
+    /// not with the hour.
+    #[must_use]
+    pub fn first_and_last_between_restarts(&self, of: impl Fn(&Minute) -> f64) -> [f64; 2] {
+        // The minute of a restart is neither's.
+        let lives = self.minutes.split(|minute| minute.is_killed).filter(|life| !life.is_empty());
+        let lives = lives.map(|life| first_and_last(&life.iter().map(&of).collect::<Vec<f64>>()));
+        let growth = |[first, last]: &[f64; 2]| last / first;
+        lives.max_by(|a, b| growth(a).total_cmp(&growth(b))).unwrap_or_default()
     }
 
     /// Questions without an answer, and refused ones, in minutes without a kill.
@@ -89,13 +98,41 @@ impl SoakReport {
     #[must_use]
     pub fn is_fine(&self) -> bool {
         let is_flat = |of: fn(&Minute) -> f64| {
-            let [first, last] = self.first_and_last(of);
-            last <= first * FLAT
+            let parts = [self.first_and_last(of), self.first_and_last_between_restarts(of)];
+            parts.iter().all(|[first, last]| *last <= first * FLAT)
         };
         self.lost == 0
             && self.agree
             && is_flat(|minute| minute.server_bytes as f64)
             && is_flat(|minute| minute.open_files as f64)
             && is_flat(|minute| minute.stored_bytes as f64)
+    }
+}
+
+/// The largest in the first and in the last third.
+fn first_and_last(of: &[f64]) -> [f64; 2] {
+    let third = of.len().div_ceil(3);
+    let most = |part: &[f64]| part.iter().copied().fold(0.0, f64::max);
+    [most(&of[..third]), most(&of[of.len() - third..])]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_grows_between_restarts_is_seen_though_the_hour_is_flat() {
+        let minute = |at: u64| Minute {
+            is_killed: at.is_multiple_of(10) && at > 0,
+            server_bytes: 75 + 4 * (at % 10),
+            ..Minute::default()
+        };
+        let mut report = SoakReport { agree: true, minutes: (0..60).map(minute).collect(), ..SoakReport::default() };
+        let bytes = |minute: &Minute| minute.server_bytes as f64;
+        assert_eq!(report.first_and_last(bytes), [111.0, 111.0]);
+        assert_eq!(report.first_and_last_between_restarts(bytes), [87.0, 111.0]);
+        assert!(!report.is_fine());
+        report.minutes.iter_mut().for_each(|minute| minute.server_bytes = 75);
+        assert!(report.is_fine());
     }
 }

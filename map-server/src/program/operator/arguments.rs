@@ -382,6 +382,7 @@ impl Operation {
                 | Self::Release { action: ReleaseAction::List { .. } }
                 | Self::Blocked { action: BlockedAction::List { .. } }
                 | Self::Quota { action: QuotaAction::Show { .. } }
+                | Self::Merge { dry_run: true, .. }
         );
         !only_asks
     }

@@ -56,9 +56,12 @@ impl Operation {
         if link.connect.is_empty() && link.zenoh_config.is_none() {
             link.connect.push(DEFAULT_LISTEN.to_owned());
         }
-        let certified = SessionConfig::from_options(link.connect.clone(), link.zenoh_config.clone());
-        check_owner(&certified, "operator", args.operator.as_str())
-            .map_err(|error| OperatorError::Usage(error.to_string()))?;
+        // Whoever only looks may be anybody.
+        if self.changes() {
+            let certified = SessionConfig::from_options(link.connect.clone(), link.zenoh_config.clone());
+            check_owner(&certified, "operator", args.operator.as_str())
+                .map_err(|error| OperatorError::Usage(error.to_string()))?;
+        }
         let session = connect(&link, waiting).await?;
         let outcome = match until_there(&session, self.map(), waiting).await {
             Ok(deletion) => self.with_told(&session, args, merge, deletion).await,
