@@ -140,6 +140,8 @@ async fn operators_open_what_was_reported_and_copies_hear_of_it() {
     assert!(listed["blocked"][0]["for_s"].as_f64().unwrap() > 7000.0, "{listed}");
     let nothing = site.complaint(&["blocked", "keep", "museum", "--robot", "other", "--for", "2h"]);
     assert!(nothing.contains("other reports nothing blocked"), "{nothing}");
+    let nothing = site.complaint(&["blocked", "clear", "museum", "--robot", "other"]);
+    assert!(nothing.contains("other reports nothing blocked"), "{nothing}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

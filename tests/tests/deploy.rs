@@ -186,7 +186,8 @@ fn a_site_of_these_files_leaves_nothing_open_and_what_is_open_is_said() {
     let alone = for_router("a", &["server-alone.json5"]);
     assert_eq!(checked(&[alone]).0, Some(0));
     let (code, told) = checked(&fine[..1]);
-    assert!(code == Some(0) && told.contains("a.json5: it counts others as routers"), "{told}");
+    assert!(code == Some(1) && told.contains("a.json5: it counts others as routers"), "{told}");
+    assert!(!told.contains("nothing is open"), "{told}");
 
     // The routers of all sites until now.
     let bare: Vec<String> = names.iter().map(|_| read("router.json5")).collect();

@@ -152,6 +152,8 @@ fn two_maps_of_one_museum_become_one_and_another_building_is_refused() {
     let done = site.do_operate(&["merge", "west", "east"]);
     assert_eq!(done["written"][0], "west");
     assert_eq!(site.map("west").counts(), whole.counts());
+    let again = site.do_operate(&["merge", "west", "east"]);
+    assert_eq!((&again["fits"], &again["written"]), (&Value::Bool(true), &Value::Null), "{again}");
     let refused = |args: &[&str], reason: &str| {
         let (value, complaint) = site.operate(args).expect_err("a refusal");
         assert!(complaint.contains(reason), "{args:?}: {complaint}");

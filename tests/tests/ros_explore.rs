@@ -3,7 +3,7 @@
 //! named, and all goes on when it is back. `mapper ros check` says what a robot has.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-use fht_demo::Role;
+use fht_demo::{Role, free_endpoint};
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::pose::{Pose2, pose};
 use fht_ros::{NodeConfig, Publisher, Qos, RosNode, Subscription};
@@ -181,4 +181,14 @@ async fn a_check_says_what_a_robot_has_and_lacks() {
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("frames    "), "{said}");
     publishing.abort();
+}
+
+#[test]
+fn a_robots_router_is_waited_for_as_long_as_the_user_says() {
+    let begin = Instant::now();
+    let endpoint = free_endpoint().unwrap();
+    let output = output_of(mapper(&["explore", "--ros", &endpoint, "--wait", "1", "--offline", "--quiet"]));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(1) && said.contains(&endpoint), "{:?}: {said}", output.status);
+    assert!(begin.elapsed() < Duration::from_secs(15), "{:?}", begin.elapsed());
 }

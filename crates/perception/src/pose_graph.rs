@@ -6,27 +6,14 @@
 //! robust spatial perception", RA-L 2020): a true loop that is far off at the start is not thrown
 //! away, a false one that contradicts the others ends without weight.
 
+mod constraint;
 mod normal_equations;
 
+pub use constraint::{PoseConstraint, chi2, residual};
+
 use crate::pose::{Pose2, pose, wrap_angle};
-use nalgebra::{Matrix3, Vector3};
 use normal_equations::NormalEquations;
 use serde::{Deserialize, Serialize};
-
-/// A measurement between two poses.
-#[derive(Clone, Debug)]
-pub struct PoseConstraint {
-    /// Index of the pose in whose frame it was measured.
-    pub from: usize,
-    /// Index of the pose that was measured.
-    pub to: usize,
-    /// The pose of `to` in the frame of `from`.
-    pub measured: Pose2,
-    /// Inverse covariance of x, y (metres, frame of `from`) and yaw (radians).
-    pub information: Matrix3<f64>,
-    /// Whether it may be wrong altogether.
-    pub is_doubtful: bool,
-}
 
 /// Parameters of the optimisation.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -74,27 +61,6 @@ pub enum GraphError {
     },
 }
 
-/// What an edge says is off, in the frame of its first pose: metres, metres, radians.
-#[must_use]
-pub fn residual(edge: &PoseConstraint, from: &Pose2, to: &Pose2) -> Vector3<f64> {
-    let seen = from.inverse() * to;
-    let translation = seen.translation.vector - edge.measured.translation.vector;
-    Vector3::new(translation.x, translation.y, edge.measured.rotation.rotation_to(&seen.rotation).angle())
-}
-
-/// Squared Mahalanobis distance of an edge's residual.
-#[must_use]
-pub fn chi2(edge: &PoseConstraint, poses: &[Pose2]) -> f64 {
-    let error = residual(edge, &poses[edge.from], &poses[edge.to]);
-    error.dot(&(edge.information * error))
-}
-
-/// Weight of a doubtful edge with squared distance `chi2` under a kernel of squared width `width2`.
-fn geman_mcclure(chi2: f64, width2: f64) -> f64 {
-    let share = width2 / (width2 + chi2);
-    share * share
-}
-
 /// Moves `poses` to where the edges are satisfied best. Pose 0 stays.
 ///
 /// # Errors
@@ -135,6 +101,7 @@ pub fn optimise(poses: &mut [Pose2], edges: &[PoseConstraint], config: &GraphCon
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::{Matrix3, Vector3};
 
     fn information(sigma_m: f64, sigma_rad: f64) -> Matrix3<f64> {
         Matrix3::from_diagonal(&Vector3::new(sigma_m.powi(-2), sigma_m.powi(-2), sigma_rad.powi(-2)))

@@ -180,6 +180,24 @@ pub fn check(config: &Config, endpoints: &[String], side: TlsSide) -> Result<(),
     }
 }
 
+/// That the certificate which is shown is out of date, a sentence. It is no error: it may be renewed
+/// while the program waits, or the clock set.
+pub fn out_of_date(config: &Config, endpoints: &[String], side: TlsSide) -> Option<String> {
+    let option = side.certificate();
+    let tls = tls_options(config);
+    let file = tls.get(option).and_then(serde_json::Value::as_str).filter(|_| needs_tls(endpoints))?;
+    let pem = first_certificate(Path::new(file))?;
+    let certificate = pem.parse_x509().ok()?;
+    let validity = certificate.validity();
+    (!validity.is_valid()).then(|| {
+        format!(
+            "transport.link.tls.{option}: {file} is valid from {} to {}, and by this machine's clock that is not now: nobody \
+             takes it",
+            validity.not_before, validity.not_after
+        )
+    })
+}
+
 /// Zenoh would try an endpoint whose protocol is switched off for ever.
 fn check_protocols(config: &Config, endpoints: &[String]) -> Result<(), CredentialError> {
     let json = config.get_json("transport/link/protocols").unwrap_or_default();
@@ -209,9 +227,9 @@ fn tls_options(config: &Config) -> serde_json::Value {
     serde_json::from_str(&json).unwrap_or_default()
 }
 
-/// Checks that the certificate which a robot shows over TLS does not carry another robot's name: a
-/// common name of `ROLE:NAME` with this `role` and another name. An explorer's must not be a
-/// client's, and an operator's no robot's. What cannot be read is left to [`check`], and other common names to the routers.
+/// Checks that the certificate which a robot shows over TLS is its own: of its common name
+/// `ROLE:NAME` the name must be `name`. An explorer's must not be a client's, and an operator's no
+/// robot's. What cannot be read is left to [`check`], and other common names to the routers.
 ///
 /// # Errors
 /// [`CredentialError::OtherName`], [`CredentialError::OtherRole`].
@@ -226,13 +244,14 @@ pub fn check_owner(
     let Some(file) = file.filter(|_| needs_tls(endpoints)) else { return Ok(()) };
     let Some(common_name) = common_name(&file) else { return Ok(()) };
     match common_name.split_once(':') {
-        Some((of, owner)) if of == role && owner != name => {
-            let (owner, name) = (owner.to_owned(), name.to_owned());
-            Err(CredentialError::OtherName { file, owner, role, name, common_name })
-        }
         Some(("client", _)) if role == "explorer" => Err(CredentialError::OtherRole { file, common_name, role }),
         Some(("client" | "explorer", _)) if role == "operator" => {
             Err(CredentialError::OtherRole { file, common_name, role })
+        }
+        // Whatever its role, it lets its owner report and nobody else.
+        Some(("client" | "explorer" | "operator", owner)) if owner != name => {
+            let (owner, name) = (owner.to_owned(), name.to_owned());
+            Err(CredentialError::OtherName { file, owner, role, name, common_name })
         }
         _ => Ok(()),
     }
@@ -319,5 +338,27 @@ mod tests {
         config.insert_json5("transport/link/protocols", r#"["tls"]"#).unwrap();
         let told = check(&config, &hall, TlsSide::Connecting).unwrap_err().to_string();
         assert!(told.starts_with("tcp/hall:7447 needs the protocol tcp"), "{told}");
+    }
+
+    #[test]
+    fn a_certificate_that_has_expired_is_told() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+        let openssl = |args: &[&str]| {
+            let made = std::process::Command::new("openssl").args(args).output().unwrap();
+            assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+        };
+        let told = |file: &str| {
+            let mut config = Config::default();
+            config.insert_json5("transport/link/tls", &format!("{{listen_certificate: {:?}}}", at(file))).unwrap();
+            out_of_date(&config, &["tls/0.0.0.0:7447".to_owned()], TlsSide::Listening)
+        };
+        let subject = ["-days", "2", "-subj", "/CN=router:a", "-keyout", &at("a.key"), "-out", &at("a.pem")];
+        openssl(&[&["req", "-x509", "-newkey", "rsa:2048", "-nodes"], &subject[..]].concat());
+        assert_eq!(told("a.pem"), None);
+        openssl(&["x509", "-in", &at("a.pem"), "-signkey", &at("a.key"), "-days", "0", "-out", &at("old.pem")]);
+        std::thread::sleep(std::time::Duration::from_millis(2100)); // it was valid for that second
+        let sentence = told("old.pem").unwrap();
+        assert!(sentence.contains("old.pem is valid from") && sentence.contains("that is not now"), "{sentence}");
     }
 }

@@ -86,7 +86,10 @@ fn hint(reason: &str) -> Option<&'static str> {
     let kinds: [(&[&str], &str); 6] = [
         (&["UnknownIssuer", "BadSignature"], "its certificate is not from our authority (root_ca_certificate)"),
         (&["NotValidForName", "not valid for name"], "its certificate does not name this host"),
-        (&["Expired", "NotValidYet"], "a certificate has expired, or a clock is wrong"),
+        (
+            &["Expired", "NotValidYet", "certificate expired", "not valid yet"],
+            "a certificate has expired, or a clock is wrong",
+        ),
         (&["fatal alert", "peer closed connection"], "it refuses our certificate, or the lack of one"),
         (&["failed to lookup"], "no computer has this name"),
         (&["Connection refused", "No route", "timed out"], "nobody listens there"),

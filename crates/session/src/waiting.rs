@@ -58,8 +58,13 @@ fn within(patience: Option<Duration>) -> String {
 /// runtime.
 pub async fn open_configured(mut config: Config, patience: Option<Duration>) -> Result<Session, ConnectError> {
     let endpoints = endpoints(&config);
-    credentials::check(&config, &endpoints, TlsSide::Connecting)?;
-    credentials::check(&config, &endpoints_at(&config, "listen/endpoints"), TlsSide::Listening)?;
+    let listening = endpoints_at(&config, "listen/endpoints");
+    for (endpoints, side) in [(&endpoints, TlsSide::Connecting), (&listening, TlsSide::Listening)] {
+        credentials::check(&config, endpoints, side)?;
+        if let Some(sentence) = credentials::out_of_date(&config, endpoints, side) {
+            tracing::warn!("{sentence}");
+        }
+    }
     warn_of_threads(&endpoints);
     let waits =
         has(&config, "mode", "\"client\"") && (patience.is_some() || has(&config, "connect/timeout_ms", FOREVER));
@@ -121,7 +126,10 @@ async fn try_until_open(config: &Config, endpoints: &[String], mut remark_at: In
         };
         tracing::debug!("no session yet: {}", trouble::in_words(&error));
         if Instant::now() >= remark_at {
-            tracing::warn!("waiting for a server: {}", trouble::reasons(config, endpoints, trouble::ANSWER).await);
+            tracing::warn!(
+                "waiting for a server or router: {}",
+                trouble::reasons(config, endpoints, trouble::ANSWER).await
+            );
             remark_at = Instant::now() + REMARK_EVERY;
         }
         tokio::time::sleep(delay).await;

@@ -116,6 +116,11 @@ fn a_certificate_of_another_robot_is_refused_before_anybody_connects() {
     let told = said("tls/localhost:7447", "operator", "amr-7");
     assert!(told.contains("is of client:amr-7, which may not give orders or change maps: that takes"), "{told}");
     assert_eq!(said("tcp/localhost:7447", "client", "amr-8"), "", "nobody sees the certificate");
+    // The same files, of an explorer now.
+    self::certificate(folder.path(), "explorer:ana");
+    let told = said("tls/localhost:7447", "client", "amr-7");
+    assert!(told.contains("is of explorer:ana, but this client is called amr-7"), "{told}");
+    assert_eq!(said("tls/localhost:7447", "client", "ana"), "", "an explorer may ask under its name");
 }
 
 #[tokio::test]

@@ -23,7 +23,8 @@ Examples:
   map-server check-site server.json5
       a map-server that is the only router
 
-Exit code 0: nothing; 1: something, a line each; 2: a file cannot be used.";
+Exit code 0: nothing; 1: something, a line each, or not all routers are given; 2: a file cannot be
+used.";
 
 /// Why a site is not fine.
 #[derive(Debug, thiserror::Error)]
@@ -34,6 +35,9 @@ pub(crate) enum SiteCommandError {
     /// Something is open.
     #[error("{0} thing(s) leave the site open")]
     Open(usize),
+    /// What is between routers was not looked at.
+    #[error("the configurations of the other routers are not given: whether the site is open is not known")]
+    NotAll,
 }
 
 impl SiteCommandError {
@@ -55,13 +59,17 @@ impl SiteArgs {
         };
         let routers: Vec<RouterFile> = self.configs.iter().map(read).collect::<Result<_, _>>()?;
         let found = openings(&routers);
-        for text in found.iter().chain(&others_not_given(&routers)) {
+        let others = others_not_given(&routers);
+        for text in found.iter().chain(&others) {
             print_line!("{text}");
         }
-        if found.is_empty() {
-            print_line!("{} router(s): nothing is open", routers.len());
-            return Ok(());
+        match (found.len(), others) {
+            (0, None) => {
+                print_line!("{} router(s): nothing is open", routers.len());
+                Ok(())
+            }
+            (0, Some(_)) => Err(SiteCommandError::NotAll),
+            (count, _) => Err(SiteCommandError::Open(count)),
         }
-        Err(SiteCommandError::Open(found.len()))
     }
 }

@@ -144,6 +144,9 @@ impl QueryService {
         let AnswerSources { catalog, active_rules, .. } = &self.sources;
         let head = catalog.count_cleared(map).ok_or_else(|| unknown_map(map, catalog))?;
         let cleared = active_rules.clear_reports(map, robot.as_deref(), ignore_s, passed_us());
+        if let Some(robot) = robot.as_deref().filter(|_| cleared == 0 && ignore_s <= 0.0) {
+            return Err(nothing_blocked(robot, map));
+        }
         let of = robot.as_deref().unwrap_or("all robots");
         if cleared > 0 || ignore_s > 0.0 {
             tracing::warn!(%map, cleared, ignore_s, "an operator has cleared what {of} reported blocked");
@@ -155,7 +158,7 @@ impl QueryService {
     /// Has what a robot reported blocked stay so.
     fn keep_blocked(&self, map: &MapName, robot: &str, for_s: f64) -> Result<Vec<Answer>, ErrorReply> {
         if self.sources.active_rules.keep_reports(map, robot, for_s, passed_us()) == 0 {
-            return Err(bad_request(format!("{robot} reports nothing blocked on map {map}")));
+            return Err(nothing_blocked(robot, map));
         }
         tracing::warn!(%map, robot, for_s, "an operator keeps closed what the robot reported blocked");
         if let Some(head) = self.sources.catalog.count_cleared(map) {
@@ -220,6 +223,10 @@ impl QueryService {
             log
         }));
     }
+}
+
+fn nothing_blocked(robot: &str, map: &MapName) -> ErrorReply {
+    bad_request(format!("{robot} reports nothing blocked on map {map}"))
 }
 
 /// What an operator is told whose order has failed.

@@ -59,6 +59,11 @@ impl Writer {
         Ok(WriterThread { thread: thread.map_err(ServerError::Runtime)?, ready, stopped })
     }
 
+    /// A writer's name in the list of roles, if there is one.
+    fn listed_name(&self, author: AuthorId) -> Option<String> {
+        self.sources.writers.as_ref()?.now().name(author).map(str::to_owned)
+    }
+
     fn restore(&mut self) -> Result<(), StoreError> {
         self.ingest.delete_due(now_us());
         self.stateless.as_ref().map_or(Ok(()), |stateless| stateless.restore(&mut self.ingest))
@@ -105,9 +110,9 @@ impl Writer {
         for map in outcome.announce {
             if let Some(view) = self.sources.catalog.view(&map) {
                 for ((_, author), increments) in writers.iter().filter(|((of, _), _)| *of == map) {
-                    let robot = self.sources.fleet.name_of(&map, *author).unwrap_or_else(|| "unknown".to_owned());
-                    let version = view.head.version;
-                    tracing::info!(%map, %robot, %author, increments, version, "taken in, and stored");
+                    let robot = self.sources.fleet.name_of(&map, *author).or_else(|| self.listed_name(*author));
+                    let (robot, version) = (robot.map(tracing::field::display), view.head.version);
+                    tracing::info!(%map, robot, %author, increments, version, "taken in, and stored");
                 }
                 publish_head(&self.session, &view.head);
             }

@@ -85,6 +85,7 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
         ending: report.ending,
         is_offline: args.run.offline,
         delivered: report.delivered,
+        refusal: report.refusal.as_deref(),
         written: report.written,
         acknowledged: report.acknowledged,
         linger_s,

@@ -134,6 +134,9 @@ pub struct ReplayReport {
     pub acknowledged: u64,
     /// Whether the server has acknowledged everything.
     pub delivered: bool,
+    /// Why the server has not taken what it was sent last, if it says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refusal: Option<String>,
     /// Frames that nothing could be made of.
     pub frames_refused: usize,
     /// Loop closures: close at hand, and after a long way.
@@ -272,7 +275,7 @@ fn report_of<W>(outcome: MappingOutcome<Paced<RecordedRun>, Watching<W>>) -> Res
     recorder.finish()?;
     let picture = picture.finish()?;
     let counts = mapper.map().counts();
-    let delivered = summary.is_delivered();
+    let (delivered, refusal) = (summary.is_delivered(), summary.refusal());
     let published = summary.published.unwrap_or_default();
     Ok(ReplayReport {
         bag,
@@ -289,6 +292,7 @@ fn report_of<W>(outcome: MappingOutcome<Paced<RecordedRun>, Watching<W>>) -> Res
         ending: summary.ending,
         acknowledged: published.acknowledged,
         delivered,
+        refusal,
         frames_refused: summary.frames_refused,
         closures: [mapper.closures().near, mapper.closures().far],
         driven_m: figures.driven_m,

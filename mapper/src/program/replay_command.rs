@@ -138,6 +138,7 @@ pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Res
         ending: report.ending,
         is_offline: args.run.offline,
         delivered: report.delivered,
+        refusal: report.refusal.as_deref(),
         written: report.written,
         acknowledged: report.acknowledged,
         linger_s,

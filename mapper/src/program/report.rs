@@ -82,6 +82,9 @@ pub struct ExploreReport {
     pub acknowledged: u64,
     /// Whether the server has acknowledged everything.
     pub delivered: bool,
+    /// Why the server has not taken what it was sent last, if it says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refusal: Option<String>,
     /// Distance truly driven, metres.
     pub driven_m: f64,
     /// Times that the robot touched a wall or a thing.

@@ -108,6 +108,9 @@ pub struct RosExploreReport {
     pub acknowledged: u64,
     /// Whether the server has acknowledged everything.
     pub delivered: bool,
+    /// Why the server has not taken what it was sent last, if it says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refusal: Option<String>,
     /// Digest of the map.
     pub digest: Digest,
     /// Bytes of all increments, each counted once.
@@ -187,6 +190,7 @@ pub async fn explore_robot(
     watch: impl FnMut(RosSnapshot) + Send + 'static,
 ) -> Result<RosExploreReport, RosExploreError> {
     let began = Instant::now();
+    task.stop.doing(format!("waiting for the robot's router at {}", task.graph.places()));
     let session = fht_session::open_within(&task.graph, task.patience).await?;
     let node = RosNode::join(session, task.node).await?;
     let robot = RosRobot::connect(&node, task.robot).await?;
@@ -203,7 +207,7 @@ pub async fn explore_robot(
     recorder.finish()?;
     let picture = picture.finish()?;
     let counts = mapper.map().counts();
-    let delivered = summary.is_delivered();
+    let (delivered, refusal) = (summary.is_delivered(), summary.refusal());
     let published = summary.published.unwrap_or_default();
     Ok(RosExploreReport {
         intake: robot.report(),
@@ -216,6 +220,7 @@ pub async fn explore_robot(
         written: summary.written,
         acknowledged: published.acknowledged,
         delivered,
+        refusal,
         digest: mapper.map().digest(),
         map_bytes: published.map_bytes,
         wire_bytes: published.wire_bytes,

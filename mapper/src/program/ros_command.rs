@@ -6,7 +6,7 @@ use super::ros_arguments::CheckArgs;
 use super::running::{RunEnd, exploring_spinner, increments, runtime};
 use super::settings::MapperFile;
 use fht_perception::robot::Sensors;
-use fht_program::{ProgramFailure, Stop, print_line};
+use fht_program::{ProgramFailure, Stop, Waiting, print_line};
 use fht_ros::{RosError, RosNode};
 use fht_ros_robot::{Finding, Readiness, RosRobot, RosRobotConfig, check};
 use fht_session::{SessionConfig, SessionError, open_within};
@@ -33,7 +33,7 @@ impl ExploreArgs {
             graph: router(endpoint),
             node: self.graph.node(),
             robot: self.graph.robot(file.ros),
-            patience: None,
+            patience: Waiting::new("mapper", self.run.link.wait, None).for_session(),
             record: self.run.record.clone(),
             picture: self.run.picture("explore", source, None),
             stop,
@@ -87,6 +87,7 @@ pub(super) fn explore_ros(
         ending: report.ending,
         is_offline: args.run.offline,
         delivered: report.delivered,
+        refusal: report.refusal.as_deref(),
         written: report.written,
         acknowledged: report.acknowledged,
         linger_s,

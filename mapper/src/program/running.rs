@@ -3,6 +3,7 @@
 use super::picture::PictureTask;
 use super::settings::MapperFile;
 use crate::explore::Ending;
+use crate::publish::why_not_acknowledged;
 use crate::run::MappingTask;
 use clap::Args;
 use fht_descriptor::Fetching;
@@ -27,7 +28,7 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "NAME")]
     robot: Option<RobotName>,
     #[command(flatten)]
-    link: ConnectArgs,
+    pub(super) link: ConnectArgs,
     /// Map without a server.
     #[arg(long)]
     pub(super) offline: bool,
@@ -121,6 +122,8 @@ pub(super) struct RunEnd<'a> {
     pub(super) ending: Ending,
     pub(super) is_offline: bool,
     pub(super) delivered: bool,
+    /// Why the server has not taken what it was sent last, if it says so.
+    pub(super) refusal: Option<&'a str>,
     pub(super) written: u64,
     pub(super) acknowledged: u64,
     pub(super) linger_s: f64,
@@ -143,9 +146,9 @@ impl RunEnd<'_> {
             eprintln!("mapper: interrupted while waiting for the server to acknowledge the map; {}", self.not_taken());
         } else if !is_taken {
             eprintln!(
-                "mapper: the server did not acknowledge the whole map within {} s; may this robot write? (access control drops \
-                 silently); {}",
+                "mapper: the server did not acknowledge the whole map within {} s; {}; {}",
                 self.linger_s,
+                why_not_acknowledged(self.refusal),
                 self.not_taken()
             );
         } else if self.ending != Ending::Complete {

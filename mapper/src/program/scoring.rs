@@ -101,6 +101,7 @@ impl ExplorationScore {
             wire_bytes: published.map_or(0, |published| published.wire_bytes),
             acknowledged: published.map_or(0, |published| published.acknowledged),
             delivered: summary.is_delivered(),
+            refusal: summary.refusal(),
             driven_m: self.truth.driven_m(),
             collisions: self.truth.collisions(),
             people: seen.people(&self.people, self.truth.contacts()),

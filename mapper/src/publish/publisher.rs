@@ -113,7 +113,10 @@ impl Publisher {
                     }
                     Err(reason) => tracing::warn!("a head that cannot be used: {reason}"),
                 },
-                refusal = refusals.recv_async() => take_refusal(&refusal?.payload().to_bytes())?,
+                refusal = refusals.recv_async() => {
+                    let refusal = read_refusal(&refusal?.payload().to_bytes())?;
+                    self.report.send_modify(|progress| progress.refusal = refusal);
+                }
                 () = tokio::time::sleep_until(ask_at.unwrap_or_else(Instant::now).into()), if ask_at.is_some() => {
                     self.ask().await?;
                 }
@@ -167,6 +170,9 @@ impl Publisher {
         self.report.send_modify(|progress| {
             progress.acknowledged = self.window.acknowledged();
             progress.head = Some(head);
+            if is_news {
+                progress.refusal = None;
+            }
         });
         if let Some(spool) = self.spool.as_ref().filter(|_| is_news) {
             spool.acknowledge(self.window.acknowledged()).await?;
@@ -215,16 +221,17 @@ impl Publisher {
     }
 }
 
-fn take_refusal(payload: &[u8]) -> Result<(), PublishError> {
+/// A refusal that may be none later; if it cannot be read, none.
+fn read_refusal(payload: &[u8]) -> Result<Option<ErrorReply>, PublishError> {
     match serde_json::from_slice::<ErrorReply>(payload) {
         Ok(reply) if reply.code.is_permanent_refusal() => Err(PublishError::Refused(reply)),
         Ok(reply) => {
             tracing::warn!("the server refused an increment: {reply}");
-            Ok(())
+            Ok(Some(reply))
         }
         Err(error) => {
             tracing::warn!("a refusal that cannot be read: {error}");
-            Ok(())
+            Ok(None)
         }
     }
 }

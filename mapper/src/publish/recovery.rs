@@ -50,8 +50,8 @@ pub enum DeliverError {
     },
     /// The server does not acknowledge it.
     #[error(
-        "the map server has acknowledged nothing for {seconds} s; {waiting} increments of the last run still wait in {}; may this robot \
-         write? (access control drops silently)", file.display()
+        "the map server has acknowledged nothing for {seconds} s; {waiting} increments of the last run still wait in {}; {reason}",
+        file.display()
     )]
     Late {
         /// How long was waited.
@@ -60,6 +60,8 @@ pub enum DeliverError {
         waiting: u64,
         /// The spool.
         file: PathBuf,
+        /// What the server says, or what may be the matter.
+        reason: String,
     },
     /// The server has something else under the same numbers.
     #[error(
@@ -199,7 +201,8 @@ impl Delivery<'_> {
                 outcome = &mut work => return outcome.map_err(|error| self.failed(error)),
                 moved = tokio::time::timeout(self.patience, moves) => if moved.is_err() {
                     let waiting = written - acknowledged;
-                    return Err(DeliverError::Late { seconds: self.patience.as_secs(), waiting, file: file() });
+                    let (seconds, reason) = (self.patience.as_secs(), progress.borrow().reason());
+                    return Err(DeliverError::Late { seconds, waiting, file: file(), reason });
                 }
             }
         }

@@ -38,6 +38,12 @@ impl MappingSummary {
     pub fn is_delivered(&self) -> bool {
         self.published.as_ref().is_some_and(|published| published.acknowledged >= self.written)
     }
+
+    /// Why the server has not taken what it was sent last, if it says so.
+    #[must_use]
+    pub fn refusal(&self) -> Option<String> {
+        self.published.as_ref()?.refusal.as_ref().map(ToString::to_string)
+    }
 }
 
 /// What a run came to.

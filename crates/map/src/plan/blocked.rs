@@ -200,14 +200,15 @@ impl Reports {
     }
 
     /// Operators open what `robot`, or everybody, has reported, and let the robot's reports not
-    /// count for `ignore_s` seconds. How many reports there were.
+    /// count for `ignore_s` seconds. How many reports there were; that the robot's did not count so
+    /// far is one more.
     pub fn clear(&mut self, robot: Option<&str>, ignore_s: f64, now_us: u64) -> usize {
         self.expire(now_us);
         let is_meant = |name: &String| robot.is_none_or(|robot| robot == name);
-        let cleared = self.by_robot.iter().filter(|(name, _)| is_meant(name)).map(|(_, held)| held.len()).sum();
+        let mut cleared = self.by_robot.iter().filter(|(name, _)| is_meant(name)).map(|(_, held)| held.len()).sum();
         self.by_robot.retain(|name, _| !is_meant(name));
         if let Some(robot) = robot {
-            self.ignored.remove(robot);
+            cleared += usize::from(self.ignored.remove(robot).is_some());
             if ignore_s > 0.0 && self.ignored.len() < Self::MAX_IGNORED {
                 self.ignored.insert(robot.to_owned(), now_us.saturating_add(micros(ignore_s)));
             }

@@ -1,5 +1,6 @@
-//! Which points are near a place: tiles in a hash map, each of 8 × 8 cells, and in each cell a chain
-//! of points. A bit for each cell says whether it holds any, so that empty space costs nothing.
+//! Which points are near a place: tiles in a hash map, each of 8 × 8 cells, and in each cell a
+//! chain of points. A bit for each cell says whether it holds any, so that empty space costs
+//! nothing.
 
 use crate::pose::Point2;
 use nalgebra::Vector2;

@@ -4,7 +4,7 @@
 //! pattern and the place of each edge's blocks therein are found out once for all steps. The order
 //! is found for poses rather than for single unknowns, of which there are three times as many.
 
-use super::{PoseConstraint, geman_mcclure, residual};
+use super::constraint::{PoseConstraint, geman_mcclure, residual};
 use crate::pose::Pose2;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::perm::PermRef;

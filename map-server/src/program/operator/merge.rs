@@ -44,6 +44,9 @@ pub struct MergeReply {
     /// The map that was written and its version then; none if nothing was written.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub written: Option<(MapName, u64)>,
+    /// Whether it was only asked for.
+    #[serde(skip)]
+    is_dry_run: bool,
 }
 
 /// The answer to maps that do not fit.
@@ -56,6 +59,7 @@ pub(super) fn refused(order: &MergeOrder<'_>, refusal: &MergeRefusal) -> MergeRe
         alignment: None,
         joined: None,
         written: None,
+        is_dry_run: order.dry_run,
     }
 }
 
@@ -86,7 +90,8 @@ pub(super) async fn merge(session: &Session, order: &MergeOrder<'_>) -> Result<M
     };
     let (alignment, joined) = tokio::task::spawn_blocking(compute).await??;
     let mut written = None;
-    if !order.dry_run {
+    let changes = into.is_some() || !joined.batches.is_empty();
+    if changes && !order.dry_run {
         let target = into.as_ref().unwrap_or(first);
         if into.is_some() {
             for piece in pieces(series) {
@@ -107,6 +112,7 @@ pub(super) async fn merge(session: &Session, order: &MergeOrder<'_>) -> Result<M
         alignment: Some(alignment),
         joined: Some(joined.figures),
         written,
+        is_dry_run: order.dry_run,
     })
 }
 
@@ -156,7 +162,8 @@ pub(super) fn in_words(reply: &MergeReply) -> String {
     }
     lines.push(match &reply.written {
         Some((map, version)) => format!("written     map {map} is at version {version}"),
-        None => "written     nothing (--dry-run)".to_owned(),
+        None if reply.is_dry_run => "written     nothing (--dry-run)".to_owned(),
+        None => "written     nothing: there is nothing to change".to_owned(),
     });
     lines.join("\n")
 }
