@@ -184,6 +184,7 @@ impl Delivery<'_> {
         let window = self.window.clone();
         let mut publisher = Publisher::new(session, map, self.author, backlog, Some(spool), window);
         let mut progress = publisher.progress();
+        let latest = progress.clone();
         let work = async move {
             if let Some(head) = head {
                 publisher.verify(head).await?;
@@ -201,7 +202,7 @@ impl Delivery<'_> {
                 outcome = &mut work => return outcome.map_err(|error| self.failed(error)),
                 moved = tokio::time::timeout(self.patience, moves) => if moved.is_err() {
                     let waiting = written - acknowledged;
-                    let (seconds, reason) = (self.patience.as_secs(), progress.borrow().reason());
+                    let (seconds, reason) = (self.patience.as_secs(), latest.borrow().reason());
                     return Err(DeliverError::Late { seconds, waiting, file: file(), reason });
                 }
             }
