@@ -193,10 +193,16 @@ impl CompletionsArgs {
     }
 }
 
-/// What servers and planners say to who asks by parameters, for who has flags.
+/// What servers and planners say to who asks by keys and parameters, for who has commands and flags.
 #[must_use]
 pub fn with_flags(message: &str) -> String {
-    message.replace("to_nearest=true", "--to-nearest")
+    let message = message.replace("to_nearest=true", "--to-nearest");
+    let with_command = || {
+        let (before, after) = message.split_once("/fleet answers which robots there are")?;
+        let (before, map) = before.rsplit_once("fht/")?;
+        Some(format!("{before}map-server robots {map} says which robots there are{after}"))
+    };
+    with_command().unwrap_or(message)
 }
 
 /// `text` as how many: a whole number of at least 1.
@@ -272,6 +278,8 @@ mod tests {
     fn who_has_flags_is_told_of_flags() {
         let said = with_flags("2.10 m from the goal: to_nearest=true asks for the path there");
         assert_eq!(said, "2.10 m from the goal: --to-nearest asks for the path there");
+        let said = with_flags("fht/hall/robots/t/goal: nobody; fht/hall/fleet answers which robots there are");
+        assert_eq!(said, "fht/hall/robots/t/goal: nobody; map-server robots hall says which robots there are");
     }
 
     #[test]

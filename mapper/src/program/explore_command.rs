@@ -44,7 +44,7 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
     let task = args.task(file, stop.clone()).map_err(ProgramFailure::of_input)?;
     let (linger_s, spool) = (task.mapping.linger_s, task.mapping.spool.clone());
     let runtime = runtime().map_err(ProgramFailure::of_run)?;
-    tracing::info!(map = %task.mapping.map, robot = task.mapping.robot, world = args.setup.world, "explores");
+    tracing::info!(map = %task.mapping.map, robot = %task.mapping.robot, world = %args.setup.world, "explores");
     let bar = if args.run.quiet || args.progress_json { ProgressBar::hidden() } else { exploring_spinner() };
     let progress_json = args.progress_json;
     let (watched, is_offline) = (bar.clone(), args.run.offline);
