@@ -150,7 +150,8 @@ pub struct ReportArgs {
 }
 
 impl ReportArgs {
-    /// Prints `report`, as JSON or as `in_words` does, and writes it to the file that was asked for.
+    /// Prints `report`, as JSON or as `in_words` does, and writes it to the file that was asked
+    /// for.
     ///
     /// # Errors
     /// What to tell the user, who has seen the report.
@@ -193,7 +194,8 @@ impl CompletionsArgs {
     }
 }
 
-/// What servers and planners say to who asks by keys and parameters, for who has commands and flags.
+/// What servers and planners say to who asks by keys and parameters, for who has commands and
+/// flags.
 #[must_use]
 pub fn with_flags(message: &str) -> String {
     let message = message.replace("to_nearest=true", "--to-nearest");

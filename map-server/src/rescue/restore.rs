@@ -43,8 +43,8 @@ pub struct Restored {
 pub enum RestoreError {
     /// There is nothing to restore from.
     #[error(
-        "{}: this is no backup: neither a data directory ({FILE_NAME}), nor an exported map (*.{ARCHIVE}), nor a folder of \
-         exported maps", .0.display()
+        "{}: this is no backup: neither a data directory ({FILE_NAME}), nor an exported map (*.{ARCHIVE}), nor a folder \
+         of exported maps", .0.display()
     )]
     NoBackup(PathBuf),
     /// The backup is the store.

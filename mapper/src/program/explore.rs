@@ -184,7 +184,7 @@ pub async fn explore(
     let failure = recorder.finish().err().map(ExploreError::from).or(not_drawn.map(ExploreError::from));
     match failure {
         None => Ok(ExploreReport { picture, ..score.report(&summary, &mapper) }),
-        // A recording that cannot begin ends the run with its first frame: there is nothing to tell.
+        // A recording that cannot begin ends the run with its first frame: nothing is to be told.
         Some(failure) if summary.frames <= 1 => Err(failure),
         Some(failure) => {
             let report = ExploreReport { picture, ..score.report(&summary, &mapper) };

@@ -1,4 +1,5 @@
-//! Files that a program writes when it ends: that they can be written is found out before it begins.
+//! Files that a program writes when it ends: whether they can be written is found out before it
+//! begins.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind, Write};
