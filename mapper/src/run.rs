@@ -369,7 +369,8 @@ impl<'a> Run<'a> {
             vector,
             written,
             frame_max: self.frame_max,
-            published: self.unsent,
+            // Of nothing, nobody is to think that it was delivered.
+            published: self.unsent.filter(|unsent| unsent.written > 0),
         };
         Ok(MappingOutcome { summary, mapper: self.mapper, robot, observer })
     }
