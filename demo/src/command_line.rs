@@ -25,6 +25,7 @@ use std::path::PathBuf;
   handoff --people 20                      people walk about, stand and gather
   handoff --explorers 2 --people 20        two explorers among them, who see each other
   handoff --keep                           the server stays up, for `zenoh get`
+  handoff --report figures.json            … the figures as JSON; --json FILE is the same flag
 
 Ctrl-C ends all programs that it has started, and removes their folder."
 )]
@@ -61,7 +62,7 @@ pub struct HandoffArgs {
     #[arg(long, value_name = "FILE", value_parser = fht_program::flags::png_file)]
     pub picture: Option<PathBuf>,
     /// Write the figures to this file as JSON.
-    #[arg(long, alias = "json", value_name = "FILE", value_parser = fht_program::flags::output_file)]
+    #[arg(long, visible_alias = "json", value_name = "FILE", value_parser = fht_program::flags::output_file)]
     pub report: Option<PathBuf>,
     /// Do not fetch a missing ONNX Runtime library from PyPI: start no process for it.
     #[arg(long)]

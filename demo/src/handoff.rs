@@ -15,7 +15,7 @@ use crate::true_floor::TrueFloor;
 use explorers::Explored;
 use fht_client::{LiveReplica, ReplicaConfig};
 use fht_perception::pose::{Point2, pose};
-use fht_picture::{MapPicture, Mark, PictureConfig};
+use fht_picture::{MapPicture, Mark, PictureConfig, PictureError};
 use fht_proto::{MapName, SharedWorldName};
 use fht_shared_world::Keeper;
 use fht_sim::{Contacts, RobotContacts, SimSetup};
@@ -71,7 +71,7 @@ pub fn hand_off(config: &HandoffConfig) -> Result<(HandoffReport, Process), Hand
     let client = client(config, &map, &explored, &bars, shared.as_ref())?;
     let client_wall_s = client_begin.elapsed().as_secs_f64();
     drop(keeper);
-    let digests_agree = draw(config, &map, &explored, &client)?;
+    let Witness { digests_agree, picture } = draw(config, &map, &explored, &client)?;
 
     let end = |trajectory: &[[f64; 2]]| trajectory.last().copied();
     let report = HandoffReport {
@@ -104,6 +104,7 @@ pub fn hand_off(config: &HandoffConfig) -> Result<(HandoffReport, Process), Hand
         people: config.people,
         contacts: shared.map(|_| explored.contacts + ContactFigures::of(client.contacts, client.robot_contacts)),
         failure: client.failure,
+        picture_failure: picture.err().map(|error| error.to_string()),
         explore_wall_s,
         client_wall_s,
         client_sim_s: client.sim_s,
@@ -142,14 +143,21 @@ fn client(
     read_report(&report)
 }
 
-/// Fetches the map from the server as any robot would, and draws it. Returns whether this copy and
-/// the explorer's own map are the server's.
+/// What a copy of the map shows.
+struct Witness {
+    /// Whether the copy and the explorer's own map are the server's.
+    digests_agree: bool,
+    /// Whether it was drawn: the demo's figures do not depend on that.
+    picture: Result<(), PictureError>,
+}
+
+/// Fetches the map from the server as any robot would, and draws it.
 fn draw(
     config: &HandoffConfig,
     map: &MapName,
     explored: &Explored,
     client: &ClientReport,
-) -> Result<bool, HandoffError> {
+) -> Result<Witness, HandoffError> {
     let (_runtime, session) = session(config)?;
     let replica = LiveReplica::start(&session, map, "witness", ReplicaConfig::default())?;
     let head = fht_client::ask_head(&session, map, PATIENCE)?;
@@ -160,7 +168,7 @@ fn draw(
     let [x, y, yaw] = explored.world_from_map;
     let point = |[x, y]: [f64; 2]| Point2::new(x, y);
     let driven: Vec<Point2> = client.true_trajectory.iter().copied().map(point).collect();
-    let (vector, digest) = {
+    let (picture, vector, digest) = {
         let replica = replica.read();
         let start = Some((Mark::Start, Point2::new(client.start[0], client.start[1])));
         let goal = client.goal.map(|goal| (Mark::Goal, point(goal)));
@@ -172,8 +180,8 @@ fn draw(
             driven: &driven,
             marks: &marks,
         };
-        picture.save(&PictureConfig::default(), &config.picture)?;
-        (replica.vector().clone(), replica.state().digest())
+        let drawn = picture.save(&PictureConfig::default(), &config.picture);
+        (drawn, replica.vector().clone(), replica.state().digest())
     };
     let is_servers = |vector, digest| agreement::is_servers(&session, map, vector, digest, PATIENCE);
     let mut agree = is_servers(&vector, digest)?;
@@ -182,5 +190,5 @@ fn draw(
     }
     drop(replica);
     session.close().wait()?;
-    Ok(agree)
+    Ok(Witness { digests_agree: agree, picture })
 }

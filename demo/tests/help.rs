@@ -163,3 +163,10 @@ fn old_spellings_are_taken() {
         assert!(!help.concat().contains("no-camera "), "what is old is not shown");
     }
 }
+
+#[test]
+fn a_second_name_that_messages_take_for_the_first_is_shown() {
+    // 'handoff --json' without a file is told of --report.
+    let help = HandoffArgs::command().render_long_help().to_string();
+    assert!(help.contains("[alias: --json]"), "{help}");
+}

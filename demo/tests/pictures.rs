@@ -52,7 +52,12 @@ fn pictures_are_made_where_they_are_asked_for() {
 fn what_cannot_become_a_picture_is_refused_before_the_robot_drives() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("run.mcap"), "precious").unwrap();
-    for (name, reason) in [("run.mcap", "ends in .png"), ("gone/map.png", "there is no folder gone")] {
+    let cases = [
+        ("run.mcap", "ends in .png"),
+        ("gone/map.png", "there is no folder gone"),
+        ("/proc/map.png", "cannot be written"),
+    ];
+    for (name, reason) in cases {
         for args in [&["explore", "--offline", "--picture", name][..], &["replay", "run.mcap", "--picture", name]] {
             let output = mapper(folder.path(), args);
             let said = String::from_utf8(output.stderr).unwrap();
@@ -60,4 +65,20 @@ fn what_cannot_become_a_picture_is_refused_before_the_robot_drives() {
         }
     }
     assert_eq!(std::fs::read_to_string(folder.path().join("run.mcap")).unwrap(), "precious");
+}
+
+#[test]
+fn a_full_disk_at_the_end_leaves_the_figures() {
+    let folder = tempfile::tempdir().unwrap();
+    let full = folder.path().join("full.png");
+    std::os::unix::fs::symlink("/dev/full", &full).unwrap();
+    let short = ["explore", "--offline", "--no-cameras", "--quiet", "--max-sim", "5"];
+    for more in [["--picture", "full.png"], ["--report", "/dev/full"]] {
+        let output = mapper(folder.path(), &[&short[..], &more].concat());
+        let (figures, said) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(figures.contains("explored    ") && !figures.contains("picture     "), "{more:?}: {figures}");
+        assert!(said.contains("cannot be written: No space left on device"), "{more:?}: {said}");
+    }
+    assert!(Path::new("/dev/full").exists() && full.is_symlink());
 }

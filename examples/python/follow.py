@@ -2,14 +2,17 @@
 """Follows a map, asks for a path, reports a blocked edge and watches robots.
 
     pip install eclipse-zenoh
-    examples/python/follow.py tcp/127.0.0.1:7447 museum 0,0 dock
+    examples/python/follow.py 127.0.0.1:7447 museum 0,0 dock
 
 docs/protocol.md says what the keys, parameters and replies mean.
 """
 import json
 import queue
 import sys
-import zenoh
+try:
+    import zenoh
+except ImportError as error:
+    sys.exit(f"follow.py: {error}; the package of Zenoh is missing: pip install eclipse-zenoh")
 
 # The fields of a node or an edge that each operation writes. Of all that was written to a field,
 # the newest counts.
@@ -70,6 +73,8 @@ class Map:
 
 
 def main(endpoint, name, start, goal):
+    if "/" not in endpoint:
+        endpoint = f"tcp/{endpoint}"
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))

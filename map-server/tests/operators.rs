@@ -73,7 +73,7 @@ async fn what_is_wrong_is_told_and_what_changes_nothing_is_not_written() {
         (&["place", "museum", "nan", "nan,0"][..], "nan,0"),
         (&["place", "museum", "beyond", "200000,0"][..], "200000,0 lies outside of all maps"),
         (&["place", "museum", "beyond", "200000,0", "--force"][..], "200000,0 lies outside of all maps"),
-        (&["place", "museum", "quay", "--remove"][..], "has no place quay (there is: dock)"),
+        (&["place", "museum", "quay", "--remove"][..], "map museum has no place called quay (there is: dock)"),
         (&["zone", "museum", "attic", "--remove"][..], "has no zone attic (there is: lab)"),
         (&["zone", "museum", "line", "0,0 1,1 2,2"][..], "less than 0.01 m² is none"),
         (&["zone", "museum", "line", "0,0 1,1 2,2", "--force"][..], "less than 0.01 m² is none"),

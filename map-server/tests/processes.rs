@@ -115,8 +115,8 @@ async fn told_to_say_more_it_names_maps_and_robots() {
         let all = [
             &["map=museum", "is here", "robot=ana"][..],
             &["map=museum", "blocked", "robot=ana"][..],
-            &["map=\"museum\"", "asked=fht/museum/path?from=0,0;to=nowhere", "UnknownPlace"][..],
-            &["map=\"museum\"", "asked=fht/museum/head", "answered"][..],
+            &["map=museum", "asked=fht/museum/path?from=0,0;to=nowhere", "UnknownPlace"][..],
+            &["map=museum", "asked=fht/museum/head", "answered"][..],
         ];
         session.put(key(ana, 2), bytes(ana, 2)).await.unwrap();
         if all.iter().all(|parts| is_said(parts)) && is_said(&["map=museum", "robot=ana", "stored"]) {

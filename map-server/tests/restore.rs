@@ -102,3 +102,20 @@ async fn a_backup_takes_the_place_of_a_store() {
     assert_eq!(restore(&exported.join("museum.fht"), &new).unwrap().replaced, None);
     assert_eq!(files(&new), ["lock", "maps.redb"]);
 }
+
+#[test]
+fn a_file_that_is_something_else_is_no_backup_and_no_store_is_begun() {
+    let folder = tempfile::tempdir().unwrap();
+    let (at, store) = (|name: &str| folder.path().join(name), folder.path().join("store"));
+    for (name, bytes) in
+        [("passwd", &b"root:x:0:0::/root:/bin/bash\n"[..]), ("map.png", b"\x89PNG\r\n"), ("empty", b"")]
+    {
+        std::fs::write(at(name), bytes).unwrap();
+        let said = complaint(&at(name), &store);
+        assert!(said.contains("this is no backup") && !said.contains("damaged"), "{said}");
+    }
+    assert!(!store.exists());
+    // What is called like a store is a damaged one.
+    std::fs::write(at("maps.redb.replaced-2026"), "root").unwrap();
+    assert!(complaint(&at("maps.redb.replaced-2026"), &store).contains("is damaged"));
+}

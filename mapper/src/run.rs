@@ -11,13 +11,13 @@ pub use outcome::{MappingOutcome, MappingSummary};
 use crate::camera::CameraError;
 use crate::explore::Ending;
 use crate::mapping::{Mapper, MapperConfig, MapperStep};
-use crate::publish::{Handover, Linked, LinkedError, Outbox, Publication, WindowConfig};
+use crate::publish::{Handover, Linked, LinkedError, Outbox, Progress, Publication, WindowConfig};
 use crate::team::{MapEntry, Peers};
 use fht_descriptor::{DescriptorError, DescriptorNet, Fetching};
 use fht_perception::frame::SensorFrame;
 use fht_perception::robot::{Robot, RobotError, Sensors, SilenceConfig, Supervised};
 use fht_program::Stop;
-use fht_proto::{AuthorId, MapName, VersionVector};
+use fht_proto::{AuthorId, MapName, VersionVector, encode};
 use fht_session::SessionConfig;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -196,6 +196,8 @@ struct Run<'a> {
     task: &'a MappingTask,
     mapper: Mapper,
     handover: Handover<'a>,
+    /// Without a server: what there would be to publish.
+    unsent: Option<Progress>,
     /// Time of the first frame, microseconds.
     first_us: Option<u64>,
     frames: usize,
@@ -208,8 +210,19 @@ type LoopEnd = Result<Result<Ending, RobotError>, RunError>;
 
 impl<'a> Run<'a> {
     fn new(task: &'a MappingTask, mapper: Mapper, outbox: Option<&'a Outbox>) -> Self {
-        let handover = Handover::new(outbox);
-        Self { task, mapper, handover, first_us: None, frames: 0, frames_refused: 0, frame_max: Duration::ZERO }
+        let (handover, unsent) = (Handover::new(outbox), outbox.is_none().then(Progress::default));
+        Self { task, mapper, handover, unsent, first_us: None, frames: 0, frames_refused: 0, frame_max: Duration::ZERO }
+    }
+
+    /// Hands over what the mapper has written, or counts it; returns the number of the robot's
+    /// newest increment.
+    fn hand_over(&mut self) -> u64 {
+        let Some(unsent) = &mut self.unsent else { return self.handover.take_from(&mut self.mapper) };
+        for increment in self.mapper.take_increments() {
+            unsent.written = increment.number;
+            unsent.map_bytes += encode(&increment).map_or(0, |bytes| bytes.len() as u64);
+        }
+        unsent.written
     }
 
     async fn explore<R: Robot, O: MappingObserver>(
@@ -315,7 +328,7 @@ impl<'a> Run<'a> {
         observer: &mut impl MappingObserver,
     ) -> Result<(ControlFlow<()>, u64), RunError> {
         self.mapper.check()?;
-        let written = self.handover.take_from(&mut self.mapper);
+        let written = self.hand_over();
         self.frames += 1;
         self.frame_max = self.frame_max.max(thinking.elapsed());
         let elapsed_us = frame.time_us.saturating_sub(*self.first_us.get_or_insert(frame.time_us));
@@ -335,7 +348,7 @@ impl<'a> Run<'a> {
         if self.frames > 0 {
             self.mapper.finish();
         }
-        let written = self.handover.take_from(&mut self.mapper);
+        let written = self.hand_over();
         self.handover.finish().await;
         let vector = peers.as_ref().map(|peers| peers.taken(&self.mapper));
         let version = vector.as_ref().map_or(written, VersionVector::version);
@@ -356,7 +369,8 @@ impl<'a> Run<'a> {
             vector,
             written,
             frame_max: self.frame_max,
-            published: None,
+            // Of nothing, nobody is to think that it was delivered.
+            published: self.unsent.filter(|unsent| unsent.written > 0),
         };
         Ok(MappingOutcome { summary, mapper: self.mapper, robot, observer })
     }

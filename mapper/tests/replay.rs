@@ -52,6 +52,9 @@ fn a_recorded_minute_with_cameras_replays_to_the_same_map() {
         (original.version, original.main_nodes, original.edges)
     );
     assert_eq!((report.bag.frames, report.bag.panoramas), (301, 61));
+    // What was not sent has its length all the same.
+    assert!(original.map_bytes > 5_000 && report.map_bytes > 5_000, "{} {}", original.map_bytes, report.map_bytes);
+    assert_eq!((original.wire_bytes, original.delivered, report.delivered), (0, false, false));
     assert!(report.bag.dropped.is_empty() && report.bag.notes.is_empty(), "{}", report.bag);
     // And the replay's own recording once more.
     assert_eq!(replayed(&again, None, true).unwrap().digest, original.digest);

@@ -75,7 +75,7 @@ fn the_examples_of_the_library_run() {
     assert!(path.contains("planned by the Server") && path.contains("7.000    4.000"));
     let nowhere = begin(env!("CARGO_BIN_EXE_library_01_path"), &[endpoint, "toy", "1,1", "canteen"]);
     let nowhere = nowhere.wait_with_output().unwrap();
-    assert!(String::from_utf8_lossy(&nowhere.stderr).contains("no place canteen"), "{nowhere:?}");
+    assert!(String::from_utf8_lossy(&nowhere.stderr).contains("map toy has no place called canteen"), "{nowhere:?}");
 
     let lost = begin(env!("CARGO_BIN_EXE_library_04_own_robot"), &[endpoint, "toy", "canteen"]);
     let lost = lost.wait_with_output().unwrap();

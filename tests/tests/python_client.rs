@@ -116,8 +116,9 @@ fn the_python_example_follows_a_map() {
     let [first, second] = <[Increment; 2]>::try_from(corridors()).unwrap();
     put(&site.session, &site.map, &[first.clone(), second.clone()]);
 
-    let mut example =
-        Program::start(&in_repository("examples/python/follow.py"), &[&site.endpoint, "museum", "0,0", "5,3"]);
+    // HOST:PORT will do, as for the programs.
+    let endpoint = site.endpoint.trim_start_matches("tcp/");
+    let mut example = Program::start(&in_repository("examples/python/follow.py"), &[endpoint, "museum", "0,0", "5,3"]);
     example.line("3 nodes, 2 edges");
     let path: Vec<serde_json::Value> = serde_json::from_str(&example.line("path: ")).unwrap();
     assert!(path.len() >= 2 && path[0]["x"] == 0.0 && path[path.len() - 1]["y"] == 3.0, "{path:?}");
@@ -139,6 +140,16 @@ fn the_python_example_follows_a_map() {
     assert_eq!(pose, pose_of_robot());
     token.undeclare().wait().unwrap();
     example.line("fht/museum/robots/amr-7 has gone");
+}
+
+#[test]
+fn the_python_example_says_what_is_missing() {
+    // Without packages, whichever are installed.
+    let mut python = Command::new("python3");
+    let output = python.args(["-I", "-S"]).arg(in_repository("examples/python/follow.py")).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(1) && said.lines().count() == 1, "{said}");
+    assert!(said.contains("pip install eclipse-zenoh"), "{said}");
 }
 
 /// All operations that corridors do not have.

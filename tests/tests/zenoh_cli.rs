@@ -46,7 +46,7 @@ fn a_path_is_printed_and_a_bad_request_prints_the_reason() {
 
     for (selector, code, reason) in [
         ("fht/museum/path?from=0,0", "BAD_REQUEST", "parameter to is missing"),
-        ("fht/museum/path?from=0,0;to=upstairs", "UNKNOWN_PLACE", "there is no place upstairs"),
+        ("fht/museum/path?from=0,0;to=upstairs", "UNKNOWN_PLACE", "map museum has no place called upstairs"),
         ("fht/museum/path?from=0,0;to=1,x", "BAD_REQUEST", "1,x is not a place"),
         ("fht/museum/path?from=0,0;to=99,99", "OUT_OF_MAP", "is not on the map"),
         ("fht/louvre/path?from=0,0;to=5,3", "UNKNOWN_MAP", "there is no map louvre"),

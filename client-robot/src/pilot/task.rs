@@ -53,7 +53,7 @@ pub enum Failure {
         driven_m: f64,
     },
     /// The planner refused.
-    #[error("no path: {0}")]
+    #[error("{}", no_path(.0))]
     NoPath(ErrorReply),
     /// Something stands on the goal.
     #[error("the goal is blocked; {left_m:.2} m are left")]
@@ -82,11 +82,22 @@ pub enum Failure {
         left_deg: f64,
     },
     /// The time is up.
-    #[error("out of time after {seconds:.0} s")]
+    #[error("out of time after {}", told_s(*seconds))]
     Timeout {
         /// Time since the start, seconds.
         seconds: f64,
     },
+}
+
+/// A planner's words, some of which begin with these.
+fn no_path(refusal: &ErrorReply) -> String {
+    let words = &refusal.message;
+    if words.starts_with("no path") { words.clone() } else { format!("no path: {words}") }
+}
+
+/// Seconds as they are told: with a tenth below ten.
+fn told_s(seconds: f64) -> String {
+    if seconds < 10.0 { format!("{seconds:.1} s") } else { format!("{seconds:.0} s") }
 }
 
 /// How a task ended.
@@ -125,5 +136,27 @@ impl PilotStep {
             map_from_base: localization.map_from_base(),
             lost_because: localization.lost.map(|reason| reason.to_string()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fht_proto::api::reply::ErrorCode;
+
+    #[test]
+    fn failures_say_what_they_have_to_say_once() {
+        let refused = |message: &str| Failure::NoPath(ErrorReply::new(ErrorCode::NoPath, message)).to_string();
+        assert_eq!(
+            refused("no path joins (0.00, 0.00) and (15.00, 4.00)"),
+            "no path joins (0.00, 0.00) and (15.00, 4.00)"
+        );
+        assert_eq!(refused("(9.00, 9.00) is not on the map"), "no path: (9.00, 9.00) is not on the map");
+    }
+
+    #[test]
+    fn short_times_are_told_with_a_tenth() {
+        let after = |seconds: f64| Failure::Timeout { seconds }.to_string();
+        assert_eq!((after(0.5).as_str(), after(60.2).as_str()), ("out of time after 0.5 s", "out of time after 60 s"));
     }
 }

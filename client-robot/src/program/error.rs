@@ -31,7 +31,7 @@ pub(crate) enum CliError {
     RobotName(#[from] ParseIdError),
     #[error("the map '{0}' has no main nodes yet; nothing to relocalize at")]
     EmptyMap(MapName),
-    #[error("map '{map}' has no {what} ({known})")]
+    #[error("map {map} has no {what} ({known})")]
     UnknownGoal { map: MapName, what: String, known: String },
     #[error("a robot called {0} is there already; give this one another --robot")]
     NameTaken(String),

@@ -53,7 +53,7 @@ impl Closures {
         match serde_json::from_slice(&sample.payload().to_bytes()) {
             // Whether it is there is for the server to know, which is asked when the link is new.
             Ok(report) => self.keep(&robot, Reporter::Robot { has_token: true }, &report),
-            Err(error) => tracing::debug!(robot, "a report of what is blocked is not taken: {error}"),
+            Err(error) => tracing::debug!(%robot, "a report of what is blocked is not taken: {error}"),
         }
     }
 
@@ -73,7 +73,7 @@ impl Closures {
 
     fn keep(&self, robot: &str, reporter: Reporter, report: &BlockedReport) {
         if let Err(reason) = self.lock().take(robot, reporter, report, &[], self.now_us()) {
-            tracing::debug!(robot, "a report of what is blocked is not taken: {reason}");
+            tracing::debug!(%robot, "a report of what is blocked is not taken: {reason}");
         }
     }
 

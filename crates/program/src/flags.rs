@@ -1,23 +1,31 @@
 //! Flags that several programs have. All of them go before what the configuration file says.
 
+mod output_file;
+mod wrong_value;
+
+pub use output_file::{OutputFileError, output_file, png_file, write_output};
+
 use crate::config::{ConfigError, Configuration, load_over, print};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, Parser};
 use fht_session::SessionConfig;
 use serde::Serialize;
+use std::error::Error as _;
 use std::ffi::OsString;
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Parses the arguments, the program's name first. Help and version go to standard output with exit
-/// code 0, a wrong argument to standard error with 2.
+/// code 0, a wrong argument to standard error with 2; a disk without room for a file that is asked
+/// for ends in 1.
 ///
 /// # Errors
 /// The code to exit with.
 pub fn parse_args<C: Parser>(args: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<C, ExitCode> {
     let mut command = with_negative_numbers(C::command());
-    let mut given = command.try_get_matches_from_mut(args).map_err(|error| refuse(&error))?;
+    let given = command.try_get_matches_from_mut(args);
+    let mut given = given.map_err(|error| refuse(&wrong_value::in_words(error, &command)))?;
     C::from_arg_matches_mut(&mut given).map_err(|error| refuse(&error.format(&mut command)))
 }
 
@@ -36,7 +44,12 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 pub fn refuse(error: &clap::Error) -> ExitCode {
     // Printing fails only when nobody reads.
     let _ = error.print();
-    if error.use_stderr() { ExitCode::from(2) } else { ExitCode::SUCCESS }
+    let of_file = error.source().and_then(|source| source.downcast_ref::<OutputFileError>());
+    match (error.use_stderr(), of_file.is_none_or(OutputFileError::is_input)) {
+        (false, _) => ExitCode::SUCCESS,
+        (true, true) => ExitCode::from(2),
+        (true, false) => ExitCode::FAILURE,
+    }
 }
 
 /// Says that a command is needed, and which there are; returns the code to exit with.
@@ -137,22 +150,20 @@ pub struct ReportArgs {
 }
 
 impl ReportArgs {
-    /// Writes `report` to the file that was asked for, and prints it: as JSON, or as `in_words`
-    /// does.
+    /// Prints `report`, as JSON or as `in_words` does, and writes it to the file that was asked
+    /// for.
     ///
     /// # Errors
-    /// What to tell the user.
+    /// What to tell the user, who has seen the report.
     pub fn give<T: Serialize>(&self, report: &T, in_words: impl FnOnce(&T)) -> Result<(), String> {
         let json = serde_json::to_string_pretty(report).map_err(|error| error.to_string())?;
-        if let Some(file) = &self.report {
-            std::fs::write(file, &json).map_err(|error| format!("{} cannot be written: {error}", file.display()))?;
-        }
         if self.json {
             crate::print_line!("{json}");
         } else {
             in_words(report);
         }
-        Ok(())
+        let Some(file) = &self.report else { return Ok(()) };
+        write_output(file, json.as_bytes()).map_err(|error| format!("{} cannot be written: {error}", file.display()))
     }
 }
 
@@ -183,33 +194,29 @@ impl CompletionsArgs {
     }
 }
 
-/// What servers and planners say to who asks by parameters, for who has flags.
+/// What servers and planners say to who asks by keys and parameters, for who has commands and
+/// flags.
 #[must_use]
 pub fn with_flags(message: &str) -> String {
-    message.replace("to_nearest=true", "--to-nearest")
+    let message = message.replace("to_nearest=true", "--to-nearest");
+    let with_command = || {
+        let (before, after) = message.split_once("/fleet answers which robots there are")?;
+        let (before, map) = before.rsplit_once("fht/")?;
+        Some(format!("{before}map-server robots {map} says which robots there are{after}"))
+    };
+    with_command().unwrap_or(message)
 }
 
-/// A file that a program will write when it ends: its folder must be there already.
+/// `text` as how many: a whole number of at least 1.
 ///
 /// # Errors
-/// A sentence that names what is wrong.
-pub fn output_file(text: &str) -> Result<PathBuf, String> {
-    let file = PathBuf::from(text);
-    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
-    match folder {
-        _ if file.is_dir() => Err("it is a folder".to_owned()),
-        Some(folder) if !folder.is_dir() => Err(format!("there is no folder {}", folder.display())),
-        _ => Ok(file),
+/// A sentence that says what is wrong.
+pub fn count(text: &str) -> Result<u64, String> {
+    match text.parse::<u64>() {
+        Ok(0) => Err("it must be at least 1".to_owned()),
+        Ok(count) => Ok(count),
+        Err(error) => Err(wrong_value::no_whole_number(text, &error)),
     }
-}
-
-/// The same for a picture: its name ends in `.png`, so that nothing else is overwritten.
-///
-/// # Errors
-/// A sentence that names what is wrong.
-pub fn png_file(text: &str) -> Result<PathBuf, String> {
-    let is_png = Path::new(text).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
-    if is_png { output_file(text) } else { Err(format!("a picture's name ends in .png; '{text}' does not")) }
 }
 
 /// `text` as a number within `range`.
@@ -273,26 +280,14 @@ mod tests {
     fn who_has_flags_is_told_of_flags() {
         let said = with_flags("2.10 m from the goal: to_nearest=true asks for the path there");
         assert_eq!(said, "2.10 m from the goal: --to-nearest asks for the path there");
+        let said = with_flags("fht/hall/robots/t/goal: nobody; fht/hall/fleet answers which robots there are");
+        assert_eq!(said, "fht/hall/robots/t/goal: nobody; map-server robots hall says which robots there are");
     }
 
     #[test]
-    fn a_file_that_cannot_be_written_is_refused_at_once() -> std::io::Result<()> {
-        let dir = tempfile::tempdir()?;
-        let said = |file: &str| output_file(&dir.path().join(file).to_string_lossy()).err();
-        assert_eq!((said("report.json"), output_file("report.json").err()), (None, None));
-        assert_eq!(said("").as_deref(), Some("it is a folder"));
-        assert!(said("missing/report.json").is_some_and(|said| said.starts_with("there is no folder")));
-        Ok(())
-    }
-
-    #[test]
-    fn what_is_no_picture_is_not_overwritten() -> std::io::Result<()> {
-        let folder = tempfile::tempdir()?;
-        let at = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
-        assert!(png_file("map.png").is_ok() && png_file(&at("Map.PNG")).is_ok());
-        assert!(png_file("run.mcap").is_err_and(|said| said.contains("ends in .png")));
-        assert!(png_file(&at("gone/map.png")).is_err_and(|said| said.contains("no folder") && said.contains("gone")));
-        Ok(())
+    fn a_count_is_at_least_one() {
+        assert_eq!((count("1"), count("0")), (Ok(1), Err("it must be at least 1".to_owned())));
+        assert_eq!(count("many"), Err("'many' is no whole number".to_owned()));
     }
 
     #[test]

@@ -86,7 +86,8 @@ impl Patience {
             return false;
         }
         if now >= self.remark_at {
-            self.remark_at = now + REMARK_EVERY;
+            // Not counted from now: who asks now and then comes late each time.
+            self.remark_at = (self.remark_at + REMARK_EVERY).max(now);
             let left = self.until.map(|until| format!(" (for {:.0} s more)", (until - now).as_secs_f64()));
             eprintln!("{}: waiting for {what}{}", self.program, left.unwrap_or_default());
         }

@@ -1,9 +1,13 @@
 //! Zenoh's configuration as people give it: a file, and endpoints that go before what it says.
 
 use crate::trouble;
+use std::net::Ipv6Addr;
 use std::path::{Path, PathBuf};
 use zenoh::Config;
 use zenoh::config::EndPoint;
+
+/// The protocols that are built in: those of `zenoh` in the workspace's `Cargo.toml`.
+const PROTOCOLS: [&str; 3] = ["tcp", "tls", "unixsock-stream"];
 
 /// Why what was given is no configuration.
 #[derive(Debug, thiserror::Error)]
@@ -21,6 +25,22 @@ pub enum ConfigurationError {
     Endpoint {
         /// What was given.
         given: String,
+    },
+    /// A protocol that the programs do not speak.
+    #[error("'{given}': {protocol} is none of the protocols that there are: {}", PROTOCOLS.join(", "))]
+    Protocol {
+        /// What was given.
+        given: String,
+        /// The protocol in it.
+        protocol: String,
+    },
+    /// A port beyond the last one.
+    #[error("'{given}': there is no port {port}; ports go up to {}", u16::MAX)]
+    Port {
+        /// What was given.
+        given: String,
+        /// The port in it.
+        port: String,
     },
     /// What Zenoh refuses.
     #[error("Zenoh does not accept {value} as {key}: {reason}")]
@@ -94,19 +114,45 @@ pub fn set(config: &mut Config, key: &'static str, value: &str) -> Result<(), Co
 }
 
 fn endpoint(given: &str) -> Result<String, ConfigurationError> {
-    let is_host_and_port =
-        |text: &str| text.rsplit_once(':').is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok());
-    let text = if !given.contains('/') && is_host_and_port(given) { format!("tcp/{given}") } else { given.to_owned() };
-    // Zenoh finds out later that there is no port, and says so in a way that few understand.
-    let has_port = |rest: &str| is_host_and_port(rest.split(['?', '#']).next().unwrap_or(rest));
-    let is_whole = text.split_once('/').is_some_and(|(protocol, rest)| match protocol {
-        "tcp" | "tls" => has_port(rest),
-        protocol => protocol == "unixsock-stream",
-    });
-    if is_whole && text.parse::<EndPoint>().is_ok() {
-        return Ok(text);
+    let wrong = || ConfigurationError::Endpoint { given: given.to_owned() };
+    let (protocol, address) = given.split_once('/').unwrap_or(("tcp", given));
+    let is_word = |text: &str| !text.is_empty() && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
+    if !is_word(protocol) {
+        return Err(wrong());
     }
-    Err(ConfigurationError::Endpoint { given: given.to_owned() })
+    if !PROTOCOLS.contains(&protocol) {
+        return Err(ConfigurationError::Protocol { given: given.to_owned(), protocol: protocol.to_owned() });
+    }
+    if protocol != "unixsock-stream" {
+        check_host_and_port(given, address)?;
+    }
+    let text = format!("{protocol}/{address}");
+    if text.parse::<EndPoint>().is_ok() { Ok(text) } else { Err(wrong()) }
+}
+
+/// Zenoh finds out later what is wrong with an address, and says so in a way that few understand.
+fn check_host_and_port(given: &str, address: &str) -> Result<(), ConfigurationError> {
+    let place = address.split(['?', '#']).next().unwrap_or(address);
+    let Some((_, port)) = place.rsplit_once(':').filter(|(host, _)| is_host(host)) else {
+        return Err(ConfigurationError::Endpoint { given: given.to_owned() });
+    };
+    if port.parse::<u16>().is_ok() {
+        return Ok(());
+    }
+    let is_number = !port.is_empty() && port.chars().all(|digit| digit.is_ascii_digit());
+    Err(if is_number {
+        ConfigurationError::Port { given: given.to_owned(), port: port.to_owned() }
+    } else {
+        ConfigurationError::Endpoint { given: given.to_owned() }
+    })
+}
+
+/// Whether this may be a name or an address. Colons are of IPv6 alone: `tcp:hall` is misspelt.
+fn is_host(text: &str) -> bool {
+    let bare = text.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(text);
+    // Behind a percent sign stands an interface.
+    let is_v6 = || bare.split('%').next().unwrap_or(bare).parse::<Ipv6Addr>().is_ok();
+    !text.is_empty() && !text.contains('/') && (!text.contains(':') || is_v6())
 }
 
 #[cfg(test)]
@@ -128,6 +174,7 @@ mod tests {
             ("127.0.0.1:7447", "tcp/127.0.0.1:7447"),
             ("maps.example.com:7447", "tcp/maps.example.com:7447"),
             ("[::1]:7447", "tcp/[::1]:7447"),
+            ("tls/[fe80::1%eth0]:7447", "tls/[fe80::1%eth0]:7447"),
             ("tls/hall:7447", "tls/hall:7447"),
             ("tcp/hall:7447#iface=eth0", "tcp/hall:7447#iface=eth0"),
             ("unixsock-stream//run/fht-map", "unixsock-stream//run/fht-map"),
@@ -140,14 +187,35 @@ mod tests {
             "hall",
             ":7447",
             "hall:http",
-            "hall:70000",
             "tcp/",
             "/hall:7447",
             "tcp/hall",
+            "tcp/hall:",
+            "tcp:hall:7447",
+            "tcp/tcp:127.0.0.1:7447",
+            "tcp://hall:7447",
             "http://hall:80",
         ] {
             let error = endpoint(bad).unwrap_err().to_string();
             assert!(error.starts_with(&format!("'{bad}' is not an endpoint: write HOST:PORT")), "{error}");
         }
+    }
+
+    #[test]
+    fn what_is_wrong_with_an_endpoint_of_the_right_form_is_named() {
+        for protocol in ["udp", "quic", "ws", "TCP"] {
+            let given = format!("{protocol}/127.0.0.1:7447");
+            let said = endpoint(&given).unwrap_err().to_string();
+            let expected =
+                format!("'{given}': {protocol} is none of the protocols that there are: tcp, tls, unixsock-stream");
+            assert_eq!(said, expected);
+        }
+        for (given, port) in
+            [("tcp/127.0.0.1:99999", "99999"), ("hall:70000", "70000"), ("tls/hall:65536#a=b", "65536")]
+        {
+            let said = endpoint(given).unwrap_err().to_string();
+            assert_eq!(said, format!("'{given}': there is no port {port}; ports go up to 65535"));
+        }
+        assert_eq!(endpoint("hall:65535").unwrap(), "tcp/hall:65535");
     }
 }

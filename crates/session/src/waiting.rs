@@ -76,7 +76,7 @@ pub async fn open_configured(mut config: Config, patience: Option<Duration>) -> 
     // not wait asks each once.
     config.insert_json5("connect/timeout_ms", "0").map_err(|error| refused(trouble::in_words(&error)))?;
     let begin = Instant::now();
-    let trying = try_until_open(&config, &endpoints, begin + REMARK_AFTER);
+    let trying = try_until_open(&config, &endpoints, Remarks { due: begin + REMARK_AFTER });
     let Some(patience) = patience else { return Ok(trying.await) };
     tokio::select! {
         session = trying => Ok(session),
@@ -117,7 +117,29 @@ pub(crate) fn has(config: &Config, key: &str, value: &str) -> bool {
     config.get_json(key).is_ok_and(|set| set == value)
 }
 
-async fn try_until_open(config: &Config, endpoints: &[String], mut remark_at: Instant) -> Session {
+/// When it is said why there is no session yet.
+struct Remarks {
+    due: Instant,
+}
+
+impl Remarks {
+    /// Whether it is to be said now.
+    fn is_due(&mut self, now: Instant) -> bool {
+        let is_due = now >= self.due;
+        if is_due {
+            // Not counted from now: what comes late once does not put off all that follow.
+            self.due = (self.due + REMARK_EVERY).max(now);
+        }
+        is_due
+    }
+
+    /// How long to wait before the next attempt: `delay`, but not beyond the next remark.
+    fn pause(&self, delay: Duration, now: Instant) -> Duration {
+        delay.min(self.due.saturating_duration_since(now)).max(FIRST_DELAY)
+    }
+}
+
+async fn try_until_open(config: &Config, endpoints: &[String], mut remarks: Remarks) -> Session {
     let mut delay = FIRST_DELAY;
     loop {
         let error = match attempt(config.clone()).await {
@@ -125,14 +147,11 @@ async fn try_until_open(config: &Config, endpoints: &[String], mut remark_at: In
             Err(error) => error,
         };
         tracing::debug!("no session yet: {}", trouble::in_words(&error));
-        if Instant::now() >= remark_at {
-            tracing::warn!(
-                "waiting for a server or router: {}",
-                trouble::reasons(config, endpoints, trouble::ANSWER).await
-            );
-            remark_at = Instant::now() + REMARK_EVERY;
+        if remarks.is_due(Instant::now()) {
+            let reasons = trouble::reasons(config, endpoints, trouble::ANSWER).await;
+            tracing::warn!("waiting for a server or router: {reasons}");
         }
-        tokio::time::sleep(delay).await;
+        tokio::time::sleep(remarks.pause(delay, Instant::now())).await;
         delay = (2 * delay).min(LONGEST_DELAY);
     }
 }
@@ -157,4 +176,37 @@ fn endpoints_at(config: &Config, key: &str) -> Vec<String> {
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// When remarks are made within a minute, seconds after the begin, if each attempt takes so
+    /// long.
+    fn remarks_s(attempt_s: f64) -> Vec<f64> {
+        let begin = Instant::now();
+        let mut remarks = Remarks { due: begin + REMARK_AFTER };
+        let (mut now, mut delay, mut made) = (begin, FIRST_DELAY, Vec::new());
+        while now < begin + Duration::from_secs(60) {
+            now += Duration::from_secs_f64(attempt_s);
+            if remarks.is_due(now) {
+                made.push((now - begin).as_secs_f64());
+            }
+            now += remarks.pause(delay, now);
+            delay = (2 * delay).min(LONGEST_DELAY);
+        }
+        made
+    }
+
+    #[test]
+    fn a_remark_comes_every_five_seconds_however_long_attempts_take() {
+        let at_once = remarks_s(0.001);
+        assert!(
+            at_once.len() == 12 && at_once.windows(2).all(|pair| (pair[1] - pair[0] - 5.0).abs() < 0.3),
+            "{at_once:?}"
+        );
+        let slow = remarks_s(3.0);
+        assert!(slow.len() >= 11, "{slow:?}");
+    }
 }

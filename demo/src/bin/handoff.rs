@@ -1,10 +1,10 @@
 //! The handoff demo, and the programs that it starts (`handoff role NAME -- ARGS`).
 
-use clap::Parser;
 use fht_demo::run_role;
 use fht_demo::{Crew, HandoffConfig, hand_off};
 use fht_demo::{HandoffArgs, HandoffCommand, leave_nothing_behind, shared_world, this_executable};
 use fht_picture::default_file;
+use fht_program::flags::{output_file, parse_args, write_output};
 use fht_program::{ProgramFailure, Stop, print_line};
 use fht_shared_world::folder_of;
 use fht_sim::SimSetup;
@@ -12,7 +12,10 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     fht_program::zenoh_threads::one_thread_for_tls(std::env::args_os());
-    let cli = HandoffArgs::parse();
+    let cli: HandoffArgs = match parse_args(std::env::args_os()) {
+        Ok(cli) => cli,
+        Err(code) => return code,
+    };
     match cli.command {
         Some(HandoffCommand::Role { role, args }) => return run_role(role, args),
         Some(HandoffCommand::Completions(shell)) => {
@@ -48,6 +51,11 @@ fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, ProgramFailure> {
     leave_nothing_behind(stop, &folder_of(&world));
     let map = SimSetup::of(&cli.world).map_name().map_err(ProgramFailure::of_input)?;
     let picture = cli.picture.clone().unwrap_or_else(|| default_file("handoff", map.as_str(), Some(cli.seed)));
+    // One that was given was looked at with the arguments.
+    if cli.picture.is_none() {
+        output_file(&picture.to_string_lossy())
+            .map_err(|error| ProgramFailure::of(error.is_input(), format!("{}: {error}", picture.display())))?;
+    }
     let config = HandoffConfig {
         executable: this_executable().map_err(|error| text(&error))?,
         world: cli.world.clone(),
@@ -69,10 +77,12 @@ fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, ProgramFailure> {
     // From here on only the server still runs, and it ends below.
     let _order = stop.in_order();
     print!("{report}");
-    print_line!("picture       {}", picture.display());
+    if report.picture_failure.is_none() {
+        print_line!("picture       {}", picture.display());
+    }
     if let Some(file) = &cli.report {
         let json = serde_json::to_string_pretty(&report).map_err(|error| text(&error))?;
-        let written = std::fs::write(file, json);
+        let written = write_output(file, json.as_bytes());
         written.map_err(|error| ProgramFailure::of_run(format!("{} cannot be written: {error}", file.display())))?;
     }
     if cli.keep {
@@ -87,5 +97,8 @@ fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, ProgramFailure> {
         runtime.block_on(stop.requested());
     }
     drop(server);
-    Ok(report.is_success())
+    match &report.picture_failure {
+        Some(reason) => Err(ProgramFailure::of_run(format!("there is no picture of the map: {reason}"))),
+        None => Ok(report.is_success()),
+    }
 }

@@ -2,7 +2,6 @@
 
 use crate::process::ProcessError;
 use fht_client::ReplicaError;
-use fht_picture::PictureError;
 use fht_proto::{ParseIdError, SharedWorldName};
 use fht_session::SessionError;
 use fht_shared_world::JoinError;
@@ -101,9 +100,6 @@ pub enum HandoffError {
     /// The robots' world cannot be shared.
     #[error(transparent)]
     SharedWorld(#[from] JoinError),
-    /// The picture cannot be made.
-    #[error(transparent)]
-    Picture(#[from] PictureError),
     /// Zenoh failed.
     #[error("zenoh: {}", fht_session::in_words(.0))]
     Zenoh(#[from] zenoh::Error),

@@ -118,6 +118,9 @@ pub struct HandoffReport {
     pub contacts: Option<ContactFigures>,
     /// Why the client failed, if it did.
     pub failure: Option<String>,
+    /// Why there is no picture of the map, if there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub picture_failure: Option<String>,
     /// Robot time of the client from its start to its end, seconds.
     #[serde(default)]
     pub client_sim_s: f64,

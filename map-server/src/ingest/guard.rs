@@ -94,7 +94,7 @@ impl Ingest {
         let admission = self.admission.as_mut().ok_or_else(none)?;
         if let Some(change) = change {
             admission.set_quota(change)?;
-            tracing::warn!(?change, "an operator has set a quota, until the server starts again");
+            tracing::warn!("an operator has set a quota, until the server starts again: {change}");
         }
         let room = Room { maps: &self.maps, map, limits: &self.limits };
         Ok(QuotaReply { map: map.clone(), writers: admission.quotas_in_use(&room) })

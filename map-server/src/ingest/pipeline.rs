@@ -139,7 +139,7 @@ impl Ingest {
         if let Some(suppressed) = self.throttle.pass(Instant::now()) {
             let map = map_of(key).map(|map| map.to_string()).unwrap_or_default();
             let key: String = key.chars().take(120).collect();
-            tracing::warn!(map, %key, suppressed, "increment refused: {refusal}");
+            tracing::warn!(%map, %key, suppressed, "increment refused: {refusal}");
         }
     }
 

@@ -160,7 +160,7 @@ impl QueryService {
         if self.sources.active_rules.keep_reports(map, robot, for_s, passed_us()) == 0 {
             return Err(nothing_blocked(robot, map));
         }
-        tracing::warn!(%map, robot, for_s, "an operator keeps closed what the robot reported blocked");
+        tracing::warn!(%map, %robot, for_s, "an operator keeps closed what the robot reported blocked");
         if let Some(head) = self.sources.catalog.count_cleared(map) {
             publish_head(&self.session, &head);
         }
@@ -293,7 +293,7 @@ fn reply(query: &Query, key: &str, outcome: Result<Vec<Answer>, ErrorReply>) {
     match outcome {
         Ok(answers) => {
             let bytes: usize = answers.iter().map(|answer| answer.bytes.len()).sum();
-            tracing::info!(map = map_in(key), asked = %asked_of(query), bytes, "answered");
+            tracing::info!(map = %map_in(key), asked = %asked_of(query), bytes, "answered");
             answers.into_iter().for_each(|answer| reply_answer(query, key, answer));
         }
         Err(error) => reply_error(query, &error),
@@ -322,7 +322,7 @@ fn asked_of(query: &Query) -> String {
 }
 
 pub(super) fn reply_error(query: &Query, error: &ErrorReply) {
-    tracing::info!(map = map_in(query.key_expr()), asked = %asked_of(query), code = ?error.code, "refused: {error}");
+    tracing::info!(map = %map_in(query.key_expr()), asked = %asked_of(query), code = ?error.code, "refused: {error}");
     let payload = serde_json::to_vec(error).unwrap_or_default();
     if let Err(error) = query.reply_err(payload).encoding(Encoding::APPLICATION_JSON).wait() {
         tracing::debug!("an error reply could not be sent: {error}");

@@ -88,7 +88,7 @@ pub(crate) async fn learn_blockages(session: Session, sources: AnswerSources) {
                 let Some(view) = sources.catalog.view(&head.map) else { continue };
                 let reporter = (robot.as_str(), Reporter::Trusted);
                 if let Err(reason) = sources.active_rules.take_report(&view, reporter, &report, passed_us()) {
-                    tracing::debug!(robot, "what another server has heard is not taken: {reason}");
+                    tracing::debug!(%robot, "what another server has heard is not taken: {reason}");
                 }
             }
         }

@@ -15,13 +15,17 @@ use fht_proto::{Digest, MapName};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::ErrorKind;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
 /// How the names of exported maps end.
 const ARCHIVE: &str = "fht";
+/// What the names of stores contain, also of those that were replaced.
+const STORE: &str = ".redb";
+/// How the files of stores begin: with redb's magic number.
+const STORE_BEGINS: &[u8] = b"redb\x1A\x0A\xA9\x0D\x0A";
 
 /// What a restore has done.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -39,8 +43,8 @@ pub struct Restored {
 pub enum RestoreError {
     /// There is nothing to restore from.
     #[error(
-        "{}: this is no backup: neither a data directory ({FILE_NAME}), nor an exported map, nor a folder of exported maps \
-         (*.{ARCHIVE})", .0.display()
+        "{}: this is no backup: neither a data directory ({FILE_NAME}), nor an exported map (*.{ARCHIVE}), nor a folder \
+         of exported maps", .0.display()
     )]
     NoBackup(PathBuf),
     /// The backup is the store.
@@ -132,7 +136,13 @@ impl Backup {
     fn find(backup: &Path) -> Result<Self, RestoreError> {
         if let Ok(file) = file_of(backup) {
             let is_archive = !backup.is_dir() && file.extension().is_some_and(|ending| ending == ARCHIVE);
-            return Ok(if is_archive { Self::Archives(vec![file]) } else { Self::Store(file) });
+            return if is_archive {
+                Ok(Self::Archives(vec![file]))
+            } else if may_be_store(&file)? {
+                Ok(Self::Store(file))
+            } else {
+                Err(RestoreError::NoBackup(backup.to_owned()))
+            };
         }
         let entries = std::fs::read_dir(backup).map_err(|_| RestoreError::NoBackup(backup.to_owned()))?;
         let paths = entries.map(|entry| entry.map(|entry| entry.path())).collect::<Result<Vec<_>, _>>();
@@ -141,6 +151,17 @@ impl Backup {
         archives.sort();
         if archives.is_empty() { Err(RestoreError::NoBackup(backup.to_owned())) } else { Ok(Self::Archives(archives)) }
     }
+}
+
+/// Whether a file may be a store: by its name, since its beginning may be damaged, or by that.
+fn may_be_store(file: &Path) -> Result<bool, RestoreError> {
+    if file.file_name().is_some_and(|name| name.to_string_lossy().contains(STORE)) {
+        return Ok(true);
+    }
+    let mut begin = Vec::new();
+    let open = File::open(file).map_err(file_error(file))?;
+    open.take(STORE_BEGINS.len() as u64).read_to_end(&mut begin).map_err(file_error(file))?;
+    Ok(begin == STORE_BEGINS)
 }
 
 /// Puts what `backup` holds in the place of the store in `dir`, which is made if absent. The file

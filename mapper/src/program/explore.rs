@@ -63,6 +63,14 @@ pub enum ExploreError {
     /// The picture failed.
     #[error("there is no picture of the map: {0}")]
     Picture(#[from] PictureError),
+    /// The exploration has ended, but what was to be kept of it could not be written.
+    #[error("{failure}")]
+    NotKept {
+        /// Why.
+        failure: Box<ExploreError>,
+        /// What the exploration came to.
+        report: Box<ExploreReport>,
+    },
     /// The run failed.
     #[error(transparent)]
     Run(#[from] RunError),
@@ -169,6 +177,18 @@ pub async fn explore(
     if let Some(error) = summary.robot_error.take() {
         return Err(error.into());
     }
-    recorder.finish()?;
-    Ok(ExploreReport { picture: picture.finish()?, ..score.report(&summary, &mapper) })
+    let (picture, not_drawn) = match picture.finish() {
+        Ok(file) => (file, None),
+        Err(error) => (None, Some(error)),
+    };
+    let failure = recorder.finish().err().map(ExploreError::from).or(not_drawn.map(ExploreError::from));
+    match failure {
+        None => Ok(ExploreReport { picture, ..score.report(&summary, &mapper) }),
+        // A recording that cannot begin ends the run with its first frame: nothing is to be told.
+        Some(failure) if summary.frames <= 1 => Err(failure),
+        Some(failure) => {
+            let report = ExploreReport { picture, ..score.report(&summary, &mapper) };
+            Err(ExploreError::NotKept { failure: Box::new(failure), report: Box::new(report) })
+        }
+    }
 }

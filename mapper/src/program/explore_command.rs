@@ -1,7 +1,7 @@
 //! `mapper explore` on the command line.
 
 use super::arguments::ExploreArgs;
-use super::explore::{ExploreProgress, ExploreTask, explore};
+use super::explore::{ExploreError, ExploreProgress, ExploreTask, explore};
 use super::report::ExploreReport;
 use super::running::{RunEnd, exploring_spinner, increments, runtime};
 use super::settings::MapperFile;
@@ -44,7 +44,7 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
     let task = args.task(file, stop.clone()).map_err(ProgramFailure::of_input)?;
     let (linger_s, spool) = (task.mapping.linger_s, task.mapping.spool.clone());
     let runtime = runtime().map_err(ProgramFailure::of_run)?;
-    tracing::info!(map = %task.mapping.map, robot = task.mapping.robot, world = args.setup.world, "explores");
+    tracing::info!(map = %task.mapping.map, robot = %task.mapping.robot, world = %args.setup.world, "explores");
     let bar = if args.run.quiet || args.progress_json { ProgressBar::hidden() } else { exploring_spinner() };
     let progress_json = args.progress_json;
     let (watched, is_offline) = (bar.clone(), args.run.offline);
@@ -72,9 +72,13 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
         ));
         watched.tick();
     };
-    let report = runtime.block_on(explore(task, watch));
-    let report = report.map_err(|error| ProgramFailure::of(error.is_input(), error))?;
+    let outcome = runtime.block_on(explore(task, watch));
     bar.finish_and_clear();
+    let (report, not_kept) = match outcome {
+        Ok(report) => (report, None),
+        Err(ExploreError::NotKept { failure, report }) => (*report, Some(failure)),
+        Err(error) => return Err(ProgramFailure::of(error.is_input(), error)),
+    };
     let in_words = |report: &ExploreReport| {
         if !args.progress_json {
             print_report(report);
@@ -92,7 +96,8 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
         is_asked_to_end: stop.is_set(),
         spool: spool.as_deref(),
     };
-    Ok(end.tell())
+    let is_whole = end.tell();
+    not_kept.map_or(Ok(is_whole), |failure| Err(ProgramFailure::of_run(failure)))
 }
 
 fn print_report(report: &ExploreReport) {

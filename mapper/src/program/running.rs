@@ -9,7 +9,7 @@ use clap::Args;
 use fht_descriptor::Fetching;
 use fht_picture::default_file;
 use fht_program::Waiting;
-use fht_program::flags::{ConnectArgs, ReportArgs, number, output_file, png_file, seconds};
+use fht_program::flags::{ConnectArgs, OutputFileError, ReportArgs, number, output_file, png_file, seconds};
 use fht_proto::{MapName, RobotName};
 use fht_session::check_owner;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -71,6 +71,13 @@ impl RunArgs {
                 name.parse().map_err(|error| format!("{error}; give the map a name with --map"))?
             }
         };
+        // A picture without a name goes here; one with a name was looked at with the arguments.
+        if self.picture == Some(None) {
+            let refused = output_file(&default_file("map", &source.to_string_lossy(), None).to_string_lossy());
+            if let Some(error) = refused.err().filter(OutputFileError::is_input) {
+                return Err(format!("there can be no picture here: {error}"));
+            }
+        }
         let name = self.robot.as_ref().or(robot.name.as_ref()).map_or(DEFAULT_ROBOT, RobotName::as_str);
         let link = (!self.offline).then(|| self.link.over(connect));
         if let Some(link) = &link {

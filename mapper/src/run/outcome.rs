@@ -28,7 +28,7 @@ pub struct MappingSummary {
     pub written: u64,
     /// Longest time that a frame took, sensing excluded.
     pub frame_max: Duration,
-    /// How far publishing came; none without a server.
+    /// How far publishing came; without a server, what there was to publish.
     pub published: Option<Progress>,
 }
 

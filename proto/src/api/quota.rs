@@ -3,6 +3,7 @@
 use crate::model::ids::MapName;
 use crate::model::validate::{Invalid, Validate, check};
 use serde::{Deserialize, Serialize};
+use std::fmt::{self, Display, Formatter};
 
 /// Most increments a second that a quota can allow.
 const MOST_INCREMENTS_PER_S: f64 = 1e6;
@@ -23,6 +24,23 @@ pub struct QuotaChange {
     pub increments_per_s: Option<f64>,
     /// Share of others' nodes in a map that it may take away within an hour, 0 to 1.
     pub taken_per_hour_share: Option<f64>,
+}
+
+/// In words: whose quota, and what it is to be.
+impl Display for QuotaChange {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Self { writer, of_role, map_share, total_share, increments_per_s, taken_per_hour_share } = self;
+        let numbers = [
+            ("map_share", map_share),
+            ("total_share", total_share),
+            ("increments_per_s", increments_per_s),
+            ("taken_per_hour_share", taken_per_hour_share),
+        ];
+        let numbers = numbers.into_iter().filter_map(|(name, value)| Some(format!("{name} {}", (*value)?)));
+        let of_role = of_role.then(|| "that of its role".to_owned());
+        let all: Vec<String> = of_role.into_iter().chain(numbers).collect();
+        write!(f, "{writer}: {}", all.join(", "))
+    }
 }
 
 impl Validate for QuotaChange {
@@ -83,4 +101,17 @@ pub struct QuotaReply {
     pub map: MapName,
     /// By name.
     pub writers: Vec<WriterQuotaView>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_change_is_told_in_words() {
+        let change = QuotaChange { writer: "amr-7".to_owned(), of_role: true, ..QuotaChange::default() };
+        assert_eq!(change.to_string(), "amr-7: that of its role");
+        let change = QuotaChange { map_share: Some(0.8), increments_per_s: Some(10.0), ..change };
+        assert_eq!(change.to_string(), "amr-7: that of its role, map_share 0.8, increments_per_s 10");
+    }
 }

@@ -46,6 +46,9 @@ pub enum ArchiveError {
     /// It does not begin as such files do.
     #[error("this is not a map that was exported: {0}")]
     Header(String),
+    /// It does not even begin with an object of JSON.
+    #[error("this is not a map that was exported")]
+    SomethingElse,
     /// It was written by a later program.
     #[error("the file's format is {0}; this program reads {FORMAT}")]
     Format(String),
@@ -72,8 +75,11 @@ impl<'a> Archive<'a> {
     /// Reads the header.
     ///
     /// # Errors
-    /// [`ArchiveError::Header`], [`ArchiveError::Format`].
+    /// [`ArchiveError::Header`], [`ArchiveError::SomethingElse`], [`ArchiveError::Format`].
     pub fn open(bytes: &'a [u8]) -> Result<Self, ArchiveError> {
+        if !bytes.starts_with(b"{") {
+            return Err(ArchiveError::SomethingElse);
+        }
         let line = bytes.iter().take(MAX_HEADER_BYTES).position(|&byte| byte == b'\n');
         let end = line.ok_or_else(|| ArchiveError::Header("it has no first line".to_owned()))?;
         let wrong = |error: serde_json::Error| ArchiveError::Header(error.to_string());
@@ -121,4 +127,20 @@ pub fn header_line(header: &ArchiveHeader) -> Result<Vec<u8>, serde_json::Error>
     let mut line = serde_json::to_vec(header)?;
     line.push(b'\n');
     Ok(line)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_is_something_else_is_no_damaged_map() {
+        for bytes in [&b"root:x:0:0::/root:/bin/bash\n"[..], b"\x89MCAP0\r\n", b""] {
+            assert_eq!(Archive::open(bytes).err(), Some(ArchiveError::SomethingElse));
+        }
+        let said = |bytes: &[u8]| Archive::open(bytes).err().map(|error| error.to_string()).unwrap_or_default();
+        assert_eq!(said(b"GIF89a\n"), "this is not a map that was exported");
+        assert_eq!(said(b"{}"), "this is not a map that was exported: it has no first line");
+        assert!(said(b"{\"map\": 1}\n").starts_with("this is not a map that was exported: "));
+    }
 }

@@ -3,6 +3,7 @@
 use clap::Parser;
 use fht_demo::{Role, leave_nothing_behind, run_role, this_executable};
 use fht_program::Stop;
+use fht_program::flags::{output_file, parse_args, write_output};
 use fht_tests::site::{SiteConfig, SiteReport, run};
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -15,6 +16,18 @@ use std::time::Duration;
 /// Ends with 1 if an acknowledged increment is lost, a question is not answered in time, or servers
 /// differ in the end.
 #[derive(Debug, Parser)]
+#[command(
+    name = "site",
+    max_term_width = 100,
+    after_help = "Examples:
+  site                                      three routers and three servers, for five minutes
+  site --minutes 60 --kill-every 10         … for an hour, and worse
+  site --servers 2 --writers 10 --readers 20
+  site --report site.json                   the figures as JSON; --json FILE is the same flag
+
+Exit code 0: nothing was lost, nobody waited, and all agree; 1: something of that is not so, or it
+failed; 2: wrong usage."
+)]
 struct Args {
     /// How long, minutes.
     #[arg(long, default_value_t = 5.0)]
@@ -41,7 +54,7 @@ struct Args {
     #[arg(long, default_value_t = 4)]
     readers: usize,
     /// Write the figures to this file as JSON.
-    #[arg(long, alias = "json", value_name = "FILE")]
+    #[arg(long, visible_alias = "json", value_name = "FILE", value_parser = output_file)]
     report: Option<PathBuf>,
 }
 
@@ -74,7 +87,10 @@ fn main() -> ExitCode {
             _ => run_role(Role::MapServer, program.skip(1).collect()),
         };
     }
-    let args = Args::parse();
+    let args: Args = match parse_args(args) {
+        Ok(args) => args,
+        Err(code) => return code,
+    };
     let stop = Stop::on_signal("site");
     let outcome = tempfile::tempdir().map_err(Into::into).and_then(|folder| {
         leave_nothing_behind(&stop?, folder.path());
@@ -98,7 +114,7 @@ fn main() -> ExitCode {
             if let Some(file) = &args.report {
                 let written = serde_json::to_vec_pretty(&report).map_err(|error| error.to_string());
                 if let Err(error) =
-                    written.and_then(|json| std::fs::write(file, json).map_err(|error| error.to_string()))
+                    written.and_then(|json| write_output(file, &json).map_err(|error| error.to_string()))
                 {
                     eprintln!("site: {}: {error}", file.display());
                     return ExitCode::FAILURE;
@@ -110,5 +126,24 @@ fn main() -> ExitCode {
             eprintln!("site: {error}");
             ExitCode::FAILURE
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_help_has_examples_that_the_program_takes() {
+        let help = Args::command().render_long_help().to_string();
+        let (_, examples) = help.split_once("Examples:\n").expect("examples");
+        let lines: Vec<&str> = examples.lines().take_while(|line| !line.is_empty()).collect();
+        assert!(lines.len() > 2, "{help}");
+        for line in lines {
+            let words = line.trim().split("  ").next().unwrap_or_default().split(' ');
+            assert!(Args::try_parse_from(words).is_ok(), "{line}");
+        }
+        assert!(help.contains("[alias: --json]"), "{help}");
     }
 }

@@ -8,6 +8,7 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, WriteOptions};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::error::Error;
 use std::fs::{File, OpenOptions};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -34,7 +35,7 @@ pub enum WriteError {
         source: std::io::Error,
     },
     /// Writing failed: the disk is full, or gone.
-    #[error("cannot write {path}: {source}")]
+    #[error("cannot write {path}: {}", first_cause(source))]
     Write {
         /// The file.
         path: PathBuf,
@@ -49,6 +50,15 @@ pub enum WriteError {
         /// Why.
         reason: String,
     },
+}
+
+/// What the system says: of a full disk the MCAP writer only says that writing failed.
+fn first_cause(error: &mcap::McapError) -> &(dyn Error + 'static) {
+    let mut cause: &(dyn Error + 'static) = error;
+    while let Some(deeper) = cause.source() {
+        cause = deeper;
+    }
+    cause
 }
 
 /// What was written.
@@ -205,4 +215,19 @@ fn add_channel(
     let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), offered_qos_profiles(durability))]);
     let id = writer.add_channel(schema, topic, "cdr", &metadata)?;
     Ok(Channel { id, type_name, durability, messages: 0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_a_full_disk_it_is_said_that_it_is_full() {
+        let full = std::io::Error::from(std::io::ErrorKind::StorageFull);
+        let reason = full.to_string();
+        let error = WriteError::Write { path: "run.mcap".into(), source: mcap::McapError::Io(full) };
+        assert_eq!(error.to_string(), format!("cannot write run.mcap: {reason}"));
+        let other = WriteError::Write { path: "run.mcap".into(), source: mcap::McapError::BadMagic };
+        assert_eq!(other.to_string(), "cannot write run.mcap: Bad magic number");
+    }
 }

@@ -6,7 +6,7 @@ use crate::program::operator::quota::QuotaAction;
 use crate::program::operator::release::ReleaseAction;
 use crate::program::operator::rule::{Corners, parse_corners, parse_pose, parse_speed};
 use clap::{Args, Subcommand};
-use fht_program::flags::wait;
+use fht_program::flags::{count, wait};
 use fht_proto::{FixedPose, Label, MapName, NodeId, ReleaseName, RobotName};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -239,7 +239,7 @@ An undo is a change, too: the next one takes it back.")]
         map: MapName,
         /// So many changes, the newest first. Each command that writes is one; a merge may be
         /// several.
-        #[arg(long, value_name = "COUNT", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+        #[arg(long, value_name = "COUNT", default_value_t = 1, value_parser = count)]
         last: u64,
         /// Instead of the operator's own changes, those of this robot: those that its role does not
         /// allow, or all.

@@ -16,7 +16,7 @@ use crate::program::operator::rule::{self, Corners};
 use crate::program::operator::send;
 use crate::program::operator::transfer;
 use crate::program::operator::undo;
-use crate::program::operator::words::{health_in_words, maps_in_words, releases_in_words, rules_in_words};
+use crate::program::operator::words::{counted, health_in_words, maps_in_words, releases_in_words, rules_in_words};
 use crate::program::operator::write::write;
 use fht_merge::MergeConfig;
 use fht_program::{Waiting, print_line};
@@ -216,8 +216,11 @@ async fn retain(session: &Session, map: MapName, keep: u64) -> Result<Retained, 
 
 fn retained_in_words(done: &Retained) -> String {
     format!(
-        "{} increments folded; {} instead of {} bytes; versions from {} on can be had",
-        done.folded, done.bytes, done.bytes_before, done.oldest_version
+        "{} folded; {} instead of {} bytes; versions from {} on can be had",
+        counted(done.folded, "increment"),
+        done.bytes,
+        done.bytes_before,
+        done.oldest_version
     )
 }
 

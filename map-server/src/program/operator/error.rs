@@ -8,6 +8,7 @@ use fht_map::crdt::inverse::InverseError;
 use fht_proto::MapName;
 use fht_proto::api::goal::GoalState;
 use fht_proto::api::reply::ErrorReply;
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
 /// Why an operator's command failed.
@@ -120,7 +121,8 @@ impl OperatorError {
         match self {
             Self::Session(error) => error.is_input(),
             Self::Refused(reply) => reply.code.is_input(),
-            Self::Usage(_) | Self::File { .. } | Self::Archive { .. } | Self::Unsound(_) => true,
+            Self::Usage(_) | Self::Archive { .. } | Self::Unsound(_) => true,
+            Self::File { source, .. } => is_of_name(source.kind()),
             Self::NotRenamed { reason, .. } => reason.is_input(),
             // There are no such changes, or not so many.
             Self::Undo { source, .. } => {
@@ -134,6 +136,21 @@ impl OperatorError {
     pub(super) fn json(error: &serde_json::Error) -> Self {
         Self::Answer(error.to_string())
     }
+}
+
+/// Whether a file cannot be read or written because of what it is called, and where it lies. A full
+/// or broken disk is no wrong input.
+fn is_of_name(kind: ErrorKind) -> bool {
+    matches!(
+        kind,
+        ErrorKind::NotFound
+            | ErrorKind::PermissionDenied
+            | ErrorKind::ReadOnlyFilesystem
+            | ErrorKind::NotADirectory
+            | ErrorKind::IsADirectory
+            | ErrorKind::InvalidFilename
+            | ErrorKind::InvalidInput
+    )
 }
 
 impl From<AskError> for OperatorError {
@@ -160,5 +177,17 @@ impl From<NotWritten> for OperatorError {
             }
             error => Self::Usage(error.to_string()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_folder_is_wrong_input_and_a_full_disk_is_not() {
+        let is_input = |kind: ErrorKind| OperatorError::File { path: "y.fht".into(), source: kind.into() }.is_input();
+        assert!(is_input(ErrorKind::NotFound) && is_input(ErrorKind::IsADirectory));
+        assert!(!is_input(ErrorKind::StorageFull) && !is_input(ErrorKind::QuotaExceeded));
     }
 }

@@ -91,7 +91,7 @@ fn doubted(doubt: DoubtfulWords) -> OperatorError {
 /// The operation that takes a place's name away, if there is one.
 pub(super) async fn no_place(session: &Session, map: &MapName, name: Label) -> Result<Op, OperatorError> {
     let places = list(session, map).await?.places;
-    is_there(map, "place", &name, places.iter().map(|place| place.name.as_str()))?;
+    is_there(map, "place called", &name, places.iter().map(|place| place.name.as_str()))?;
     Ok(Op::SetPlace { name, pose: None })
 }
 

@@ -2,6 +2,12 @@
 
 use fht_proto::api::reply::{Head, MapsReply, ReleaseView, ReleasesReply, RuleView, RulesReply};
 
+/// So many of something, whose name only needs an `s` where there are several.
+pub(super) fn counted(count: u64, one: &str) -> String {
+    let end = if count == 1 { "" } else { "s" };
+    format!("{count} {one}{end}")
+}
+
 pub(super) fn maps_in_words(reply: &MapsReply) -> String {
     if reply.maps.is_empty() {
         return "no maps yet".to_owned();
@@ -11,15 +17,15 @@ pub(super) fn maps_in_words(reply: &MapsReply) -> String {
             return format!("{}: damaged, and offline: see map-server check", head.map);
         }
         format!(
-            "{}: version {}, {} main nodes, {} support nodes, {} edges, {} bytes, robots use {}, {} increments refused",
+            "{}: version {}, {}, {}, {}, {}, robots use {}, {} refused",
             head.map,
             head.version,
-            head.main_nodes,
-            head.support_nodes,
-            head.edges,
-            head.bytes,
+            counted(head.main_nodes as u64, "main node"),
+            counted(head.support_nodes as u64, "support node"),
+            counted(head.edges as u64, "edge"),
+            counted(head.bytes, "byte"),
             head.enabled.as_deref().unwrap_or("the newest state"),
-            head.refused
+            counted(head.refused, "increment")
         ) + &deletion_in_words(head)
     };
     reply.maps.iter().map(line).collect::<Vec<_>>().join("\n")
@@ -27,7 +33,7 @@ pub(super) fn maps_in_words(reply: &MapsReply) -> String {
 
 /// Whether the server answers, and what is wrong with it.
 pub(super) fn health_in_words(reply: &MapsReply) -> String {
-    let mut lines = vec![format!("the server answers; it has {} map(s)", reply.maps.len())];
+    let mut lines = vec![format!("the server answers; it has {}", counted(reply.maps.len() as u64, "map"))];
     lines.extend(reply.read_only.iter().map(|reason| {
         format!("its disk cannot be written, so that it takes nothing in and tries again by itself: {reason}")
     }));
@@ -70,8 +76,22 @@ pub(super) fn rules_in_words(reply: &RulesReply) -> String {
     let edges = reply.closed_edges.iter().map(|[a, b]| format!("edge {a} {b}: closed"));
     let blocked = reply.blocked.iter().map(|by| {
         let (edges, places) = (by.edges.len(), by.places.len());
-        format!("{} found {edges} edges and {places} places blocked, for {:.0} s more", by.robot, by.for_s)
+        let (edges, places) = (counted(edges as u64, "edge"), counted(places as u64, "place"));
+        format!("{} found {edges} and {places} blocked, for {:.0} s more", by.robot, by.for_s)
     });
     let lines: Vec<String> = places.chain(zones).chain(edges).chain(blocked).collect();
     if lines.is_empty() { format!("map {} has no places, zones or closed edges", reply.map) } else { lines.join("\n") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_is_told_as_one() {
+        let said = [0, 1, 2].map(|count| counted(count, "increment"));
+        assert_eq!(said, ["0 increments", "1 increment", "2 increments"]);
+        let reply = |maps: &str| serde_json::from_str::<MapsReply>(&format!(r#"{{"maps": [{maps}]}}"#));
+        assert!(reply("").is_ok_and(|reply| health_in_words(&reply) == "the server answers; it has 0 maps"));
+    }
 }

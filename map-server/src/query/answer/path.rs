@@ -169,7 +169,7 @@ fn locate(view: &MapView, map: &MapState, place: &PlaceRef) -> Result<FixedPoint
             let annotations = view.state.annotations();
             annotations.place(name).map(|pose| pose.position).ok_or_else(|| {
                 let known = known_names(annotations.places().map(|(name, _)| name));
-                error(ErrorCode::UnknownPlace, format!("there is no place {name} on this map ({known})"))
+                error(ErrorCode::UnknownPlace, format!("map {} has no place called {name} ({known})", view.head.map))
             })
         }
     }

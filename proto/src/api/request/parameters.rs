@@ -20,10 +20,17 @@ pub fn bad_request(message: String) -> ErrorReply {
     ErrorReply::new(ErrorCode::BadRequest, &message)
 }
 
-/// Text from outside, cut to a sensible length for a message.
+/// Text from outside, cut to a sensible length for a message; what was cut off ends in `…`.
 #[must_use]
 pub fn shown(text: &str) -> String {
-    text.chars().take(80).collect()
+    /// Characters.
+    const MOST: usize = 80;
+    let mut letters = text.chars();
+    let mut shown: String = letters.by_ref().take(MOST).collect();
+    if letters.next().is_some() {
+        shown.push('…');
+    }
+    shown
 }
 
 /// The parameters of a query, checked against those that the topic knows.
@@ -111,5 +118,16 @@ impl<'a> Parameters<'a> {
     pub(super) fn vector(&self, name: &str) -> Result<Option<VersionVector>, ErrorReply> {
         let parse = |value: &&str| value.parse().map_err(|error| bad_request(format!("{name}: {error}")));
         self.values.get(name).map(parse).transpose()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::shown;
+
+    #[test]
+    fn what_is_cut_off_is_marked() {
+        assert_eq!((shown("Küche"), shown(&"ü".repeat(80))), ("Küche".to_owned(), "ü".repeat(80)));
+        assert_eq!(shown(&"ü".repeat(81)), "ü".repeat(80) + "…");
     }
 }

@@ -1,0 +1,143 @@
+//! Files that a program writes when it ends: whether they can be written is found out before it
+//! begins.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+/// Why a file cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum OutputFileError {
+    /// A folder has its name.
+    #[error("it is a folder")]
+    Folder,
+    /// The folder that it is to be in is missing.
+    #[error("there is no folder {}", .0.display())]
+    NoFolder(PathBuf),
+    /// It is to be a picture, and is not called so.
+    #[error("a picture's name ends in .png; '{0}' does not")]
+    NoPicture(String),
+    /// The system refuses.
+    #[error("it cannot be written: {0}")]
+    Refused(#[source] io::Error),
+}
+
+impl OutputFileError {
+    /// Whether what was given is wrong; a full disk is not the user's mistake.
+    #[must_use]
+    pub fn is_input(&self) -> bool {
+        let Self::Refused(error) = self else { return true };
+        !matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded)
+    }
+}
+
+/// A file that a program will write when it ends: its folder must be there already, and take it.
+///
+/// # Errors
+/// [`OutputFileError`].
+pub fn output_file(text: &str) -> Result<PathBuf, OutputFileError> {
+    let file = PathBuf::from(text);
+    if file.is_dir() {
+        return Err(OutputFileError::Folder);
+    }
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+    if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+        return Err(OutputFileError::NoFolder(folder.to_owned()));
+    }
+    try_writing(&file).map_err(OutputFileError::Refused)?;
+    Ok(file)
+}
+
+/// The same for a picture: its name ends in `.png`, so that nothing else is overwritten.
+///
+/// # Errors
+/// [`OutputFileError`].
+pub fn png_file(text: &str) -> Result<PathBuf, OutputFileError> {
+    let is_png = Path::new(text).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
+    if is_png { output_file(text) } else { Err(OutputFileError::NoPicture(text.to_owned())) }
+}
+
+/// Makes the file with something in it, and takes it away again. A file that is there is opened for
+/// writing, and stays as it is.
+fn try_writing(file: &Path) -> io::Result<()> {
+    // What will be a folder may end in a slash.
+    let file = file.components().as_path();
+    match OpenOptions::new().write(true).create_new(true).open(file) {
+        Ok(mut made) => {
+            // A full disk has room for names.
+            let written = made.write_all(b"\n");
+            std::fs::remove_file(file)?;
+            written
+        }
+        // What is no file, such as a pipe, is opened only when there is something for it.
+        Err(error) if error.kind() == ErrorKind::AlreadyExists && !file.is_file() => Ok(()),
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => OpenOptions::new().write(true).open(file).map(|_| ()),
+        Err(error) => Err(error),
+    }
+}
+
+/// Writes a file. When the disk does not take all of it, nothing of it stays.
+///
+/// # Errors
+/// What the system says.
+pub fn write_output(file: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut open = File::create(file)?;
+    let written = open.write_all(bytes);
+    if written.is_err() && open.metadata().is_ok_and(|it| it.is_file()) {
+        let _ = std::fs::remove_file(file); // what failed is said
+    }
+    written
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn complaint(outcome: Result<PathBuf, OutputFileError>) -> Option<String> {
+        outcome.err().map(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_is_refused_at_once() -> io::Result<()> {
+        let dir = tempfile::tempdir()?;
+        let said = |file: &str| complaint(output_file(&dir.path().join(file).to_string_lossy()));
+        assert_eq!((said("report.json"), said("bag/")), (None, None));
+        assert_eq!(said("").as_deref(), Some("it is a folder"));
+        assert!(said("missing/report.json").is_some_and(|said| said.starts_with("there is no folder")));
+        assert!(said(&"x".repeat(300)).is_some_and(|said| said.starts_with("it cannot be written: ")));
+        // Looking has left nothing behind, and changes nothing that is there.
+        assert_eq!(std::fs::read_dir(dir.path())?.count(), 0);
+        std::fs::write(dir.path().join("old.json"), "{}")?;
+        assert_eq!(said("old.json"), None);
+        assert_eq!(std::fs::read_to_string(dir.path().join("old.json"))?, "{}");
+        Ok(())
+    }
+
+    #[test]
+    fn what_is_no_picture_is_not_overwritten() -> io::Result<()> {
+        let folder = tempfile::tempdir()?;
+        let at = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+        assert_eq!(complaint(png_file(&at("Map.PNG"))), None);
+        assert!(complaint(png_file("run.mcap")).is_some_and(|said| said.contains("ends in .png")));
+        let gone = complaint(png_file(&at("gone/map.png")));
+        assert!(gone.is_some_and(|said| said.contains("no folder") && said.contains("gone")));
+        Ok(())
+    }
+
+    #[test]
+    fn a_full_disk_is_no_wrong_input() {
+        let of = |kind: ErrorKind| OutputFileError::Refused(kind.into()).is_input();
+        assert!(!of(ErrorKind::StorageFull) && !of(ErrorKind::QuotaExceeded));
+        assert!(of(ErrorKind::PermissionDenied) && of(ErrorKind::ReadOnlyFilesystem));
+        assert!(OutputFileError::Folder.is_input());
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_device_that_takes_nothing_stays() {
+        let full = Path::new("/dev/full");
+        assert_eq!(complaint(output_file("/dev/full")), None);
+        assert!(write_output(full, b"{}").is_err_and(|error| error.kind() == ErrorKind::StorageFull));
+        assert!(full.exists());
+    }
+}
