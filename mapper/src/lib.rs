@@ -31,6 +31,7 @@
 mod camera;
 pub mod construct;
 pub mod explore;
+mod haste;
 mod mapping;
 #[cfg(feature = "program")]
 pub mod program;
@@ -40,5 +41,6 @@ pub mod slam;
 mod team;
 
 pub use camera::CameraError;
+pub use haste::Haste;
 pub use mapping::{Located, Mapper, MapperConfig, MapperStep};
 pub use team::JoinConfig;

@@ -15,6 +15,7 @@ use crate::construct::{
     Builder, Footing, PlaceObservation, RefinementJob, Roadmap, Shortcut, shortcuts, start_refinement,
 };
 use crate::explore::{Ending, ExploreStep, Explorer, Search, SearchResult};
+use crate::haste::Haste;
 use crate::publish::Journal;
 use crate::slam::{Anchored, ClosureCounts, Slam, Tracking};
 use fht_descriptor::{Appearance, DescriptorNet};
@@ -322,6 +323,13 @@ impl Mapper {
     /// too little is known, rectangles are grown once more, and every node is looked at for
     /// shortcuts in the finished grid.
     pub fn finish(&mut self) {
+        self.finish_while(&Haste::none());
+    }
+
+    /// The same with what there is time for. What is left undone are a last look at all loop
+    /// closures, main nodes at places that are known well enough, free space that few miss, and
+    /// shortcuts.
+    pub fn finish_while(&mut self, haste: &Haste) {
         if self.newcomer.is_some() {
             return; // what it saw has no place in the map
         }
@@ -331,9 +339,12 @@ impl Mapper {
         }
         let due = self.refine.finish();
         self.add_shortcuts(due.unwrap_or_default(), time_us);
-        self.slam.finish();
+        self.slam.finish_while(haste);
         self.follow(time_us);
         for place in self.builder.take_unknown(&self.journal, &self.slam.estimate()) {
+            if !haste.has_time() {
+                break;
+            }
             let made = self.builder.make_main(place, &mut self.journal, &self.slam.estimate());
             self.take_node(Some(made), time_us);
         }
@@ -343,12 +354,15 @@ impl Mapper {
             let ops = self.builder.leave_out_doubtful(&self.journal);
             self.write_all(&ops, time_us);
         }
-        let ops = self.builder.cover(&mut self.journal, &self.slam.estimate());
+        let ops = self.builder.cover(&mut self.journal, &self.slam.estimate(), haste);
         self.write_all(&ops, time_us);
         let space = Traversable::new(self.slam.grid(), &self.plan_config());
         let own = self.map().nodes().map(|node| node.id).filter(|id| self.builder.is_own(*id));
         let nodes: Vec<NodeId> = own.collect();
         for node in nodes {
+            if !haste.has_time() {
+                break;
+            }
             let found = shortcuts(Roadmap::of(self.map()), &space, node, &self.config.refine);
             self.add_shortcuts(found, time_us);
         }

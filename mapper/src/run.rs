@@ -10,6 +10,7 @@ pub use outcome::{MappingOutcome, MappingSummary};
 
 use crate::camera::CameraError;
 use crate::explore::Ending;
+use crate::haste::Haste;
 use crate::mapping::{Mapper, MapperConfig, MapperStep};
 use crate::publish::{Handover, Linked, LinkedError, Outbox, Progress, Publication, WindowConfig};
 use crate::team::{MapEntry, Peers};
@@ -21,6 +22,7 @@ use fht_proto::{AuthorId, MapName, VersionVector, encode};
 use fht_session::SessionConfig;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tokio::runtime::Handle;
 use tokio::time::timeout;
@@ -191,6 +193,10 @@ fn publication(task: &MappingTask, link: SessionConfig) -> Publication {
     Publication { link, wait, map, robot, spool, window, linger, stop }
 }
 
+/// How long finishing the map may go on after the run was told to end. Files are to be in order
+/// within a second.
+const HURRIED_FINISH: Duration = Duration::from_millis(300);
+
 /// A run in progress.
 struct Run<'a> {
     task: &'a MappingTask,
@@ -337,6 +343,14 @@ impl<'a> Run<'a> {
         Ok((observer.on_frame(&mapped), elapsed_us))
     }
 
+    /// Finishes the map; once the run is to end, with what there is time for.
+    fn finish_map(&mut self) {
+        let (stop, told) = (self.task.stop.clone(), OnceLock::new());
+        let haste =
+            Haste::while_there_is(move || !stop.is_set() || told.get_or_init(Instant::now).elapsed() < HURRIED_FINISH);
+        self.mapper.finish_while(&haste);
+    }
+
     /// Finishes the map as it is.
     async fn finish<R, O: MappingObserver>(
         mut self,
@@ -346,7 +360,7 @@ impl<'a> Run<'a> {
         mut observer: O,
     ) -> Result<MappingOutcome<R, O>, RunError> {
         if self.frames > 0 {
-            self.mapper.finish();
+            self.finish_map();
         }
         let written = self.hand_over();
         self.handover.finish().await;

@@ -39,6 +39,7 @@ pub use config::SlamConfig;
 pub use estimate::{Anchored, GridScan, SlamEstimate, SlamUpdate, Tracking};
 pub(crate) use foreign_nodes::{Told, ToldNode};
 
+use crate::haste::Haste;
 use crate::slam::calibration::OdometryCalibration;
 use back_end::{BackEnd, BackEndJob, BackEndResult};
 use closure::{LostSearch, SubmapSighting};
@@ -226,11 +227,16 @@ impl Slam {
 
     /// After the last frame: the graph is closed and optimised as well as it can be.
     pub fn finish(&mut self) {
+        self.finish_while(&Haste::none());
+    }
+
+    /// The same with what there is time for: what is under way is taken over in any case.
+    pub fn finish_while(&mut self, haste: &Haste) {
         let Some(last_odom) = self.active.as_ref().map(|(_, latest)| latest.odom_from_base) else { return };
         if let Some(outcome) = self.back_end.finish() {
             self.take_result(outcome, &last_odom);
         }
-        let last = BackEndJob { is_last: true, ..std::mem::take(&mut self.next_job) };
+        let last = BackEndJob { last: Some(haste.clone()), ..std::mem::take(&mut self.next_job) };
         self.back_end.submit(last, self.frame);
         if let Some(outcome) = self.back_end.finish() {
             self.take_result(outcome, &last_odom);

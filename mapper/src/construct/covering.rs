@@ -3,6 +3,7 @@
 use super::coverage::{CoverageGoal, Gaps, Patch};
 use super::edges::edges_of;
 use super::{Builder, point};
+use crate::haste::Haste;
 use crate::publish::Journal;
 use crate::slam::SlamEstimate;
 use fht_map::MapState;
@@ -11,16 +12,22 @@ use fht_proto::{EdgeKey, FixedPoint, Increment, NodeId, Op};
 use std::collections::HashSet;
 
 impl Builder {
-    /// Support nodes for free space that no rectangle covers, with their edges.
-    pub fn cover(&mut self, journal: &mut Journal, estimate: &SlamEstimate<'_>) -> Vec<Op> {
+    /// Support nodes for free space that no rectangle covers, with their edges, as many as there is
+    /// time for: as long as `haste` says.
+    pub fn cover(&mut self, journal: &mut Journal, estimate: &SlamEstimate<'_>, haste: &Haste) -> Vec<Op> {
         // The map as it will be: a new node may have an edge to one that was new before it.
         let mut map = journal.state().clone();
         let mut all = Vec::new();
         for goal in [CoverageGoal::Centre, CoverageGoal::Ground] {
+            if !haste.has_time() {
+                break;
+            }
             let mut gaps = Gaps::of(&map, estimate.grid, &self.config.free_space, &self.config.coverage, goal);
             // Places from which no edge leads to any node that there is yet.
             let mut hopeless: HashSet<FixedPoint> = HashSet::new();
-            while let Some(patch) = gaps.take_best() {
+            while let Some(patch) = gaps.take_best()
+                && haste.has_time()
+            {
                 let id = journal.next_node();
                 let joined = self.joined(&patch, goal, id, &map, estimate.grid, &mut hopeless);
                 let Some((Patch { place, rect }, mut edges)) = joined else {

@@ -1,6 +1,7 @@
 //! Rectangles and nodes follow what is seen.
 
 use super::*;
+use crate::haste::Haste;
 use fht_perception::frame::LaserScan;
 use fht_perception::grid::{Cell, CellBounds, CellState, GridConfig};
 use fht_perception::pose::{Point2, pose};
@@ -121,7 +122,7 @@ fn ground_in_a_gap_too_narrow_for_an_edge_is_covered_from_outside() {
     let anchored = Anchored { keyframe: 0, keyframe_from_base: pose(0.0, -1.0, 0.0) };
     let (_, ops) = builder.make_node(Footing { anchored, frame: None }, None, &mut journal, &estimate);
     journal.write(ops, 1);
-    let ops = builder.cover(&mut journal, &estimate);
+    let ops = builder.cover(&mut journal, &estimate, &Haste::none());
     journal.write(ops, 2);
     let in_niche = |node: &fht_map::NodeRef<'_>| {
         node.free_space.is_some_and(|rect| {
@@ -135,7 +136,9 @@ fn ground_in_a_gap_too_narrow_for_an_edge_is_covered_from_outside() {
     let before = journal.state().nodes().count();
     journal.write(builder.finish(&journal, &grid), 3);
     assert!(
-        builder.cover(&mut journal, &SlamEstimate { grid: &grid, poses: &[Pose2::identity()] }).is_empty(),
+        builder
+            .cover(&mut journal, &SlamEstimate { grid: &grid, poses: &[Pose2::identity()] }, &Haste::none())
+            .is_empty(),
         "{before} nodes cover it"
     );
 }

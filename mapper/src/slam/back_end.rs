@@ -4,6 +4,7 @@ use super::closure::{ClosureConfig, ClosureCounts, LoopCloser, LostSearch, NewKe
 use super::estimate::{GridScan, Lost, locate};
 use super::graph::KeyframeGraph;
 use super::submap::SubmapConfig;
+use crate::haste::Haste;
 use crate::slam::foreign_nodes::{Hearsay, Shift, Told};
 use fht_perception::grid::{CellBounds, GridConfig, OccupancyGrid};
 use fht_perception::pose::Pose2;
@@ -29,8 +30,8 @@ pub struct BackEndJob {
     pub map_from_run: Option<Pose2>,
     /// A robot that does not know where it is.
     pub lost: Option<Lost>,
-    /// Whether this is the last job.
-    pub is_last: bool,
+    /// With the last job: whether there is time for a last look at all closures.
+    pub last: Option<Haste>,
 }
 
 /// What it made of that.
@@ -98,8 +99,8 @@ impl BackEnd {
             self.closer.observe_appearance(sighting, &mut self.graph);
             has_moved |= self.closer.settle(&mut self.graph);
         }
-        if job.is_last {
-            self.closer.finish(&mut self.graph);
+        if let Some(haste) = &job.last {
+            self.closer.finish(&mut self.graph, haste);
             has_moved = true;
         }
         self.views.extend(job.views);

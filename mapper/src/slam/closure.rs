@@ -23,6 +23,7 @@ pub(super) use matching::with_floor;
 
 use super::graph::{KeyframeGraph, Link};
 use super::submap::Submap;
+use crate::haste::Haste;
 use fht_perception::pose::{Point2, Pose2, wrap_angle};
 use fht_perception::pose_graph::{GraphConfig, PoseConstraint, chi2};
 use fht_proto::NodeId;
@@ -289,17 +290,20 @@ impl LoopCloser {
     }
 
     /// After the last keyframe: every keyframe is matched to all finished submaps near it, and all
-    /// is optimised again.
-    pub fn finish(&mut self, graph: &mut KeyframeGraph) {
+    /// is optimised again. Without time for all of that nothing of it is done.
+    pub fn finish(&mut self, graph: &mut KeyframeGraph, haste: &Haste) {
         let config = GraphConfig { is_graduated: false, ..self.config.graph.clone() };
         let optimise = |graph: &mut KeyframeGraph| {
             graph.optimise(&config).inspect_err(|error| tracing::warn!("the pose graph was not optimised: {error}"))
         };
-        if optimise(graph).is_err() {
+        if !haste.has_time() || optimise(graph).is_err() {
             return;
         }
         graph.drop_doubtful();
-        let edges = self.settled_edges(graph);
+        let edges = self.settled_edges(graph, haste);
+        if !haste.has_time() {
+            return;
+        }
         edges.into_iter().for_each(|edge| graph.join(Link::ordinary(edge)));
         for index in 0..graph.poses().len() {
             self.anchor_within(index, SETTLED, graph);
@@ -309,14 +313,18 @@ impl LoopCloser {
 
     /// Every keyframe matched to the finished submaps near it, in the order of the keyframes: each
     /// match for itself, so that all cores work on them.
-    fn settled_edges(&self, graph: &KeyframeGraph) -> Vec<PoseConstraint> {
+    fn settled_edges(&self, graph: &KeyframeGraph, haste: &Haste) -> Vec<PoseConstraint> {
         let count = graph.poses().len();
         let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         let share = count.div_ceil(threads).max(1);
         std::thread::scope(|scope| {
             let parts = (0..count).step_by(share).map(|first| {
                 let indices = first..(first + share).min(count);
-                scope.spawn(move || indices.flat_map(|index| self.settled_edges_of(index, graph)).collect::<Vec<_>>())
+                let edges = move || {
+                    let in_time = indices.take_while(|_| haste.has_time());
+                    in_time.flat_map(|index| self.settled_edges_of(index, graph)).collect::<Vec<_>>()
+                };
+                scope.spawn(edges)
             });
             let parts: Vec<_> = parts.collect();
             let join = |part: std::thread::ScopedJoinHandle<'_, _>| match part.join() {
