@@ -10,9 +10,6 @@ use mapper::{Haste, Mapper, MapperConfig, MapperStep};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// So often there is time.
-const ENOUGH: usize = 150;
-
 /// The map after two minutes in the museum, finished in some way.
 fn explored(finish: impl FnOnce(&mut Mapper)) -> MapState {
     let world = Arc::new(fht_sim::load("museum", None, 1).unwrap());
@@ -31,15 +28,19 @@ fn explored(finish: impl FnOnce(&mut Mapper)) -> MapState {
 
 #[test]
 fn a_map_that_is_finished_in_a_hurry_hangs_together_and_lacks_only_the_last_touches() {
-    let whole = explored(Mapper::finish);
+    // How often it is asked whether there is time, and then time for all but the last of it.
+    let asked = Arc::new(AtomicUsize::new(0));
+    let time_for = |times: usize| {
+        asked.store(0, Ordering::Relaxed);
+        let asked = Arc::clone(&asked);
+        Haste::while_there_is(move || asked.fetch_add(1, Ordering::Relaxed) < times)
+    };
+    let whole = explored(|mapper| mapper.finish_while(&time_for(usize::MAX)));
+    let often = asked.load(Ordering::Relaxed);
     let at_once = explored(|mapper| mapper.finish_while(&Haste::while_there_is(|| false)));
-    let some = explored(|mapper| {
-        // Enough for SLAM, not for all free space.
-        let asked = AtomicUsize::new(0);
-        mapper.finish_while(&Haste::while_there_is(move || asked.fetch_add(1, Ordering::Relaxed) < ENOUGH));
-    });
+    let some = explored(|mapper| mapper.finish_while(&time_for(often - often / 4)));
     let nodes = [&at_once, &some, &whole].map(|map| map.nodes().count());
-    assert!(nodes[0] > 3 && nodes[0] < nodes[1] && nodes[1] < nodes[2], "{nodes:?}");
+    assert!(nodes[0] > 3 && nodes[0] < nodes[1] && nodes[1] < nodes[2], "{nodes:?}, asked {often} times");
     for map in [&at_once, &some] {
         let first = map.nodes().next().unwrap().id;
         assert_eq!(distances_from(map, first).len(), map.nodes().count(), "every node can be reached");

@@ -161,9 +161,15 @@ fn the_walk_through_makes_every_file_that_the_compose_file_mounts() {
 
 /// What `map-server access-control` writes for a router of `deploy/roles.json5`.
 fn for_router(name: &str, into: &[&str]) -> String {
+    guarded(&["--router", name], into)
+}
+
+/// These files with who may do what.
+fn guarded(flags: &[&str], into: &[&str]) -> String {
     let files = into.iter().flat_map(|file| ["--into".to_owned(), deploy(file).to_str().unwrap().to_owned()]);
-    let words = ["access-control", deploy("roles.json5").to_str().unwrap(), "--router", name].map(str::to_owned);
-    let words: Vec<String> = words.into_iter().chain(files).collect();
+    let roles = deploy("roles.json5");
+    let words = ["access-control", roles.to_str().unwrap()].into_iter().chain(flags.iter().copied());
+    let words: Vec<String> = words.map(str::to_owned).chain(files).collect();
     let written = map_server(&words.iter().map(String::as_str).collect::<Vec<_>>());
     assert!(written.status.success(), "{}", said(&written));
     String::from_utf8(written.stdout).unwrap()
@@ -183,7 +189,7 @@ fn a_site_of_these_files_leaves_nothing_open_and_what_is_open_is_said() {
     };
     let fine: Vec<String> = names.iter().map(|name| for_router(name, &["router.json5", "storages.json5"])).collect();
     assert_eq!(checked(&fine), (Some(0), "3 router(s): nothing is open\n".to_owned()));
-    let alone = for_router("a", &["server-alone.json5"]);
+    let alone = guarded(&[], &["server-alone.json5"]);
     assert_eq!(checked(&[alone]).0, Some(0));
     let (code, told) = checked(&fine[..1]);
     assert!(code == Some(1) && told.contains("a.json5: it counts others as routers"), "{told}");

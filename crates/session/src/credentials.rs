@@ -180,8 +180,8 @@ pub fn check(config: &Config, endpoints: &[String], side: TlsSide) -> Result<(),
     }
 }
 
-/// That the certificate which is shown is out of date, a sentence. It is no error: it may be renewed
-/// while the program waits, or the clock set.
+/// That the certificate which is shown is out of date, a sentence. It is no error: it may be
+/// renewed while the program waits, or the clock set.
 pub fn out_of_date(config: &Config, endpoints: &[String], side: TlsSide) -> Option<String> {
     let option = side.certificate();
     let tls = tls_options(config);

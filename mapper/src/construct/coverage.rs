@@ -175,8 +175,8 @@ impl Gaps {
     /// the first.
     ///
     /// What a patch covers only becomes less, so only those are counted again that were ahead of
-    /// all others when they were counted last (Minoux, "Accelerated greedy algorithms for maximizing
-    /// submodular set functions", 1978).
+    /// all others when they were counted last (Minoux, "Accelerated greedy algorithms for
+    /// maximizing submodular set functions", 1978).
     pub fn take_best(&mut self) -> Option<Patch> {
         loop {
             let candidates = self.candidates.iter().map(|candidate| candidate.at_most).enumerate();
