@@ -118,4 +118,7 @@ fn a_file_that_is_something_else_is_no_backup_and_no_store_is_begun() {
     // What is called like a store is a damaged one.
     std::fs::write(at("maps.redb.replaced-2026"), "root").unwrap();
     assert!(complaint(&at("maps.redb.replaced-2026"), &store).contains("is damaged"));
+    std::fs::write(at("hall.fht"), "nothing").unwrap();
+    assert!(complaint(&at("hall.fht"), &store).contains("not a map"));
+    assert!(!store.exists(), "no folder stays");
 }

@@ -22,7 +22,8 @@ use fht_proto::{AuthorId, MapName, VersionVector, encode};
 use fht_session::SessionConfig;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tokio::runtime::Handle;
 use tokio::time::timeout;
@@ -343,12 +344,19 @@ impl<'a> Run<'a> {
         Ok((observer.on_frame(&mapped), elapsed_us))
     }
 
-    /// Finishes the map; once the run is to end, with what there is time for.
-    fn finish_map(&mut self) {
-        let (stop, told) = (self.task.stop.clone(), OnceLock::new());
-        let haste =
-            Haste::while_there_is(move || !stop.is_set() || told.get_or_init(Instant::now).elapsed() < HURRIED_FINISH);
+    /// Finishes the map; once the run is to end, with what there is time for. Whether it is whole.
+    fn finish_map(&mut self) -> bool {
+        let (stop, told, is_whole) = (self.task.stop.clone(), OnceLock::new(), Arc::new(AtomicBool::new(true)));
+        let remark = Arc::clone(&is_whole);
+        let haste = Haste::while_there_is(move || {
+            let has_time = !stop.is_set() || told.get_or_init(Instant::now).elapsed() < HURRIED_FINISH;
+            if !has_time {
+                remark.store(false, Ordering::Relaxed);
+            }
+            has_time
+        });
         self.mapper.finish_while(&haste);
+        is_whole.load(Ordering::Relaxed)
     }
 
     /// Finishes the map as it is.
@@ -359,9 +367,7 @@ impl<'a> Run<'a> {
         robot: R,
         mut observer: O,
     ) -> Result<MappingOutcome<R, O>, RunError> {
-        if self.frames > 0 {
-            self.finish_map();
-        }
+        let is_whole = self.frames == 0 || self.finish_map();
         let written = self.hand_over();
         self.handover.finish().await;
         let vector = peers.as_ref().map(|peers| peers.taken(&self.mapper));
@@ -371,6 +377,7 @@ impl<'a> Run<'a> {
         }
         observer.on_end(&self.mapper);
         let (ending, robot_error) = match end {
+            Ok(Ending::Complete) if !is_whole => (Ending::Interrupted, None),
             Ok(ending) => (ending, None),
             Err(error) => (Ending::RobotFailed, Some(error)),
         };

@@ -17,6 +17,9 @@ use zenoh::qos::CongestionControl;
 const STORE_TIMEOUT: Duration = Duration::from_secs(10);
 /// The server is asked what it has this often.
 const ASK_EVERY: Duration = Duration::from_millis(250);
+/// Without news it is put again after this time: it may be lost, and who was refused a moment ago
+/// is not told again at once.
+const PUT_AGAIN: Duration = Duration::from_millis(1500);
 /// Two programs of one author may take the same number: so often another one is tried.
 const TRIES: usize = 5;
 
@@ -114,13 +117,17 @@ pub async fn write(session: &Session, map: &MapName, by: Authorship<'_>, ops: Ve
         // Newer than everything that the map has seen.
         let hlc_us = now_us().max(before.clock_us + 1);
         let increment = Increment { author, number, hlc_us, ops: ops.clone() };
-        session
-            .put(Key::increment(map, author, number).to_string(), encode(&increment)?)
-            .encoding(Encoding::APPLICATION_OCTET_STREAM)
-            .congestion_control(CongestionControl::Block)
-            .await?;
-        let begin = Instant::now();
+        let (key, bytes) = (Key::increment(map, author, number).to_string(), encode(&increment)?);
+        let (begin, mut put_at) = (Instant::now(), None::<Instant>);
         loop {
+            if put_at.is_none_or(|at| at.elapsed() >= PUT_AGAIN) {
+                put_at = Some(Instant::now());
+                session
+                    .put(&key, bytes.clone())
+                    .encoding(Encoding::APPLICATION_OCTET_STREAM)
+                    .congestion_control(CongestionControl::Block)
+                    .await?;
+            }
             if let Ok(Some(sample)) = refusals.try_recv()
                 && let Ok(reply) = serde_json::from_slice::<ErrorReply>(&sample.payload().to_bytes())
                 && reply.code != ErrorCode::Conflict

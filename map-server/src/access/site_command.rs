@@ -20,7 +20,7 @@ const EXAMPLES: &str = "\
 Examples:
   map-server check-site zenohd-a.json5 zenohd-b.json5 zenohd-c.json5
       a site with three routers; what it says is explained in deploy/README.md
-  map-server check-site server.json5
+  map-server check-site alone.json5
       a map-server that is the only router
 
 Exit code 0: nothing; 1: something, a line each, or not all routers are given; 2: a file cannot be

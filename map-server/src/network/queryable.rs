@@ -142,7 +142,7 @@ impl QueryService {
     /// Opens what robots reported blocked, and lets their copies know.
     fn unblock(&self, map: &MapName, robot: Option<String>, ignore_s: f64) -> Result<Vec<Answer>, ErrorReply> {
         let AnswerSources { catalog, active_rules, .. } = &self.sources;
-        let head = catalog.count_cleared(map).ok_or_else(|| unknown_map(map, catalog))?;
+        catalog.view(map).ok_or_else(|| unknown_map(map, catalog))?;
         let cleared = active_rules.clear_reports(map, robot.as_deref(), ignore_s, passed_us());
         if let Some(robot) = robot.as_deref().filter(|_| cleared == 0 && ignore_s <= 0.0) {
             return Err(nothing_blocked(robot, map));
@@ -151,7 +151,9 @@ impl QueryService {
         if cleared > 0 || ignore_s > 0.0 {
             tracing::warn!(%map, cleared, ignore_s, "an operator has cleared what {of} reported blocked");
         }
-        publish_head(&self.session, &head);
+        if let Some(head) = catalog.count_cleared(map) {
+            publish_head(&self.session, &head);
+        }
         self.blocked(map)
     }
 

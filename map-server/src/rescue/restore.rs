@@ -178,6 +178,7 @@ pub fn restore(backup: &Path, dir: &Path) -> Result<Restored, RestoreError> {
     {
         return Err(RestoreError::Itself(file));
     }
+    let is_new = !dir.exists();
     // Held to the end: no server begins meanwhile.
     let lock = RedbLog::lock(dir)?;
     let scratch = dir.join(COPY);
@@ -187,6 +188,9 @@ pub fn restore(backup: &Path, dir: &Path) -> Result<Restored, RestoreError> {
     });
     let _ = std::fs::remove_dir_all(&scratch); // it is of no more use
     drop(lock);
+    if outcome.is_err() && is_new {
+        RedbLog::unmake(dir);
+    }
     outcome
 }
 

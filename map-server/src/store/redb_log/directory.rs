@@ -63,6 +63,13 @@ impl RedbLog {
         }
     }
 
+    /// Takes away a directory that [`Self::lock`] has made, if nothing has come into it.
+    pub(crate) fn unmake(dir: &Path) {
+        // What does not go does no harm.
+        let _ = std::fs::remove_file(dir.join(LOCK_NAME));
+        let _ = std::fs::remove_dir(dir);
+    }
+
     /// Opens the store in `dir`, which must be there, and checks the sums of all that is in it.
     /// Nobody else may use it meanwhile.
     ///
