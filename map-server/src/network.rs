@@ -7,14 +7,12 @@
 //! | `robot_topics` | subscribes to what robots say about themselves |
 //! | `announcements` | publishes heads, and refusals to their writers |
 //! | `queryable` | answers queries |
-//! | `exact_keys` | declares the keys that are asked often one by one |
 //! | `query_door` | keeps those waiting that come before the store is read |
 //! | `query_rooms` | … and which of them wait for which |
 //! | `addressed` | what a key expression asks for |
 
 mod addressed;
 mod announcements;
-mod exact_keys;
 mod increments;
 mod query_door;
 mod query_rooms;
@@ -23,7 +21,6 @@ mod robot_topics;
 mod session;
 
 pub(crate) use announcements::{publish_head, publish_refusal};
-pub(crate) use exact_keys::declare_exact_keys;
 pub(crate) use increments::subscribe_increments;
 pub(crate) use query_door::QueryDoor;
 pub(crate) use queryable::QueryService;

@@ -5,8 +5,8 @@ use crate::clock::now_us;
 use crate::config::ServerConfig;
 use crate::ingest::{Ingest, WriterQueue};
 use crate::network::{
-    QueryDoor, QueryService, RobotTopicSubscriptions, declare_exact_keys, learn_blockages, publish_head, replacement,
-    subscribe_increments, subscribe_robot_topics,
+    QueryDoor, QueryService, RobotTopicSubscriptions, learn_blockages, publish_head, replacement, subscribe_increments,
+    subscribe_robot_topics,
 };
 use crate::query::AnswerSources;
 use crate::replicated::Stateless;
@@ -142,7 +142,6 @@ struct Answering {
     _nearest: Vec<Queryable<()>>,
     gap_fill: Option<JoinHandle<()>>,
     deleting: AbortHandle,
-    declaring: AbortHandle,
     _robots: RobotTopicSubscriptions,
 }
 
@@ -177,15 +176,12 @@ impl Answering {
         print_where(config, catalog.heads().len());
         let spawn_gap_fill = |stateless: &Stateless| stateless.spawn_gap_fill(Arc::clone(&catalog), Arc::clone(queue));
         let gap_fill = stateless.map(spawn_gap_fill).transpose().map_err(ServerError::Runtime)?;
-        let declaring = declare_exact_keys(session.clone(), Arc::clone(&catalog), stateless.is_some());
-        let declaring = tokio::spawn(declaring).abort_handle();
         let deleting = tokio::spawn(delete_when_due(catalog, Arc::clone(queue))).abort_handle();
-        Ok(Self { door, _nearest: nearest, gap_fill, deleting, declaring, _robots: robots })
+        Ok(Self { door, _nearest: nearest, gap_fill, deleting, _robots: robots })
     }
 
     async fn close(self) -> Result<(), ServerError> {
         self.deleting.abort();
-        self.declaring.abort();
         // The thread has ended, or panicked and said so.
         let _ = self.gap_fill.map(JoinHandle::join);
         Ok(self.door.close().await?)
