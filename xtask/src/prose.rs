@@ -6,8 +6,9 @@ use crate::source::{Source, SourceError, files, read};
 use std::path::Path;
 
 const COLUMNS: usize = 100;
-/// Files whose comments begin with `#`.
-const CONFIGURATION: [&str; 6] = [".toml", ".yaml", ".yml", ".sh", ".py", ".service"];
+/// How comments of configuration and scripts begin.
+const CONFIGURATION: [(&str, &str); 7] =
+    [(".toml", "#"), (".yaml", "#"), (".yml", "#"), (".sh", "#"), (".py", "#"), (".service", "#"), (".json5", "//")];
 
 pub(crate) fn check(root: &Path, sources: &[Source]) -> Result<Report, SourceError> {
     let mut findings = Vec::new();
@@ -31,14 +32,12 @@ pub(crate) fn check(root: &Path, sources: &[Source]) -> Result<Report, SourceErr
             }
         }
     }
-    for (endings, mark) in [(&CONFIGURATION[..], "#"), (&[".json5"], "//")] {
-        for ending in endings {
-            for path in files(root, ending)? {
-                let text = read(&root.join(&path))?;
-                let is_long_comment =
-                    |line: &str| line.trim_start().starts_with(mark) && is_long(line) && !is_exempt(line);
-                let long = text.lines().enumerate().filter(|(_, line)| is_long_comment(line));
-                findings.extend(long.map(|(number, _)| format!("{path}:{}", number + 1)));
+    for (ending, mark) in CONFIGURATION {
+        for path in files(root, ending)? {
+            for (number, line) in read(&root.join(&path))?.lines().enumerate() {
+                if line.trim_start().starts_with(mark) && is_long(line) && !is_exempt(line) {
+                    findings.push(format!("{path}:{}", number + 1));
+                }
             }
         }
     }

@@ -1,7 +1,5 @@
 //! Where pictures go.
 
-use std::fs::File;
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use tiny_skia::Pixmap;
 
@@ -42,17 +40,7 @@ pub fn default_file(kind: &str, source: &str, seed: Option<u64>) -> PathBuf {
 pub(crate) fn write(pixmap: &Pixmap, path: &Path) -> Result<(), PictureError> {
     let failed = |reason: String| PictureError::Write { path: path.to_owned(), reason };
     let png = pixmap.encode_png().map_err(|error| failed(error.to_string()))?;
-    write_whole(path, &png).map_err(|error| failed(error.to_string()))
-}
-
-/// Writes a file; nothing of it stays when the disk does not take all.
-fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut open = File::create(path)?;
-    let written = open.write_all(bytes);
-    if written.is_err() && open.metadata().is_ok_and(|it| it.is_file()) {
-        let _ = std::fs::remove_file(path); // what failed is said
-    }
-    written
+    fht_program::write_output(path, &png).map_err(|error| failed(error.to_string()))
 }
 
 #[cfg(test)]

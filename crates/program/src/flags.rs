@@ -3,7 +3,7 @@
 mod output_file;
 mod wrong_value;
 
-pub use output_file::{OutputFileError, output_file, png_file, write_output};
+pub use output_file::{OutputFileError, output_file, png_file};
 
 use crate::config::{ConfigError, Configuration, load_over, print};
 use clap::error::ErrorKind;
@@ -163,7 +163,8 @@ impl ReportArgs {
             in_words(report);
         }
         let Some(file) = &self.report else { return Ok(()) };
-        write_output(file, json.as_bytes()).map_err(|error| format!("{} cannot be written: {error}", file.display()))
+        crate::write_output(file, json.as_bytes())
+            .map_err(|error| format!("{} cannot be written: {error}", file.display()))
     }
 }
 

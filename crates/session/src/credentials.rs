@@ -243,13 +243,12 @@ pub fn check_owner(
     let file = tls.get("connect_certificate").and_then(serde_json::Value::as_str).map(PathBuf::from);
     let Some(file) = file.filter(|_| needs_tls(endpoints)) else { return Ok(()) };
     let Some(common_name) = common_name(&file) else { return Ok(()) };
-    match common_name.split_once(':') {
-        Some(("client", _)) if role == "explorer" => Err(CredentialError::OtherRole { file, common_name, role }),
-        Some(("client" | "explorer", _)) if role == "operator" => {
+    match (role, common_name.split_once(':')) {
+        ("explorer", Some(("client", _))) | ("operator", Some(("client" | "explorer", _))) => {
             Err(CredentialError::OtherRole { file, common_name, role })
         }
         // Whatever its role, it lets its owner report and nobody else.
-        Some(("client" | "explorer" | "operator", owner)) if owner != name => {
+        (_, Some(("client" | "explorer" | "operator", owner))) if owner != name => {
             let (owner, name) = (owner.to_owned(), name.to_owned());
             Err(CredentialError::OtherName { file, owner, role, name, common_name })
         }

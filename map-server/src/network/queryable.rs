@@ -139,7 +139,7 @@ impl QueryService {
         reply(query, &name, outcome);
     }
 
-    /// Opens what robots reported blocked, and lets their copies know.
+    /// Opens what robots reported blocked.
     fn unblock(&self, map: &MapName, robot: Option<String>, ignore_s: f64) -> Result<Vec<Answer>, ErrorReply> {
         let AnswerSources { catalog, active_rules, .. } = &self.sources;
         catalog.view(map).ok_or_else(|| unknown_map(map, catalog))?;
@@ -151,10 +151,7 @@ impl QueryService {
         if cleared > 0 || ignore_s > 0.0 {
             tracing::warn!(%map, cleared, ignore_s, "an operator has cleared what {of} reported blocked");
         }
-        if let Some(head) = catalog.count_cleared(map) {
-            publish_head(&self.session, &head);
-        }
-        self.blocked(map)
+        self.tell_blocked(map)
     }
 
     /// Has what a robot reported blocked stay so.
@@ -163,13 +160,14 @@ impl QueryService {
             return Err(nothing_blocked(robot, map));
         }
         tracing::warn!(%map, %robot, for_s, "an operator keeps closed what the robot reported blocked");
+        self.tell_blocked(map)
+    }
+
+    /// Lets copies know that what is blocked is not what it was, and answers with it.
+    fn tell_blocked(&self, map: &MapName) -> Result<Vec<Answer>, ErrorReply> {
         if let Some(head) = self.sources.catalog.count_cleared(map) {
             publish_head(&self.session, &head);
         }
-        self.blocked(map)
-    }
-
-    fn blocked(&self, map: &MapName) -> Result<Vec<Answer>, ErrorReply> {
         answer(Request::Map(map.clone(), Question::Rules), &self.sources, passed_us())
     }
 

@@ -3,7 +3,8 @@
 use clap::Parser;
 use fht_demo::{Role, leave_nothing_behind, run_role, this_executable};
 use fht_program::Stop;
-use fht_program::flags::{output_file, parse_args, write_output};
+use fht_program::flags::{output_file, parse_args};
+use fht_program::write_output;
 use fht_tests::site::{SiteConfig, SiteReport, run};
 use std::ffi::OsString;
 use std::path::PathBuf;

@@ -1,7 +1,7 @@
 //! Files that a program writes when it ends: whether they can be written is found out before it
 //! begins.
 
-use std::fs::{File, OpenOptions};
+use std::fs::OpenOptions;
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
@@ -76,22 +76,10 @@ fn try_writing(file: &Path) -> io::Result<()> {
     }
 }
 
-/// Writes a file. When the disk does not take all of it, nothing of it stays.
-///
-/// # Errors
-/// What the system says.
-pub fn write_output(file: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut open = File::create(file)?;
-    let written = open.write_all(bytes);
-    if written.is_err() && open.metadata().is_ok_and(|it| it.is_file()) {
-        let _ = std::fs::remove_file(file); // what failed is said
-    }
-    written
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::write_output;
 
     fn complaint(outcome: Result<PathBuf, OutputFileError>) -> Option<String> {
         outcome.err().map(|error| error.to_string())
