@@ -5,6 +5,8 @@ mod arguments;
 mod bodies_score;
 mod explore;
 mod explore_command;
+mod keeping;
+mod map_figures;
 mod picture;
 mod record;
 mod replay;
@@ -19,6 +21,8 @@ mod settings;
 mod way;
 
 pub use explore::{ExploreError, ExploreProgress, ExploreTask, explore};
+pub use keeping::{KeepError, Kept};
+pub use map_figures::MapFigures;
 pub use picture::PictureTask;
 pub use replay::{ReplayError, ReplayReport, ReplaySnapshot, ReplayTask, replay};
 pub use report::{ExploreReport, PeopleFigures, RobotFigures};

@@ -15,7 +15,7 @@ fn explored(people: u16) -> ExploreReport {
 #[test]
 fn among_people_nobody_is_run_into_and_nobody_is_in_the_map() {
     let (report, again) = (explored(20), explored(20));
-    assert_eq!(report.digest, again.digest);
+    assert_eq!(report.map.digest, again.map.digest);
     let people = report.people.expect("people");
     assert_eq!((people.count, people.contacts.by_robot, report.collisions), (20, 0, 0));
     assert!(people.returns_in_nodes * 100 <= people.returns, "{people:?}");

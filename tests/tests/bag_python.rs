@@ -104,7 +104,7 @@ fn a_client_records_its_map_so_that_others_can_show_it() {
     };
     run_for(Role::Mapper, &["explore", "60", "--report", &at("explorer.json"), "--quiet"]);
     let explored: ExploreReport = serde_json::from_str(&std::fs::read_to_string(at("explorer.json")).unwrap()).unwrap();
-    assert!(explored.delivered && explored.main_nodes > 0, "{explored:?}");
+    assert!(explored.map.delivered && explored.map.main_nodes > 0, "{explored:?}");
     for name in ["drive.mcap", "drive"] {
         run_for(Role::ClientRobot, &["relocalize", "12", "--record", &at(name), "--quiet"]);
         let others: Value = serde_json::from_slice(&run(python("read.py").arg(at(name))).stdout).unwrap();
@@ -118,9 +118,9 @@ fn a_client_records_its_map_so_that_others_can_show_it() {
             );
             assert_eq!(rosbags["qos"][topic], "TRANSIENT_LOCAL", "{topic}");
         }
-        assert_eq!(mcap["markers"]["main nodes"][1], explored.main_nodes);
-        assert_eq!(mcap["markers"]["support nodes"][1], explored.support_nodes);
-        assert_eq!(mcap["markers"]["edges"][1], 2 * explored.edges);
+        assert_eq!(mcap["markers"]["main nodes"][1], explored.map.main_nodes);
+        assert_eq!(mcap["markers"]["support nodes"][1], explored.map.support_nodes);
+        assert_eq!(mcap["markers"]["edges"][1], 2 * explored.map.edges);
         let (free, walls) = (rosbags["grids"][0][2].as_u64().unwrap(), rosbags["grids"][0][3].as_u64().unwrap());
         assert!(free > 1000 && walls > 100, "{free} free cells, {walls} of walls");
     }

@@ -166,17 +166,24 @@ fn a_robot_that_comes_back_under_its_own_name_goes_on() {
         (ended.is_ok(), report)
     };
     let (is_done, first) = explore("explorer", "60", &folder.path().join("first.json"));
-    assert!(!is_done && first.ending == Ending::OutOfTime && first.delivered, "{first:?}");
+    assert!(!is_done && first.map.ending == Ending::OutOfTime && first.map.delivered, "{first:?}");
     let (is_done, second) = explore("explorer", "3600", &folder.path().join("second.json"));
-    assert!(is_done && second.ending == Ending::Complete && second.delivered, "{second:?}");
-    assert!(second.version > first.version && second.joined.is_some_and(|[seconds, _]| seconds > 0.0), "{second:?}");
-    assert!(second.main_nodes > first.main_nodes && second.explored_fraction > 0.98, "{second:?}");
-    assert_eq!((first.version, second.version), (first.written, second.written), "there is no other author");
+    assert!(is_done && second.map.ending == Ending::Complete && second.map.delivered, "{second:?}");
+    assert!(
+        second.map.version > first.map.version && second.joined.is_some_and(|[seconds, _]| seconds > 0.0),
+        "{second:?}"
+    );
+    assert!(second.map.main_nodes > first.map.main_nodes && second.explored_fraction > 0.98, "{second:?}");
+    assert_eq!(
+        (first.map.version, second.map.version),
+        (first.map.written, second.map.written),
+        "there is no other author"
+    );
 
     // Another robot's version is that of the map, whoever wrote it.
     let (_, third) = explore("other", "3600", &folder.path().join("third.json"));
-    assert!(third.joined.is_some() && third.delivered, "{third:?}");
-    assert_eq!(third.version, second.written + third.written, "{third:?}");
+    assert!(third.joined.is_some() && third.map.delivered, "{third:?}");
+    assert_eq!(third.map.version, second.map.written + third.map.written, "{third:?}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -194,5 +201,5 @@ async fn who_only_says_that_it_explores_keeps_nobody_from_beginning_a_map() {
     let explorer = Process::start(executable(), Role::Mapper, flags.into_iter().chain(more)).unwrap();
     let _ = explorer.follow(|_| {}); // its time is short
     let report: ExploreReport = serde_json::from_str(&std::fs::read_to_string(report).unwrap()).unwrap();
-    assert!(report.main_nodes > 0 && report.delivered && report.explored_fraction > 0.0, "{report:?}");
+    assert!(report.map.main_nodes > 0 && report.map.delivered && report.explored_fraction > 0.0, "{report:?}");
 }

@@ -42,17 +42,17 @@ fn a_recorded_run_replayed_through_the_server_is_the_same_map() {
         ["explore", "--no-cameras", "--map", "driven", "--record", &bag, "--connect", &endpoint, "--json", "-q"];
     let explored = mapper(&explore);
     let explored: ExploreReport = serde_json::from_slice(&explored.stdout).unwrap();
-    assert!(explored.delivered && explored.closures[0] > 0, "{explored:?}");
+    assert!(explored.map.delivered && explored.map.closures[0] > 0, "{explored:?}");
     let replayed = mapper(&["replay", &bag, "--map", "replayed", "--connect", &endpoint, "--json", "-q"]);
     assert!(replayed.status.success(), "{}", String::from_utf8_lossy(&replayed.stderr));
     let replayed: ReplayReport = serde_json::from_slice(&replayed.stdout).unwrap();
-    assert!(replayed.delivered);
-    assert_eq!((replayed.digest, replayed.version), (explored.digest, explored.version));
+    assert!(replayed.map.delivered);
+    assert_eq!((replayed.map.digest, replayed.map.version), (explored.map.digest, explored.map.version));
 
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let session = runtime.block_on(fht_session::open(&SessionConfig::from_options(vec![endpoint], None))).unwrap();
-    assert_eq!(head_digest(&session, "driven"), explored.digest);
-    assert_eq!(head_digest(&session, "replayed"), explored.digest);
+    assert_eq!(head_digest(&session, "driven"), explored.map.digest);
+    assert_eq!(head_digest(&session, "replayed"), explored.map.digest);
     session.close().wait().unwrap();
 }
 
@@ -80,5 +80,5 @@ fn what_a_killed_recorder_leaves_is_mapped_up_to_there() {
     let replayed = mapper(&["replay", &bag, "--map", "cut", "--offline", "--json", "-q"]);
     let report: ReplayReport = serde_json::from_slice(&replayed.stdout).unwrap();
     assert!(!report.bag.broken.is_empty(), "the cut is not told: {report:?}");
-    assert!(report.bag_s > 30.0 && report.main_nodes >= 2 && report.free_area_m2 > 20.0, "{report:?}");
+    assert!(report.bag_s > 30.0 && report.map.main_nodes >= 2 && report.free_area_m2 > 20.0, "{report:?}");
 }

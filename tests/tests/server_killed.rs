@@ -89,13 +89,13 @@ fn nothing_acknowledged_is_lost_and_all_agree_in_the_end() {
     assert!(written_while_dead >= BACK_AFTER);
 
     let report: ExploreReport = serde_json::from_str(&std::fs::read_to_string(&report_file).unwrap()).unwrap();
-    assert!(report.delivered);
+    assert!(report.map.delivered);
     assert!(report.explored_fraction > 0.95, "{}", report.explored_fraction);
     let head = wait_for_head(&session, &map);
-    assert_eq!((head.vector.get(author), head.version), (report.written, report.version));
-    assert_eq!(head.digest, report.digest, "server and explorer");
+    assert_eq!((head.vector.get(author), head.version), (report.map.written, report.map.version));
+    assert_eq!(head.digest, report.map.digest, "server and explorer");
     assert!(replica.wait_for(&head.vector, PATIENCE), "the client has {} of {}", replica.read().vector(), head.vector);
-    assert_eq!(replica.read().state().digest(), report.digest, "client and explorer");
+    assert_eq!(replica.read().state().digest(), report.map.digest, "client and explorer");
     drop(replica);
     session.close().wait().unwrap();
 }
@@ -132,12 +132,12 @@ fn what_a_killed_explorer_had_made_is_delivered_by_its_next_run() {
     let _server = start_server(&data, &endpoint);
     let report = explore(&["--json"]).finish(Duration::from_secs(120)).unwrap();
     let report: ExploreReport = serde_json::from_str(&report).unwrap();
-    assert!(report.joined.is_some() && report.written > left.written(), "{report:?}");
+    assert!(report.joined.is_some() && report.map.written > left.written(), "{report:?}");
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let session =
         runtime.block_on(fht_session::open(&SessionConfig::from_options(vec![endpoint.clone()], None))).unwrap();
     let head = wait_for_head(&session, &map);
-    assert_eq!((head.vector.get(author), head.digest), (report.written, report.digest));
+    assert_eq!((head.vector.get(author), head.digest), (report.map.written, report.map.digest));
     let since = format!("{}?vector={author}:{}", Key::topic(&map, Topic::Since), left.acknowledged);
     let answers = session.get(since).consolidation(zenoh::query::ConsolidationMode::None).wait().unwrap();
     let pieces = answers.iter().map(|answer| decode::<Series>(&answer.result().unwrap().payload().to_bytes()).unwrap());

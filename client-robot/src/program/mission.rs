@@ -77,9 +77,10 @@ pub(super) fn mission(
     let (recording, (_, ((publisher, display), score))) = observer;
     publisher.finish();
     display.finish();
-    recording.finish()?;
+    let recorded = recording.finish();
     let outcome = match outcome {
         Err(MissionError::Interrupted) => {
+            recorded?;
             eprintln!("client-robot: interrupted on the way: the robot stands");
             return Ok(stop.exit_code().unwrap_or(ExitCode::FAILURE));
         }
@@ -102,6 +103,7 @@ pub(super) fn mission(
     if let Some(failure) = &report.failure {
         eprintln!("client-robot: failed: {failure}");
     }
+    recorded?;
     let is_done =
         if *goal == MissionGoal::None { report.localized_at_end && report.failure.is_none() } else { report.arrived };
     Ok(if is_done { ExitCode::SUCCESS } else { ExitCode::from(1) })

@@ -84,7 +84,7 @@ pub(super) fn explore(
     match config.crew {
         Crew::One => {
             let report = job.run(0, false, None)?;
-            let state = report.vector.clone().map(|vector| (vector, report.digest));
+            let state = report.vector.clone().map(|vector| (vector, report.map.digest));
             Ok(Explored { state, ..sum(vec![(name(0), report)], None) })
         }
         Crew::Team(count) => {
@@ -209,7 +209,7 @@ fn sum(reports: Vec<(String, ExploreReport)>, explored_fraction: Option<f64>) ->
     let most = |of: fn(&ExploreReport) -> usize| all().map(of).max().unwrap_or(0);
     let figures = |(robot, report): &(String, ExploreReport)| ExplorerFigures {
         robot: robot.clone(),
-        ending: report.ending.to_string(),
+        ending: report.map.ending.to_string(),
         joined: report.joined,
         driven_m: Some(report.driven_m),
         sim_s: report.sim_s,
@@ -219,11 +219,11 @@ fn sum(reports: Vec<(String, ExploreReport)>, explored_fraction: Option<f64>) ->
         free_area_m2: all().map(|report| report.free_area_m2).fold(0.0, f64::max),
         explored_fraction: explored_fraction
             .unwrap_or_else(|| all().map(|report| report.explored_fraction).fold(0.0, f64::max)),
-        main_nodes: most(|report| report.main_nodes),
-        support_nodes: most(|report| report.support_nodes),
-        edges: most(|report| report.edges),
-        map_bytes: all().map(|report| report.map_bytes).sum(),
-        wire_bytes: all().map(|report| report.wire_bytes).sum(),
+        main_nodes: most(|report| report.map.main_nodes),
+        support_nodes: most(|report| report.map.support_nodes),
+        edges: most(|report| report.map.edges),
+        map_bytes: all().map(|report| report.map.map_bytes).sum(),
+        wire_bytes: all().map(|report| report.map.wire_bytes).sum(),
         error_mean_m: all().map(|report| report.trajectory_error.mean_m).fold(0.0, f64::max),
         driven_m: all().map(|report| report.driven_m).sum(),
         collisions: all().map(|report| report.collisions).sum(),

@@ -1,15 +1,13 @@
 //! Exploring a simulated building: the simulator behind the port, and the result scored against its
 //! truth.
 
-use super::picture::{PictureTask, RunPicture};
-use super::record::RunRecorder;
+use super::keeping::{KeepError, RunKeeper};
+use super::picture::PictureTask;
 use super::report::ExploreReport;
 use super::scoring::ExplorationScore;
 use crate::mapping::Mapper;
 use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask, RunError};
-use fht_bag::WriteError;
 use fht_perception::robot::{Paced, RobotError, SilenceConfig};
-use fht_picture::PictureError;
 use fht_program::stop::Stop;
 use fht_shared_world::{JoinError, WorldExit, seat};
 use fht_sim::{SimConfig, SimSetup, Simulator, StartError, WorldError};
@@ -57,20 +55,9 @@ pub enum ExploreError {
     /// The robot cannot be in the world that it shares.
     #[error(transparent)]
     SharedWorld(#[from] JoinError),
-    /// The recording failed.
-    #[error("the recording failed: {0}")]
-    Record(#[from] WriteError),
-    /// The picture failed.
-    #[error("there is no picture of the map: {0}")]
-    Picture(#[from] PictureError),
-    /// The exploration has ended, but what was to be kept of it could not be written.
-    #[error("{failure}")]
-    NotKept {
-        /// Why.
-        failure: Box<ExploreError>,
-        /// What the exploration came to.
-        report: Box<ExploreReport>,
-    },
+    /// The recording cannot be.
+    #[error(transparent)]
+    Keep(#[from] KeepError),
     /// The run failed.
     #[error(transparent)]
     Run(#[from] RunError),
@@ -163,7 +150,7 @@ pub async fn explore(
     let ExploreTask { setup, sim, mapping, .. } = task;
     let world = Arc::new(setup.load()?);
     let start = setup.start_in(&world, sim.radius_m)?.unwrap_or_else(|| world.start());
-    let recorder = RunRecorder::new(task.record.as_deref())?;
+    let keeper = RunKeeper::new(task.record.as_deref(), task.picture)?;
     let camera_every = if mapping.cameras { sim.camera_every } else { 0 };
     let simulator = Simulator::new(world, SimConfig { camera_every, ..sim }, start, setup.seed);
     let (simulator, exit) = seat(simulator, &setup, &mapping.robot)?;
@@ -171,24 +158,12 @@ pub async fn explore(
     let watcher = Watcher { watch, next_us: 0 };
     // Its sensors are never silent, however slow the simulated time.
     let mapping = MappingTask { silence: SilenceConfig::patient(), stop: task.stop, ..mapping };
-    let observer = ((recorder, RunPicture::new(task.picture)), (watcher, (score, LeavesAtEnd(exit))));
+    let observer = (keeper, (watcher, (score, LeavesAtEnd(exit))));
     let outcome = run::explore(mapping, Paced::new(simulator, task.rate), observer).await?;
-    let MappingOutcome { mut summary, mapper, observer: ((mut recorder, mut picture), (_, (score, _))), .. } = outcome;
+    let MappingOutcome { mut summary, mapper, observer: (keeper, (_, (score, _))), .. } = outcome;
     if let Some(error) = summary.robot_error.take() {
         return Err(error.into());
     }
-    let (picture, not_drawn) = match picture.finish() {
-        Ok(file) => (file, None),
-        Err(error) => (None, Some(error)),
-    };
-    let failure = recorder.finish().err().map(ExploreError::from).or(not_drawn.map(ExploreError::from));
-    match failure {
-        None => Ok(ExploreReport { picture, ..score.report(&summary, &mapper) }),
-        // A recording that cannot begin ends the run with its first frame: nothing is to be told.
-        Some(failure) if summary.frames <= 1 => Err(failure),
-        Some(failure) => {
-            let report = ExploreReport { picture, ..score.report(&summary, &mapper) };
-            Err(ExploreError::NotKept { failure: Box::new(failure), report: Box::new(report) })
-        }
-    }
+    let kept = keeper.finish(summary.frames)?;
+    Ok(score.report(&summary, &mapper, kept))
 }

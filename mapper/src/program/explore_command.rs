@@ -1,7 +1,7 @@
 //! `mapper explore` on the command line.
 
 use super::arguments::ExploreArgs;
-use super::explore::{ExploreError, ExploreProgress, ExploreTask, explore};
+use super::explore::{ExploreProgress, ExploreTask, explore};
 use super::report::ExploreReport;
 use super::running::{RunEnd, exploring_spinner, increments, runtime};
 use super::settings::MapperFile;
@@ -74,11 +74,7 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
     };
     let outcome = runtime.block_on(explore(task, watch));
     bar.finish_and_clear();
-    let (report, not_kept) = match outcome {
-        Ok(report) => (report, None),
-        Err(ExploreError::NotKept { failure, report }) => (*report, Some(failure)),
-        Err(error) => return Err(ProgramFailure::of(error.is_input(), error)),
-    };
+    let report = outcome.map_err(|error| ProgramFailure::of(error.is_input(), error))?;
     let in_words = |report: &ExploreReport| {
         if !args.progress_json {
             print_report(report);
@@ -86,34 +82,22 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
     };
     args.run.report.give(&report, in_words).map_err(ProgramFailure::of_run)?;
     let end = RunEnd {
-        ending: report.ending,
+        map: &report.map,
         is_offline: args.run.offline,
-        delivered: report.delivered,
-        refusal: report.refusal.as_deref(),
-        written: report.written,
-        acknowledged: report.acknowledged,
         linger_s,
         is_asked_to_end: stop.is_set(),
         spool: spool.as_deref(),
     };
-    let is_whole = end.tell();
-    not_kept.map_or(Ok(is_whole), |failure| Err(ProgramFailure::of_run(failure)))
+    Ok(end.tell() & report.kept.tell())
 }
 
 fn print_report(report: &ExploreReport) {
     print_line!("explored    {:.1} % of {:.0} m²", report.explored_fraction * 100.0, report.free_area_m2);
-    print_line!("ended       {}", report.ending);
+    print_line!("ended       {}", report.map.ending);
     if let Some([seconds, metres]) = report.joined.filter(|[seconds, _]| *seconds > 0.0) {
         print_line!("joined      the map after {seconds:.0} s and {metres:.1} m");
     }
-    print_line!(
-        "map         {} main nodes, {} support nodes, {} edges, version {}",
-        report.main_nodes,
-        report.support_nodes,
-        report.edges,
-        report.version
-    );
-    print_line!("bytes       {} of increments, {} on the wire", report.map_bytes, report.wire_bytes);
+    report.map.print_size("");
     print_line!(
         "trajectory  {:.1} m driven, mean error {:.3} m and {:.2}°, greatest {:.3} m, {} collisions",
         report.driven_m,
@@ -122,7 +106,7 @@ fn print_report(report: &ExploreReport) {
         report.trajectory_error.max_m,
         report.collisions
     );
-    let closures = report.closures.iter().sum::<usize>();
+    let closures = report.map.closures.iter().sum::<usize>();
     match report.own_main_nodes {
         0 => print_line!("nodes       none of the main nodes is this robot's; {closures} loop closures"),
         own => print_line!(
@@ -136,12 +120,10 @@ fn print_report(report: &ExploreReport) {
         "time        {:.0} s of robot time in {:.1} s; slowest frame {:.0} ms",
         report.sim_s,
         report.wall_s,
-        report.frame_max_ms
+        report.map.frame_max_ms
     );
-    print_line!("digest      {}", report.digest);
-    if let Some(picture) = &report.picture {
-        print_line!("picture     {}", picture.display());
-    }
+    print_line!("digest      {}", report.map.digest);
+    report.kept.print();
 }
 
 #[cfg(test)]

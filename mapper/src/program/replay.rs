@@ -1,16 +1,15 @@
 //! Mapping from a bag: the frames come from a recorded run, and somebody else has driven.
 
-use super::picture::{PictureTask, RunPicture};
-use super::record::RunRecorder;
+use super::keeping::{KeepError, Kept, RunKeeper};
+use super::map_figures::MapFigures;
+use super::picture::PictureTask;
 use crate::explore::Ending;
 use crate::mapping::Mapper;
 use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask, RunError};
-use fht_bag::{BagError, BagReport, FrameConfig, Frames, WriteError};
+use fht_bag::{BagError, BagReport, FrameConfig, Frames};
 use fht_perception::frame::SensorFrame;
 use fht_perception::robot::{Paced, RobotError, Sensors, SilenceConfig};
-use fht_picture::PictureError;
 use fht_program::stop::Stop;
-use fht_proto::Digest;
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
@@ -46,12 +45,9 @@ pub enum ReplayError {
     /// No frame came of it.
     #[error("the bag gave no frame to map from\n{0}")]
     NoFrames(Box<BagReport>),
-    /// The recording failed.
-    #[error("the recording failed: {0}")]
-    Record(#[from] WriteError),
-    /// The picture failed.
-    #[error("there is no picture of the map: {0}")]
-    Picture(#[from] PictureError),
+    /// The recording cannot be.
+    #[error(transparent)]
+    Keep(#[from] KeepError),
     /// The run failed.
     #[error(transparent)]
     Run(#[from] RunError),
@@ -110,48 +106,22 @@ pub struct ReplayReport {
     pub bag: BagReport,
     /// Whether nodes carry descriptors: the bag has four cameras.
     pub has_cameras: bool,
-    /// Main nodes of the map.
-    pub main_nodes: usize,
-    /// Support nodes of the map.
-    pub support_nodes: usize,
-    /// Edges of the map.
-    pub edges: usize,
+    /// The map, and why the replay ended: `complete`, or `interrupted`.
+    #[serde(flatten)]
+    pub map: MapFigures,
     /// Free area on the grid, square metres.
     pub free_area_m2: f64,
-    /// The map's version: increments of all authors that are in it.
-    pub version: u64,
-    /// Increments that this replay has written.
-    pub written: u64,
-    /// Digest of the map.
-    pub digest: Digest,
-    /// Bytes of all increments, each counted once.
-    pub map_bytes: u64,
-    /// Bytes put on the wire, repetitions included.
-    pub wire_bytes: u64,
-    /// Why the replay ended: `complete`, or `interrupted`.
-    pub ending: Ending,
-    /// Of the increments written, those that the server has acknowledged.
-    pub acknowledged: u64,
-    /// Whether the server has acknowledged everything.
-    pub delivered: bool,
-    /// Why the server has not taken what it was sent last, if it says so.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub refusal: Option<String>,
     /// Frames that nothing could be made of.
     pub frames_refused: usize,
-    /// Loop closures: close at hand, and after a long way.
-    pub closures: [usize; 2],
     /// Distance driven by the wheels' word, metres.
     pub driven_m: f64,
     /// Time from the first frame to the last, seconds.
     pub bag_s: f64,
-    /// Longest time that a frame took, reading excluded, milliseconds.
-    pub frame_max_ms: f64,
     /// Seconds on the clock.
     pub wall_s: f64,
-    /// The picture of the map, if one was made.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub picture: Option<PathBuf>,
+    /// What else was left of it.
+    #[serde(flatten)]
+    pub kept: Kept,
 }
 
 /// Time between two looks at the progress, microseconds.
@@ -231,7 +201,7 @@ pub async fn replay(
     watch: impl FnMut(ReplaySnapshot) + Send + 'static,
 ) -> Result<ReplayReport, ReplayError> {
     let frames = Frames::open(&task.bag, task.frames)?;
-    let recorder = RunRecorder::new(task.record.as_deref())?;
+    let keeper = RunKeeper::new(task.record.as_deref(), task.picture)?;
     let read = ReadSoFar::default();
     let figures = Figures {
         watch,
@@ -255,15 +225,14 @@ pub async fn replay(
         ..task.mapping
     };
     let sensors = Paced::new(RecordedRun { frames, read }, task.rate);
-    let observer = ((recorder, RunPicture::new(task.picture)), figures);
-    report_of(run::observe(mapping, sensors, observer).await?)
+    report_of(run::observe(mapping, sensors, (keeper, figures)).await?)
 }
 
 /// Who watches a replay.
-type Watching<W> = ((RunRecorder, RunPicture), Figures<W>);
+type Watching<W> = (RunKeeper, Figures<W>);
 
 fn report_of<W>(outcome: MappingOutcome<Paced<RecordedRun>, Watching<W>>) -> Result<ReplayReport, ReplayError> {
-    let MappingOutcome { mut summary, mapper, robot, observer: ((mut recorder, mut picture), figures) } = outcome;
+    let MappingOutcome { mut summary, mapper, robot, observer: (keeper, figures) } = outcome;
     if let Some(error) = summary.robot_error.take() {
         return Err(error.into());
     }
@@ -272,33 +241,16 @@ fn report_of<W>(outcome: MappingOutcome<Paced<RecordedRun>, Watching<W>>) -> Res
     if summary.frames + summary.frames_refused == 0 && summary.ending != Ending::Interrupted {
         return Err(ReplayError::NoFrames(Box::new(bag)));
     }
-    recorder.finish()?;
-    let picture = picture.finish()?;
-    let counts = mapper.map().counts();
-    let (delivered, refusal) = (summary.is_delivered(), summary.refusal());
-    let published = summary.published.unwrap_or_default();
+    let kept = keeper.finish(summary.frames)?;
     Ok(ReplayReport {
         bag,
         has_cameras: frames.has_cameras(),
-        main_nodes: counts.main_nodes,
-        support_nodes: counts.support_nodes,
-        edges: counts.edges,
+        map: MapFigures::of(&summary, &mapper),
         free_area_m2: mapper.free_area_m2(),
-        version: summary.version,
-        written: summary.written,
-        digest: mapper.map().digest(),
-        map_bytes: published.map_bytes,
-        wire_bytes: published.wire_bytes,
-        ending: summary.ending,
-        acknowledged: published.acknowledged,
-        delivered,
-        refusal,
         frames_refused: summary.frames_refused,
-        closures: [mapper.closures().near, mapper.closures().far],
         driven_m: figures.driven_m,
         bag_s: figures.last_us as f64 * 1e-6,
-        frame_max_ms: summary.frame_max.as_secs_f64() * 1e3,
         wall_s: figures.took.as_secs_f64(),
-        picture,
+        kept,
     })
 }

@@ -135,17 +135,13 @@ pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Res
         eprintln!("mapper: none of the pictures could be used, so the map has no main nodes; try --no-cameras");
     }
     let end = RunEnd {
-        ending: report.ending,
+        map: &report.map,
         is_offline: args.run.offline,
-        delivered: report.delivered,
-        refusal: report.refusal.as_deref(),
-        written: report.written,
-        acknowledged: report.acknowledged,
         linger_s,
         is_asked_to_end: stop.is_set(),
         spool: None,
     };
-    Ok(end.tell())
+    Ok(end.tell() & report.kept.tell())
 }
 
 fn progress_bar() -> ProgressBar {
@@ -155,26 +151,16 @@ fn progress_bar() -> ProgressBar {
 
 fn print_replay(report: &ReplayReport) {
     print_line!("bag         {}", report.bag.to_string().replace('\n', "\n            "));
-    print_line!(
-        "map         {} main nodes, {} support nodes, {} edges, version {}, {:.0} m² free",
-        report.main_nodes,
-        report.support_nodes,
-        report.edges,
-        report.version,
-        report.free_area_m2
-    );
-    print_line!("bytes       {} of increments, {} on the wire", report.map_bytes, report.wire_bytes);
+    report.map.print_size(&format!(", {:.0} m² free", report.free_area_m2));
     print_line!(
         "time        {:.0} s and {:.0} m of the robot in {:.1} s; slowest frame {:.0} ms",
         report.bag_s,
         report.driven_m,
         report.wall_s,
-        report.frame_max_ms
+        report.map.frame_max_ms
     );
-    print_line!("digest      {}", report.digest);
-    if let Some(picture) = &report.picture {
-        print_line!("picture     {}", picture.display());
-    }
+    print_line!("digest      {}", report.map.digest);
+    report.kept.print();
 }
 
 #[derive(Debug, Args)]

@@ -1,11 +1,11 @@
 //! What an exploration came to, scored against the simulator's truth.
 
-use crate::explore::Ending;
-use fht_proto::{Digest, VersionVector};
+use super::keeping::Kept;
+use super::map_figures::MapFigures;
+use fht_proto::VersionVector;
 use fht_sim::scoring::TrajectoryError;
 use fht_sim::{Contacts, RobotContacts};
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
 
 /// People in the building, and what is left of them in the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -50,41 +50,17 @@ pub struct ExploreReport {
     /// Seconds and metres of driving after which the robot knew where in the map it is: at once,
     /// unless it joined one that others had begun; none if it never did.
     pub joined: Option<[f64; 2]>,
-    /// Why the exploration ended: `complete`, `stuck`, `out_of_time`, `interrupted` or `unplaced`.
-    pub ending: Ending,
+    /// The map, and why the exploration ended: `complete`, `stuck`, `out_of_time`, `interrupted` or
+    /// `unplaced`.
+    #[serde(flatten)]
+    pub map: MapFigures,
     /// Area that is free and that the robot can see from where it can drive, square metres.
     pub free_area_m2: f64,
     /// Share of that area that the grid knows.
     pub explored_fraction: f64,
-    /// Main nodes of the map.
-    pub main_nodes: usize,
-    /// Support nodes of the map.
-    pub support_nodes: usize,
-    /// Edges of the map.
-    pub edges: usize,
-    /// The map's version: increments of all authors that are in it, as this robot knew it at the
-    /// end.
-    pub version: u64,
-    /// The same increments, author by author; none without a server.
+    /// The increments of the map's version, author by author; none without a server.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vector: Option<VersionVector>,
-    /// Increments that this robot has written, those of its earlier runs included.
-    #[serde(default)]
-    pub written: u64,
-    /// Digest of the explorer's own map.
-    pub digest: Digest,
-    /// Bytes of all increments, each counted once.
-    pub map_bytes: u64,
-    /// Bytes put on the wire, repetitions included.
-    pub wire_bytes: u64,
-    /// Of the increments written, those that the server has acknowledged.
-    #[serde(default)]
-    pub acknowledged: u64,
-    /// Whether the server has acknowledged everything.
-    pub delivered: bool,
-    /// Why the server has not taken what it was sent last, if it says so.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub refusal: Option<String>,
     /// Distance truly driven, metres.
     pub driven_m: f64,
     /// Times that the robot touched a wall or a thing.
@@ -106,15 +82,11 @@ pub struct ExploreReport {
     pub main_nodes_within_5cm: f64,
     /// Greatest error of a main node's position, metres.
     pub main_node_error_max_m: f64,
-    /// Loop closures: close at hand, and after a long way.
-    pub closures: [usize; 2],
-    /// Longest time that a frame took, simulation excluded, milliseconds.
-    pub frame_max_ms: f64,
     /// Simulated seconds.
     pub sim_s: f64,
     /// Seconds on the clock.
     pub wall_s: f64,
-    /// The picture of the map, if one was made.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub picture: Option<PathBuf>,
+    /// What else was left of it.
+    #[serde(flatten)]
+    pub kept: Kept,
 }

@@ -1,14 +1,11 @@
 //! Exploring with a robot that speaks ROS 2 over Zenoh.
 
-use super::picture::{PictureTask, RunPicture};
-use super::record::RunRecorder;
-use crate::explore::Ending;
+use super::keeping::{KeepError, Kept, RunKeeper};
+use super::map_figures::MapFigures;
+use super::picture::PictureTask;
 use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask, RunError};
-use fht_bag::WriteError;
 use fht_perception::robot::{RobotError, SilenceConfig};
-use fht_picture::PictureError;
 use fht_program::stop::Stop;
-use fht_proto::Digest;
 use fht_ros::{NodeConfig, RosError, RosNode};
 use fht_ros_robot::{IntakeReport, RosRobot, RosRobotConfig};
 use fht_session::{SessionConfig, SessionError};
@@ -60,12 +57,9 @@ pub enum RosExploreError {
         /// What keeps its frames from coming.
         trouble: Option<String>,
     },
-    /// The recording failed.
-    #[error("the recording failed: {0}")]
-    Record(#[from] WriteError),
-    /// The picture failed.
-    #[error("there is no picture of the map: {0}")]
-    Picture(#[from] PictureError),
+    /// The recording cannot be.
+    #[error(transparent)]
+    Keep(#[from] KeepError),
     /// The run failed.
     #[error(transparent)]
     Run(#[from] RunError),
@@ -90,44 +84,20 @@ pub struct RosExploreReport {
     /// What became of the sensors' messages.
     #[serde(flatten)]
     pub intake: IntakeReport,
-    /// Why the exploration ended: `complete`, `stuck`, `out_of_time` or `interrupted`.
-    pub ending: Ending,
-    /// Main nodes of the map.
-    pub main_nodes: usize,
-    /// Support nodes of the map.
-    pub support_nodes: usize,
-    /// Edges of the map.
-    pub edges: usize,
+    /// The map, and why the exploration ended: `complete`, `stuck`, `out_of_time` or `interrupted`.
+    #[serde(flatten)]
+    pub map: MapFigures,
     /// Free area on the grid, square metres.
     pub free_area_m2: f64,
-    /// The map's version: increments of all authors that are in it.
-    pub version: u64,
-    /// Increments that this robot has written.
-    pub written: u64,
-    /// Of these, what the server has acknowledged.
-    pub acknowledged: u64,
-    /// Whether the server has acknowledged everything.
-    pub delivered: bool,
-    /// Why the server has not taken what it was sent last, if it says so.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub refusal: Option<String>,
-    /// Digest of the map.
-    pub digest: Digest,
-    /// Bytes of all increments, each counted once.
-    pub map_bytes: u64,
-    /// Bytes put on the wire, repetitions included.
-    pub wire_bytes: u64,
     /// Distance driven by the wheels' word, metres.
     pub driven_m: f64,
     /// Time of the robot's clock from the first frame to the last, seconds.
     pub robot_s: f64,
-    /// Longest time that a frame took, milliseconds.
-    pub frame_max_ms: f64,
     /// Seconds on the clock.
     pub wall_s: f64,
-    /// The picture of the map, if one was made.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub picture: Option<PathBuf>,
+    /// What else was left of it.
+    #[serde(flatten)]
+    pub kept: Kept,
 }
 
 /// What happens while it runs, for progress displays.
@@ -194,40 +164,23 @@ pub async fn explore_robot(
     let session = fht_session::open_within(&task.graph, task.patience).await?;
     let node = RosNode::join(session, task.node).await?;
     let robot = RosRobot::connect(&node, task.robot).await?;
-    let recorder = RunRecorder::new(task.record.as_deref())?;
+    let keeper = RunKeeper::new(task.record.as_deref(), task.picture)?;
     let travel = Travel { watch, next_us: 0, last_us: 0, driven_m: 0.0, last_odom: None };
     let silence = SilenceConfig { stop_after_s: STOP_AFTER_S, ..task.mapping.silence.clone() };
     let mapping = MappingTask { cameras: false, silence, stop: task.stop, ..task.mapping };
-    let observer = ((recorder, RunPicture::new(task.picture)), travel);
-    let outcome = run::explore(mapping, robot, observer).await?;
-    let MappingOutcome { mut summary, mapper, robot, observer: ((mut recorder, mut picture), travel) } = outcome;
+    let outcome = run::explore(mapping, robot, (keeper, travel)).await?;
+    let MappingOutcome { mut summary, mapper, robot, observer: (keeper, travel) } = outcome;
     if let Some(error) = summary.robot_error.take() {
         return Err(RosExploreError::Robot { error, trouble: robot.trouble() });
     }
-    recorder.finish()?;
-    let picture = picture.finish()?;
-    let counts = mapper.map().counts();
-    let (delivered, refusal) = (summary.is_delivered(), summary.refusal());
-    let published = summary.published.unwrap_or_default();
+    let kept = keeper.finish(summary.frames)?;
     Ok(RosExploreReport {
         intake: robot.report(),
-        ending: summary.ending,
-        main_nodes: counts.main_nodes,
-        support_nodes: counts.support_nodes,
-        edges: counts.edges,
+        map: MapFigures::of(&summary, &mapper),
         free_area_m2: mapper.free_area_m2(),
-        version: summary.version,
-        written: summary.written,
-        acknowledged: published.acknowledged,
-        delivered,
-        refusal,
-        digest: mapper.map().digest(),
-        map_bytes: published.map_bytes,
-        wire_bytes: published.wire_bytes,
         driven_m: travel.driven_m,
         robot_s: travel.last_us as f64 * 1e-6,
-        frame_max_ms: summary.frame_max.as_secs_f64() * 1e3,
         wall_s: began.elapsed().as_secs_f64(),
-        picture,
+        kept,
     })
 }

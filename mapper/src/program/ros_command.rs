@@ -84,22 +84,18 @@ pub(super) fn explore_ros(
     };
     args.run.report.give(&report, in_words).map_err(ProgramFailure::of_run)?;
     let end = RunEnd {
-        ending: report.ending,
+        map: &report.map,
         is_offline: args.run.offline,
-        delivered: report.delivered,
-        refusal: report.refusal.as_deref(),
-        written: report.written,
-        acknowledged: report.acknowledged,
         linger_s,
         is_asked_to_end: stop.is_set(),
         spool: spool.as_deref(),
     };
-    Ok(end.tell())
+    Ok(end.tell() & report.kept.tell())
 }
 
 fn print_report(report: &RosExploreReport) {
     let intake = &report.intake;
-    print_line!("ended       {}", report.ending);
+    print_line!("ended       {}", report.map.ending);
     print_line!(
         "frames      {} of {} scans, {} late, {} lost; the odometry was reset {} times",
         intake.frames,
@@ -108,26 +104,16 @@ fn print_report(report: &RosExploreReport) {
         intake.frames_lost,
         intake.odometry_jumps
     );
-    print_line!(
-        "map         {} main nodes, {} support nodes, {} edges, version {}, {:.0} m² free",
-        report.main_nodes,
-        report.support_nodes,
-        report.edges,
-        report.version,
-        report.free_area_m2
-    );
-    print_line!("bytes       {} of increments, {} on the wire", report.map_bytes, report.wire_bytes);
+    report.map.print_size(&format!(", {:.0} m² free", report.free_area_m2));
     print_line!(
         "time        {:.0} s and {:.0} m of the robot in {:.1} s; slowest frame {:.0} ms",
         report.robot_s,
         report.driven_m,
         report.wall_s,
-        report.frame_max_ms
+        report.map.frame_max_ms
     );
-    print_line!("digest      {}", report.digest);
-    if let Some(picture) = &report.picture {
-        print_line!("picture     {}", picture.display());
-    }
+    print_line!("digest      {}", report.map.digest);
+    report.kept.print();
 }
 
 /// What `mapper ros check` finds.

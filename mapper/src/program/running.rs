@@ -1,5 +1,6 @@
 //! What exploring and replaying have in common on the command line.
 
+use super::map_figures::MapFigures;
 use super::picture::PictureTask;
 use super::settings::MapperFile;
 use crate::explore::Ending;
@@ -126,13 +127,8 @@ pub(super) fn runtime() -> Result<tokio::runtime::Runtime, String> {
 
 /// How a run ended, for the words that tell it.
 pub(super) struct RunEnd<'a> {
-    pub(super) ending: Ending,
+    pub(super) map: &'a MapFigures,
     pub(super) is_offline: bool,
-    pub(super) delivered: bool,
-    /// Why the server has not taken what it was sent last, if it says so.
-    pub(super) refusal: Option<&'a str>,
-    pub(super) written: u64,
-    pub(super) acknowledged: u64,
     pub(super) linger_s: f64,
     pub(super) is_asked_to_end: bool,
     pub(super) spool: Option<&'a Path>,
@@ -141,11 +137,11 @@ pub(super) struct RunEnd<'a> {
 impl RunEnd<'_> {
     /// Says what the server has not taken, and why the map is not complete; true if neither is so.
     pub(super) fn tell(&self) -> bool {
-        let is_taken = self.is_offline || self.delivered;
-        if self.ending == Ending::Interrupted {
-            let stored = match (self.is_offline, self.delivered) {
+        let is_taken = self.is_offline || self.map.delivered;
+        if self.map.ending == Ending::Interrupted {
+            let stored = match (self.is_offline, self.map.delivered) {
                 (true, _) => "it was not sent anywhere (--offline)".to_owned(),
-                (_, true) => format!("the server has all of its {} increments", self.written),
+                (_, true) => format!("the server has all of its {} increments", self.map.written),
                 _ => self.not_taken(),
             };
             eprintln!("mapper: interrupted: the map is not complete; {stored}");
@@ -155,22 +151,22 @@ impl RunEnd<'_> {
             eprintln!(
                 "mapper: the server did not acknowledge the whole map within {} s; {}; {}",
                 self.linger_s,
-                why_not_acknowledged(self.refusal),
+                why_not_acknowledged(self.map.refusal.as_deref()),
                 self.not_taken()
             );
-        } else if self.ending != Ending::Complete {
-            eprintln!("mapper: the map is not complete: {}", self.ending);
+        } else if self.map.ending != Ending::Complete {
+            eprintln!("mapper: the map is not complete: {}", self.map.ending);
         }
-        is_taken && self.ending == Ending::Complete
+        is_taken && self.map.ending == Ending::Complete
     }
 
     fn not_taken(&self) -> String {
-        let count = self.written.saturating_sub(self.acknowledged);
+        let count = self.map.written.saturating_sub(self.map.acknowledged);
         let fate = self.spool.map_or_else(
             || "lost (--spool DIR keeps them)".to_owned(),
             |dir| format!("kept in {} for the next run of this robot", dir.display()),
         );
-        format!("{count} of {} increments not acknowledged, {fate}", self.written)
+        format!("{count} of {} increments not acknowledged, {fate}", self.map.written)
     }
 }
 

@@ -1,6 +1,8 @@
 //! An exploration of a simulated building, scored against the truth.
 
 use super::bodies_score::{Crowded, Seen, on_bodies};
+use super::keeping::Kept;
+use super::map_figures::MapFigures;
 use super::report::{ExploreReport, RobotFigures};
 use crate::construct::point;
 use crate::mapping::{Located, Mapper};
@@ -68,8 +70,8 @@ impl ExplorationScore {
         }
     }
 
-    /// The figures of a run that has ended.
-    pub(super) fn report(&self, summary: &MappingSummary, mapper: &Mapper) -> ExploreReport {
+    /// The figures of a run that has ended and left what is `kept`.
+    pub(super) fn report(&self, summary: &MappingSummary, mapper: &Mapper, kept: Kept) -> ExploreReport {
         let world_from_map = &self.world_from_map;
         let (free_area_m2, explored_fraction) =
             explored(self.world.plan(), mapper.grid(), world_from_map, self.radius_m);
@@ -78,8 +80,6 @@ impl ExplorationScore {
         let truth: Vec<Pose2> = self.located.iter().map(|(_, truth)| *truth).collect();
         let node_errors_m = main_node_errors(mapper.map(), mapper, &self.true_poses, world_from_map);
         let near = node_errors_m.iter().filter(|error_m| **error_m < NEAR_M).count();
-        let counts = mapper.map().counts();
-        let published = summary.published.as_ref();
         let at = world_from_map.translation;
         let seen = Seen { truth: &self.true_poses, world: &self.world, world_from_map, mapper };
         let robots = seen.robots(&self.robots, self.radius_m, self.truth.robot_contacts());
@@ -87,21 +87,10 @@ impl ExplorationScore {
             world: self.world.name().to_owned(),
             world_from_map: [at.x, at.y, world_from_map.rotation.angle()],
             joined: self.joined,
-            ending: summary.ending,
+            map: MapFigures::of(summary, mapper),
             free_area_m2,
             explored_fraction,
-            main_nodes: counts.main_nodes,
-            support_nodes: counts.support_nodes,
-            edges: counts.edges,
-            version: summary.version,
             vector: summary.vector.clone(),
-            written: summary.written,
-            digest: mapper.map().digest(),
-            map_bytes: published.map_or(0, |published| published.map_bytes),
-            wire_bytes: published.map_or(0, |published| published.wire_bytes),
-            acknowledged: published.map_or(0, |published| published.acknowledged),
-            delivered: summary.is_delivered(),
-            refusal: summary.refusal(),
             driven_m: self.truth.driven_m(),
             collisions: self.truth.collisions(),
             people: seen.people(&self.people, self.truth.contacts()),
@@ -111,11 +100,9 @@ impl ExplorationScore {
             own_main_nodes: node_errors_m.len(),
             main_nodes_within_5cm: near as f64 / node_errors_m.len().max(1) as f64,
             main_node_error_max_m: node_errors_m.into_iter().fold(0.0, f64::max),
-            closures: [mapper.closures().near, mapper.closures().far],
-            frame_max_ms: summary.frame_max.as_secs_f64() * 1e3,
             sim_s: self.sim_s,
             wall_s: self.took.as_secs_f64(),
-            picture: None,
+            kept,
         }
     }
 }
