@@ -10,6 +10,7 @@ mod branch_and_bound;
 mod cloud;
 mod correlative;
 mod line_icp;
+mod point_index;
 
 pub use branch_and_bound::{BranchAndBoundConfig, Favour, PoseCandidate, WallPyramid};
 pub use cloud::{ReferenceCloud, SeenPoint};

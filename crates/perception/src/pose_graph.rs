@@ -6,28 +6,14 @@
 //! robust spatial perception", RA-L 2020): a true loop that is far off at the start is not thrown
 //! away, a false one that contradicts the others ends without weight.
 
-use crate::pose::{Pose2, pose, wrap_angle};
-use faer::Side;
-use faer::linalg::solvers::Solve;
-use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
-use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
-use serde::{Deserialize, Serialize};
+mod constraint;
+mod normal_equations;
 
-/// A measurement between two poses.
-#[derive(Clone, Debug)]
-pub struct PoseConstraint {
-    /// Index of the pose in whose frame it was measured.
-    pub from: usize,
-    /// Index of the pose that was measured.
-    pub to: usize,
-    /// The pose of `to` in the frame of `from`.
-    pub measured: Pose2,
-    /// Inverse covariance of x, y (metres, frame of `from`) and yaw (radians).
-    pub information: Matrix3<f64>,
-    /// Whether it may be wrong altogether.
-    pub is_doubtful: bool,
-}
+pub use constraint::{PoseConstraint, chi2, residual};
+
+use crate::pose::{Pose2, pose, wrap_angle};
+use normal_equations::NormalEquations;
+use serde::{Deserialize, Serialize};
 
 /// Parameters of the optimisation.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -75,27 +61,6 @@ pub enum GraphError {
     },
 }
 
-/// What an edge says is off, in the frame of its first pose: metres, metres, radians.
-#[must_use]
-pub fn residual(edge: &PoseConstraint, from: &Pose2, to: &Pose2) -> Vector3<f64> {
-    let seen = from.inverse() * to;
-    let translation = seen.translation.vector - edge.measured.translation.vector;
-    Vector3::new(translation.x, translation.y, wrap_angle(seen.rotation.angle() - edge.measured.rotation.angle()))
-}
-
-/// Squared Mahalanobis distance of an edge's residual.
-#[must_use]
-pub fn chi2(edge: &PoseConstraint, poses: &[Pose2]) -> f64 {
-    let error = residual(edge, &poses[edge.from], &poses[edge.to]);
-    error.dot(&(edge.information * error))
-}
-
-/// Weight of a doubtful edge with squared distance `chi2` under a kernel of squared width `width2`.
-fn geman_mcclure(chi2: f64, width2: f64) -> f64 {
-    let share = width2 / (width2 + chi2);
-    share * share
-}
-
 /// Moves `poses` to where the edges are satisfied best. Pose 0 stays.
 ///
 /// # Errors
@@ -109,7 +74,7 @@ pub fn optimise(poses: &mut [Pose2], edges: &[PoseConstraint], config: &GraphCon
         return Ok(());
     }
     let singular = || GraphError::Singular { poses: count, edges: edges.len() };
-    let equations = NormalEquations::new(count, edges).ok_or_else(singular)?;
+    let mut equations = NormalEquations::new(count, edges).ok_or_else(singular)?;
     let mut estimate = poses.to_vec();
     let worst = edges.iter().filter(|edge| edge.is_doubtful).map(|edge| chi2(edge, &estimate)).fold(0.0, f64::max);
     let mut widening = if config.is_graduated { (worst / config.doubt_chi2).max(1.0) } else { 1.0 };
@@ -133,101 +98,10 @@ pub fn optimise(poses: &mut [Pose2], edges: &[PoseConstraint], config: &GraphCon
     Ok(())
 }
 
-/// Index of an entry of the normal equations' lower triangle.
-type Entry = Pair<usize, usize>;
-
-/// The normal equations. Which entries they have depends on the edges alone, so it is found out
-/// once for all steps.
-struct NormalEquations {
-    size: usize,
-    argsort: Argsort<usize>,
-    pattern: SymbolicSparseColMat<usize>,
-    symbolic: SymbolicLlt<usize>,
-}
-
-impl NormalEquations {
-    fn new(poses: usize, edges: &[PoseConstraint]) -> Option<Self> {
-        let size = 3 * (poses - 1);
-        let mut entries: Vec<Entry> = Vec::with_capacity(edges.len() * 21 + size);
-        for edge in edges {
-            for (row, column) in blocks(edge) {
-                entries.extend(lower(row == column).map(|(i, j)| Entry { row: 3 * row + i, col: 3 * column + j }));
-            }
-        }
-        entries.extend((0..size).map(|index| Entry { row: index, col: index }));
-        let (pattern, argsort) = SymbolicSparseColMat::try_new_from_indices(size, size, &entries).ok()?;
-        let symbolic = SymbolicLlt::try_new(pattern.as_ref(), Side::Lower).ok()?;
-        Some(Self { size, argsort, pattern, symbolic })
-    }
-
-    /// One Gauss-Newton step: three numbers for each pose but the first.
-    fn step(&self, poses: &[Pose2], edges: &[PoseConstraint], width2: f64) -> Option<Vec<f64>> {
-        let mut values: Vec<f64> = Vec::with_capacity(edges.len() * 21 + self.size);
-        let mut gradient = vec![0.0; self.size];
-        for edge in edges {
-            let (from, to) = (&poses[edge.from], &poses[edge.to]);
-            let error = residual(edge, from, to);
-            let weight = match edge.is_doubtful {
-                true => geman_mcclure(error.dot(&(edge.information * error)), width2),
-                false => 1.0,
-            };
-            let information = edge.information * weight;
-            let (of_from, of_to) = jacobians(from, to);
-            let jacobian_of = |row: usize| if row + 1 == edge.from { &of_from } else { &of_to };
-            for (row, column) in blocks(edge) {
-                let block = jacobian_of(row).transpose() * information * jacobian_of(column);
-                values.extend(lower(row == column).map(|index| block[index]));
-                if row == column {
-                    let part = jacobian_of(row).transpose() * information * error;
-                    (0..3).for_each(|k| gradient[3 * row + k] -= part[k]);
-                }
-            }
-        }
-        // A trace of damping: a pose that no edge holds stays where it is rather than making
-        // everything unsolvable.
-        values.extend(std::iter::repeat_n(1e-6, self.size));
-        let system = SparseColMat::new_from_argsort(self.pattern.clone(), &self.argsort, &values).ok()?;
-        let factors = Llt::try_new_with_symbolic(self.symbolic.clone(), system.as_ref(), Side::Lower).ok()?;
-        let step = factors.solve(&faer::Col::from_fn(self.size, |index| gradient[index]));
-        let step: Vec<f64> = (0..self.size).map(|index| step[index]).collect();
-        step.iter().all(|value| value.is_finite()).then_some(step)
-    }
-}
-
-/// The blocks of the lower triangle that an edge adds to: row and column, as numbers of poses
-/// without the first.
-fn blocks(edge: &PoseConstraint) -> impl Iterator<Item = (usize, usize)> {
-    let (low, high) = (edge.from.min(edge.to), edge.from.max(edge.to));
-    let of_low = low.checked_sub(1);
-    let of_high = high.checked_sub(1).filter(|_| high != low);
-    let diagonal = of_low.into_iter().chain(of_high).map(|row| (row, row));
-    diagonal.chain(of_high.zip(of_low))
-}
-
-/// The entries of a block that are in the lower triangle.
-fn lower(is_diagonal: bool) -> impl Iterator<Item = (usize, usize)> {
-    (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).filter(move |(i, j)| !is_diagonal || i >= j)
-}
-
-/// Derivatives of [`residual`] by x, y, yaw of both poses.
-fn jacobians(from: &Pose2, to: &Pose2) -> (Matrix3<f64>, Matrix3<f64>) {
-    let (sin, cos) = from.rotation.angle().sin_cos();
-    let into_from = Matrix2::new(cos, sin, -sin, cos);
-    let apart: Vector2<f64> = to.translation.vector - from.translation.vector;
-    let by_yaw = Vector2::new(-sin * apart.x + cos * apart.y, -cos * apart.x - sin * apart.y);
-    let mut of_from = Matrix3::zeros();
-    of_from.fixed_view_mut::<2, 2>(0, 0).copy_from(&-into_from);
-    of_from.fixed_view_mut::<2, 1>(0, 2).copy_from(&by_yaw);
-    of_from[(2, 2)] = -1.0;
-    let mut of_to = Matrix3::zeros();
-    of_to.fixed_view_mut::<2, 2>(0, 0).copy_from(&into_from);
-    of_to[(2, 2)] = 1.0;
-    (of_from, of_to)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::{Matrix3, Vector3};
 
     fn information(sigma_m: f64, sigma_rad: f64) -> Matrix3<f64> {
         Matrix3::from_diagonal(&Vector3::new(sigma_m.powi(-2), sigma_m.powi(-2), sigma_rad.powi(-2)))

@@ -1,15 +1,15 @@
-//! A set of reference points with normals and a hash grid for nearest neighbours.
+//! A set of reference points with normals, and an index of where they are.
 //!
 //! Each point remembers from which side it was seen. A wall is two surfaces: what was seen from one
 //! room says nothing of a point that is seen from the next, and a match that mixed them would be
 //! off by the wall's thickness.
 
+use super::point_index::PointIndex;
 use crate::pose::{Point2, Pose2};
 use nalgebra::{Matrix2, Vector2};
-use rustc_hash::FxHashMap;
 
-/// Side of a hash bucket, metres; also the farthest that a nearest neighbour is looked for.
-const BUCKET_M: f64 = 0.4;
+/// The farthest that a nearest neighbour is looked for, metres.
+const FARTHEST_M: f64 = 0.4;
 /// Neighbours within this make a point's normal, metres; wider rings are tried when there are too
 /// few.
 const NORMAL_RADII_M: [f64; 3] = [0.12, 0.25, 0.4];
@@ -76,20 +76,7 @@ impl ReferencePoint {
 #[derive(Clone, Debug, Default)]
 pub struct ReferenceCloud {
     points: Vec<ReferencePoint>,
-    buckets: FxHashMap<(i32, i32), Vec<Entry>>,
-}
-
-/// A point as its bucket has it: where it is stands here once more, so that a search reads only the
-/// points that are near.
-#[derive(Clone, Copy, Debug)]
-struct Entry {
-    position: Point2,
-    to_viewer: Vector2<f64>,
-    index: u32,
-}
-
-fn bucket_of(point: Point2) -> (i32, i32) {
-    ((point.x / BUCKET_M).floor() as i32, (point.y / BUCKET_M).floor() as i32)
+    index: PointIndex,
 }
 
 impl ReferenceCloud {
@@ -109,9 +96,7 @@ impl ReferenceCloud {
             if !position.x.is_finite() || !position.y.is_finite() {
                 continue;
             }
-            let index = self.points.len() as u32;
-            self.points.push(ReferencePoint { position, to_viewer, normal: None, weight: 1.0 });
-            self.buckets.entry(bucket_of(position)).or_default().push(Entry { position, to_viewer, index });
+            self.push(SeenPoint { position, to_viewer });
         }
         self.estimate_normals((first as u32..self.points.len() as u32).collect(), first > 0);
     }
@@ -126,10 +111,7 @@ impl ReferenceCloud {
                 self.average(index, &point);
                 moved.push(index);
             } else if point.position.x.is_finite() && point.position.y.is_finite() {
-                let index = self.points.len() as u32;
-                let SeenPoint { position, to_viewer } = point;
-                self.points.push(ReferencePoint { position, to_viewer, normal: None, weight: 1.0 });
-                self.buckets.entry(bucket_of(position)).or_default().push(Entry { position, to_viewer, index });
+                self.push(point);
             }
         }
         self.estimate_normals((first as u32..self.points.len() as u32).collect(), first > 0);
@@ -139,23 +121,19 @@ impl ReferenceCloud {
         self.estimate_normals(moved, false);
     }
 
+    fn push(&mut self, SeenPoint { position, to_viewer }: SeenPoint) {
+        self.points.push(ReferencePoint { position, to_viewer, normal: None, weight: 1.0 });
+        self.index.push(position);
+    }
+
     fn average(&mut self, index: u32, point: &SeenPoint) {
         let reference = &mut self.points[index as usize];
-        let before = bucket_of(reference.position);
         let off = point.position - reference.position;
         // Along the wall points stay where they are: evenly spaced.
         let across = reference.normal.map_or(off, |normal| normal * off.dot(&normal));
         reference.position += across / (reference.weight + 1.0);
         reference.weight = (reference.weight + 1.0).min(MAX_WEIGHT);
-        let entry = Entry { position: reference.position, to_viewer: reference.to_viewer, index };
-        let after = bucket_of(entry.position);
-        let bucket = self.buckets.entry(before).or_default();
-        if after != before {
-            bucket.retain(|other| other.index != index);
-            self.buckets.entry(after).or_default().push(entry);
-        } else if let Some(here) = bucket.iter_mut().find(|other| other.index == index) {
-            *here = entry;
-        }
+        self.index.set_position(index, reference.position);
     }
 
     /// Estimates the normals of points, and of those around them if `with_neighbours`.
@@ -164,7 +142,7 @@ impl ReferenceCloud {
             let mut around = Vec::new();
             for &index in &touched {
                 let point = &self.points[index as usize];
-                self.for_each_beside(point, 0.25, |entry| around.push(entry.index));
+                self.for_each_beside(point, 0.25, |index, _| around.push(index));
             }
             touched = around;
             touched.sort_unstable();
@@ -211,38 +189,17 @@ impl ReferenceCloud {
     }
 
     fn nearest_index(&self, point: &SeenPoint, radius_m: f64) -> Option<u32> {
-        let mut best: Option<(f64, u32)> = None;
-        self.for_each_near(point.position, radius_m, |&Entry { index, .. }, distance_squared| {
-            if best.is_none_or(|(least, _)| distance_squared < least) && self.points[index as usize].faces(point) {
-                best = Some((distance_squared, index));
-            }
-        });
-        best.map(|(_, index)| index)
+        let radius_m = radius_m.min(FARTHEST_M);
+        self.index.nearest(point.position, radius_m, |index| self.points[index as usize].faces(point))
     }
 
-    /// Visits the points around one that were seen from the same side.
-    fn for_each_beside(&self, point: &ReferencePoint, radius_m: f64, mut visit: impl FnMut(&Entry)) {
-        self.for_each_near(point.position, radius_m, |entry, _| {
-            if entry.to_viewer.dot(&point.to_viewer) > 0.0 {
-                visit(entry);
+    /// Visits the points around one that were seen from the same side: number and position.
+    fn for_each_beside(&self, point: &ReferencePoint, radius_m: f64, mut visit: impl FnMut(u32, Point2)) {
+        self.index.for_each_within(point.position, radius_m, |index, position| {
+            if self.points[index as usize].to_viewer.dot(&point.to_viewer) > 0.0 {
+                visit(index, position);
             }
         });
-    }
-
-    fn for_each_near(&self, point: Point2, radius_m: f64, mut visit: impl FnMut(&Entry, f64)) {
-        let radius_m = radius_m.min(BUCKET_M);
-        let low = bucket_of(point - Vector2::repeat(radius_m));
-        let high = bucket_of(point + Vector2::repeat(radius_m));
-        for j in low.1..=high.1 {
-            for i in low.0..=high.0 {
-                for entry in self.buckets.get(&(i, j)).into_iter().flatten() {
-                    let distance_squared = (entry.position - point).norm_squared();
-                    if distance_squared <= radius_m * radius_m {
-                        visit(entry, distance_squared);
-                    }
-                }
-            }
-        }
     }
 
     /// The direction of least spread of the neighbourhood, if the neighbourhood is a line.
@@ -251,7 +208,7 @@ impl ReferenceCloud {
         let point = &self.points[index as usize];
         for radius in NORMAL_RADII_M {
             offsets.clear();
-            self.for_each_beside(point, radius, |entry| offsets.push(entry.position - point.position));
+            self.for_each_beside(point, radius, |_, position| offsets.push(position - point.position));
             if offsets.len() < 3 {
                 continue;
             }
