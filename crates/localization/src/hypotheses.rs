@@ -73,6 +73,17 @@ pub struct SensedView {
     pub match_threshold: f32,
 }
 
+/// What says where a view was taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Hold {
+    /// The walls that it sees.
+    Walls,
+    /// The odometry alone.
+    Odometry,
+    /// The odometry alone: the walls around the place that a later view tells did not hold it.
+    Nothing,
+}
+
 /// A place where the robot may be.
 #[derive(Clone, Debug, Default)]
 pub struct Hypothesis {
@@ -84,6 +95,8 @@ pub struct Hypothesis {
     evidence: Vec<Evidence>,
     /// What each view looks like: for it or against it.
     looks: Vec<f64>,
+    /// What says where each of the views was taken.
+    holds: Vec<Hold>,
     /// Whether the walls held the newest view there.
     pub is_held: bool,
 }
@@ -96,7 +109,10 @@ impl Hypothesis {
         let Some(last) = views.last() else { return Self::default() };
         let map_from_odom = map_from_base * last.odometry.odom_from_base.inverse();
         let poses = views.iter().map(|view| map_from_odom * view.odometry.odom_from_base);
-        Self::along(poses, views, landmarks, config)
+        let mut hypothesis = Self::along(poses, views, landmarks, config);
+        hypothesis.holds = vec![Hold::Odometry; views.len() - 1];
+        hypothesis.holds.push(Hold::Walls);
+        hypothesis
     }
 
     /// The robot at `map_from_base` when the last of `views` was taken; before, where the odometry
@@ -130,16 +146,48 @@ impl Hypothesis {
         config: &WeighConfig,
     ) -> Self {
         let mut hypothesis = Self { is_held: true, ..Self::default() };
-        poses.zip(views).for_each(|(at, view)| hypothesis.add(at, view, landmarks, config));
+        poses.zip(views).for_each(|(at, view)| hypothesis.add((at, Hold::Nothing), view, landmarks, config));
         hypothesis
     }
 
-    fn add(&mut self, at: Pose2, view: &SensedView, landmarks: &Landmarks, config: &WeighConfig) {
+    fn add(&mut self, (at, hold): (Pose2, Hold), view: &SensedView, landmarks: &Landmarks, config: &WeighConfig) {
         let verdicts = landmarks.walls().known.judge(&view.beams, &at, &config.evidence);
         self.at.push(at);
         self.evidence.push(Evidence::of(&verdicts));
         self.verdicts.push(verdicts);
         self.looks.push(look_weight(&at, view, landmarks, config));
+        self.holds.push(hold);
+    }
+
+    /// Holds views to the walls that only the odometry has placed so far, from the newest back: the
+    /// odometry drifts and slips, and a place that was found late would look wrong where the robot
+    /// came from. Each view is tried once, and moved only if it then says more for the place.
+    pub fn hold_earlier(
+        &mut self,
+        views: &[SensedView],
+        landmarks: &Landmarks,
+        matching: &MatchConfig,
+        config: &WeighConfig,
+    ) {
+        for index in (0..self.at.len().saturating_sub(1)).rev() {
+            let (Hold::Odometry, Hold::Walls | Hold::Nothing) = (self.holds[index], self.holds[index + 1]) else {
+                continue;
+            };
+            let (view, later) = (&views[index], &views[index + 1]);
+            let back = later.odometry.odom_from_base.inverse() * view.odometry.odom_from_base;
+            let guess = self.at[index + 1] * back;
+            let found = held(&guess, &view.points, landmarks, matching);
+            self.holds[index] = if found.is_some() { Hold::Walls } else { Hold::Nothing };
+            let at = found.unwrap_or(guess);
+            let verdicts = landmarks.walls().known.judge(&view.beams, &at, &config.evidence);
+            let evidence = Evidence::of(&verdicts);
+            if beam_weight(&evidence, config) > beam_weight(&self.evidence[index], config) {
+                self.at[index] = at;
+                self.evidence[index] = evidence;
+                self.verdicts[index] = verdicts;
+                self.looks[index] = look_weight(&at, view, landmarks, config);
+            }
+        }
     }
 
     /// Carries it to a further view, where it is held to the walls again.
@@ -155,7 +203,8 @@ impl Hypothesis {
         let predicted = before * (from.odom_from_base.inverse() * view.odometry.odom_from_base);
         let at = held(&predicted, &view.points, landmarks, matching);
         self.is_held = at.is_some();
-        self.add(at.unwrap_or(predicted), view, landmarks, config);
+        let hold = if self.is_held { Hold::Walls } else { Hold::Odometry };
+        self.add((at.unwrap_or(predicted), hold), view, landmarks, config);
     }
 
     /// Forgets the view of this index.
@@ -164,6 +213,7 @@ impl Hypothesis {
         self.verdicts.remove(index);
         self.evidence.remove(index);
         self.looks.remove(index);
+        self.holds.remove(index);
     }
 
     /// Whether the last view alone makes it less than `most` (natural logarithm) likely.

@@ -114,6 +114,11 @@ impl Relocalizer {
         let points = self.points_of(self.config.search_memory_m);
         self.find_more(&points, landmarks);
         self.sort();
+        for hypothesis in &mut self.hypotheses {
+            hypothesis.hold_earlier(&self.views, landmarks, &self.config.matching, &self.config.weigh);
+        }
+        self.sort();
+        self.put_clearest_first();
         self.evidence = self.hypotheses.first().map(|best| self.weigh(best, landmarks));
         self.judge(&points, landmarks)
     }
@@ -252,6 +257,20 @@ impl Relocalizer {
             }
         }
         self.hypotheses = kept;
+    }
+
+    /// The order is by what contradicts a place, which favours places at the edge of the map, where
+    /// little can. A place that has clearly more pieces of wall right than the first is likelier.
+    fn put_clearest_first(&mut self) {
+        let squares = WallSquares::of(&self.views, self.config.square_m);
+        let right = self.hypotheses.iter().map(|place| squares.tally(place.verdicts.iter()).net());
+        let right: Vec<f64> = right.collect();
+        // Among equals the first.
+        let clearest = (0..right.len()).rev().max_by(|a, b| right[*a].total_cmp(&right[*b]));
+        let Some(clearest) = clearest else { return };
+        if right[clearest] - right[0] >= self.config.confidence.distinct_pieces {
+            self.hypotheses[..=clearest].rotate_right(1);
+        }
     }
 
     /// What speaks for `best`. The order of the hypotheses is by all that was seen, this by walls.

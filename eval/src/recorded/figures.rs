@@ -36,10 +36,14 @@ pub struct RecordedFigures {
     pub wrong: usize,
     /// Robots on known ground that declared none.
     pub none_on_known: usize,
+    /// Of these, those whose log ends before they have driven 15 m.
+    pub log_ended: usize,
     /// Robots on known ground that declared a right place within 15 m.
     pub within_15_m: usize,
     /// Distance driven until a place was declared, metres, mean.
     pub driven_mean_m: f64,
+    /// The same of robots on known ground.
+    pub driven_known_mean_m: f64,
     /// Error of right places, metres, median.
     pub error_median_m: f64,
     /// The same in degrees.
@@ -69,8 +73,10 @@ impl RecordedFigures {
             declared: fixes.len(),
             wrong: fixes.len() - right.len(),
             none_on_known: known.iter().filter(|drive| drive.fix.is_none()).count(),
+            log_ended: known.iter().filter(|drive| drive.fix.is_none() && drive.left_m < SOON_M).count(),
             within_15_m: known.iter().filter(is_soon).count(),
             driven_mean_m: mean(fixes.iter().map(|fix| fix.said.driven_m)),
+            driven_known_mean_m: mean(known.iter().filter_map(|drive| Some(drive.fix.as_ref()?.said.driven_m))),
             error_median_m: median(right.iter().map(|fix| fix.error_m)),
             error_median_deg: median(right.iter().map(|fix| fix.error_deg)),
             reliability: STATED.map(|stated| reliability(stated, drives)).to_vec(),

@@ -61,6 +61,8 @@ pub struct JudgedDrive {
     pub start: usize,
     /// Share of what is seen in the first 5 m that the map explains at the true place.
     pub ground: f64,
+    /// How far the log goes on from there, metres.
+    pub left_m: f64,
     /// All that it said.
     pub statements: Vec<JudgedStatement>,
     /// The place that it declared.
@@ -158,6 +160,7 @@ pub fn judge(
     Some(JudgedDrive {
         start: drive.start,
         ground: shares.iter().sum::<f64>() / shares.len().max(1) as f64,
+        left_m: log.driven_m.last().copied().unwrap_or(0.0) - log.driven_m[drive.start],
         statements: drive.statements.iter().map(judged).collect::<Option<_>>()?,
         fix: drive.fix.as_ref().and_then(judged),
     })
