@@ -162,6 +162,19 @@ impl<A: MissionObserver, B: MissionObserver> MissionObserver for (A, B) {
     }
 }
 
+/// Somebody or nobody watches.
+impl<O: MissionObserver> MissionObserver for Option<O> {
+    fn on_frame(&mut self, frame: &SensorFrame, step: &PilotStep, pilot: &Pilot) -> ControlFlow<()> {
+        self.as_mut().map_or(ControlFlow::Continue(()), |observer| observer.on_frame(frame, step, pilot))
+    }
+
+    fn on_goal(&mut self, goal: DriveGoal) {
+        if let Some(observer) = self {
+            observer.on_goal(goal);
+        }
+    }
+}
+
 impl<O: MissionObserver> MissionObserver for &mut O {
     fn on_frame(&mut self, frame: &SensorFrame, step: &PilotStep, pilot: &Pilot) -> ControlFlow<()> {
         (**self).on_frame(frame, step, pilot)

@@ -4,20 +4,24 @@ mod arguments;
 mod connection;
 mod display;
 mod error;
+mod floor;
 mod mission;
 mod path;
 mod pose_publisher;
 mod recording;
 mod report;
+mod ros_mission;
+mod ros_report;
 mod scoring;
 mod serve;
 mod settings;
 
 pub use report::MissionReport;
+pub use ros_report::RosMissionReport;
 pub use scoring::{AT_GOAL_DEG, AT_GOAL_M, MissionScore};
 
 use self::arguments::{Cli, Command, LinkArgs};
-use self::mission::mission;
+use self::mission::carry_out;
 use self::path::path;
 use self::serve::serving;
 use self::settings::ClientFile;
@@ -62,13 +66,13 @@ pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
             path(&file.with_link(&link), &way, json, &waiting, &stop)
         }
         Some(Command::Relocalize { link, robot }) => {
-            mission(file.with_link(&link).with_robot(&robot), &robot, &MissionGoal::None, &link.waiting(), &stop)
+            carry_out(file.with_link(&link).with_robot(&robot), &robot, &MissionGoal::None, &link.waiting(), &stop)
         }
         Some(Command::Go { link, robot, to, to_nearest }) => match parse_goal(&to, robot.setup.seed) {
             Ok(goal) => {
                 let mut file = file.with_link(&link).with_robot(&robot);
                 file.client.to_nearest |= to_nearest;
-                mission(file, &robot, &goal, &link.waiting(), &stop)
+                carry_out(file, &robot, &goal, &link.waiting(), &stop)
             }
             Err(refusal) => Err(refusal.into()),
         },

@@ -23,6 +23,8 @@ pub enum Role {
     Mapper,
     /// The robot that uses the map.
     ClientRobot,
+    /// A simulated robot that speaks ROS 2, or the router of its graph.
+    Sim,
 }
 
 impl Role {
@@ -33,6 +35,7 @@ impl Role {
             Self::MapServer => "map-server",
             Self::Mapper => "mapper",
             Self::ClientRobot => "client-robot",
+            Self::Sim => "sim",
         }
     }
 }

@@ -17,5 +17,6 @@ pub fn run_role(role: Role, args: Vec<OsString>) -> ExitCode {
         Role::MapServer => map_server::main_with_args(args),
         Role::Mapper => mapper::program::main_with_args(args),
         Role::ClientRobot => client_robot::program::main_with_args(args),
+        Role::Sim => fht_ros_sim::program::main_with_args(args),
     }
 }

@@ -6,8 +6,14 @@ use clap::{Command, CommandFactory};
 use fht_demo::HandoffArgs;
 use std::process::Command as Process;
 
-fn programs() -> [Command; 4] {
-    [mapper::program::command(), client_robot::program::command(), map_server::command(), HandoffArgs::command()]
+fn programs() -> [Command; 5] {
+    [
+        mapper::program::command(),
+        client_robot::program::command(),
+        map_server::command(),
+        HandoffArgs::command(),
+        fht_ros_sim::program::command(),
+    ]
 }
 
 /// All commands of a program, with the words that lead to them.

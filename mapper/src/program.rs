@@ -15,6 +15,7 @@ mod report;
 mod ros;
 mod ros_arguments;
 mod ros_command;
+mod ros_outputs;
 mod running;
 mod scoring;
 mod settings;

@@ -3,6 +3,7 @@
 use clap::{Args, Parser, Subcommand};
 use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, ReportArgs, number, output_file, seconds};
 use fht_proto::{Footprint, MapName, RobotName};
+use fht_ros_robot::GraphArgs;
 use fht_sim::SimSetup;
 use std::path::PathBuf;
 
@@ -42,7 +43,8 @@ pub(super) enum Command {
     #[command(after_help = "Examples:
   client-robot relocalize --map museum
   client-robot relocalize --map museum --start 3,2,90 --seed 7     dropped there, untold
-  client-robot relocalize --map museum --no-cameras               by the scanner alone")]
+  client-robot relocalize --map museum --no-cameras               by the scanner alone
+  client-robot relocalize --map lab --ros tcp/robot:7447           a robot that speaks ROS 2")]
     Relocalize {
         #[command(flatten)]
         link: LinkArgs,
@@ -69,7 +71,8 @@ pub(super) enum Command {
   client-robot go --map museum --to dock --robot tug-1
   client-robot go --map museum --to random --footprint 0.3         a larger robot
   client-robot go --map museum --to 5,3 --to-nearest               as near as it can get
-  client-robot go --map museum --to 5,3 --record drive.mcap        look at it in Foxglove")]
+  client-robot go --map museum --to 5,3 --record drive.mcap        look at it in Foxglove
+  client-robot go --map lab --to dock --ros tcp/robot:7447         a robot that speaks ROS 2")]
     Go {
         #[command(flatten)]
         link: LinkArgs,
@@ -91,6 +94,7 @@ pub(super) enum Command {
     #[command(after_help = "Examples:
   client-robot serve --map museum --robot tug-1
   client-robot serve --map museum --robot tug-1 --start 3,2,90 --rate 5      five times as fast
+  client-robot serve --map lab --robot tug-1 --ros tcp/robot:7447            a robot with ROS 2
   map-server send museum tug-1 dock --wait-arrived                        … and send it, twice
   map-server send museum tug-1 5,3
   map-server cancel museum tug-1
@@ -163,6 +167,13 @@ pub(super) struct RobotArgs {
     /// Print nothing but errors.
     #[arg(long, short)]
     pub(super) quiet: bool,
+    /// Use a robot that speaks ROS 2 over Zenoh, at its router (tcp/robot:7447), in place of a
+    /// simulated one. Its figures are its own word: nobody knows the truth about it.
+    #[arg(long, value_name = "ENDPOINT", conflicts_with_all = ["world", "textures", "start", "people", "shared_world"])]
+    pub(super) ros: Option<String>,
+    // Last, since its heading holds for all that comes after it.
+    #[command(flatten)]
+    pub(super) graph: GraphArgs,
 }
 
 #[derive(Debug, Args)]

@@ -1,7 +1,9 @@
 //! Why the program ends early.
 
 use fht_client::{AskError, ReplicaError, UnusablePath};
+use fht_perception::robot::RobotError;
 use fht_proto::{MapName, ParseIdError};
+use fht_ros::RosError;
 use fht_session::{SessionError, in_words};
 use fht_shared_world::JoinError;
 use fht_sim::{StartError, WorldError};
@@ -11,6 +13,12 @@ use fht_sim::{StartError, WorldError};
 pub(crate) enum CliError {
     #[error(transparent)]
     Link(#[from] SessionError),
+    #[error("the robot's router: {0}")]
+    RobotRouter(#[source] SessionError),
+    #[error(transparent)]
+    Graph(#[from] RosError),
+    #[error("{error}{}", trouble.as_ref().map(|trouble| format!(": {trouble}")).unwrap_or_default())]
+    Robot { error: RobotError, trouble: Option<String> },
     #[error(transparent)]
     Replica(#[from] ReplicaError),
     #[error("{0}")]
@@ -55,16 +63,19 @@ impl CliError {
     /// Whether what was given is wrong, or not there, and not the run.
     pub(crate) fn is_input(&self) -> bool {
         match self {
-            Self::Link(error) => error.is_input(),
+            Self::Link(error) | Self::RobotRouter(error) => error.is_input(),
             Self::SharedWorld(error) => error.is_input(),
             Self::Refused(reply) | Self::Ask(AskError::Refused(reply)) => reply.code.is_input(),
             Self::World(_)
+            | Self::Graph(RosError::Name(_))
             | Self::Start(_)
             | Self::Descriptor(_)
             | Self::RobotName(_)
             | Self::UnknownGoal { .. }
             | Self::NameTaken(_) => true,
             Self::Replica(_)
+            | Self::Graph(_)
+            | Self::Robot { .. }
             | Self::Ask(_)
             | Self::Path(_)
             | Self::EmptyMap(_)

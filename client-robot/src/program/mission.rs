@@ -8,6 +8,7 @@ use super::error::CliError;
 use super::pose_publisher::PosePublisher;
 use super::recording::Recording;
 use super::report::{MissionReport, print_report};
+use super::ros_mission::ros_mission;
 use super::scoring::MissionScore;
 use super::settings::{ClientFile, ClientSection};
 use crate::mission::{MapSource, MissionConfig, MissionError, MissionGoal, MissionObserver, Services, run};
@@ -36,8 +37,22 @@ pub(super) const RANDOM: &str = "random";
 /// Room that a random start has around it, metres.
 const START_CLEARANCE_M: f64 = 0.4;
 
-/// Carries out the mission, and writes its figures.
-pub(super) fn mission(
+/// Carries out the mission, with the robot of the simulator or the one that `--ros` names, and
+/// writes its figures.
+pub(super) fn carry_out(
+    file: ClientFile,
+    args: &RobotArgs,
+    goal: &MissionGoal,
+    waiting: &Waiting,
+    stop: &Stop,
+) -> Result<ExitCode, CliError> {
+    match &args.ros {
+        Some(endpoint) => ros_mission(file, args, endpoint, goal, waiting, stop),
+        None => mission(file, args, goal, waiting, stop),
+    }
+}
+
+fn mission(
     mut file: ClientFile,
     args: &RobotArgs,
     goal: &MissionGoal,
@@ -56,7 +71,7 @@ pub(super) fn mission(
     wait_for_name(&presence, waiting, stop)?;
     let _alive = presence.declare()?;
     let head = wait_for_map(&session, &map, waiting, stop)?;
-    let replica = copy_of_map(&session, &file, &net, &head)?;
+    let replica = copy_of_map(&session, &file, Some(&net), &head)?;
     let goal = &called_random(goal, &replica);
     require(goal, &map, &replica, waiting)?;
     let mut paths =
@@ -160,14 +175,19 @@ pub(super) fn robot(setup: &SimSetup, file: &ClientFile) -> Result<(Simulator, P
 }
 
 /// `random` is a node far off, unless a place is called so.
-fn called_random(goal: &MissionGoal, replica: &LiveReplica) -> MissionGoal {
+pub(super) fn called_random(goal: &MissionGoal, replica: &LiveReplica) -> MissionGoal {
     let is_random = matches!(goal, MissionGoal::FarNode(_));
     let name = RANDOM.parse().ok().filter(|name| is_random && MapSource::place(replica, name).is_some());
     name.map_or_else(|| goal.clone(), MissionGoal::Named)
 }
 
 /// Before the robot drives: that the map has the goal.
-fn require(goal: &MissionGoal, map: &MapName, replica: &LiveReplica, waiting: &Waiting) -> Result<(), CliError> {
+pub(super) fn require(
+    goal: &MissionGoal,
+    map: &MapName,
+    replica: &LiveReplica,
+    waiting: &Waiting,
+) -> Result<(), CliError> {
     let mut content = waiting.for_content();
     loop {
         let (is_there, what) = match goal {
@@ -191,7 +211,7 @@ fn require(goal: &MissionGoal, map: &MapName, replica: &LiveReplica, waiting: &W
 pub(super) fn copy_of_map(
     session: &Session,
     file: &ClientFile,
-    net: &DescriptorNet,
+    net: Option<&DescriptorNet>,
     head: &Head,
 ) -> Result<LiveReplica, CliError> {
     let map = file.map();
@@ -202,9 +222,11 @@ pub(super) fn copy_of_map(
     if replica.running().counts().main_nodes == 0 {
         return Err(CliError::EmptyMap(map));
     }
-    if !file.robot.cameras {
+    let Some(net) = net.filter(|_| file.robot.cameras) else {
         tracing::info!("without cameras: the place is found by the scanner alone");
-    } else if let Err(reason) = check_usable(&replica.running(), net.model()) {
+        return Ok(replica);
+    };
+    if let Err(reason) = check_usable(&replica.running(), net.model()) {
         tracing::warn!(%reason, "pictures are of no use on this map: the place is found by the scanner alone");
     }
     Ok(replica)

@@ -1,19 +1,15 @@
 //! A client's run as a bag: what the sensors said, where the robot thought it was, and the map that
 //! it used.
 
+use super::floor::{MapTurns, known_floor};
 use crate::mission::MissionObserver;
 use crate::pilot::{Pilot, PilotStep};
-use fht_bag::{FrameRecording, RecordedGrid, Recorder, WriteError, write_map};
+use fht_bag::{FrameRecording, Recorder, WriteError, write_map};
 use fht_client::LiveReplica;
-use fht_localization::landmarks::Landmarks;
-use fht_map::MapState;
 use fht_perception::frame::SensorFrame;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// Least time between two recorded states of the map, microseconds.
-const MAP_PERIOD_US: u64 = 5_000_000;
 
 /// Writes a run while it goes on: frames, the transform `map → odom` from when the robot knows its
 /// place, and the map on `/map` and `/fht_map`, at the beginning and when it has changed. Without a
@@ -26,27 +22,6 @@ struct Bag<'a> {
     replica: &'a LiveReplica,
     turns: MapTurns,
     last_us: Option<u64>,
-}
-
-/// When the map is recorded.
-#[derive(Default)]
-struct MapTurns {
-    /// The newest state that was recorded.
-    recorded: Option<u64>,
-    next_us: u64,
-}
-
-impl MapTurns {
-    /// Whether the map, whose state has this number (see [`LiveReplica::changes`]), is to be
-    /// recorded now: it has changed, and the last time was long enough ago or this is the `end`.
-    fn is_due(&mut self, time_us: u64, changes: u64, is_end: bool) -> bool {
-        let is_due = self.recorded != Some(changes) && (is_end || time_us >= self.next_us);
-        if is_due {
-            self.recorded = Some(changes);
-            self.next_us = time_us.saturating_add(MAP_PERIOD_US);
-        }
-        is_due
-    }
 }
 
 impl<'a> Recording<'a> {
@@ -83,13 +58,6 @@ impl Bag<'_> {
     }
 }
 
-/// What the map's main nodes saw and its rectangles say, as the robot weighs its poses by.
-fn known_floor(map: &MapState) -> RecordedGrid {
-    let mut landmarks = Landmarks::default();
-    landmarks.refresh(map);
-    RecordedGrid::from(&landmarks.walls().known)
-}
-
 /// Waits for the disk if it is far behind.
 impl MissionObserver for Recording<'_> {
     fn on_frame(&mut self, frame: &SensorFrame, step: &PilotStep, _: &Pilot) -> ControlFlow<()> {
@@ -103,24 +71,5 @@ impl MissionObserver for Recording<'_> {
             frames.write(file, &frame, map_from_base.as_ref())
         });
         ControlFlow::Continue(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_map_is_recorded_when_it_changes_but_not_too_often() {
-        let frame_us = 200_000;
-        let times = |changes_at: &dyn Fn(u64) -> u64| {
-            let mut turns = MapTurns::default();
-            (0..=60)
-                .filter(|frame| turns.is_due(frame * frame_us, changes_at(*frame), *frame == 60))
-                .collect::<Vec<_>>()
-        };
-        assert_eq!(times(&|_| 7), [0], "a map that stays as it is is recorded once");
-        assert_eq!(times(&|frame| frame), [0, 25, 50, 60], "every five seconds, and at the end");
-        assert_eq!(times(&|frame| u64::from(frame >= 3) + u64::from(frame >= 40)), [0, 25, 50]);
     }
 }

@@ -1,4 +1,4 @@
-//! `client-robot serve`: a robot in a simulated world that drives wherever it is sent.
+//! `client-robot serve`: a robot that drives wherever it is sent.
 
 use super::arguments::{RobotArgs, ServeArgs};
 use super::connection::{connect, runtime, wait_for_map, wait_for_name};
@@ -7,14 +7,16 @@ use super::error::CliError;
 use super::mission::{UntilAsked, copy_of_map, describing, descriptor_net, patience, robot};
 use super::pose_publisher::PosePublisher;
 use super::recording::Recording;
+use super::ros_mission::{OnGraph, PlaceOutputs, live};
 use super::settings::{ClientFile, ClientSection};
 use crate::goal_service::GoalService;
 use crate::mission::{MissionConfig, MissionError, MissionObserver, Services};
 use crate::pilot::{Pilot, PilotStep};
 use crate::serving::{ServeError, serve};
-use fht_client::{Presence, ServerPaths};
-use fht_perception::frame::SensorFrame;
-use fht_perception::robot::Paced;
+use fht_client::{LiveReplica, Presence, ServerPaths};
+use fht_descriptor::DescriptorNet;
+use fht_perception::frame::{Panorama, SensorFrame};
+use fht_perception::robot::{Paced, Robot};
 use fht_program::{Stop, Waiting, print_line};
 use fht_proto::api::fleet::RobotRole;
 use fht_proto::api::goal::{GoalState, GoalStatus};
@@ -25,6 +27,7 @@ use std::ops::ControlFlow;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
+use tokio::runtime::Runtime;
 
 /// What became of the goals of a run.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -54,70 +57,106 @@ impl ServeReport {
     }
 }
 
-/// Serves until the program is asked to end.
+/// Serves until the program is asked to end, with the robot of the simulator or the one that
+/// `--ros` names.
 pub(super) fn serving(
     mut file: ClientFile,
     args: &ServeArgs,
     waiting: &Waiting,
     stop: &Stop,
 ) -> Result<ExitCode, CliError> {
-    let began = Instant::now();
     // Nothing waits for work beside the loop: the robot is one among others.
     (file.client.walls, file.client.paths.taking) = (Taking::WhenThere, Taking::WhenThere);
-    let (map, name) = (file.map(), file.name().to_owned());
-    check_owner(&file.connect, "client", &name)?;
-    let mut net = descriptor_net(&mut file)?;
-    let (simulator, _) = robot(&args.robot.setup, &file)?;
+    check_owner(&file.connect, "client", file.name())?;
+    let service = Service { args: &args.robot, waiting, stop, began: Instant::now() };
+    let Some(endpoint) = &args.robot.ros else {
+        let net = descriptor_net(&mut file)?;
+        let (simulator, _) = robot(&args.robot.setup, &file)?;
+        file.client.silence = patience(&args.robot.setup, file.client.silence);
+        let robot = Paced::new(simulator, Some(args.rate.unwrap_or(1.0)));
+        return service.run(&runtime()?, file, Some(net), robot, |_, _, _| Ok(None));
+    };
+    file.robot.cameras = false;
+    file.client.silence = live(file.client.silence);
+    let OnGraph { runtime, node, robot } = OnGraph::join(&file, &args.robot, endpoint, waiting, stop)?;
+    service.run(&runtime, file, None, robot, |runtime, robot, replica| {
+        Ok(Some(runtime.block_on(PlaceOutputs::start(&node, robot, replica))?))
+    })
+}
 
-    let session = connect(&file.connect, waiting, stop)?;
-    let presence = Presence::new(&session, &map, &name, RobotRole::Client)?;
-    wait_for_name(&presence, waiting, stop)?;
-    let _alive = presence.declare()?;
-    let head = wait_for_map(&session, &map, waiting, stop)?;
-    let replica = copy_of_map(&session, &file, &net, &head)?;
-    let mut paths =
-        ServerPaths::new(&session, map.clone(), &name, &replica, &file.client.paths).map_err(CliError::Thread)?;
-    let mut describe = describing(&mut net);
-    let report = Arc::new(Mutex::new(ServeReport { robot: name.clone(), map: map.to_string(), ..Default::default() }));
-    let display = Display::new(&args.robot, &name);
-    let (counted, says) = (Arc::clone(&report), !args.robot.quiet && !args.robot.report.json);
-    let mut desk = GoalService::start(&session, &map, &name, move |news| {
-        counted.lock().unwrap_or_else(PoisonError::into_inner).count(news.state);
-        if says {
-            print_line!("{}", in_words(news));
+/// What all serving needs.
+struct Service<'a> {
+    args: &'a RobotArgs,
+    waiting: &'a Waiting,
+    stop: &'a Stop,
+    began: Instant,
+}
+
+impl Service<'_> {
+    /// Serves with `robot`; `outputs` makes what tells the robot's own graph, if it has one.
+    fn run<R: Robot>(
+        &self,
+        runtime: &Runtime,
+        file: ClientFile,
+        mut net: Option<DescriptorNet>,
+        robot: R,
+        outputs: impl for<'r> FnOnce(&Runtime, &R, &'r LiveReplica) -> Result<Option<PlaceOutputs<'r>>, CliError>,
+    ) -> Result<ExitCode, CliError> {
+        let Self { args, waiting, stop, began } = self;
+        let (map, name) = (file.map(), file.name().to_owned());
+        let session = connect(&file.connect, waiting, stop)?;
+        let presence = Presence::new(&session, &map, &name, RobotRole::Client)?;
+        wait_for_name(&presence, waiting, stop)?;
+        let _alive = presence.declare()?;
+        let head = wait_for_map(&session, &map, waiting, stop)?;
+        let replica = copy_of_map(&session, &file, net.as_ref(), &head)?;
+        let mut paths =
+            ServerPaths::new(&session, map.clone(), &name, &replica, &file.client.paths).map_err(CliError::Thread)?;
+        let mut describe = net.as_mut().map(describing);
+        let mut describe = |panorama: &Panorama| describe.as_mut()?(panorama);
+        let report = ServeReport { robot: name.clone(), map: map.to_string(), ..Default::default() };
+        let report = Arc::new(Mutex::new(report));
+        let display = Display::new(args, &name);
+        let (counted, says) = (Arc::clone(&report), !args.quiet && !args.report.json);
+        let mut desk = GoalService::start(&session, &map, &name, move |news| {
+            counted.lock().unwrap_or_else(PoisonError::into_inner).count(news.state);
+            if says {
+                print_line!("{}", in_words(news));
+            }
+        })?;
+        let outputs = outputs(runtime, &robot, &replica)?;
+        // The robot stands, all is said and the bag is whole before the program ends.
+        let _order = stop.in_order();
+        let recording = Recording::start(args.record.as_deref(), &replica)?;
+        let publisher = PosePublisher::new(presence, &replica);
+        let ready = Ready(says.then(|| (name.clone(), map.to_string())));
+        let until_asked = UntilAsked((*stop).clone());
+        let mut observer = (recording, (until_asked, ((publisher, outputs), (display, ready))));
+        let ClientSection { pilot, silence, walls, .. } = file.client;
+        let config = MissionConfig { pilot, silence, walls, ..MissionConfig::default() };
+        let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe };
+        let ended = runtime.block_on(serve(robot, config, &name, &mut desk, &mut services, &mut observer));
+        let (recording, (_, ((publisher, outputs), (display, _)))) = observer;
+        publisher.finish();
+        drop((desk, outputs));
+        display.finish();
+        let recorded = recording.finish();
+        let mut report = report.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        report.wall_s = began.elapsed().as_secs_f64();
+        give(args, &report)?;
+        recorded?;
+        match ended {
+            Ok(()) => Ok(ExitCode::SUCCESS),
+            Err(ServeError::Mission(MissionError::Interrupted)) => {
+                eprintln!("client-robot: the robot stands and takes no more goals");
+                Ok(ExitCode::SUCCESS)
+            }
+            Err(lost @ ServeError::Lost(_)) => {
+                eprintln!("client-robot: {lost}");
+                Ok(ExitCode::from(1))
+            }
+            Err(ServeError::Mission(error)) => Err(error.into()),
         }
-    })?;
-    // The robot stands, all is said and the bag is whole before the program ends.
-    let _order = stop.in_order();
-    let recording = Recording::start(args.robot.record.as_deref(), &replica)?;
-    let publisher = PosePublisher::new(presence, &replica);
-    let ready = Ready(says.then(|| (name.clone(), map.to_string())));
-    let mut observer = (recording, (UntilAsked(stop.clone()), (publisher, (display, ready))));
-    let ClientSection { pilot, silence, walls, .. } = file.client;
-    let silence = patience(&args.robot.setup, silence);
-    let config = MissionConfig { pilot, silence, walls, ..MissionConfig::default() };
-    let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe };
-    let robot = Paced::new(simulator, Some(args.rate.unwrap_or(1.0)));
-    let ended = runtime()?.block_on(serve(robot, config, &name, &mut desk, &mut services, &mut observer));
-    let (recording, (_, (publisher, (display, _)))) = observer;
-    publisher.finish();
-    drop(desk);
-    display.finish();
-    recording.finish()?;
-    let mut report = report.lock().unwrap_or_else(PoisonError::into_inner).clone();
-    report.wall_s = began.elapsed().as_secs_f64();
-    give(&args.robot, &report)?;
-    match ended {
-        Ok(()) => Ok(ExitCode::SUCCESS),
-        Err(ServeError::Mission(MissionError::Interrupted)) => {
-            eprintln!("client-robot: the robot stands and takes no more goals");
-            Ok(ExitCode::SUCCESS)
-        }
-        Err(lost @ ServeError::Lost(_)) => {
-            eprintln!("client-robot: {lost}");
-            Ok(ExitCode::from(1))
-        }
-        Err(ServeError::Mission(error)) => Err(error.into()),
     }
 }
 

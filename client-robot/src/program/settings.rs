@@ -8,6 +8,7 @@ use fht_perception::robot::SilenceConfig;
 use fht_program::flags::ConfigArgs;
 use fht_program::{ConfigError, RobotConfig};
 use fht_proto::{Footprint, MapName, RobotName};
+use fht_ros_robot::RosRobotConfig;
 use fht_session::SessionConfig;
 use fht_sim::SimConfig;
 use fht_worker::Taking;
@@ -26,6 +27,8 @@ pub(super) struct ClientFile {
     pub(super) robot: RobotConfig,
     /// The simulated robot.
     pub(super) sim: SimConfig,
+    /// The topics and frames of a robot that speaks ROS 2 (`--ros`).
+    pub(super) ros: RosRobotConfig,
     /// How the robot finds its place and drives.
     pub(super) client: ClientSection,
 }
@@ -34,7 +37,13 @@ impl Default for ClientFile {
     fn default() -> Self {
         // Another day than the mapping.
         let sim = SimConfig { light_seed: 1, ..SimConfig::default() };
-        Self { connect: SessionConfig::default(), robot: RobotConfig::default(), sim, client: ClientSection::default() }
+        Self {
+            connect: SessionConfig::default(),
+            robot: RobotConfig::default(),
+            sim,
+            ros: RosRobotConfig::default(),
+            client: ClientSection::default(),
+        }
     }
 }
 

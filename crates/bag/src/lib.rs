@@ -56,7 +56,7 @@ pub use read::report::{BagReport, Dropped};
 pub use read::stream::{Broken, Messages};
 pub use read::survey::{BagInfo, BagTopic, survey};
 pub use read::topics::{TopicConfig, TopicError};
-pub use write::map::{RecordedGrid, write_map};
+pub use write::map::write_map;
 pub use write::metadata::Durability;
 pub use write::recorder::Recorder;
 pub use write::recording::FrameRecording;

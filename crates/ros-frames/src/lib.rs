@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `yaw` | headings as quaternions and back, bit for bit |
 //! | `plane` | poses on the plane, and times, as messages |
+//! | `floor` | what is known of a floor as a grid ([`FloorGrid`]) |
 //! | `scan` | laser scans as the robot's own and back |
 //! | `tf` | the tree of coordinate frames, and how a scanner is mounted |
 //! | `track` | poses by time, interpolated; resets of the odometry |
@@ -23,12 +24,14 @@
 //! assert_eq!(Mount::of(&base_from_laser).base_from_sensor, pose(0.2, 0.0, 0.0));
 //! ```
 
+mod floor;
 mod plane;
 mod scan;
 mod tf;
 mod track;
 mod yaw;
 
+pub use floor::{FloorGrid, grid_message};
 pub use plane::{header_message, pose_message};
 pub use scan::{ScanConfig, scan_message, scan_of};
 pub use tf::{Mount, TransformTree, frame_name};

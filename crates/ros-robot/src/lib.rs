@@ -4,7 +4,8 @@
 //! ```text
 //!  /scan  /odom  /tf  /tf_static ──→ intake ──→ SensorFrame ──→ a program that maps or drives
 //!                                                                    │
-//!  /cmd_vel (Twist or TwistStamped) ←────────────── drive ←──────────┘
+//!  /cmd_vel (Twist or TwistStamped) ←────────────── drive ←──────────┤
+//!  /map  /tf  /path  /amcl_pose  /diagnostics ←── outputs ←──────────┘
 //! ```
 //!
 //! | module | idea |
@@ -12,7 +13,9 @@
 //! | `config` | which topics and frames the robot has ([`RosRobotConfig`]) |
 //! | `intake` | from messages to frames; what keeps them from coming, as a sentence |
 //! | `robot` | the topics behind the port ([`RosRobot`]) |
+//! | `outputs` | what the graph gets back: `map → odom`, the map, the pose ([`RosOutputs`]) |
 //! | `check` | what a graph has of what is needed ([`check`]) |
+//! | `flags` | graph and topics on the command line (feature `cli`) |
 //!
 //! A sensor that falls silent is named in the log, and whoever supervises the robot
 //! ([`fht_perception::robot::Supervised`]) stops it. What is wrong is told before anything drives:
@@ -29,10 +32,16 @@
 
 mod check;
 mod config;
+#[cfg(feature = "cli")]
+mod flags;
 mod intake;
+mod outputs;
 mod robot;
 
 pub use check::{Finding, Readiness, check};
 pub use config::RosRobotConfig;
+#[cfg(feature = "cli")]
+pub use flags::{GraphArgs, NodeArgs};
 pub use intake::IntakeReport;
-pub use robot::RosRobot;
+pub use outputs::{OutputRole, PlaceNow, RosOutputs};
+pub use robot::{OdomFrame, RosRobot};

@@ -5,14 +5,38 @@ use crate::intake::{Intake, IntakeReport};
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::robot::{Robot, RobotError, Sensors};
 use fht_ros::{EndpointKind, Publisher, Qos, Received, RosError, RosNode, Subscription};
+use fht_ros_frames::frame_name;
 use fht_ros_messages::msg::{HeaderMsg, LaserScanMsg, OdometryMsg, TfMessage, TwistMsg, TwistStamped, Vector3};
 use fht_ros_messages::{RosMessage, cdr};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// How long routers may take to tell who is on the graph.
 const ROLL_CALL: Duration = Duration::from_secs(2);
 /// How often waiting scans are looked at while nothing arrives.
 const TICK: Duration = Duration::from_millis(50);
+
+/// The frame that the odometry starts from. A robot's `nav_msgs/Odometry` says it, once it has come.
+#[derive(Clone, Debug)]
+pub struct OdomFrame {
+    said: Arc<OnceLock<String>>,
+    usual: String,
+}
+
+impl OdomFrame {
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> String {
+        self.said.get().unwrap_or(&self.usual).clone()
+    }
+
+    fn hear(&self, frame: &str) {
+        if !frame.is_empty() {
+            // The first word holds.
+            self.said.get_or_init(|| frame.to_owned());
+        }
+    }
+}
 
 /// Velocity commands, with or without a stamp: which of the two is ROS's choice of the year.
 enum Commands {
@@ -28,6 +52,7 @@ pub struct RosRobot {
     transforms: Subscription<TfMessage>,
     fixed_transforms: Subscription<TfMessage>,
     commands: Commands,
+    odom_frame: OdomFrame,
     began: Instant,
     /// When the last frame was given.
     last_frame: Instant,
@@ -54,6 +79,7 @@ impl RosRobot {
         let fixed_transforms = node.subscribe(&config.tf_static, Qos::latched(100)).await?;
         let commands = Self::commands(node, &config).await?;
         let odometry_topic = node.resolve(&config.odometry)?;
+        let odom_frame = OdomFrame { said: Arc::default(), usual: config.odom_frame.clone() };
         let began = Instant::now();
         Ok(Self {
             intake: Intake::new(config, scans.topic(), &odometry_topic),
@@ -62,6 +88,7 @@ impl RosRobot {
             transforms,
             fixed_transforms,
             commands,
+            odom_frame,
             began,
             last_frame: began,
             dropped: 0,
@@ -79,6 +106,12 @@ impl RosRobot {
         } else {
             Commands::Plain(node.publisher(&topic, qos).await?)
         })
+    }
+
+    /// The frame that the odometry starts from.
+    #[must_use]
+    pub fn odom_frame(&self) -> OdomFrame {
+        self.odom_frame.clone()
     }
 
     /// What became of the sensors' messages.
@@ -125,7 +158,8 @@ impl RosRobot {
 
     fn take_odometry(&mut self, received: &Received) {
         let (arrived_s, topic) = (self.arrived_s(received), self.odometry.as_ref().map_or("", Subscription::topic));
-        if let Some(odometry) = read(topic, received.decode()) {
+        if let Some(odometry) = read::<OdometryMsg>(topic, received.decode()) {
+            self.odom_frame.hear(frame_name(&odometry.header.frame_id));
             self.intake.take_odometry(&odometry, arrived_s, wall_ns());
         }
     }

@@ -30,6 +30,9 @@ pub enum RosError {
         /// Zenoh's words.
         reason: String,
     },
+    /// The system gives no thread.
+    #[error("a thread cannot be started: {0}")]
+    Thread(#[source] std::io::Error),
     /// Nobody serves the service or action.
     #[error("nobody answers {0}: does its node run, in the same domain, with the same distribution?")]
     NoServer(String),

@@ -1,10 +1,11 @@
 //! The command line of `mapper`.
 
 use super::replay_command::{InfoArgs, ReplayArgs};
-use super::ros_arguments::{GraphArgs, RosCommand};
+use super::ros_arguments::RosCommand;
 use super::running::RunArgs;
 use clap::{Args, Parser, Subcommand};
 use fht_program::flags::{CompletionsArgs, ConfigArgs, number, seconds};
+use fht_ros_robot::GraphArgs;
 use fht_sim::SimSetup;
 use std::path::PathBuf;
 

@@ -3,11 +3,11 @@
 use super::way::WayDriven;
 use crate::mapping::Mapper;
 use crate::run::{MappedFrame, MappingObserver};
+use fht_bag::write_map;
 use fht_bag::{Durability, FrameRecording, Recorder, WriteError, WriteReport};
-use fht_bag::{RecordedGrid, write_map};
 use fht_perception::frame::SensorFrame;
 use fht_perception::pose::Pose2;
-use fht_ros_frames::{header_message, pose_message};
+use fht_ros_frames::{FloorGrid, header_message, pose_message};
 use fht_ros_messages::msg::{PathMsg as PathMessage, PoseStamped};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -55,7 +55,7 @@ impl MapRecorder {
         let (grid, map) = (mapper.grid().clone(), mapper.map().clone());
         let path = path_message(time_us, self.way.poses(mapper));
         self.recorder.submit(move |bag| {
-            write_map(bag, time_us, &RecordedGrid::from(&grid), &map)?;
+            write_map(bag, time_us, &FloorGrid::from(&grid), &map)?;
             bag.write("/path", Durability::Volatile, time_us, &path)
         });
     }

@@ -3,11 +3,12 @@
 use super::keeping::{KeepError, Kept, RunKeeper};
 use super::map_figures::MapFigures;
 use super::picture::PictureTask;
+use super::ros_outputs::MapOutputs;
 use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask, RunError};
 use fht_perception::robot::{RobotError, SilenceConfig};
 use fht_program::stop::Stop;
 use fht_ros::{NodeConfig, RosError, RosNode};
-use fht_ros_robot::{IntakeReport, RosRobot, RosRobotConfig};
+use fht_ros_robot::{IntakeReport, OutputRole, RosOutputs, RosRobot, RosRobotConfig};
 use fht_session::{SessionConfig, SessionError};
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
@@ -168,11 +169,14 @@ pub async fn explore_robot(
     let travel = Travel { watch, next_us: 0, last_us: 0, driven_m: 0.0, last_odom: None };
     let silence = SilenceConfig { stop_after_s: STOP_AFTER_S, ..task.mapping.silence.clone() };
     let mapping = MappingTask { cameras: false, silence, stop: task.stop, ..task.mapping };
-    let outcome = run::explore(mapping, robot, (keeper, travel)).await?;
-    let MappingOutcome { mut summary, mapper, robot, observer: (keeper, travel) } = outcome;
+    let outputs = MapOutputs::new(RosOutputs::start(&node, OutputRole::Mapping, robot.odom_frame()).await?);
+    let outcome = run::explore(mapping, robot, (keeper, (travel, outputs))).await?;
+    let MappingOutcome { mut summary, mapper, robot, observer: (keeper, (travel, outputs)) } = outcome;
     if let Some(error) = summary.robot_error.take() {
         return Err(RosExploreError::Robot { error, trouble: robot.trouble() });
     }
+    // The map's last state is on its way before the program ends.
+    drop(outputs);
     let kept = keeper.finish(summary.frames)?;
     Ok(RosExploreReport {
         intake: robot.report(),

@@ -23,7 +23,7 @@ fn router(endpoint: &str) -> SessionConfig {
 impl ExploreArgs {
     /// The task of the robot at `endpoint`: these flags over what the file says.
     fn robot_task(&self, endpoint: &str, file: MapperFile, stop: Stop) -> Result<RosExploreTask, String> {
-        let source = Path::new(if self.graph.namespace.is_empty() { "robot" } else { &self.graph.namespace });
+        let source = Path::new(if self.graph.node.namespace.is_empty() { "robot" } else { &self.graph.node.namespace });
         let mut mapping = self.run.over(&file, source)?;
         mapping.spool = self.spool.clone().or(mapping.spool);
         mapping.max_s = self.max_sim.unwrap_or(mapping.max_s);
@@ -31,7 +31,7 @@ impl ExploreArgs {
         mapping.mapper.pace = Pace::RealTime;
         Ok(RosExploreTask {
             graph: router(endpoint),
-            node: self.graph.node(),
+            node: self.graph.node.node("mapper"),
             robot: self.graph.robot(file.ros),
             patience: Waiting::new("mapper", self.run.link.wait, None).for_session(),
             record: self.run.record.clone(),
@@ -171,11 +171,11 @@ pub(super) fn check_robot(args: &CheckArgs, file: MapperFile) -> Result<bool, Pr
 async fn look(args: &CheckArgs, file: RosRobotConfig) -> Result<CheckReport, CheckError> {
     let wait = Duration::try_from_secs_f64(args.wait).unwrap_or(Duration::MAX);
     let session = open_within(&router(&args.endpoint), Some(wait)).await?;
-    let node = RosNode::join(session, args.graph.node()).await?;
+    let node = RosNode::join(session, args.graph.node.node("mapper")).await?;
     let config = args.graph.robot(file);
     // Before the own subscriptions are there.
     let endpoints = node.endpoints(wait).await?;
-    let findings = check(&endpoints, &config, &args.graph.namespace).map_err(RosError::Name)?;
+    let findings = check(&endpoints, &config, &args.graph.node.namespace).map_err(RosError::Name)?;
     let mut robot = RosRobot::connect(&node, config).await?;
     let began = Instant::now();
     while let Some(left) = wait.checked_sub(began.elapsed())

@@ -1,0 +1,179 @@
+//! `client-robot relocalize --ros` and `client-robot go --ros`: a robot that speaks ROS 2, with a
+//! task on a map of a real server. Nobody knows the truth about it: the figures are the robot's
+//! own.
+
+use super::arguments::RobotArgs;
+use super::connection::{connect, runtime, wait_for_map, wait_for_name};
+use super::display::Display;
+use super::error::CliError;
+use super::floor::{MapTurns, known_floor};
+use super::mission::{UntilAsked, called_random, copy_of_map, require};
+use super::pose_publisher::PosePublisher;
+use super::recording::Recording;
+use super::ros_report::{RosMissionReport, RosMissionScore, print_report};
+use super::settings::{ClientFile, ClientSection};
+use crate::mission::{MissionConfig, MissionError, MissionGoal, MissionObserver, Services, run};
+use crate::pilot::{Pilot, PilotStep};
+use fht_client::{LiveReplica, Presence, ServerPaths};
+use fht_perception::frame::SensorFrame;
+use fht_perception::robot::SilenceConfig;
+use fht_program::{Stop, Waiting};
+use fht_proto::api::fleet::RobotRole;
+use fht_ros::{RosError, RosNode};
+use fht_ros_robot::{OutputRole, PlaceNow, RosOutputs, RosRobot};
+use fht_session::{SessionConfig, check_owner, open_within};
+use fht_worker::Taking;
+use std::ops::ControlFlow;
+use std::process::ExitCode;
+use std::time::Instant;
+use tokio::runtime::Runtime;
+
+/// A live robot is told to stop when no frame has come for so long, seconds: it shall stand within
+/// half a second.
+const STOP_AFTER_S: f64 = 0.4;
+
+/// Carries out the mission with the robot at `endpoint`, and writes its figures.
+pub(super) fn ros_mission(
+    mut file: ClientFile,
+    args: &RobotArgs,
+    endpoint: &str,
+    goal: &MissionGoal,
+    waiting: &Waiting,
+    stop: &Stop,
+) -> Result<ExitCode, CliError> {
+    let began = Instant::now();
+    // The robot is live: nothing waits for work beside the loop. Its cameras are not read.
+    (file.client.walls, file.client.paths.taking) = (Taking::WhenThere, Taking::WhenThere);
+    file.robot.cameras = false;
+    let (map, name) = (file.map(), file.name().to_owned());
+    check_owner(&file.connect, "client", &name)?;
+    tracing::info!(%map, robot = name, router = endpoint, "looks for its place");
+    let OnGraph { runtime, node, mut robot } = OnGraph::join(&file, args, endpoint, waiting, stop)?;
+
+    let session = connect(&file.connect, waiting, stop)?;
+    let presence = Presence::new(&session, &map, &name, RobotRole::Client)?;
+    wait_for_name(&presence, waiting, stop)?;
+    let _alive = presence.declare()?;
+    let head = wait_for_map(&session, &map, waiting, stop)?;
+    let replica = copy_of_map(&session, &file, None, &head)?;
+    let goal = &called_random(goal, &replica);
+    require(goal, &map, &replica, waiting)?;
+    let mut paths =
+        ServerPaths::new(&session, map.clone(), &name, &replica, &file.client.paths).map_err(CliError::Thread)?;
+    let display = Display::new(args, &name);
+    let publisher = PosePublisher::new(presence, &replica);
+    // The robot stands and its bag is whole before the program ends.
+    let _order = stop.in_order();
+    let recording = Recording::start(args.record.as_deref(), &replica)?;
+    let outputs = runtime.block_on(PlaceOutputs::start(&node, &robot, &replica))?;
+    let score = RosMissionScore::default();
+    let mut observer = (recording, (UntilAsked(stop.clone()), ((publisher, display), (outputs, score))));
+    let ClientSection { pilot, silence, to_nearest, walls, paths: asking, .. } = file.client;
+    let silence = live(silence);
+    let config = MissionConfig { pilot, silence, footprint: asking.footprint, to_nearest, walls };
+    let mut services = Services { map: &replica, paths: &mut paths, describe: &mut |_| None };
+    let outcome = runtime.block_on(run(&mut robot, config, goal, &mut services, &mut observer));
+    let (recording, (_, ((publisher, display), (outputs, score)))) = observer;
+    publisher.finish();
+    display.finish();
+    // What the graph is to know is on its way before the program ends.
+    drop(outputs);
+    let recorded = recording.finish();
+    let outcome = match outcome {
+        Err(MissionError::Interrupted) => {
+            recorded?;
+            eprintln!("client-robot: interrupted on the way: the robot stands");
+            return Ok(stop.exit_code().unwrap_or(ExitCode::FAILURE));
+        }
+        Err(MissionError::Robot(error)) => return Err(CliError::Robot { error, trouble: robot.trouble() }),
+        outcome => outcome?,
+    };
+    let report = RosMissionReport {
+        robot: name,
+        map: map.to_string(),
+        intake: robot.report(),
+        fallbacks: paths.fallbacks(),
+        wall_s: began.elapsed().as_secs_f64(),
+        ..score.finish(&outcome)
+    };
+    let in_words = |report: &RosMissionReport| {
+        if !args.quiet {
+            print_report(report);
+        }
+    };
+    args.report.give(&report, in_words).map_err(CliError::Report)?;
+    if let Some(failure) = &report.failure {
+        eprintln!("client-robot: failed: {failure}");
+    }
+    recorded?;
+    Ok(if report.failure.is_none() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// How long the sensors of a live robot may be silent.
+pub(super) fn live(usual: SilenceConfig) -> SilenceConfig {
+    SilenceConfig { stop_after_s: STOP_AFTER_S, ..usual }
+}
+
+/// A robot on its graph.
+pub(super) struct OnGraph {
+    pub(super) runtime: Runtime,
+    pub(super) node: RosNode,
+    pub(super) robot: RosRobot,
+}
+
+impl OnGraph {
+    /// Waits for the robot's router at `endpoint`, and subscribes to the robot's sensors.
+    pub(super) fn join(
+        file: &ClientFile,
+        args: &RobotArgs,
+        endpoint: &str,
+        waiting: &Waiting,
+        stop: &Stop,
+    ) -> Result<Self, CliError> {
+        let graph = SessionConfig::from_options(vec![endpoint.to_owned()], None);
+        stop.doing(format!("waiting for the robot's router at {}", graph.places()));
+        let runtime = runtime()?;
+        let (node, robot) = runtime.block_on(async {
+            let session = open_within(&graph, waiting.for_session()).await.map_err(CliError::RobotRouter)?;
+            let node = RosNode::join(session, args.graph.node.node("client_robot")).await?;
+            let robot = RosRobot::connect(&node, args.graph.robot(file.ros.clone())).await?;
+            Ok::<_, CliError>((node, robot))
+        })?;
+        Ok(Self { runtime, node, robot })
+    }
+}
+
+/// Tells the robot's own graph where it is, and what the fleet's map says of the floor.
+pub(super) struct PlaceOutputs<'a> {
+    outputs: RosOutputs,
+    replica: &'a LiveReplica,
+    turns: MapTurns,
+}
+
+impl<'a> PlaceOutputs<'a> {
+    /// Publishes on the graph of `robot`.
+    pub(super) async fn start(node: &RosNode, robot: &RosRobot, replica: &'a LiveReplica) -> Result<Self, RosError> {
+        let outputs = RosOutputs::start(node, OutputRole::Localization, robot.odom_frame()).await?;
+        Ok(Self { outputs, replica, turns: MapTurns::default() })
+    }
+}
+
+impl MissionObserver for PlaceOutputs<'_> {
+    fn on_frame(&mut self, frame: &SensorFrame, step: &PilotStep, _: &Pilot) -> ControlFlow<()> {
+        let report = step.pose_report();
+        self.outputs.place(PlaceNow {
+            time_us: frame.time_us,
+            state: report.state,
+            confidence: report.confidence,
+            odom_from_base: frame.odom_from_base,
+            map_from_base: report.map_from_base,
+            candidates: report.candidates,
+            lost_because: report.lost_because,
+        });
+        if self.turns.is_due(frame.time_us, self.replica.changes(), false) {
+            let map = self.replica.running();
+            self.outputs.floor(frame.time_us, move || known_floor(&map));
+        }
+        ControlFlow::Continue(())
+    }
+}

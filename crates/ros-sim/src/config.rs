@@ -1,0 +1,55 @@
+//! A simulated robot's topics, frames and clock.
+
+/// Which of ROS's two types velocity commands have.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CommandType {
+    /// `geometry_msgs/TwistStamped`, as TurtleBots have it since Jazzy.
+    #[default]
+    Stamped,
+    /// `geometry_msgs/Twist`.
+    Plain,
+}
+
+/// What a simulated robot calls its topics and frames. Topics without a leading slash are in the
+/// node's namespace.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SimRobotConfig {
+    /// Scans. Default scan.
+    pub scan: String,
+    /// Odometry. Default odom.
+    pub odometry: String,
+    /// Velocity commands. Default cmd_vel.
+    pub cmd_vel: String,
+    /// Their type. Default with a stamp.
+    pub command_type: CommandType,
+    /// The robot's frame. Default base_link.
+    pub base_frame: String,
+    /// The scanner's frame. Default base_scan.
+    pub laser_frame: String,
+    /// The frame that the odometry starts from. Default odom.
+    pub odom_frame: String,
+    /// Without a command for so long the robot stands, seconds of its clock. Default 0.5.
+    pub watchdog_s: f64,
+    /// What its clock says at the first frame, microseconds since the epoch. Default 10⁹: to ROS, 0
+    /// is no time.
+    pub begin_us: u64,
+    /// Whether `/clock` says what time it is. Default no.
+    pub has_clock: bool,
+}
+
+impl Default for SimRobotConfig {
+    fn default() -> Self {
+        Self {
+            scan: "scan".to_owned(),
+            odometry: "odom".to_owned(),
+            cmd_vel: "cmd_vel".to_owned(),
+            command_type: CommandType::default(),
+            base_frame: "base_link".to_owned(),
+            laser_frame: "base_scan".to_owned(),
+            odom_frame: "odom".to_owned(),
+            watchdog_s: 0.5,
+            begin_us: 1_000_000_000,
+            has_clock: false,
+        }
+    }
+}

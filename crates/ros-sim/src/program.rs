@@ -1,0 +1,250 @@
+//! `sim robot`: a simulated robot for whoever speaks ROS 2 over Zenoh; `sim router`: a router for
+//! its graph.
+
+use crate::config::{CommandType, SimRobotConfig};
+use crate::robot::{LiveError, SimRobot, SimRobotReport, live};
+use clap::{Args, Parser, Subcommand};
+use fht_perception::robot::Paced;
+use fht_program::flags::{CompletionsArgs, ReportArgs, missing_command, number, parse_args, seconds};
+use fht_program::{Order, ProgramFailure, Stop, logging, print_line};
+use fht_proto::RobotName;
+use fht_ros::{RosError, RosNode};
+use fht_ros_robot::NodeArgs;
+use fht_session::{ConfigurationError, SessionConfig, SessionError, in_words, set, set_endpoints};
+use fht_shared_world::{JoinError, seat};
+use fht_sim::{SimConfig, SimSetup, Simulator, StartError, WorldError};
+use std::ffi::OsString;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// The program's name.
+const NAME: &str = "sim";
+/// How long time waits for a command with `--in-step`: as long as a scan takes.
+const STEP_PATIENCE: Duration = Duration::from_millis(200);
+
+/// A simulated robot that speaks ROS 2, and a router for its graph.
+#[derive(Debug, Parser)]
+#[command(
+    name = NAME,
+    version,
+    max_term_width = 100,
+    arg_required_else_help = true,
+    after_help = "Examples:
+  sim router --listen tcp/127.0.0.1:7460              what rmw_zenohd is on a robot
+  sim robot --ros tcp/127.0.0.1:7460 --world office   … and a robot at it
+  mapper explore --ros tcp/127.0.0.1:7460 --offline   … which makes a map"
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// A robot like a TurtleBot: scan, odom, tf, tf_static and ground_truth out, cmd_vel in, until it
+    /// is asked to end.
+    #[command(after_help = "Examples:
+  sim robot --ros tcp/127.0.0.1:7460
+  sim robot --ros tcp/127.0.0.1:7460 --world office --namespace r1 --start 3,2,90
+  sim robot --ros tcp/127.0.0.1:7460 --rate 5        five times as fast, by /clock
+  sim robot --ros tcp/127.0.0.1:7460 --in-step       as fast as whoever drives it, by /clock
+
+Exit code 0: it was asked to end, by Ctrl-C or SIGTERM; 1: it failed; 2: wrong usage or bad input.")]
+    Robot(Box<RobotArgs>),
+    /// A Zenoh router without storages, until it is asked to end.
+    #[command(after_help = "Examples:
+  sim router --listen tcp/127.0.0.1:7460
+  sim router --listen tcp/0.0.0.0:7447")]
+    Router {
+        /// Where it listens.
+        #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
+        listen: String,
+    },
+    /// Writes completions for a shell to standard output.
+    Completions(CompletionsArgs),
+}
+
+#[derive(Debug, Args)]
+struct RobotArgs {
+    #[command(flatten)]
+    setup: SimSetup,
+    /// The robot's router, such as tcp/127.0.0.1:7460.
+    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
+    ros: String,
+    /// How long to wait for the router, seconds [default: for ever].
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    wait: Option<f64>,
+    #[command(flatten)]
+    node: NodeArgs,
+    /// The robot's name in a shared world.
+    #[arg(long, value_name = "NAME", default_value = "robot")]
+    robot: RobotName,
+    /// Simulated seconds a second; other than 1, /clock says what time it is.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = |text: &str| number(text, 1e-3..=1e3))]
+    rate: f64,
+    /// Let time wait after each scan for a command, 0.2 s at most, and go on with it at once; /clock
+    /// says what time it is.
+    #[arg(long, conflicts_with = "rate")]
+    in_step: bool,
+    /// Take velocity commands without a stamp (geometry_msgs/Twist).
+    #[arg(long)]
+    plain_twist: bool,
+    /// By how much more the wheels drift than usual.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = |text: &str| number(text, 0.0..=100.0))]
+    drift: f64,
+    #[command(flatten)]
+    report: ReportArgs,
+    /// Say nothing at the end.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Why the program ended early.
+#[derive(Debug, thiserror::Error)]
+enum SimError {
+    #[error(transparent)]
+    World(#[from] WorldError),
+    #[error(transparent)]
+    Start(#[from] StartError),
+    #[error(transparent)]
+    SharedWorld(#[from] JoinError),
+    #[error("the robot's router: {0}")]
+    Session(#[from] SessionError),
+    #[error(transparent)]
+    Graph(#[from] RosError),
+    #[error(transparent)]
+    Live(#[from] LiveError),
+    #[error(transparent)]
+    Configuration(#[from] ConfigurationError),
+    #[error("no router: {}", in_words(.0))]
+    Router(zenoh::Error),
+}
+
+impl SimError {
+    /// Whether what was given is wrong.
+    fn is_input(&self) -> bool {
+        match self {
+            Self::World(_) | Self::Start(_) | Self::Configuration(_) | Self::Graph(RosError::Name(_)) => true,
+            Self::SharedWorld(error) => error.is_input(),
+            Self::Session(error) => error.is_input(),
+            Self::Graph(_) | Self::Live(_) | Self::Router(_) => false,
+        }
+    }
+}
+
+/// The command line, for whoever documents it.
+#[must_use]
+pub fn command() -> clap::Command {
+    <Cli as clap::CommandFactory>::command()
+}
+
+/// Runs the program with `args` (the first is its name).
+pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let cli: Cli = match parse_args(args) {
+        Ok(cli) => cli,
+        Err(code) => return code,
+    };
+    let stop = match Stop::on_signal(NAME) {
+        Ok(stop) => stop,
+        Err(error) => return ProgramFailure::of_run(format!("signals cannot be handled: {error}")).tell(NAME),
+    };
+    logging::init(logging::ROBOT);
+    let runtime = match fht_program::runtime(2) {
+        Ok(runtime) => runtime,
+        Err(error) => {
+            return ProgramFailure::of_run(format!("the async runtime cannot be started: {error}")).tell(NAME);
+        }
+    };
+    let outcome = match cli.command {
+        Some(Command::Robot(args)) => match runtime.block_on(robot(&args, &stop)) {
+            Ok((report, _order)) => match args.report.give(&report, |report| print_report(&args, report)) {
+                Ok(()) => Ok(()),
+                Err(failure) => Err(ProgramFailure::of_run(failure)),
+            },
+            Err(error) => Err(ProgramFailure::of(error.is_input(), error)),
+        },
+        Some(Command::Router { listen }) => {
+            let outcome = runtime.block_on(router(&listen, &stop));
+            outcome.map_err(|error| ProgramFailure::of(error.is_input(), error))
+        }
+        Some(Command::Completions(shell)) => {
+            shell.print::<Cli>();
+            Ok(())
+        }
+        None => return missing_command::<Cli>(),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => failure.tell(NAME),
+    }
+}
+
+async fn robot(args: &RobotArgs, stop: &Stop) -> Result<(SimRobotReport, Order), SimError> {
+    let world = Arc::new(args.setup.load()?);
+    // Cameras are not read from ROS robots yet.
+    let sim = SimConfig { camera_every: 0, drift_factor: args.drift, ..SimConfig::default() };
+    let start = args.setup.start_in(&world, sim.radius_m)?.unwrap_or_else(|| world.start());
+    let simulator = Simulator::new(world, sim.clone(), start, args.setup.seed);
+    let (simulator, _exit) = seat(simulator, &args.setup, args.robot.as_str())?;
+    let link = SessionConfig::from_options(vec![args.ros.clone()], None);
+    stop.doing(format!("waiting for the robot's router at {}", link.places()));
+    let patience = args.wait.map(|wait| Duration::try_from_secs_f64(wait).unwrap_or(Duration::MAX));
+    let session = fht_session::open_within(&link, patience).await?;
+    let node = RosNode::join(session, args.node.node("sim_robot")).await?;
+    let has_clock = args.in_step || args.rate != 1.0;
+    let config = SimRobotConfig {
+        command_type: if args.plain_twist { CommandType::Plain } else { CommandType::Stamped },
+        has_clock,
+        // A live robot's clock is everybody's.
+        begin_us: if has_clock { SimRobotConfig::default().begin_us } else { wall_us() },
+        ..SimRobotConfig::default()
+    };
+    let topics = SimRobot::join(&node, config, &sim).await?;
+    let truth = simulator.watch_truth();
+    // Its figures are told before the program ends.
+    let order = stop.in_order();
+    let (rate, in_step) = if args.in_step { (None, Some(STEP_PATIENCE)) } else { (Some(args.rate), None) };
+    let report = live(topics, Paced::new(simulator, rate), &truth, in_step, stop.requested()).await?;
+    Ok((report, order))
+}
+
+/// Microseconds since the epoch.
+fn wall_us() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_micros()).unwrap_or(u64::MAX)
+}
+
+async fn router(listen: &str, stop: &Stop) -> Result<(), SimError> {
+    let mut config = zenoh::Config::default();
+    set(&mut config, "mode", "\"router\"")?;
+    set(&mut config, "scouting/multicast/enabled", "false")?;
+    set_endpoints(&mut config, "listen", &[listen.to_owned()])?;
+    let _order = stop.in_order();
+    let session = zenoh::open(config).await.map_err(SimError::Router)?;
+    print_line!("a router listens on {listen}");
+    stop.requested().await;
+    // It ends with the program anyway.
+    let _ = session.close().await;
+    Ok(())
+}
+
+fn print_report(args: &RobotArgs, report: &SimRobotReport) {
+    if args.quiet {
+        return;
+    }
+    print_line!(
+        "robot       {:.0} s of its time, {} frames, {} commands",
+        report.sim_s,
+        report.frames,
+        report.commands
+    );
+    print_line!(
+        "driven      {:.1} m, {} collisions, stopped {} times for want of a command",
+        report.driven_m,
+        report.collisions,
+        report.watchdog_stops
+    );
+    let [x, y, yaw] = report.world_from_base;
+    print_line!("truly at    ({x:.2}, {y:.2}), {:.0} degrees, in the world", yaw.to_degrees());
+}
