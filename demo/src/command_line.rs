@@ -24,6 +24,7 @@ use std::path::PathBuf;
   handoff --world floor/map.yaml --textures pictures/
   handoff --people 20                      people walk about, stand and gather
   handoff --explorers 2 --people 20        two explorers among them, who see each other
+  handoff --ros                            all of it over ROS 2 topics
   handoff --keep                           the server stays up, for `zenoh get`
   handoff --report figures.json            … the figures as JSON; --json FILE is the same flag
 
@@ -52,6 +53,10 @@ pub struct HandoffArgs {
     /// The explorer dies half-way (SIGKILL), and another one finishes the job.
     #[arg(long)]
     pub succeed: bool,
+    /// The robots speak ROS 2 over Zenoh, each at a router of its own: explorer and client drive
+    /// them by their topics, without cameras.
+    #[arg(long, conflicts_with_all = ["explorers", "succeed", "textures"])]
+    pub ros: bool,
     /// Where the server listens.
     #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
     pub listen: String,

@@ -4,11 +4,13 @@
 mod agreement;
 mod config;
 mod explorers;
+mod judge;
 mod programs;
 mod report;
+mod ros;
 
 pub use config::{Crew, HandoffConfig, HandoffError, shared_world};
-pub use report::{ContactFigures, ExplorerFigures, HandoffReport};
+pub use report::{ContactFigures, ExplorerFigures, HandoffReport, RosFigures};
 
 use crate::process::{Process, ProcessError, Role};
 use crate::true_floor::TrueFloor;
@@ -65,10 +67,18 @@ pub fn hand_off(config: &HandoffConfig) -> Result<(HandoffReport, Process), Hand
     // The client meets the people whom the explorers met.
     let shared = config.shared_world()?;
     let keeper = shared.as_ref().map(Keeper::of).transpose()?;
-    let explored = explorers::explore(config, &map, &bars, shared.as_ref())?;
+    let (explored, explorers_ros) = match config.ros {
+        true => ros::explore(config, &map, &bars, shared.as_ref()).map(|(explored, ros)| (explored, Some(ros)))?,
+        false => (explorers::explore(config, &map, &bars, shared.as_ref())?, None),
+    };
     let explore_wall_s = begin.elapsed().as_secs_f64();
     let client_begin = Instant::now();
-    let client = client(config, &map, &explored, &bars, shared.as_ref())?;
+    let (client, clients_ros) = match config.ros {
+        true => {
+            ros::client(config, &map, &explored, &bars, shared.as_ref()).map(|(client, ros)| (client, Some(ros)))?
+        }
+        false => (client(config, &map, &explored, &bars, shared.as_ref())?, None),
+    };
     let client_wall_s = client_begin.elapsed().as_secs_f64();
     drop(keeper);
     let Witness { digests_agree, picture } = draw(config, &map, &explored, &client)?;
@@ -105,6 +115,7 @@ pub fn hand_off(config: &HandoffConfig) -> Result<(HandoffReport, Process), Hand
         contacts: shared.map(|_| explored.contacts + ContactFigures::of(client.contacts, client.robot_contacts)),
         failure: client.failure,
         picture_failure: picture.err().map(|error| error.to_string()),
+        ros: explorers_ros.zip(clients_ros).map(|(explorers, clients)| explorers + clients),
         explore_wall_s,
         client_wall_s,
         client_sim_s: client.sim_s,

@@ -33,7 +33,8 @@ mod true_floor;
 
 pub use command_line::{HandoffArgs, HandoffCommand};
 pub use handoff::{
-    ContactFigures, Crew, ExplorerFigures, HandoffConfig, HandoffError, HandoffReport, hand_off, shared_world,
+    ContactFigures, Crew, ExplorerFigures, HandoffConfig, HandoffError, HandoffReport, RosFigures, hand_off,
+    shared_world,
 };
 pub use process::{Process, ProcessError, Role, free_endpoint, leave_nothing_behind, this_executable};
 pub use roles::run_role;

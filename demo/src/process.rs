@@ -7,6 +7,7 @@ pub use children::leave_nothing_behind;
 
 use children::lock;
 use fht_program::stop::PARENT_VARIABLE;
+use rustix::process::{Pid, Signal, kill_process};
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -189,6 +190,27 @@ impl Process {
         });
         drop(running);
         Ok((Self { role, child, id, stdout, stderr }, stdin))
+    }
+
+    /// Asks it to end, as a polite `kill` would (SIGTERM).
+    pub fn ask_to_end(&self) {
+        if let Some(id) = i32::try_from(self.id).ok().and_then(Pid::from_raw) {
+            // It may have ended already.
+            let _ = kill_process(id, Signal::TERM);
+        }
+    }
+
+    /// Processor time that it has used so far, seconds; 0 where the system does not tell.
+    #[must_use]
+    pub fn cpu_s(&self) -> f64 {
+        /// Of user and system, counted from the state, which comes after the name.
+        const TIMES: std::ops::Range<usize> = 11..13;
+        /// The kernel's clock for these.
+        const TICKS_PER_S: f64 = 100.0;
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.id)).unwrap_or_default();
+        let fields: Vec<&str> = stat.rsplit_once(')').map_or("", |(_, rest)| rest).split_whitespace().collect();
+        let ticks = fields.get(TIMES).unwrap_or_default().iter().filter_map(|field| field.parse::<f64>().ok());
+        ticks.sum::<f64>() / TICKS_PER_S
     }
 
     /// The process id.

@@ -14,6 +14,7 @@ pub fn museum_demo(executable: &Path, endpoint: String, folder: &Path) -> Handof
         seed: 1,
         people: 0,
         crew: Crew::One,
+        ros: false,
         endpoint,
         folder: folder.to_owned(),
         picture: folder.join("museum.png"),

@@ -4,15 +4,22 @@ use crate::config::RosRobotConfig;
 use crate::intake::{Intake, IntakeReport};
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::robot::{Robot, RobotError, Sensors};
-use fht_ros::{EndpointKind, Publisher, Qos, Received, RosError, RosNode, Subscription};
+use fht_ros::{EndpointKind, Publisher, Qos, QosDurability, QosReliability, Received, RosError, RosNode, Subscription};
 use fht_ros_frames::frame_name;
 use fht_ros_messages::msg::{HeaderMsg, LaserScanMsg, OdometryMsg, TfMessage, TwistMsg, TwistStamped, Vector3};
 use fht_ros_messages::{RosMessage, cdr};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use tokio::task::JoinHandle;
 
 /// How long routers may take to tell who is on the graph.
 const ROLL_CALL: Duration = Duration::from_secs(2);
+/// Only the newest command counts.
+const COMMAND_QOS: Qos = Qos { reliability: QosReliability::Reliable, durability: QosDurability::Volatile, depth: 1 };
+/// Between two looks for who takes commands.
+const LOOK_AGAIN: Duration = Duration::from_millis(250);
+/// How long who takes commands is waited for.
+const DRIVER_COMES: Duration = Duration::from_secs(10);
 /// How often waiting scans are looked at while nothing arrives.
 const TICK: Duration = Duration::from_millis(50);
 
@@ -42,6 +49,55 @@ impl OdomFrame {
 enum Commands {
     Plain(Publisher<TwistMsg>),
     Stamped(Publisher<TwistStamped>),
+    /// Nobody takes commands yet: it is looked again beside the loop.
+    Nobody(JoinHandle<Result<Self, RosError>>),
+}
+
+impl Commands {
+    /// With a stamp if who takes commands wants one.
+    async fn find(node: &RosNode, topic: &str) -> Result<Self, RosError> {
+        if let Some(found) = Self::for_takers(node, topic).await? {
+            return Ok(found);
+        }
+        let (node, topic) = (node.clone(), topic.to_owned());
+        Ok(Self::Nobody(tokio::spawn(async move { Self::wait_for_takers(&node, &topic).await })))
+    }
+
+    /// The driver may still come. After [`DRIVER_COMES`] commands are given without a stamp, in case
+    /// it cannot be seen.
+    async fn wait_for_takers(node: &RosNode, topic: &str) -> Result<Self, RosError> {
+        let began = Instant::now();
+        while began.elapsed() < DRIVER_COMES {
+            tokio::time::sleep(LOOK_AGAIN).await;
+            if let Some(found) = Self::for_takers(node, topic).await? {
+                return Ok(found);
+            }
+        }
+        Ok(Self::Plain(node.publisher(topic, COMMAND_QOS).await?))
+    }
+
+    async fn for_takers(node: &RosNode, topic: &str) -> Result<Option<Self>, RosError> {
+        let there = node.endpoints(ROLL_CALL).await?;
+        let takers = there.iter().filter(|end| end.kind == EndpointKind::Subscription && end.name == topic);
+        let types: Vec<&str> = takers.map(|end| end.ros_type.as_str()).collect();
+        Ok(match types.contains(&TwistStamped::TYPE) {
+            true => Some(Self::Stamped(node.publisher(topic, COMMAND_QOS).await?)),
+            false if types.is_empty() => None,
+            false => Some(Self::Plain(node.publisher(topic, COMMAND_QOS).await?)),
+        })
+    }
+
+    /// What has been found by now.
+    async fn settle(&mut self) -> Result<(), RosError> {
+        while let Self::Nobody(looking) = self
+            && looking.is_finished()
+        {
+            // The task is neither aborted nor does it panic; else nobody is looked for any more.
+            let Ok(found) = looking.await else { break };
+            *self = found?;
+        }
+        Ok(())
+    }
 }
 
 /// A robot on a ROS 2 graph. Its topics are those of a [`RosRobotConfig`].
@@ -64,7 +120,7 @@ pub struct RosRobot {
 
 impl RosRobot {
     /// Subscribes to the robot's sensors, and offers it commands: with a stamp if whoever takes
-    /// them wants one (`geometry_msgs/TwistStamped`), else without.
+    /// them wants one (`geometry_msgs/TwistStamped`), else without. Its driver may come later.
     ///
     /// # Errors
     /// [`RosError`] when a name cannot be one, or the session is closed.
@@ -77,7 +133,7 @@ impl RosRobot {
         };
         let transforms = node.subscribe(&config.tf, Qos { depth: 100, ..Qos::default() }).await?;
         let fixed_transforms = node.subscribe(&config.tf_static, Qos::latched(100)).await?;
-        let commands = Self::commands(node, &config).await?;
+        let commands = Commands::find(node, &node.resolve(&config.cmd_vel)?).await?;
         let odometry_topic = node.resolve(&config.odometry)?;
         let odom_frame = OdomFrame { said: Arc::default(), usual: config.odom_frame.clone() };
         let began = Instant::now();
@@ -93,18 +149,6 @@ impl RosRobot {
             last_frame: began,
             dropped: 0,
             told: None,
-        })
-    }
-
-    async fn commands(node: &RosNode, config: &RosRobotConfig) -> Result<Commands, RosError> {
-        let topic = node.resolve(&config.cmd_vel)?;
-        let there = node.endpoints(ROLL_CALL).await?;
-        let mut takers = there.iter().filter(|end| end.kind == EndpointKind::Subscription && end.name == topic);
-        let qos = Qos { depth: 1, ..Qos::default() };
-        Ok(if takers.any(|end| end.ros_type == TwistStamped::TYPE) {
-            Commands::Stamped(node.publisher(&topic, qos).await?)
-        } else {
-            Commands::Plain(node.publisher(&topic, qos).await?)
         })
     }
 
@@ -239,7 +283,9 @@ impl Robot for RosRobot {
             linear: Vector3 { x: command.linear_mps, ..Vector3::default() },
             angular: Vector3 { z: command.angular_radps, ..Vector3::default() },
         };
+        self.commands.settle().await.map_err(RobotError::driver)?;
         let sent = match &self.commands {
+            Commands::Nobody(_) => Ok(()),
             Commands::Plain(publisher) => publisher.publish(&twist),
             Commands::Stamped(publisher) => {
                 // By the robot's clock, as far as its sensors tell it.

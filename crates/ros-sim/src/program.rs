@@ -20,6 +20,8 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// The program's name.
 const NAME: &str = "sim";
+/// Room that a start has around it that is drawn by lot, metres.
+const START_CLEARANCE_M: f64 = 0.4;
 /// How long time waits for a command with `--in-step`: as long as a scan takes.
 const STEP_PATIENCE: Duration = Duration::from_millis(200);
 
@@ -77,6 +79,9 @@ struct RobotArgs {
     wait: Option<f64>,
     #[command(flatten)]
     node: NodeArgs,
+    /// Begin anywhere free, by the seed, in place of the world's own start.
+    #[arg(long, conflicts_with = "start")]
+    anywhere: bool,
     /// The robot's name in a shared world.
     #[arg(long, value_name = "NAME", default_value = "robot")]
     robot: RobotName,
@@ -184,7 +189,11 @@ async fn robot(args: &RobotArgs, stop: &Stop) -> Result<(SimRobotReport, Order),
     let world = Arc::new(args.setup.load()?);
     // Cameras are not read from ROS robots yet.
     let sim = SimConfig { camera_every: 0, drift_factor: args.drift, ..SimConfig::default() };
-    let start = args.setup.start_in(&world, sim.radius_m)?.unwrap_or_else(|| world.start());
+    let usual = || match args.anywhere {
+        true => world.random_free_pose(args.setup.seed, START_CLEARANCE_M),
+        false => world.start(),
+    };
+    let start = args.setup.start_in(&world, sim.radius_m)?.unwrap_or_else(usual);
     let simulator = Simulator::new(world, sim.clone(), start, args.setup.seed);
     let (simulator, _exit) = seat(simulator, &args.setup, args.robot.as_str())?;
     let link = SessionConfig::from_options(vec![args.ros.clone()], None);
@@ -219,7 +228,7 @@ async fn router(listen: &str, stop: &Stop) -> Result<(), SimError> {
     let mut config = zenoh::Config::default();
     set(&mut config, "mode", "\"router\"")?;
     set(&mut config, "scouting/multicast/enabled", "false")?;
-    set_endpoints(&mut config, "listen", &[listen.to_owned()])?;
+    set_endpoints(&mut config, "listen/endpoints", &[listen.to_owned()])?;
     let _order = stop.in_order();
     let session = zenoh::open(config).await.map_err(SimError::Router)?;
     print_line!("a router listens on {listen}");

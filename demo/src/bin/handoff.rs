@@ -67,6 +67,7 @@ fn demo(cli: &HandoffArgs, stop: &Stop) -> Result<bool, ProgramFailure> {
             0 | 1 => Crew::One,
             several => Crew::Team(several.into()),
         },
+        ros: cli.ros,
         endpoint: cli.listen.clone(),
         folder: folder.path().to_owned(),
         picture: picture.clone(),

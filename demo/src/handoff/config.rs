@@ -34,6 +34,9 @@ pub struct HandoffConfig {
     pub people: u16,
     /// Who explores.
     pub crew: Crew,
+    /// Whether the robots are simulated ones that speak ROS 2, at routers of their own. One
+    /// explorer.
+    pub ros: bool,
     /// Where the server listens.
     pub endpoint: String,
     /// Folder for the server's data and the reports of the programs.
@@ -103,6 +106,9 @@ pub enum HandoffError {
     /// Zenoh failed.
     #[error("zenoh: {}", fht_session::in_words(.0))]
     Zenoh(#[from] zenoh::Error),
+    /// A robot's graph cannot be listened to.
+    #[error(transparent)]
+    Ros(#[from] fht_ros::RosError),
     /// A thread that followed an explorer failed: a defect.
     #[error("an explorer was not followed to its end")]
     Thread,

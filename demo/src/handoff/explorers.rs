@@ -52,17 +52,23 @@ const DIES_AT: f64 = 0.5;
 
 /// A line of an explorer's progress.
 #[derive(Deserialize)]
-struct Line {
+pub(super) struct Line {
     sim_s: f64,
     free_area_m2: f64,
     nodes: usize,
     written: u64,
     acknowledged: u64,
+    #[serde(default = "yes")]
     placed: bool,
 }
 
+/// A robot that begins a map knows its place.
+fn yes() -> bool {
+    true
+}
+
 impl Line {
-    fn show(&self, bar: &ProgressBar) {
+    pub(super) fn show(&self, bar: &ProgressBar) {
         let Self { free_area_m2, nodes, acknowledged, written, sim_s, placed } = self;
         let place = if *placed { "" } else { "looking for its place, " };
         bar.set_message(format!(
@@ -84,7 +90,7 @@ pub(super) fn explore(
     match config.crew {
         Crew::One => {
             let report = job.run(0, false, None)?;
-            let state = report.vector.clone().map(|vector| (vector, report.map.digest));
+            let state = report.map.vector.clone().map(|vector| (vector, report.map.digest));
             Ok(Explored { state, ..sum(vec![(name(0), report)], None) })
         }
         Crew::Team(count) => {
@@ -103,14 +109,14 @@ pub(super) fn explore(
                 let joined = threads.into_iter().map(|thread| thread.join().map_err(|_| HandoffError::Thread)?);
                 joined.collect::<Result<Vec<_>, HandoffError>>()
             })?;
-            let seen = witness.explored(&world);
+            let (_, seen) = witness.explored(&world);
             Ok(sum(reports, Some(seen)))
         }
         Crew::Succession => {
             let witness = Witness::start(config, map)?;
             let died_s = job.run_until_half()?;
             let report = job.run(1, false, None)?;
-            let mut explored = sum(vec![(name(1), report)], Some(witness.explored(&world)));
+            let mut explored = sum(vec![(name(1), report)], Some(witness.explored(&world).1));
             let ending = "killed".to_owned();
             let dead = ExplorerFigures { robot: name(0), ending, joined: None, driven_m: None, sim_s: died_s };
             explored.explorers.insert(0, dead);
@@ -235,7 +241,7 @@ fn sum(reports: Vec<(String, ExploreReport)>, explored_fraction: Option<f64>) ->
 }
 
 /// What the explorers report to have seen.
-struct Witness {
+pub(super) struct Witness {
     seen: Arc<Mutex<BTreeMap<String, SeenArea>>>,
     session: zenoh::Session,
     subscriber: Subscriber<()>,
@@ -243,7 +249,7 @@ struct Witness {
 }
 
 impl Witness {
-    fn start(config: &HandoffConfig, map: &MapName) -> Result<Self, HandoffError> {
+    pub(super) fn start(config: &HandoffConfig, map: &MapName) -> Result<Self, HandoffError> {
         let (runtime, session) = session(config)?;
         let seen: Arc<Mutex<BTreeMap<String, SeenArea>>> = Arc::default();
         let hearing = Arc::clone(&seen);
@@ -257,18 +263,19 @@ impl Witness {
         Ok(Self { seen, session, subscriber, _runtime: runtime })
     }
 
-    /// Share of the visible free area that some explorer has seen.
-    fn explored(self, world: &World) -> f64 {
+    /// The free area that a robot can reach, square metres, and the share of it that some explorer
+    /// has seen.
+    pub(super) fn explored(self, world: &World) -> (f64, f64) {
         /// Cell size in which squares are looked up, metres.
         const CELL_M: f64 = 0.05;
         let seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         let squares: Vec<SeenSquares> = seen.values().filter_map(|area| SeenSquares::new(area, CELL_M)).collect();
         let is_known = |place: Point2| squares.iter().any(|squares| squares.square_at(place) != Square::Unseen);
-        let (_, share) = explored_by(world.plan(), &world.start(), SimConfig::default().radius_m, is_known);
+        let area_and_share = explored_by(world.plan(), &world.start(), SimConfig::default().radius_m, is_known);
         drop(seen);
         // A dropped session closes anyway, so errors do no harm.
         let _ = self.subscriber.undeclare().wait();
         let _ = self.session.close().wait();
-        share
+        area_and_share
     }
 }

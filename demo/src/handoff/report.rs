@@ -1,5 +1,6 @@
 //! What the demo came to, in figures.
 
+use fht_ros_robot::IntakeReport;
 use fht_sim::{Contacts, RobotContacts};
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Display, Formatter};
@@ -18,6 +19,39 @@ pub struct ExplorerFigures {
     pub driven_m: Option<f64>,
     /// Robot time from its start to its end, seconds.
     pub sim_s: f64,
+}
+
+/// What became of the sensors' messages, if the robots spoke ROS.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RosFigures {
+    /// Frames that explorer and client made of scans.
+    pub frames: u64,
+    /// Scans whose odometry did not come in time.
+    pub frames_late: u64,
+    /// Scans that were lost: newer ones came before they were used, or they made no sense.
+    pub frames_lost: u64,
+    /// Processor time of the simulated robots and their routers, seconds.
+    pub ros_cpu_s: f64,
+}
+
+impl RosFigures {
+    pub(super) fn of(intake: &IntakeReport, ros_cpu_s: f64) -> Self {
+        let IntakeReport { frames, frames_late, frames_lost, .. } = *intake;
+        Self { frames, frames_late, frames_lost, ros_cpu_s }
+    }
+}
+
+impl Add for RosFigures {
+    type Output = Self;
+
+    fn add(self, more: Self) -> Self {
+        Self {
+            frames: self.frames + more.frames,
+            frames_late: self.frames_late + more.frames_late,
+            frames_lost: self.frames_lost + more.frames_lost,
+            ros_cpu_s: self.ros_cpu_s + more.ros_cpu_s,
+        }
+    }
 }
 
 /// How often robots touched people and each other, all robots together. Each counts for itself: by
@@ -124,6 +158,9 @@ pub struct HandoffReport {
     /// Robot time of the client from its start to its end, seconds.
     #[serde(default)]
     pub client_sim_s: f64,
+    /// What became of the sensors' messages, if the robots spoke ROS.
+    #[serde(flatten)]
+    pub ros: Option<RosFigures>,
     /// Seconds of the exploration on the clock.
     pub explore_wall_s: f64,
     /// Seconds of the client's mission on the clock.
@@ -157,6 +194,13 @@ impl Display for HandoffReport {
                 contacts.robots_by_robots,
                 contacts.robots_by_people,
                 self.collisions
+            )?;
+        }
+        if let Some(ros) = self.ros {
+            writeln!(
+                f,
+                "ros           {} frames, {} late, {} lost; robots and routers took {:.1} s of processor time",
+                ros.frames, ros.frames_late, ros.frames_lost, ros.ros_cpu_s
             )?;
         }
         writeln!(

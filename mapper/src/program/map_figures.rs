@@ -4,7 +4,7 @@ use crate::explore::Ending;
 use crate::mapping::Mapper;
 use crate::run::MappingSummary;
 use fht_program::print_line;
-use fht_proto::Digest;
+use fht_proto::{Digest, VersionVector};
 use serde::{Deserialize, Serialize};
 
 /// The map that a run made, and how much of it the server has.
@@ -21,6 +21,9 @@ pub struct MapFigures {
     /// The map's version: increments of all authors that are in it, as this robot knew it at the
     /// end.
     pub version: u64,
+    /// The same increments, author by author; none without a server.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vector: Option<VersionVector>,
     /// Increments that this robot has written, those of its earlier runs included.
     #[serde(default)]
     pub written: u64,
@@ -54,6 +57,7 @@ impl MapFigures {
             support_nodes: counts.support_nodes,
             edges: counts.edges,
             version: summary.version,
+            vector: summary.vector.clone(),
             written: summary.written,
             acknowledged: published.map_or(0, |published| published.acknowledged),
             delivered: summary.is_delivered(),

@@ -2,7 +2,6 @@
 
 use super::keeping::Kept;
 use super::map_figures::MapFigures;
-use fht_proto::VersionVector;
 use fht_sim::scoring::TrajectoryError;
 use fht_sim::{Contacts, RobotContacts};
 use serde::{Deserialize, Serialize};
@@ -58,9 +57,6 @@ pub struct ExploreReport {
     pub free_area_m2: f64,
     /// Share of that area that the grid knows.
     pub explored_fraction: f64,
-    /// The increments of the map's version, author by author; none without a server.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub vector: Option<VersionVector>,
     /// Distance truly driven, metres.
     pub driven_m: f64,
     /// Times that the robot touched a wall or a thing.

@@ -90,7 +90,6 @@ impl ExplorationScore {
             map: MapFigures::of(summary, mapper),
             free_area_m2,
             explored_fraction,
-            vector: summary.vector.clone(),
             driven_m: self.truth.driven_m(),
             collisions: self.truth.collisions(),
             people: seen.people(&self.people, self.truth.contacts()),
