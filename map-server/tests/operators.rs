@@ -292,7 +292,10 @@ async fn what_robots_report_is_obeyed_for_as_long_as_they_say_and_shown() {
         stamp_us: None,
     };
     let key = Key::robot(&museum(), "r1", RobotTopic::Status).to_string();
-    site.session.put(&key, serde_json::to_vec(&status).unwrap()).await.unwrap();
+    let nonsense = RobotStatus { map_from_base: Some([1e300, 0.0, 0.0]), ..status.clone() };
+    for said in [&status, &nonsense] {
+        site.session.put(&key, serde_json::to_vec(said).unwrap()).await.unwrap();
+    }
     let fleet = || -> FleetReply { serde_json::from_value(site.run(&["robots", "museum"])).unwrap() };
     let robot = fleet().robots.remove(0);
     assert_eq!((robot.status, robot.alive, robot.behind), (status, true, 0));
