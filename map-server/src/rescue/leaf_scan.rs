@@ -40,8 +40,8 @@ pub(super) struct FoundAuthor {
 }
 
 impl FoundAuthor {
-    /// The number of the newest increment that there was: the newest that reads or is on record, and
-    /// those after it that are named without a gap.
+    /// The number of the newest increment that there was: the newest that reads or is on record,
+    /// and those after it that are named without a gap.
     pub(super) fn last(&self) -> u64 {
         let of_increments = self.increments.keys().next_back().copied().unwrap_or(0);
         let of_series = self.series.values().map(|series| series.last).max().unwrap_or(0);

@@ -250,11 +250,8 @@ mod tests {
     #[test]
     fn a_status_says_what_is_required_and_where_a_robot_may_be() {
         let read = |text: &str| serde_json::from_str::<RobotStatus>(text).map(|status| status.validate().is_ok());
-        let status = |pose: &str| {
-            format!(
-                r#"{{"robot":"r","role":"client","map":"m","version":0,"vector":{{}},"state":"LOST","map_from_base":{pose}}}"#
-            )
-        };
+        let required = r#""robot":"r","role":"client","map":"m","version":0,"vector":{},"state":"LOST""#;
+        let status = |pose: &str| format!(r#"{{{required},"map_from_base":{pose}}}"#);
         for good in ["null", "[1,0.5,-1.25]", "[100000,-100000,6.2832]"] {
             assert!(read(&status(good)).unwrap_or(false), "{good}");
         }

@@ -105,8 +105,8 @@ pub enum OperatorError {
     },
     /// An import has ended before the end of the file.
     #[error(
-        "{reason}; part of map {map} is there (version {version} of {of}): give the import again when there is room, which \
-         goes on from there, or take it away with `map-server delete {map}`"
+        "{reason}; part of map {map} is there (version {version} of {of}): give the import again when there is room, \
+         which goes on from there, or take it away with `map-server delete {map}`"
     )]
     PartlyImported {
         /// The map.

@@ -27,8 +27,8 @@ pub enum InverseError {
     },
     /// What was before is not known any more.
     #[error(
-        "the increments of {author} up to {last} are folded: what was before them is not known any more. A release from \
-         before is what it was, and so is a backup; places, zones and closures can be taken away one by one"
+        "the increments of {author} up to {last} are folded: what was before them is not known any more. A release \
+         from before is what it was, and so is a backup; places, zones and closures can be taken away one by one"
     )]
     Compacted {
         /// The author.
