@@ -23,6 +23,6 @@ fuzz_target!(|bytes: &[u8]| {
     };
     if let Some(error) = complaint {
         // Tools show the JSON of it with escapes.
-        assert!(!error.message.is_empty() && !error.message.contains(['\'', '"', '\\']), "{error}");
+        assert!(!error.message.is_empty() && !error.message.contains(['"', '\\']), "{error}");
     }
 });

@@ -76,7 +76,8 @@ struct LinkArgs {
     #[arg(long, global = true, help_heading = "The way to the server", value_name = "ENDPOINT")]
     connect: Vec<String>,
     /// A Zenoh configuration file (JSON5): endpoints, TLS, access control. --listen and --connect
-    /// go before what it says.
+    /// go before what it says. That of a server or router listens; operators' commands take one
+    /// that only connects.
     #[arg(long, global = true, help_heading = "The way to the server", value_name = "FILE")]
     zenoh_config: Option<PathBuf>,
 }
@@ -281,11 +282,13 @@ fn operate(
     let runtime = fht_program::runtime(1).map_err(OperatorError::Runtime)?;
     let stop = Stop::on_signal("map-server").map_err(OperatorError::Runtime)?;
     let may_be_done = if operation.changes() { "; what it was told may be done" } else { "" };
-    stop.doing(format!("talking to the server at {}{may_be_done}", link.places()));
+    let places = link.places();
+    stop.doing(format!("waiting for a map-server at {places} to answer"));
+    let once_there = || stop.doing(format!("talking to the server at {places}{may_be_done}"));
     let link = ServerEndpoints { connect: link.connect, zenoh_config: link.zenoh_config, ..ServerEndpoints::default() };
     let usual = if matches!(operation, Operation::Health) { Duration::from_secs(1) } else { Waiting::USUAL };
     let waiting = Waiting::new("map-server", args.wait(), Some(usual));
-    let outcome = runtime.block_on(operation.carry_out(args, link, &waiting, merge));
+    let outcome = runtime.block_on(operation.carry_out(args, link, &waiting, merge, once_there));
     runtime.shutdown_background(); // an attempt to connect may hang
     outcome
 }

@@ -218,7 +218,8 @@ fn the_program_says_what_is_wrong_and_what_can_be_done() {
         assert_eq!(check(&source, dir.path()).unwrap().authors, found.authors);
         let target = dir.path().join(format!("rescued-{seed}"));
         let (code, said, complaint) = run(&["rescue", path, target.to_str().unwrap()]);
-        assert!(code == Some(0) && said.contains("map museum, author"), "seed {seed}: {said}{complaint}");
+        let is_told = said.contains("map museum, author") && complaint.contains("are lost") == (found.lost() > 0);
+        assert!(code == Some(i32::from(found.lost() > 0)) && is_told, "seed {seed}: {said}{complaint}");
         if RedbLog::open(&source).and_then(|log| Catalog::load_what_reads(&log).map(|_| ())).is_err() {
             refused += 1;
             let (code, said) = refused_start(&source, &support::free_endpoint());
@@ -232,6 +233,54 @@ fn the_program_says_what_is_wrong_and_what_can_be_done() {
     assert!(refused > 3, "{refused}");
     let (code, _, said) = run(&["rescue", dir.path().join("nowhere").to_str().unwrap(), "x"]);
     assert!(code == Some(2) && said.contains("there is no store"), "{said}");
+}
+
+#[test]
+fn whichever_page_is_lost_nobody_is_forgotten_and_numbers_go_on() {
+    const PAGE: usize = 4096;
+    let _alone = ONE_AT_A_TIME.lock();
+    let dir = tempfile::tempdir().unwrap();
+    let (source, scratch, target) = (dir.path().join("source"), dir.path().join("scratch"), dir.path().join("target"));
+    let log = Arc::new(RedbLog::open(&source).unwrap());
+    let catalog = Arc::new(Catalog::load(log.as_ref()).unwrap());
+    let mut ingest = Ingest::new(log, catalog, Limits::default());
+    let arrival =
+        |author, number| Arrival { key: support::key(author, number), payload: Ok(support::bytes(author, number)) };
+    ingest.take_arrivals((1..=20).map(|number| arrival(ANA, number)).collect(), NOW_US).unwrap();
+    ingest.take_arrivals((1..=26).map(|number| arrival(BEN, number)).collect(), NOW_US).unwrap();
+    ingest.retain(&museum(), 0).unwrap().unwrap();
+    ingest.take_arrivals((21..=40).map(|number| arrival(ANA, number)).collect(), NOW_US).unwrap();
+    drop(ingest);
+
+    let (before, file) = (vectors(&source), source.join(FILE_NAME));
+    let whole = std::fs::read(&file).unwrap();
+    for begin in (0..whole.len()).step_by(PAGE) {
+        let page = begin..whole.len().min(begin + PAGE);
+        if whole[page.clone()].iter().all(|byte| *byte == 0) {
+            continue;
+        }
+        let mut damaged = whole.clone();
+        damaged[page].fill(0);
+        std::fs::write(&file, &damaged).unwrap();
+        let found = check(&source, &scratch).unwrap();
+        let mut ends: BTreeMap<MapName, VersionVector> = BTreeMap::new();
+        for author in &found.authors {
+            ends.entry(author.map.clone()).or_default().set(author.author, author.last);
+        }
+        assert_eq!(ends, before, "without the page at {begin}: {found:?}");
+    }
+
+    // Every page in which a message begins.
+    let mut damaged = whole.clone();
+    for (begin, _) in whole.windows(3).enumerate().filter(|(_, part)| part.starts_with(b"FHT")) {
+        let page = begin / PAGE * PAGE;
+        damaged[page..whole.len().min(page + PAGE)].fill(0);
+    }
+    std::fs::write(&file, &damaged).unwrap();
+    let rescued = rescue(&source, &target).unwrap();
+    assert!(rescued.authors.iter().all(|author| author.lost == author.last), "{rescued:?}");
+    assert_eq!((rescued.lost(), rescued.unknown_ends().count()), (66, 0));
+    assert_eq!(vectors(&target), before);
 }
 
 /// A log that cannot be read any more.

@@ -11,9 +11,10 @@ use fht_proto::api::keys::{Key, RobotTopic};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Obeyed, ReleasesReply};
 use fht_proto::{FixedPoint, Increment, Op, Zone, ZoneRule, decode, encode};
 use serde_json::Value;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 use support::site::Site;
-use support::{BEN, ask, head_when, key, museum};
+use support::{BEN, Server, ask, client, free_endpoint, head_when, key, museum, until_up};
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn paths_obey_what_operators_write() {
@@ -292,7 +293,10 @@ async fn what_robots_report_is_obeyed_for_as_long_as_they_say_and_shown() {
         stamp_us: None,
     };
     let key = Key::robot(&museum(), "r1", RobotTopic::Status).to_string();
-    site.session.put(&key, serde_json::to_vec(&status).unwrap()).await.unwrap();
+    let nonsense = RobotStatus { map_from_base: Some([1e300, 0.0, 0.0]), ..status.clone() };
+    for said in [&status, &nonsense] {
+        site.session.put(&key, serde_json::to_vec(said).unwrap()).await.unwrap();
+    }
     let fleet = || -> FleetReply { serde_json::from_value(site.run(&["robots", "museum"])).unwrap() };
     let robot = fleet().robots.remove(0);
     assert_eq!((robot.status, robot.alive, robot.behind), (status, true, 0));
@@ -316,4 +320,50 @@ async fn what_robots_report_is_obeyed_for_as_long_as_they_say_and_shown() {
     let page = ask(&site.session, "fht/museum/fleet?limit=300;after=x001").await.remove(0).unwrap();
     let page: FleetReply = serde_json::from_slice(&page).unwrap();
     assert_eq!((page.robots.len(), page.truncated, page.next.as_deref()), (300, true, Some("x301")));
+}
+
+/// Runs a command; its exit code and what it said on standard error.
+fn ended(args: &[&str]) -> (Option<i32>, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_map-server")).args(args).output().unwrap();
+    (output.status.code(), String::from_utf8(output.stderr).unwrap())
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_import_that_ends_early_says_what_of_the_map_is_there() {
+    let site = Site::with(60).await;
+    let (file, log) = (site.dir.path().join("museum.fht"), site.dir.path().join("log"));
+    let file = file.to_str().unwrap();
+    site.run(&["export", "museum", file]);
+    let endpoint = free_endpoint();
+    let _small = Server::with(&site.dir.path().join("small"), &endpoint, &["--max-map-elements", "50"], &log);
+    until_up(&client(&endpoint).await).await;
+    let (code, said) = ended(&["import", file, "--connect", &endpoint]);
+    assert!(code == Some(1) && said.contains("part of map museum is there (version "), "{code:?}: {said}");
+    assert!(said.contains(" of 60)") && said.contains("map-server delete museum"), "{said}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_address_in_use_is_named_wherever_it_was_said() {
+    let site = Site::with(1).await;
+    let file = site.dir.path().join("router.json5");
+    std::fs::write(&file, format!("{{mode: 'router', listen: {{endpoints: ['{}']}}}}", site.endpoint)).unwrap();
+    let (file, data) = (file.to_str().unwrap(), site.dir.path().join("other"));
+    let named = format!("cannot listen on {}: the address is in use", site.endpoint);
+    let (code, said) = ended(&["--zenoh-config", file, "--data", data.to_str().unwrap()]);
+    assert!(code == Some(1) && said.contains(&named), "{code:?}: {said}");
+    let (code, said) = ended(&["maps", "--zenoh-config", file]);
+    assert!(code == Some(2) && said.contains(&named) && said.contains("only connects"), "{code:?}: {said}");
+}
+
+#[test]
+fn a_command_that_waits_for_a_server_is_interrupted_while_it_waits() {
+    let args = ["health", "--wait", "inf", "--connect", &free_endpoint()];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_map-server"));
+    let waiting = command.args(args).stderr(Stdio::piped()).spawn().unwrap();
+    std::thread::sleep(Duration::from_secs(1));
+    let number = waiting.id().to_string();
+    assert!(Command::new("kill").args(["-s", "INT", &number]).status().unwrap().success());
+    let output = waiting.wait_with_output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(130) && said.contains("interrupted while waiting for a map-server"), "{said}");
 }

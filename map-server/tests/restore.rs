@@ -56,6 +56,15 @@ async fn a_backup_takes_the_place_of_a_store() {
     let (older, _) = expected(&[(ANA, 20)]);
     let (code, said) = restore(&copy, &data).expect_err("a complaint");
     assert!(code == Some(1) && said.contains("a map-server runs on"), "{said}");
+    // Nor is what a server changes a backup; check and rescue end alike.
+    let elsewhere = site.dir.path().join("elsewhere");
+    let (code, said) = restore(&data, &elsewhere).expect_err("a complaint");
+    assert!(code == Some(1) && said.contains("a map-server runs on") && !elsewhere.exists(), "{said}");
+    for args in [vec!["check", data.to_str().unwrap()], vec!["rescue", data.to_str().unwrap(), "nowhere"]] {
+        let output = Command::new(env!("CARGO_BIN_EXE_map-server")).args(&args).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(1) && said.contains("in use"), "{args:?}: {said}");
+    }
     assert_eq!(head(&site.session).await.unwrap().digest, newer.digest());
     assert_eq!(site.server.terminate(), Some(0));
 

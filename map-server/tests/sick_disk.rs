@@ -193,6 +193,38 @@ async fn scenario(mut shortage: Shortage, dir: &Path) {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_server_on_a_disk_mounted_for_reading_answers_and_takes_nothing_in() {
+    let dir = tempfile::tempdir().unwrap();
+    let (disk, log, endpoint) = (dir.path().join("disk"), dir.path().join("log"), free_endpoint());
+    let Some(mounted) = Shortage::mounted(&disk) else {
+        eprintln!("skipped: nothing can be mounted here");
+        return;
+    };
+    let data = disk.join("data");
+    let mut server = mounted.serve(&data, &endpoint, &log);
+    let session = client(&endpoint).await;
+    until_up(&session).await;
+    for number in 1..=60 {
+        session.put(key(ANA, number), bytes(ANA, number)).await.unwrap();
+    }
+    head_when(&session, |head| head.version == 60).await;
+    server.kill();
+    // A copy of a store has no lock file.
+    std::fs::remove_file(data.join("lock")).unwrap();
+    let remount = Command::new("mount").args(["-o", "remount,ro"]).arg(&disk).status();
+    assert!(remount.is_ok_and(|status| status.success()));
+
+    let _server = mounted.serve(&data, &endpoint, &log);
+    until_up(&session).await;
+    head_when(&session, |head| head.read_only).await;
+    check_readers(&session, 60).await;
+    session.put(key(ANA, 61), bytes(ANA, 61)).await.unwrap();
+    let said = run(&["health", "--connect", &endpoint]);
+    assert!(said.contains("takes nothing in") && said.contains("Read-only file system"), "{said}");
+    assert_eq!(head(&session).await.unwrap().version, 60);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_full_disk_stops_writers_for_as_long_as_it_is_full_and_readers_never() {
     let dir = tempfile::tempdir().unwrap();
     let disk = dir.path().join("disk");

@@ -65,6 +65,8 @@ async fn places_zones_and_closures_are_taken_back_and_the_undo_too() {
 
     site.run(&["retain", "museum", "--keep", "0"]);
     assert!(site.complaint(&["undo", "museum"]).contains("are folded"));
+    let of_other = site.complaint(&["undo", "museum", "--author", "other", "--all"]);
+    assert!(of_other.contains("the increments of other up to ") && of_other.contains("are folded"), "{of_other}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -210,6 +210,13 @@ fn only_heads_that_make_sense_pass() {
 fn error_replies_are_readable() {
     let reply = ErrorReply::new(ErrorCode::NoPath, "no path");
     assert_eq!(serde_json::to_string(&reply).unwrap(), r#"{"code":"NO_PATH","message":"no path"}"#);
+    for (message, plain) in [
+        ("a robot's name, others' nodes", "a robot's name, others' nodes"),
+        ("'docks' is no 'dock', the robot's or not", "docks is no dock, the robot's or not"),
+        ("a \"text\" with a \\ and\nlines", "a text with a  andlines"),
+    ] {
+        assert_eq!(ErrorReply::new(ErrorCode::BadRequest, message).message, plain);
+    }
     let newer = r#"{"code":"OUT_OF_CHEESE","message":"later"}"#;
     assert_eq!(serde_json::from_str::<ErrorReply>(newer).unwrap().code, ErrorCode::Unknown, "a newer server is read");
 }

@@ -7,7 +7,7 @@ mod drawn;
 use drawn::{increments, state_of};
 use fht_map::MapState;
 use fht_map::crdt::compaction::whole;
-use fht_map::crdt::inverse::{InverseError, inverse};
+use fht_map::crdt::inverse::{InverseError, folded_upto, inverse, inverse_of, inverse_of_all};
 use fht_proto::model::compaction::Series;
 use fht_proto::{AuthorId, Digest, FixedPose, Increment, Op, Release, ReleaseId, VersionVector};
 use proptest::prelude::*;
@@ -81,6 +81,14 @@ fn what_was_folded_is_not_taken_back() {
     map.folds.push(whole(&map.increments.remove(0)));
     assert!(inverse(&map, DESK, 1).is_ok(), "what was before it is known");
     assert_eq!(inverse(&map, DESK, 2).unwrap_err(), InverseError::Compacted { author: DESK, last: 1 });
+    // Of somebody whose increments are folded in part, the rest is.
+    let rest = inverse_of_all(&map, DESK, OTHER).unwrap();
+    assert_eq!((rest.first, rest.last, folded_upto(&map, DESK)), (2, 2, 1));
+    map.folds.push(whole(&map.increments.remove(0)));
+    let folded = InverseError::Compacted { author: DESK, last: 2 };
+    assert_eq!(inverse_of_all(&map, DESK, OTHER).unwrap_err(), folded);
+    assert_eq!(inverse_of(&map, DESK, OTHER, |_| true).unwrap_err(), folded);
+    assert_eq!(inverse_of_all(&map, OTHER, DESK).unwrap_err(), InverseError::NoneSuch { author: OTHER });
 }
 
 #[test]

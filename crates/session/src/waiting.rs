@@ -58,7 +58,7 @@ fn within(patience: Option<Duration>) -> String {
 /// runtime.
 pub async fn open_configured(mut config: Config, patience: Option<Duration>) -> Result<Session, ConnectError> {
     let endpoints = endpoints(&config);
-    let listening = endpoints_at(&config, "listen/endpoints");
+    let listening = listening_at(&config);
     for (endpoints, side) in [(&endpoints, TlsSide::Connecting), (&listening, TlsSide::Listening)] {
         credentials::check(&config, endpoints, side)?;
         if let Some(sentence) = credentials::out_of_date(&config, endpoints, side) {
@@ -160,6 +160,12 @@ async fn try_until_open(config: &Config, endpoints: &[String], mut remarks: Rema
 #[must_use]
 pub fn endpoints(config: &Config) -> Vec<String> {
     endpoints_at(config, "connect/endpoints")
+}
+
+/// The endpoints that a configuration listens on, as texts.
+#[must_use]
+pub fn listening_at(config: &Config) -> Vec<String> {
+    endpoints_at(config, "listen/endpoints")
 }
 
 fn endpoints_at(config: &Config, key: &str) -> Vec<String> {

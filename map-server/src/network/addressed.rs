@@ -1,7 +1,7 @@
 //! What a key expression asks for, and what is said of keys that nobody answers.
 
 use fht_proto::MapName;
-use fht_proto::api::keys::{AdminAction, Key, PREFIX, Topic};
+use fht_proto::api::keys::{AdminAction, GoalTopic, Key, PREFIX, RobotTopic, Topic};
 use fht_proto::api::request::shown;
 use zenoh::key_expr::keyexpr;
 
@@ -17,7 +17,8 @@ pub(super) enum Addressed {
     /// The same by wildcards, as the servers of a site ask all of their storages. A refusal would
     /// be taken for one of a storage.
     Storages,
-    /// What robots answer, of several of them: a refusal would be taken for one of a robot.
+    /// What robots answer, of several of them: a refusal would be taken for one of a robot. None is
+    /// sent by such a key.
     Robots,
     /// What is put and not asked for: the sentence says what to ask.
     NotAsked(String),
@@ -49,7 +50,14 @@ fn put_only(expression: &str) -> Addressed {
     match kind {
         "kept" if matches!(expression.parse(), Ok(Key::Kept { .. })) => Addressed::Kept,
         "kept" => Addressed::Storages,
-        "robots" if is_of_goals(expression) && expression.contains('*') => Addressed::Robots,
+        "robots" if is_of_goals(expression) && expression.contains('*') => match has_goal_topic(expression) {
+            true => Addressed::Robots,
+            false => Addressed::NotAsked(format!(
+                "{key} names no robot to be sent: ask {PREFIX}/{map}/robots/ROBOT/goal, each robot by its name; {} may \
+                 have wildcards",
+                GoalTopic::ALL.map(|topic| format!("goal/{}", topic.as_str())).join(" and ")
+            )),
+        },
         "robots" if is_of_goals(expression) => Addressed::NotAsked(format!(
             "{key} is answered by the robot itself, and none of this name takes goals on this map: does client-robot \
              serve run? {PREFIX}/{map}/{fleet} answers which robots there are"
@@ -83,6 +91,12 @@ pub(super) fn is_of_goals(expression: &str) -> bool {
     matches!(chunks.as_slice(), [_, "goal"] | [_, "goal", _])
 }
 
+/// Whether the last chunks name something that robots are asked about their goals.
+fn has_goal_topic(expression: &str) -> bool {
+    let is_end = |topic: GoalTopic| expression.rsplit('/').take(2).eq([topic.as_str(), RobotTopic::Goal.as_str()]);
+    GoalTopic::ALL.into_iter().any(is_end)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -114,6 +128,9 @@ mod tests {
             ("fht/a/admin/dance", "retain, import"),
             ("fht/a/robots/r/goal", "client-robot serve"),
             ("fht/a/robots/r/goal/status", "client-robot serve"),
+            ("fht/a/robots/*/goal", "fht/a/robots/ROBOT/goal"),
+            ("fht/*/robots/*/goal", "goal/cancel and goal/status may have wildcards"),
+            ("fht/a/robots/r/goal/*", "fht/a/robots/ROBOT/goal"),
         ] {
             let said = asked(others);
             assert!(matches!(&said, Addressed::NotAsked(text) if text.contains(instead)), "{others}: {said:?}");

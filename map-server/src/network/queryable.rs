@@ -86,7 +86,8 @@ impl QueryService {
         let mut chunks = expression.split('/').skip(1);
         let (map, robot) = (chunks.next().and_then(|map| map.parse().ok()), chunks.nth(1));
         let is_there = map.zip(robot).is_some_and(|(map, robot)| self.sources.fleet.is_alive(&map, robot));
-        is_there && is_of_goals(expression)
+        // A robot answers under its own keys, and no part of them.
+        is_there && is_of_goals(expression) && !expression.contains('*')
     }
 
     fn reply(&self, query: &Query) {
@@ -156,7 +157,9 @@ impl QueryService {
 
     /// Has what a robot reported blocked stay so.
     fn keep_blocked(&self, map: &MapName, robot: &str, for_s: f64) -> Result<Vec<Answer>, ErrorReply> {
-        if self.sources.active_rules.keep_reports(map, robot, for_s, passed_us()) == 0 {
+        let AnswerSources { catalog, active_rules, .. } = &self.sources;
+        catalog.view(map).ok_or_else(|| unknown_map(map, catalog))?;
+        if active_rules.keep_reports(map, robot, for_s, passed_us()) == 0 {
             return Err(nothing_blocked(robot, map));
         }
         tracing::warn!(%map, %robot, for_s, "an operator keeps closed what the robot reported blocked");

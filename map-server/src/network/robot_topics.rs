@@ -7,6 +7,7 @@ use fht_map::plan::blocked::{Reporter, missing_node};
 use fht_proto::api::fleet::{BlockedReport, RobotStatus};
 use fht_proto::api::keys::{ALL_ROBOT_TOPICS, ALL_ROBOTS, Key, RobotTopic, Topic};
 use fht_proto::api::reply::{BlockedView, RulesReply};
+use fht_proto::model::validate::Validate;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use zenoh::Session;
@@ -112,6 +113,7 @@ fn take_sample(sample: &Sample, sources: &AnswerSources) -> Result<(), String> {
             if status.release.as_ref().is_some_and(|release| release.len() > MAX_RELEASE_BYTES) {
                 return Err("the name of its release is too long".to_owned());
             }
+            status.validate().map_err(|error| error.to_string())?;
             sources.fleet.take_status(&map, &robot, status, &view.head, passed_us());
             Ok(())
         }

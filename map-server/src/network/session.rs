@@ -1,7 +1,7 @@
 //! The server's Zenoh session: a router when it listens, a client of other routers otherwise.
 
 use crate::config::ServerEndpoints;
-use fht_session::{ConfigurationError, ConnectError, read_config, set, set_default, set_endpoints};
+use fht_session::{ConfigurationError, ConnectError, listening_at, read_config, set, set_default, set_endpoints};
 use zenoh::{Config, Session};
 
 /// Why there is no session.
@@ -127,16 +127,12 @@ fn reaches_anyone(config: &Config) -> bool {
 /// The endpoints of a configuration that other machines may reach, if they find no access control
 /// there.
 fn exposed(config: &Config) -> Vec<String> {
-    let json = |key: &str| config.get_json(key).unwrap_or_default();
-    if json("access_control/enabled") == "true" {
+    if config.get_json("access_control/enabled").is_ok_and(|enabled| enabled == "true") {
         return Vec::new();
     }
-    let listen: serde_json::Value = serde_json::from_str(&json("listen/endpoints")).unwrap_or_default();
-    // For all modes alike, or a list for each.
-    let lists = listen.as_object().map_or_else(|| vec![&listen], |by_mode| by_mode.values().collect());
-    let endpoints = lists.into_iter().flat_map(|list| list.as_array().into_iter().flatten());
-    let texts = endpoints.filter_map(|endpoint| endpoint.as_str());
-    texts.filter(|endpoint| !is_on_this_machine(endpoint)).map(str::to_owned).collect()
+    let mut endpoints = listening_at(config);
+    endpoints.retain(|endpoint| !is_on_this_machine(endpoint));
+    endpoints
 }
 
 fn is_on_this_machine(endpoint: &str) -> bool {
@@ -163,13 +159,14 @@ pub async fn open(link: &ServerEndpoints) -> Result<Session, ServerSessionError>
         return Err(ServerSessionError::NoEndpoint);
     }
     let is_client = config.get_json("mode").is_ok_and(|mode| mode == "\"client\"");
-    let listen = || link.listen.clone();
+    // Those that were given, or those of the file.
+    let listen = listening_at(&config);
     fht_session::open_configured(config, link.patience).await.map_err(|error| match error {
         // Zenoh's errors are texts.
         ConnectError::Refused { reason, .. } if reason.contains("Address already in use") => {
-            ServerSessionError::InUse { listen: listen() }
+            ServerSessionError::InUse { listen }
         }
-        ConnectError::Refused { reason, .. } if !is_client => ServerSessionError::Open { listen: listen(), reason },
+        ConnectError::Refused { reason, .. } if !is_client => ServerSessionError::Open { listen, reason },
         error => ServerSessionError::Link(error),
     })
 }

@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 /// What can be done with a store while no server uses it.
 #[derive(Clone, Debug, Subcommand)]
 pub(super) enum Repair {
-    /// Says whether a store is whole, and if not, what of it still reads. Nothing is changed; a
-    /// copy is looked at, which takes as much room for a moment in the folder for temporary files
-    /// (TMPDIR).
+    /// Says whether a store is whole, and if not, what of it still reads and what is lost. Nothing
+    /// is changed; a copy is looked at, which takes as much room for a moment in the folder for
+    /// temporary files (TMPDIR).
     #[command(after_help = "Examples:
   map-server check fht-data")]
     Check {
@@ -25,7 +25,11 @@ pub(super) enum Repair {
   map-server rescue fht-data fht-rescued        then: map-server --data fht-rescued
 
 The source stays as it is. Explorers and operators write on with the numbers that they had; robots
-notice that the map differs from their copies, and fetch it anew.")]
+notice that the map differs from their copies, and fetch it anew. A store that an earlier version
+wrote does not say how many increments there were: the report names the authors of whom others may
+be lost. Let those who wrote under these names take other names (--robot, --operator).
+
+Exit code 0: nothing is known to be lost; 1: something is lost, or the rescue failed.")]
     Rescue {
         /// The data directory of a server that does not run, or the file maps.redb in it.
         source: PathBuf,
@@ -75,7 +79,14 @@ impl Repair {
                 if rescued.damage.is_some() && rescued.authors.is_empty() {
                     return Err(ProgramFailure::of_run(format!("nothing of {} can be read", source.display())));
                 }
-                Ok(())
+                match rescued.lost() {
+                    0 => Ok(()),
+                    lost => Err(ProgramFailure::of_run(format!(
+                        "{lost} of the increments are lost; what reads of {} is in {}",
+                        source.display(),
+                        target.display()
+                    ))),
+                }
             }
             Self::Restore { backup, store } => {
                 let restored = restore(&backup, store.as_deref().unwrap_or(data))
@@ -116,7 +127,7 @@ fn print(found: &Rescued, what: &str, json: bool) -> Result<(), ProgramFailure> 
         None => print_line!("the store is whole"),
         Some(damage) => print_line!("the store is damaged: {damage}"),
     }
-    for RescuedAuthor { map, author, last, lost, first_lost } in &found.authors {
+    for RescuedAuthor { map, author, last, lost, first_lost, .. } in &found.authors {
         let numbers: Vec<String> = first_lost.iter().map(ToString::to_string).collect();
         let more = if *lost > first_lost.len() as u64 { " …" } else { "" };
         let lost_ones = if *lost == 0 { String::new() } else { format!(" (number {}{more})", numbers.join(", ")) };
@@ -126,6 +137,16 @@ fn print(found: &Rescued, what: &str, json: bool) -> Result<(), ProgramFailure> 
         print_line!(
             "{}",
             if found.damage.is_some() { "no increment of it can be read" } else { "there are no increments" }
+        );
+    }
+    let unknown: Vec<String> =
+        found.unknown_ends().map(|author| format!("{} (map {})", author.author, author.map)).collect();
+    if !unknown.is_empty() {
+        print_line!(
+            "nothing that reads says how many increments these authors had: {}. Those after the last one above may be \
+             lost, too. Whoever writes on under these names may use their numbers a second time: take other names, or \
+             restore a backup",
+            unknown.join(", ")
         );
     }
     Ok(())

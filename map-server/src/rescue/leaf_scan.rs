@@ -9,8 +9,11 @@
 //!
 //! An increment counts if its checksum holds and its key says the author and number that it says
 //! itself. Nothing but its key says which map it is of: a map's name counts if the order of storing
-//! names one of its increments, too, or if many entries have it.
+//! names one of its increments, too, or if many entries have it, or if the record of how many
+//! increments its authors have names it. That record counts if its sum holds; of those of one
+//! author the greatest does, since leaves from before have lower numbers.
 
+use crate::store::end_sum;
 use fht_proto::{AuthorId, CompactedSeries, Increment, MapName, decode};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -32,19 +35,26 @@ pub(super) struct FoundAuthor {
     named: BTreeSet<u64>,
     /// Those that the order of storing names.
     ordered: BTreeSet<u64>,
+    /// So many increments there were, as the record says; 0 if there is none.
+    recorded: u64,
 }
 
 impl FoundAuthor {
-    /// The number of the newest increment that there was: the newest that reads, and those after it
-    /// that are named without a gap.
+    /// The number of the newest increment that there was: the newest that reads or is on record,
+    /// and those after it that are named without a gap.
     pub(super) fn last(&self) -> u64 {
         let of_increments = self.increments.keys().next_back().copied().unwrap_or(0);
         let of_series = self.series.values().map(|series| series.last).max().unwrap_or(0);
-        let mut last = of_increments.max(of_series);
+        let mut last = of_increments.max(of_series).max(self.recorded);
         while self.named.contains(&(last + 1)) {
             last += 1;
         }
         last
+    }
+
+    /// Whether a record says that there were no more than that.
+    pub(super) fn is_end_known(&self) -> bool {
+        self.recorded > 0 && self.recorded == self.last()
     }
 }
 
@@ -59,11 +69,15 @@ pub(super) fn scan(file: &[u8]) -> Found {
     }
     scan.found.retain(|map, authors| {
         let is_ordered = |author: &FoundAuthor| author.increments.keys().any(|number| author.ordered.contains(number));
-        authors.values().any(is_ordered) || scan.names.get(map).is_some_and(|count| *count >= MANY)
+        let is_recorded = |author: &FoundAuthor| author.recorded > 0;
+        authors.values().any(|author| is_recorded(author) || is_ordered(author))
+            || scan.names.get(map).is_some_and(|count| *count >= MANY)
     });
     scan.found.retain(|_, authors| {
-        // What names an author of whom nothing reads may be damaged itself.
-        authors.retain(|_, author| !(author.increments.is_empty() && author.series.is_empty()));
+        // What else names an author of whom nothing reads may be damaged itself.
+        let is_sure =
+            |author: &FoundAuthor| author.recorded > 0 || !author.increments.is_empty() || !author.series.is_empty();
+        authors.retain(|_, author| is_sure(author));
         !authors.is_empty()
     });
     scan.found
@@ -120,7 +134,7 @@ impl Scan {
             if let Some((key, value)) = key().zip(value()) {
                 self.stored(key, value);
             }
-            // Values of 12 bytes: the order of storing.
+            // Values of 12 bytes: the order of storing, and how many increments there are.
             let key = || page.get(start(0, entry, Some(4 + 4 * count))?..end(0, entry)?);
             let value = || {
                 let begin = end(0, count - 1)?.checked_add(12 * entry)?;
@@ -128,6 +142,7 @@ impl Scan {
             };
             if let Some((key, value)) = key().zip(value()) {
                 self.ordered(key, value);
+                self.recorded(key, value);
             }
         }
     }
@@ -170,7 +185,56 @@ impl Scan {
         }
     }
 
+    fn recorded(&mut self, key: &[u8], value: &[u8]) {
+        let Some((map, author)) = map_of(key) else { return };
+        let record = || {
+            let author = AuthorId(u32::from_le_bytes(author.try_into().ok()?));
+            let (last, sum) = value.split_at_checked(8)?;
+            let last = u64_of(last)?;
+            (sum == end_sum(map.as_str(), author, last).to_le_bytes()).then_some((author, last))
+        };
+        if let Some((author, last)) = record() {
+            let known = &mut self.author(map, author).recorded;
+            *known = last.max(*known);
+        }
+    }
+
     fn named(&mut self, map: MapName, author: AuthorId, number: u64) {
         self.author(map, author).named.insert(number);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A leaf of one entry that says how many increments an author has.
+    fn record(map: &str, author: AuthorId, last: u64, sum: u32) -> Vec<u8> {
+        let length = u8::try_from(map.len()).unwrap_or_else(|error| panic!("{error}"));
+        let mut key = vec![length];
+        key.extend(map.bytes());
+        key.extend(author.0.to_le_bytes());
+        let mut leaf = vec![1, 0, 1, 0];
+        let end = u32::try_from(8 + key.len()).unwrap_or_else(|error| panic!("{error}"));
+        leaf.extend(end.to_le_bytes());
+        leaf.extend(key);
+        leaf.extend(last.to_le_bytes());
+        leaf.extend(sum.to_le_bytes());
+        leaf.resize(PAGE, 0);
+        leaf
+    }
+
+    #[test]
+    fn an_author_of_whom_nothing_reads_is_known_by_a_record_whose_sum_holds() {
+        let (map, author) = ("museum", AuthorId(7));
+        let older = record(map, author, 20, end_sum(map, author, 20));
+        let newer = record(map, author, 26, end_sum(map, author, 26));
+        let found = scan(&[newer, older].concat());
+        let ends: Vec<(u64, bool)> =
+            found.values().flat_map(BTreeMap::values).map(|it| (it.last(), it.is_end_known())).collect();
+        assert_eq!(ends, [(26, true)]);
+        for wrong in [record(map, author, 26, 0), record("musuem", author, 26, end_sum(map, author, 26))] {
+            assert!(scan(&wrong).is_empty());
+        }
     }
 }

@@ -22,6 +22,7 @@ pub(super) fn of_catalog(catalog: &Catalog) -> Vec<RescuedAuthor> {
         last,
         lost: 0,
         first_lost: Vec::new(),
+        is_end_known: true,
     };
     let authors = heads.iter().flat_map(|head| head.vector.iter().map(|(it, last)| (&head.map, it, last)));
     authors.map(author).collect()
@@ -39,6 +40,7 @@ pub(super) fn counted(found: &Found) -> Vec<RescuedAuthor> {
             last: found.last(),
             lost: lost.iter().map(|(first, last)| last - first + 1).sum(),
             first_lost: numbers.take(NAMED).collect(),
+            is_end_known: found.is_end_known(),
         }
     };
     authors.map(count).collect()

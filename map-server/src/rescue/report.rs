@@ -18,6 +18,9 @@ pub struct RescuedAuthor {
     pub lost: u64,
     /// The first numbers of those, at most ten.
     pub first_lost: Vec<u64>,
+    /// Whether the store says that there were no more than `last`. If not, those after it may be
+    /// lost, too.
+    pub is_end_known: bool,
 }
 
 /// What was rescued.
@@ -27,6 +30,20 @@ pub struct Rescued {
     pub damage: Option<String>,
     /// By map and author.
     pub authors: Vec<RescuedAuthor>,
+}
+
+impl Rescued {
+    /// How many increments do not read, of all that are known to have been there.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        self.authors.iter().fold(0, |sum, author| sum.saturating_add(author.lost))
+    }
+
+    /// The authors after whose last increment others may be lost: nothing that reads of a damaged
+    /// store says how many there were.
+    pub fn unknown_ends(&self) -> impl Iterator<Item = &RescuedAuthor> {
+        self.authors.iter().filter(|author| self.damage.is_some() && !author.is_end_known)
+    }
 }
 
 /// Why nothing was rescued.

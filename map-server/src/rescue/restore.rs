@@ -95,6 +95,11 @@ pub enum RestoreError {
     /// The system refuses, or a file is none.
     #[error(transparent)]
     Rescue(#[from] RescueError),
+    /// A server runs on the backup, and may change it meanwhile.
+    #[error(
+        "a map-server runs on {}: end it first, or restore what `map-server export` writes of its maps", .0.display()
+    )]
+    BackupInUse(PathBuf),
     /// A server runs on the store.
     #[error("a map-server runs on {}: end it first, and start it again after the restore", .0.display())]
     InUse(PathBuf),
@@ -109,7 +114,7 @@ impl RestoreError {
     pub fn is_input(&self) -> bool {
         match self {
             Self::Rescue(error) => error.is_input(),
-            Self::InUse(_) | Self::Store(_) => false,
+            Self::BackupInUse(_) | Self::InUse(_) | Self::Store(_) => false,
             _ => true,
         }
     }
@@ -134,20 +139,21 @@ enum Backup {
 
 impl Backup {
     fn find(backup: &Path) -> Result<Self, RestoreError> {
-        if let Ok(file) = file_of(backup) {
-            let is_archive = !backup.is_dir() && file.extension().is_some_and(|ending| ending == ARCHIVE);
-            return if is_archive {
-                Ok(Self::Archives(vec![file]))
-            } else if may_be_store(&file)? {
-                Ok(Self::Store(file))
-            } else {
-                Err(RestoreError::NoBackup(backup.to_owned()))
-            };
+        let is_archive = |path: &Path| path.is_file() && path.extension().is_some_and(|ending| ending == ARCHIVE);
+        if is_archive(backup) {
+            return Ok(Self::Archives(vec![backup.to_owned()]));
+        }
+        match file_of(backup) {
+            Ok(file) if may_be_store(&file)? => return Ok(Self::Store(file)),
+            Ok(_) => return Err(RestoreError::NoBackup(backup.to_owned())),
+            Err(RescueError::Store(StoreError::InUse { dir })) => return Err(RestoreError::BackupInUse(dir)),
+            // Not a store, but maybe a folder of exported maps.
+            Err(_) => {}
         }
         let entries = std::fs::read_dir(backup).map_err(|_| RestoreError::NoBackup(backup.to_owned()))?;
         let paths = entries.map(|entry| entry.map(|entry| entry.path())).collect::<Result<Vec<_>, _>>();
         let mut archives = paths.map_err(file_error(backup))?;
-        archives.retain(|path| path.is_file() && path.extension().is_some_and(|ending| ending == ARCHIVE));
+        archives.retain(|path| is_archive(path));
         archives.sort();
         if archives.is_empty() { Err(RestoreError::NoBackup(backup.to_owned())) } else { Ok(Self::Archives(archives)) }
     }

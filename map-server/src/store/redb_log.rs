@@ -7,6 +7,7 @@
 //! | `folds` | map, author, last number | first number, the compacted series in its envelope |
 //! | `floors` | map, author | number up to which this author's increments are folded |
 //! | `floor versions` | map | the version up to which the log is folded |
+//! | `ends` | map, author | number of the last increment, and a sum: what a rescue goes by |
 //! | `deletions` | map | that it will be deleted, or was: JSON; absent until a map is to be |
 //! | `meta` | `format` | version of this layout |
 //!
@@ -14,10 +15,12 @@
 
 mod deletions;
 mod directory;
+mod ends;
 mod open_store;
 mod steady_file;
 mod tables;
 
+pub(crate) use ends::end_sum;
 pub(crate) use open_store::LOCK_NAME;
 pub use open_store::{FILE_NAME, StoreDisk};
 
@@ -117,7 +120,7 @@ fn put_compacted(
     }
     let mut versions = write.open_table(FLOOR_VERSIONS).map_err(writing)?;
     versions.insert(name, floor.version).map_err(writing)?;
-    Ok(())
+    ends::note(write, floor.vector.iter().map(|(author, last)| ((name, author), last)))
 }
 
 impl IncrementLog for RedbLog {
@@ -129,12 +132,15 @@ impl IncrementLog for RedbLog {
         self.write(|write| {
             let mut increments = write.open_table(INCREMENTS).map_err(writing)?;
             let mut log = write.open_table(LOG).map_err(writing)?;
+            let mut lasts: BTreeMap<(&str, AuthorId), u64> = BTreeMap::new();
             for record in records {
                 let (map, author) = (record.map.as_str(), record.author.0);
                 increments.insert((map, author, record.number), record.bytes.as_slice()).map_err(writing)?;
                 log.insert((map, record.sequence), (author, record.number)).map_err(writing)?;
+                let last = lasts.entry((map, record.author)).or_default();
+                *last = record.number.max(*last);
             }
-            Ok(())
+            ends::note(write, lasts)
         })
     }
 

@@ -1,7 +1,7 @@
 //! What robots publish about themselves, as JSON: where they are, what they run, what they found
 //! blocked, where they are going.
 
-use crate::model::geometry::FixedPoint;
+use crate::model::geometry::{FixedPoint, FixedPose};
 use crate::model::ids::{MapName, NodeId};
 use crate::model::increment::EdgeKey;
 use crate::model::validate::{Invalid, Validate, check};
@@ -99,6 +99,16 @@ pub struct RobotStatus {
     /// When that was, by the robot's clock: microseconds since 1970. Absent if it has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stamp_us: Option<u64>,
+}
+
+impl Validate for RobotStatus {
+    fn validate(&self) -> Result<(), Invalid> {
+        let Some([x, y, yaw]) = self.map_from_base else { return Ok(()) };
+        check([x, y].iter().all(|metres| metres.abs() <= FixedPoint::MAX_M), || {
+            "a robot over 100 km from the origin".to_owned()
+        })?;
+        check(yaw.abs() <= FixedPose::MAX_YAW_RAD, || format!("a robot's yaw of {yaw:e} rad"))
+    }
 }
 
 /// What a robot puts under its `blocked` key: what it could not pass. Everybody avoids it for the
@@ -235,5 +245,19 @@ mod tests {
         ] {
             assert!(!read(bad).unwrap_or(false), "{bad}");
         }
+    }
+
+    #[test]
+    fn a_status_says_what_is_required_and_where_a_robot_may_be() {
+        let read = |text: &str| serde_json::from_str::<RobotStatus>(text).map(|status| status.validate().is_ok());
+        let required = r#""robot":"r","role":"client","map":"m","version":0,"vector":{},"state":"LOST""#;
+        let status = |pose: &str| format!(r#"{{{required},"map_from_base":{pose}}}"#);
+        for good in ["null", "[1,0.5,-1.25]", "[100000,-100000,6.2832]"] {
+            assert!(read(&status(good)).unwrap_or(false), "{good}");
+        }
+        for bad in ["[1e300,0,0]", "[0,-100000.1,0]", "[0,0,1e300]", "[0,0,6.29]", "[0,0]", "[1e999,0,0]"] {
+            assert!(!read(&status(bad)).unwrap_or(false), "{bad}");
+        }
+        assert!(read(r#"{"robot":"r","role":"client","map":"m"}"#).is_err());
     }
 }

@@ -1,6 +1,7 @@
 //! Where a robot that serves is sent, and what becomes of it.
 
 use crate::api::reply::{ErrorCode, PlaceRef};
+use crate::model::geometry::FixedPose;
 use serde::{Deserialize, Serialize};
 
 /// A robot is to drive somewhere: what an operator asks of its `goal` key, or puts there
@@ -21,8 +22,8 @@ pub struct GoalOrder {
 impl GoalOrder {
     /// Longest message that is read, bytes.
     pub const MAX_BYTES: usize = 4096;
-    /// Greatest heading, either way, radians: a turn.
-    pub const MAX_YAW_RAD: f64 = std::f64::consts::TAU;
+    /// Greatest heading, either way, radians: a turn, to the next 1e-4.
+    pub const MAX_YAW_RAD: f64 = FixedPose::MAX_YAW_RAD;
 }
 
 /// How far a robot is with a goal.

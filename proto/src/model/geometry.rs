@@ -64,6 +64,10 @@ pub struct FixedPose {
 }
 
 impl FixedPose {
+    /// Greatest yaw that is taken from others in JSON and in queries, either way, radians: a turn,
+    /// to the next 1e-4.
+    pub const MAX_YAW_RAD: f64 = 62_832.0 / YAW_UNITS;
+
     /// From metres and radians; the angle is wrapped.
     #[must_use]
     pub fn from_metres(x: f64, y: f64, yaw: f64) -> Self {

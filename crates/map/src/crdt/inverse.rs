@@ -49,12 +49,26 @@ fn note<'a>(writes: &mut Writes<'a>, element: Element, stamp: Stamp, op: &'a Op)
     }
 }
 
+/// Up to this number the increments of `author` are folded, and cannot be taken back; 0: none are.
+#[must_use]
+pub fn folded_upto(map: &Series, author: AuthorId) -> u64 {
+    map.folds.iter().filter(|fold| fold.author == author).map(|fold| fold.last).max().unwrap_or(0)
+}
+
+/// Why none of an author's increments is taken back, whichever are meant.
+fn nothing_of(map: &Series, author: AuthorId) -> InverseError {
+    match folded_upto(map, author) {
+        0 => InverseError::NoneSuch { author },
+        last => InverseError::Compacted { author, last },
+    }
+}
+
 /// What takes the newest `count` increments of `author` back. `map` is all of the map.
 ///
 /// # Errors
 /// [`InverseError`].
 pub fn inverse(map: &Series, author: AuthorId, count: u64) -> Result<Inverse, InverseError> {
-    let folded = map.folds.iter().filter(|fold| fold.author == author).map(|fold| fold.last).max().unwrap_or(0);
+    let folded = folded_upto(map, author);
     let own = || map.increments.iter().filter(|increment| increment.author == author);
     let last = own().map(|increment| increment.number).max().unwrap_or(0).max(folded);
     if last == 0 {
@@ -85,20 +99,19 @@ pub fn inverse_of(
         let own = map.increments.iter().filter(|increment| increment.author == author && is_undone(increment));
         own.map(|increment| increment.number)
     };
-    let Some((first, last)) = numbers().min().zip(numbers().max()) else {
-        return Err(InverseError::NoneSuch { author });
-    };
-    take_back(map, (author, by), (first, last), Overwritten::Refused, &is_undone)
+    let ends = numbers().min().zip(numbers().max()).ok_or_else(|| nothing_of(map, author))?;
+    take_back(map, (author, by), ends, Overwritten::Refused, &is_undone)
 }
 
 /// What takes everything of `author` back, of whom nothing is believed any more; `by` is who will
-/// write that. What others have written over since stays as they wrote it.
+/// write that. What others have written over since stays as they wrote it, and so does what was
+/// folded ([`folded_upto`]).
 ///
 /// # Errors
 /// [`InverseError`].
 pub fn inverse_of_all(map: &Series, author: AuthorId, by: AuthorId) -> Result<Inverse, InverseError> {
     let numbers = || map.increments.iter().filter(|one| one.author == author).map(|one| one.number);
-    let Some(ends) = numbers().min().zip(numbers().max()) else { return Err(InverseError::NoneSuch { author }) };
+    let ends = numbers().min().zip(numbers().max()).ok_or_else(|| nothing_of(map, author))?;
     take_back(map, (author, by), ends, Overwritten::Left, |_| true)
 }
 

@@ -280,13 +280,15 @@ An undo is a change, too: the next one takes it back.")]
     Export {
         /// The map.
         map: MapName,
-        /// The file.
+        /// The file. One that is there is replaced when the map is written whole; - is standard
+        /// output.
         file: PathBuf,
         /// This release instead of the newest state.
         #[arg(long, value_name = "NAME")]
         release: Option<ReleaseName>,
     },
-    /// Takes a map in from a file.
+    /// Takes a map in from a file. If it ends early, such as on a full disk, what was taken in is
+    /// there, and the same import goes on from there.
     #[command(after_help = "Examples:
   map-server import museum.fht
   map-server import museum.fht --map copy")]

@@ -1,7 +1,7 @@
 //! An operator's session, and questions over it.
 
 use crate::config::ServerEndpoints;
-use crate::network;
+use crate::network::{self, ServerSessionError};
 use crate::program::operator::error::OperatorError;
 use fht_client::AskError;
 use fht_program::Waiting;
@@ -23,7 +23,11 @@ pub(super) async fn connect(link: &ServerEndpoints, waiting: &Waiting) -> Result
     /// Longer than anybody waits.
     const FOR_EVER: Duration = Duration::from_secs(10_000_000);
     let patience = waiting.for_session().unwrap_or(FOR_EVER);
-    Ok(network::open(&ServerEndpoints { patience: Some(patience), ..link.clone() }).await?)
+    let session = network::open(&ServerEndpoints { patience: Some(patience), ..link.clone() }).await;
+    session.map_err(|error| match error {
+        ServerSessionError::InUse { listen } => OperatorError::Listens { listen },
+        error => error.into(),
+    })
 }
 
 /// A server listens before it answers, and a map may be made later: asks until there is an answer,

@@ -42,7 +42,8 @@ fn show<T: Serialize>(value: &T, json: bool, words: impl FnOnce(&T) -> String) -
 
 impl Operation {
     /// Carries it out over a session that `link` describes; by default on this machine. The server
-    /// and the map are waited for as `waiting` says. Maps are merged as `merge` says.
+    /// and the map are waited for as `waiting` says; once they are there, `once_there` is called.
+    /// Maps are merged as `merge` says.
     ///
     /// # Errors
     /// [`OperatorError`].
@@ -52,6 +53,7 @@ impl Operation {
         mut link: ServerEndpoints,
         waiting: &Waiting,
         merge: MergeConfig,
+        once_there: impl FnOnce(),
     ) -> Result<(), OperatorError> {
         if link.connect.is_empty() && link.zenoh_config.is_none() {
             link.connect.push(DEFAULT_LISTEN.to_owned());
@@ -64,7 +66,10 @@ impl Operation {
         }
         let session = connect(&link, waiting).await?;
         let outcome = match until_there(&session, self.map(), waiting).await {
-            Ok(deletion) => self.with_told(&session, args, merge, deletion).await,
+            Ok(deletion) => {
+                once_there();
+                self.with_told(&session, args, merge, deletion).await
+            }
             Err(error) => Err(error),
         };
         // Everything is answered; whether the goodbye arrives does not matter.

@@ -17,6 +17,16 @@ pub enum OperatorError {
     /// No session.
     #[error(transparent)]
     Session(#[from] ServerSessionError),
+    /// The configuration makes the command listen where somebody else does.
+    #[error(
+        "cannot listen on {}: the address is in use. This --zenoh-config makes a server or router that listens; an \
+         operator's command takes one that only connects (mode client, connect.endpoints), or --connect",
+        listen.join(", ")
+    )]
+    Listens {
+        /// The endpoints to listen on.
+        listen: Vec<String>,
+    },
     /// Zenoh refused.
     #[error("Zenoh refuses: {}", fht_session::in_words(.0))]
     Zenoh(#[from] zenoh::Error),
@@ -93,6 +103,21 @@ pub enum OperatorError {
         /// Why.
         source: InverseError,
     },
+    /// An import has ended before the end of the file.
+    #[error(
+        "{reason}; part of map {map} is there (version {version} of {of}): give the import again when there is room, \
+         which goes on from there, or take it away with `map-server delete {map}`"
+    )]
+    PartlyImported {
+        /// The map.
+        map: MapName,
+        /// So many increments of it are there.
+        version: u64,
+        /// So many there are in the file.
+        of: u64,
+        /// Why.
+        reason: Box<OperatorError>,
+    },
     /// A map is not renamed yet.
     #[error(
         "{reason}; {old} is not renamed yet: give the command again, or keep it as it is with `map-server undelete {old}`"
@@ -121,9 +146,9 @@ impl OperatorError {
         match self {
             Self::Session(error) => error.is_input(),
             Self::Refused(reply) => reply.code.is_input(),
-            Self::Usage(_) | Self::Archive { .. } | Self::Unsound(_) => true,
+            Self::Usage(_) | Self::Archive { .. } | Self::Unsound(_) | Self::Listens { .. } => true,
             Self::File { source, .. } => is_of_name(source.kind()),
-            Self::NotRenamed { reason, .. } => reason.is_input(),
+            Self::NotRenamed { reason, .. } | Self::PartlyImported { reason, .. } => reason.is_input(),
             // There are no such changes, or not so many.
             Self::Undo { source, .. } => {
                 use InverseError::{NoneSuch, TooFew, Unchanged};

@@ -177,6 +177,19 @@ fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     })
 }
 
+/// Why an import has ended, with what of the map is there if a part of it is.
+async fn of_a_part(session: &Session, map: &MapName, whole: &VersionVector, reason: OperatorError) -> OperatorError {
+    if !matches!(reason, OperatorError::Refused(_)) {
+        return reason; // nobody answers
+    }
+    match head(session, map).await {
+        Ok(Head { version, vector, .. }) if version > 0 && vector != *whole && whole.covers(&vector) => {
+            OperatorError::PartlyImported { map: map.clone(), version, of: whole.version(), reason: Box::new(reason) }
+        }
+        _ => reason,
+    }
+}
+
 /// Has the server take in a map from a file, under its own name or another.
 pub(super) async fn import(
     session: &Session,
@@ -196,7 +209,13 @@ pub(super) async fn import(
     let mut archive = archive;
     let mut head: Option<Head> = None;
     while let Some(series) = archive.next() {
-        head = Some(put_series(session, &map, &series.map_err(damaged)?).await?);
+        match put_series(session, &map, &series.map_err(damaged)?).await {
+            Ok(after) => head = Some(after),
+            Err(reason) => {
+                bar.finish_and_clear();
+                return Err(of_a_part(session, &map, &header.vector, reason).await);
+            }
+        }
         bar.set_position(archive.position() as u64);
     }
     bar.finish_and_clear();

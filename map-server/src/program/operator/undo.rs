@@ -5,7 +5,7 @@ use crate::program::operator::asking::state_of;
 use crate::program::operator::error::OperatorError;
 use crate::program::operator::transfer::fetch_state;
 use crate::program::operator::write::write;
-use fht_map::crdt::inverse::{Inverse, inverse, inverse_of, inverse_of_all};
+use fht_map::crdt::inverse::{Inverse, folded_upto, inverse, inverse_of, inverse_of_all};
 use fht_map::{WriterRole, WriterRoles, may_write};
 use fht_proto::{AuthorId, Increment, MapName, Op, Release, RobotName};
 use serde::Serialize;
@@ -71,6 +71,8 @@ pub(super) async fn undo(
 ) -> Result<TakenBack, OperatorError> {
     let (series, _) = fetch_state(session, map, quiet).await?;
     let author = AuthorId::of_robot(operator);
+    let robot = undone.robot().cloned();
+    let folded = robot.as_ref().map_or(0, |robot| folded_upto(&series, AuthorId::of_robot(robot.as_str())));
     let names = undone.robot().map(ToString::to_string).into_iter().chain([operator.to_owned()]).collect();
     let computed = tokio::task::spawn_blocking(move || match undone {
         Undone::Newest(count) => inverse(&series, author, count),
@@ -83,12 +85,15 @@ pub(super) async fn undo(
         }
     })
     .await?;
-    let Inverse { first, last, ops, words } =
+    let Inverse { first, last, ops, mut words } =
         computed.map_err(|source| OperatorError::Undo { map: map.clone(), names, source })?;
     for op in &ops {
         if let Op::PutRelease { release, .. } = op {
             check_kept(session, map, release).await?;
         }
+    }
+    if let Some(robot) = robot.filter(|_| folded > 0) {
+        words.push(format!("increments 1 to {folded} of {robot} are folded, and stay"));
     }
     let batches = batches(ops);
     let (increments, mut version) = (batches.len(), 0);

@@ -2,8 +2,8 @@
 
 use crate::store::error::StoreError;
 use crate::store::log::DeletionRecord;
-use crate::store::redb_log::RedbLog;
 use crate::store::redb_log::tables::{COMPACTED, FLOOR_VERSIONS, FLOORS, INCREMENTS, LOG, reading, writing};
+use crate::store::redb_log::{RedbLog, ends};
 use fht_proto::MapName;
 use redb::{ReadableTable, TableDefinition, TableError, WriteTransaction};
 use std::collections::BTreeMap;
@@ -62,6 +62,7 @@ impl RedbLog {
             let mut versions = write.open_table(FLOOR_VERSIONS).map_err(writing)?;
             versions.remove(name).map_err(writing)?;
             drop((increments, compacted, log, floors, versions));
+            ends::forget(write, name)?;
             put(write, map, Some(record))
         })
     }

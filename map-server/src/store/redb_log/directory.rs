@@ -54,8 +54,13 @@ impl RedbLog {
         let failed = |error: io::Error| StoreError::Open { dir: dir.to_owned(), reason: error.to_string() };
         std::fs::create_dir_all(dir).map_err(failed)?;
         let name = dir.join(LOCK_NAME);
-        // On a disk that takes nothing the lock of an earlier server will do.
-        let lock = File::create(&name).or_else(|error| File::open(&name).map_err(|_| error)).map_err(failed)?;
+        // On a disk that takes nothing the lock of an earlier server will do, or the directory,
+        // where nobody has left one.
+        let lock = File::create(&name).or_else(|error| match error.kind() {
+            ErrorKind::ReadOnlyFilesystem => File::open(&name).or_else(|_| File::open(dir)).map_err(|_| error),
+            _ => File::open(&name).map_err(|_| error),
+        });
+        let lock = lock.map_err(failed)?;
         match lock.try_lock() {
             Ok(()) => Ok(lock),
             Err(TryLockError::WouldBlock) => Err(StoreError::InUse { dir: dir.to_owned() }),

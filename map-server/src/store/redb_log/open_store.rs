@@ -2,6 +2,7 @@
 
 use crate::store::error::StoreError;
 use crate::store::guard::guarded;
+use crate::store::redb_log::ends;
 use crate::store::redb_log::steady_file::{Fault, FaultReason, SteadyFile};
 use crate::store::redb_log::tables::{
     COMPACTED, FLOOR_VERSIONS, FLOORS, INCREMENTS, LOG, META, damage, reading, writing,
@@ -132,14 +133,15 @@ impl OpenStore {
             other => StoreError::Open { dir: dir.to_owned(), reason: other.to_string() },
         })?;
         let store = Self { database: Some(database), fault };
-        match store.format().map_err(|error| error.of_file(path))? {
-            Some(FORMAT) => Ok(store),
+        let made = match store.format().map_err(|error| error.of_file(path))? {
+            Some(FORMAT) => Ok(()),
             // Format 2 only adds tables.
-            None | Some(1) => match store.write(make_tables) {
-                Err(error) if store.fault().is_none() => Err(error),
-                _ => Ok(store),
-            },
-            Some(found) => Err(StoreError::Format { dir: dir.to_owned(), found, known: FORMAT }),
+            None | Some(1) => store.write(make_tables),
+            Some(found) => return Err(StoreError::Format { dir: dir.to_owned(), found, known: FORMAT }),
+        };
+        match made.and_then(|()| ends::add_if_absent(&store)) {
+            Err(error) if store.fault().is_none() => Err(error),
+            _ => Ok(store),
         }
     }
 

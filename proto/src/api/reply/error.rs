@@ -120,11 +120,10 @@ pub struct ErrorReply {
 
 impl ErrorReply {
     /// An error reply. Texts of others may have come into the sentence: what tools would show with
-    /// escapes is left out.
+    /// escapes is left out. Apostrophes stay.
     #[must_use]
     pub fn new(code: ErrorCode, message: &str) -> Self {
-        let is_plain = |c: &char| !matches!(c, '\'' | '"' | '\\') && !c.is_control();
-        Self { code, message: message.chars().filter(is_plain).collect(), retry_after_s: None }
+        Self { code, message: plain(message), retry_after_s: None }
     }
 
     /// `BUSY`, with when to ask again, seconds.
@@ -132,4 +131,29 @@ impl ErrorReply {
     pub fn busy(message: &str, retry_after_s: u32) -> Self {
         Self { retry_after_s: Some(retry_after_s), ..Self::new(ErrorCode::Busy, message) }
     }
+}
+
+/// A sentence without quotes, backslashes and control characters. A single quote is an apostrophe
+/// within a word, and at a word's end unless it closes what one has opened.
+fn plain(message: &str) -> String {
+    let (mut plain, mut before, mut is_quoted) = (String::with_capacity(message.len()), ' ', false);
+    let mut letters = message.chars().peekable();
+    while let Some(letter) = letters.next() {
+        match letter {
+            '\'' => {
+                let ends_word = before.is_alphanumeric();
+                let is_within = ends_word && letters.peek().is_some_and(|next| next.is_alphanumeric());
+                if is_within || (ends_word && !is_quoted) {
+                    plain.push(letter);
+                } else {
+                    is_quoted = !is_quoted;
+                }
+            }
+            '"' | '\\' => {}
+            _ if letter.is_control() => {}
+            _ => plain.push(letter),
+        }
+        before = letter;
+    }
+    plain
 }

@@ -83,6 +83,11 @@ impl<'a> Parameters<'a> {
         self.values.get(name).copied().filter(|value| !value.is_empty()).ok_or_else(missing)
     }
 
+    /// What was given, also if that is nothing: where a parameter left out means something else.
+    pub(super) fn given(&self, name: &str) -> Option<&'a str> {
+        self.values.get(name).copied()
+    }
+
     pub(super) fn text(&self, name: &str) -> Option<&'a str> {
         self.values.get(name).copied().filter(|value| !value.is_empty())
     }

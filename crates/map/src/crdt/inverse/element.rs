@@ -26,7 +26,10 @@ pub enum InverseError {
         author: AuthorId,
     },
     /// What was before is not known any more.
-    #[error("the increments of {author} up to {last} are folded: what was before them is not known any more")]
+    #[error(
+        "the increments of {author} up to {last} are folded: what was before them is not known any more. A release \
+         from before is what it was, and so is a backup; places, zones and closures can be taken away one by one"
+    )]
     Compacted {
         /// The author.
         author: AuthorId,
