@@ -15,7 +15,7 @@ pub struct SimSetup {
     /// The building: museum, office, or the path of a Nav2 map.yaml or a Gazebo .world.
     #[cfg_attr(feature = "cli", arg(long, value_name = "NAME|FILE", default_value = "museum"))]
     pub world: String,
-    /// Folder of pictures to paint the walls of a Nav2 map with.
+    /// Folder of pictures to paint the walls of a Nav2 map with; no other world takes it.
     #[cfg_attr(feature = "cli", arg(long, value_name = "FOLDER"))]
     pub textures: Option<PathBuf>,
     /// Seed of the building's drawing.
@@ -89,13 +89,13 @@ impl SimSetup {
     }
 
     /// The start that was asked for, if there is one: a place of `world` where a robot of
-    /// `radius_m` (metres) can stand.
+    /// `radius_m` (metres) can stand. Where none was asked for, the robot must be able to stand at
+    /// the world's own start, from which all others are found.
     ///
     /// # Errors
     /// [`StartError`].
     pub fn start_in(&self, world: &World, radius_m: f64) -> Result<Option<Pose2>, StartError> {
-        let Some(start) = &self.start else { return Ok(None) };
-        check_start(world, start, radius_m)?;
-        Ok(Some(*start))
+        check_start(world, &self.start.unwrap_or_else(|| world.start()), radius_m)?;
+        Ok(self.start)
     }
 }

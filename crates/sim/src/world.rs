@@ -42,6 +42,9 @@ pub enum WorldError {
     /// The world has no wall or no place to stand.
     #[error("world '{0}' has no {1}")]
     Empty(String, &'static str),
+    /// There are pictures for the walls of a world that brings its own looks.
+    #[error("'{0}' has looks of its own: only the walls of a Nav2 map take a folder of textures")]
+    Textures(String),
     /// A map cannot be loaded.
     #[error(transparent)]
     Map(#[from] MapError),
@@ -236,7 +239,9 @@ pub(crate) fn name_of(path: &Path) -> String {
 /// or `.sdf` file, which brings its own looks.
 ///
 /// # Errors
-/// [`WorldError`] when the name is unknown, or a file is missing, malformed or shows no free place.
+/// [`WorldError`] when the name is unknown, a file is missing, malformed or shows no free place,
+/// something lies over 100 km from the origin, or there are `textures` for another world than a
+/// map.
 pub fn load(spec: &str, textures: Option<&Path>, seed: u64) -> Result<World, WorldError> {
     load_with(spec, textures, seed, None)
 }
@@ -253,14 +258,18 @@ pub fn load_with(
     seed: u64,
     changes: Option<&Changes>,
 ) -> Result<World, WorldError> {
+    let has_own_looks = || if textures.is_none() { Ok(()) } else { Err(WorldError::Textures(spec.to_owned())) };
+    let built_in = |layout: fn(u64) -> Layout<Style>| {
+        has_own_looks().and_then(|()| World::from_layout(spec, layout(seed), seed, changes))
+    };
     match spec {
-        "museum" => World::from_layout(spec, museum::layout(seed), seed, changes),
-        "office" => World::from_layout(spec, office::layout(seed), seed, changes),
+        "museum" => built_in(museum::layout),
+        "office" => built_in(office::layout),
         other => {
             let path = Path::new(other);
             match path.extension().and_then(std::ffi::OsStr::to_str) {
                 Some("yaml" | "yml") => World::from_nav2(path, textures, seed, changes),
-                Some("world" | "sdf") => World::from_gazebo(path, changes),
+                Some("world" | "sdf") => has_own_looks().and_then(|()| World::from_gazebo(path, changes)),
                 _ => Err(WorldError::Unknown(other.to_owned())),
             }
         }

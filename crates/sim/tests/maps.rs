@@ -153,6 +153,10 @@ fn pictures_are_painted_on_the_walls() {
     std::fs::create_dir(&empty).unwrap();
     assert!(matches!(load(&path.to_string_lossy(), Some(&empty), 1), Err(WorldError::Photographs(_))));
     assert!(load(&path.to_string_lossy(), Some(&folder.path().join("none")), 1).is_err());
+    // No other world takes pictures, be they there or not.
+    for world in ["museum", "office", "hall.world"] {
+        assert!(matches!(load(world, Some(&pictures), 1), Err(WorldError::Textures(_))), "{world}");
+    }
 }
 
 #[test]
@@ -167,6 +171,8 @@ fn bad_descriptions_are_refused_with_a_reason() {
         ("resolution: 0.05\n", "", "resolution"),
         ("[-1.0, -1.5, 0.0]", "[-1.0, -1.5]", "origin"),
         ("[-1.0, -1.5, 0.0]", "[-1.0, -1.5, 0.3]", "yaw"),
+        ("[-1.0, -1.5, 0.0]", "[500000.0, 5400000.0, 0.0]", "shift the origin"),
+        ("[-1.0, -1.5, 0.0]", "[0.0, -1.0e12, 0.0]", "over 100 km from the origin"),
         ("occupied_thresh: 0.65", "occupied_thresh: 0.1", "occupied_thresh"),
         ("free_thresh: 0.196", "free_thresh: 0.196\nmode: raw", "raw"),
         ("free_thresh: 0.196", "free_thresh: 0.196\nmode: cubist", "mode"),

@@ -2,6 +2,7 @@
 
 use crate::plan::FloorPlan;
 use fht_perception::pose::Point2;
+use fht_proto::FixedPoint;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -122,6 +123,22 @@ impl Description {
         }
         Ok(())
     }
+
+    /// Why a picture of `width` × `height` cells reaches to where nothing of a map may be, if it
+    /// does.
+    fn remote_corner(&self, width: u32, height: u32) -> Option<String> {
+        let &[x, y, _] = self.origin.as_slice() else { return None };
+        let (right, top) = (x + f64::from(width) * self.resolution, y + f64::from(height) * self.resolution);
+        let farther = |a: f64, b: f64| if a.abs() > b.abs() { a } else { b };
+        let (far_x, far_y) = (farther(x, right), farther(y, top));
+        let is_remote = far_x.abs() > FixedPoint::MAX_M || far_y.abs() > FixedPoint::MAX_M;
+        is_remote.then(|| {
+            format!(
+                "a corner of the map lies at {far_x}, {far_y}, over 100 km from the origin, where nothing of a map may \
+                 be: shift the origin, such as to [0, 0, 0]"
+            )
+        })
+    }
 }
 
 /// Loads the plan of a map. A cell is free where the picture says so; occupied and unknown cells
@@ -143,6 +160,9 @@ pub(crate) fn load(path: &Path) -> Result<FloorPlan, MapError> {
     if width == 0 || height == 0 || u64::from(width) * u64::from(height) > MOST_CELLS {
         let reason = format!("a picture of {width} x {height} cells is empty or larger than {MOST_CELLS} cells");
         return Err(MapError::Value { path: picture_path, reason });
+    }
+    if let Some(reason) = description.remote_corner(width, height) {
+        return Err(MapError::Value { path: path.to_owned(), reason });
     }
     let picture = reader()?.decode().map_err(undecodable)?.into_luma8();
     let negate = description.negate.is_set();

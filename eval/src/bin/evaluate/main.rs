@@ -126,7 +126,7 @@ explains three quarters of what is seen on the first 5 m.")]
 }
 
 fn main() -> ExitCode {
-    fht_program::logging::init("error");
+    fht_program::logging::init("error,fht_sim=warn");
     let cli = Cli::parse();
     let outcome = match cli.part {
         Part::Slam(args) => slam::run(&args),
