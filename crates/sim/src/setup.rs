@@ -2,7 +2,7 @@
 
 use crate::people::PeopleConfig;
 use crate::starts::{StartError, check_start};
-use crate::world::{World, WorldError, load, name_of};
+use crate::world::{World, WorldError, files_of, load, name_of};
 use fht_perception::pose::Pose2;
 use fht_proto::{MapName, ParseIdError, SharedWorldName};
 use std::path::{Path, PathBuf};
@@ -78,6 +78,12 @@ impl SimSetup {
     #[must_use]
     pub fn crowd(&self) -> PeopleConfig {
         PeopleConfig::of(self.people.into(), self.seed)
+    }
+
+    /// The files and folders that the building is read from, as far as they are known before.
+    #[must_use]
+    pub fn files(&self) -> Vec<PathBuf> {
+        files_of(&self.world).into_iter().chain(self.textures.clone()).collect()
     }
 
     /// Loads the building.

@@ -233,6 +233,17 @@ pub(crate) fn name_of(path: &Path) -> String {
     path.file_stem().map_or_else(|| "map".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
+/// The files that a world is read from, as far as they are known before: its own, and the picture
+/// of a map.
+pub(crate) fn files_of(spec: &str) -> Vec<PathBuf> {
+    let path = PathBuf::from(spec);
+    match path.extension().and_then(std::ffi::OsStr::to_str) {
+        Some("yaml" | "yml") => nav2::picture_of(&path).into_iter().chain([path]).collect(),
+        Some(_) => vec![path],
+        None => Vec::new(),
+    }
+}
+
 /// Loads a world. `spec` is `museum` or `office`, which are built in and drawn from `seed`; or the
 /// path of a Nav2 `map.yaml`, whose walls are decorated by `seed` with pictures from the folder
 /// `textures`, or with the crate's own drawings if there is none; or the path of a Gazebo `.world`

@@ -99,6 +99,18 @@ enum Mode {
 }
 
 impl Description {
+    /// What the file at `path` says.
+    fn read(path: &Path) -> Result<Self, MapError> {
+        let text = std::fs::read_to_string(path).map_err(|source| MapError::Read { path: path.to_owned(), source })?;
+        serde_saphyr::from_str(&text)
+            .map_err(|error| MapError::Yaml { path: path.to_owned(), reason: error.to_string() })
+    }
+
+    /// The picture that the file at `path` names.
+    fn picture(&self, path: &Path) -> PathBuf {
+        path.parent().unwrap_or_else(|| Path::new(".")).join(&self.image)
+    }
+
     fn check(&self) -> Result<(), String> {
         if !RESOLUTIONS_M.contains(&self.resolution) {
             let (least, most) = (RESOLUTIONS_M.start(), RESOLUTIONS_M.end());
@@ -141,15 +153,18 @@ impl Description {
     }
 }
 
+/// The picture of the map at `path`, if that describes one.
+pub(crate) fn picture_of(path: &Path) -> Option<PathBuf> {
+    Description::read(path).ok().map(|description| description.picture(path))
+}
+
 /// Loads the plan of a map. A cell is free where the picture says so; occupied and unknown cells
 /// are both solid, so that the world is closed wherever free floor meets the unknown. The plan's
 /// frame is the map's frame.
 pub(crate) fn load(path: &Path) -> Result<FloorPlan, MapError> {
-    let text = std::fs::read_to_string(path).map_err(|source| MapError::Read { path: path.to_owned(), source })?;
-    let description: Description = serde_saphyr::from_str(&text)
-        .map_err(|error| MapError::Yaml { path: path.to_owned(), reason: error.to_string() })?;
+    let description = Description::read(path)?;
     description.check().map_err(|reason| MapError::Value { path: path.to_owned(), reason })?;
-    let picture_path = path.parent().unwrap_or_else(|| Path::new(".")).join(&description.image);
+    let picture_path = description.picture(path);
     let unreadable = |source| MapError::Read { path: picture_path.clone(), source };
     let undecodable = |source| MapError::Picture { path: picture_path.clone(), source };
     let reader = || {
