@@ -4,7 +4,7 @@ use super::replay::{ReplayReport, ReplaySnapshot, ReplayTask, replay};
 use super::running::{RunArgs, RunEnd, increments, runtime};
 use super::settings::MapperFile;
 use clap::Args;
-use fht_bag::{BagInfo, FrameConfig, TopicConfig, survey};
+use fht_bag::{BagInfo, FrameConfig, TopicConfig, examine};
 use fht_program::{ProgramFailure, Stop, print_line};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
@@ -182,7 +182,7 @@ pub(super) struct InfoArgs {
 
 /// Runs `mapper info`; `false` if the bag is broken.
 pub(super) fn info(args: &InfoArgs) -> Result<bool, ProgramFailure> {
-    let info = survey(&args.bag).map_err(ProgramFailure::of_input)?;
+    let info = examine(&args.bag).map_err(ProgramFailure::of_input)?;
     if args.json {
         print_line!("{}", serde_json::to_string_pretty(&info).map_err(ProgramFailure::of_run)?);
     } else {
