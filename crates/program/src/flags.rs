@@ -224,6 +224,14 @@ pub fn count(text: &str) -> Result<u64, String> {
     }
 }
 
+/// The same for what is counted in memory.
+///
+/// # Errors
+/// As [`count`].
+pub fn how_many(text: &str) -> Result<usize, String> {
+    usize::try_from(count(text)?).map_err(|_| format!("'{text}' is too large"))
+}
+
 /// `text` as a number within `range`.
 ///
 /// # Errors
@@ -293,6 +301,7 @@ mod tests {
     fn a_count_is_at_least_one() {
         assert_eq!((count("1"), count("0")), (Ok(1), Err("it must be at least 1".to_owned())));
         assert_eq!(count("many"), Err("'many' is no whole number".to_owned()));
+        assert_eq!((how_many("2"), how_many("0").is_err(), how_many("-1").is_err()), (Ok(2), true, true));
     }
 
     #[test]

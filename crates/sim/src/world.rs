@@ -39,6 +39,9 @@ pub enum WorldError {
     /// No built-in world has this name, and it is not the path of a map or a Gazebo world.
     #[error("unknown world '{0}': expected museum, office, or the path of a Nav2 map.yaml or a Gazebo .world")]
     Unknown(String),
+    /// The world's file is not there.
+    #[error("there is no world '{0}': the file is missing")]
+    Missing(String),
     /// The world has no wall or no place to stand.
     #[error("world '{0}' has no {1}")]
     Empty(String, &'static str),
@@ -241,6 +244,20 @@ pub(crate) fn files_of(spec: &str) -> Vec<PathBuf> {
         Some("yaml" | "yml") => nav2::picture_of(&path).into_iter().chain([path]).collect(),
         Some(_) => vec![path],
         None => Vec::new(),
+    }
+}
+
+/// Checks that there is such a world, as far as that shows without loading it.
+///
+/// # Errors
+/// [`WorldError::Unknown`], [`WorldError::Missing`].
+pub fn check_world(spec: &str) -> Result<(), WorldError> {
+    let path = Path::new(spec);
+    match path.extension().and_then(std::ffi::OsStr::to_str) {
+        _ if ["museum", "office"].contains(&spec) => Ok(()),
+        Some("yaml" | "yml" | "world" | "sdf") if path.is_file() => Ok(()),
+        Some("yaml" | "yml" | "world" | "sdf") => Err(WorldError::Missing(spec.to_owned())),
+        _ => Err(WorldError::Unknown(spec.to_owned())),
     }
 }
 

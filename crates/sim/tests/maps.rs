@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests, where a panic is the failure")]
 
 use fht_perception::pose::Point2;
-use fht_sim::{SimConfig, SimSetup, Simulator, World, WorldError, load};
+use fht_sim::{SimConfig, SimSetup, Simulator, World, WorldError, check_world, load};
 use image::{GrayImage, Luma, RgbImage};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -163,9 +163,12 @@ fn pictures_are_painted_on_the_walls() {
 fn the_files_of_a_world_are_known() {
     let (folder, path) = write(GOOD, &room());
     let setup = SimSetup { textures: Some("pictures".into()), ..SimSetup::of(&path.to_string_lossy()) };
-    assert_eq!(setup.files(), [folder.path().join("map.pgm"), path, "pictures".into()]);
+    assert_eq!(setup.files(), [folder.path().join("map.pgm"), path.clone(), "pictures".into()]);
     assert_eq!(SimSetup::of("hall.world").files(), [PathBuf::from("hall.world")]);
     assert!(SimSetup::of("museum").files().is_empty());
+    assert!(check_world("museum").is_ok() && check_world(&path.to_string_lossy()).is_ok());
+    assert!(matches!(check_world("nowhere.yaml"), Err(WorldError::Missing(_))));
+    assert!(matches!(check_world("nowhere"), Err(WorldError::Unknown(_))));
 }
 
 #[test]
