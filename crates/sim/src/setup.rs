@@ -95,13 +95,19 @@ impl SimSetup {
     }
 
     /// The start that was asked for, if there is one: a place of `world` where a robot of
-    /// `radius_m` (metres) can stand. Where none was asked for, the robot must be able to stand at
-    /// the world's own start, from which all others are found.
+    /// `radius_m` (metres) can stand. Where none was asked for it is the nearest such place to the
+    /// world's own start, or none if that is one itself.
     ///
     /// # Errors
-    /// [`StartError`].
+    /// [`StartError`] where the robot cannot stand, or if it can stand nowhere.
     pub fn start_in(&self, world: &World, radius_m: f64) -> Result<Option<Pose2>, StartError> {
-        check_start(world, &self.start.unwrap_or_else(|| world.start()), radius_m)?;
-        Ok(self.start)
+        let Some(start) = self.start else {
+            return match check_start(world, &world.start(), radius_m) {
+                Ok(()) => Ok(None),
+                Err(error) => error.nearest.map(Some).ok_or(error),
+            };
+        };
+        check_start(world, &start, radius_m)?;
+        Ok(Some(start))
     }
 }

@@ -111,7 +111,8 @@ pub fn check_judged(errors: Option<&Errors>, known: &[Relation], log_us: [u64; 2
     let theirs_us = [times().min().unwrap_or_default(), times().max().unwrap_or_default()];
     let span = |[from, to]: [u64; 2]| format!("from {:.3} s to {:.3} s", from as f64 * 1e-6, to as f64 * 1e-6);
     Err(format!(
-        "none of the {} relations can be judged: they are of scans {}, and the log's scans are {}; are they of another log?",
+        "none of the {} relations can be judged: they are of scans {}, and the log's scans are {}; are they of another \
+         log?",
         known.len(),
         span(theirs_us),
         span(log_us)
