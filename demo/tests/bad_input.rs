@@ -178,12 +178,13 @@ fn worlds_in_which_no_robot_can_be_are_refused() {
     std::fs::write(at("utm.yaml"), map("[500000, 5400000, 0]")).unwrap();
     let nothing = "<sdf version='1.6'><world name='w'><include><uri>model://nope</uri></include></world></sdf>";
     std::fs::write(at("nothing.world"), nothing).unwrap();
-    for (world, flags, reason) in [
-        (at("pit.yaml"), &[][..], "no place where it fits"),
+    let cases: [(String, &[&str], &str); 4] = [
+        (at("pit.yaml"), &[], "no place where it fits"),
         (at("utm.yaml"), &[], "shift the origin"),
         (at("nothing.world"), &[], "model://nope"),
         ("museum".to_owned(), &["--textures", "nowhere"], "has looks of its own"),
-    ] {
+    ];
+    for (world, flags, reason) in cases {
         let explore = ["explore", "--offline", "--no-cameras", "--quiet", "--world", world.as_str()];
         let relocalize = ["relocalize", "--no-cameras", "--connect", "tcp/127.0.0.1:9", "--world", world.as_str()];
         for (program, args) in [("mapper", &explore[..]), ("client-robot", &relocalize[..])] {
