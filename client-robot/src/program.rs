@@ -20,7 +20,8 @@ pub use report::MissionReport;
 pub use ros_report::RosMissionReport;
 pub use scoring::{AT_GOAL_DEG, AT_GOAL_M, MissionScore};
 
-use self::arguments::{Cli, Command, LinkArgs};
+use self::arguments::{Cli, Command, LinkArgs, RobotArgs};
+use self::error::CliError;
 use self::mission::carry_out;
 use self::path::path;
 use self::serve::serving;
@@ -31,6 +32,7 @@ use fht_program::flags::{missing_command, parse_args};
 use fht_program::{ProgramFailure, Stop, Waiting, logging};
 use fht_proto::api::reply::PlaceRef;
 use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// The program's name.
@@ -60,25 +62,25 @@ pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(file) => file,
         Err(code) => return code,
     };
+    let config = cli.config.config.as_deref();
     let outcome = match cli.command {
         Some(Command::Path { link, way, json }) => {
             let waiting = Waiting::new(NAME, link.server.wait, Some(Waiting::USUAL));
             path(&file.with_link(&link), &way, json, &waiting, &stop)
         }
-        Some(Command::Relocalize { link, robot }) => {
+        Some(Command::Relocalize { link, robot }) => checked(&robot, &link, config).and_then(|()| {
             carry_out(file.with_link(&link).with_robot(&robot), &robot, &MissionGoal::None, &link.waiting(), &stop)
-        }
-        Some(Command::Go { link, robot, to, to_nearest }) => match parse_goal(&to, robot.setup.seed) {
-            Ok(goal) => {
+        }),
+        Some(Command::Go { link, robot, to, to_nearest }) => {
+            let goal = checked(&robot, &link, config).and_then(|()| Ok(parse_goal(&to, robot.setup.seed)?));
+            goal.and_then(|goal| {
                 let mut file = file.with_link(&link).with_robot(&robot);
                 file.client.to_nearest |= to_nearest;
                 carry_out(file, &robot, &goal, &link.waiting(), &stop)
-            }
-            Err(refusal) => Err(refusal.into()),
-        },
-        Some(Command::Serve { link, args }) => {
-            serving(file.with_link(&link).with_robot(&args.robot), &args, &link.waiting(), &stop)
+            })
         }
+        Some(Command::Serve { link, args }) => checked(&args.robot, &link, config)
+            .and_then(|()| serving(file.with_link(&link).with_robot(&args.robot), &args, &link.waiting(), &stop)),
         Some(Command::Completions(shell)) => {
             shell.print::<Cli>();
             Ok(ExitCode::SUCCESS)
@@ -89,6 +91,11 @@ pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         let code = ProgramFailure::of(error.is_input(), error).tell(NAME);
         stop.exit_code().unwrap_or(code)
     })
+}
+
+/// Refuses a run that would destroy one of its own files.
+fn checked(robot: &RobotArgs, link: &LinkArgs, config: Option<&Path>) -> Result<(), CliError> {
+    Ok(robot.check_files(link, config)?)
 }
 
 impl LinkArgs {

@@ -13,10 +13,10 @@ pub fn run_role(role: Role, args: Vec<OsString>) -> ExitCode {
         return ExitCode::FAILURE;
     }
     let args = std::iter::once(OsString::from(role.name())).chain(args);
-    match role {
+    fht_program::exit_code(match role {
         Role::MapServer => map_server::main_with_args(args),
         Role::Mapper => mapper::program::main_with_args(args),
         Role::ClientRobot => client_robot::program::main_with_args(args),
         Role::Sim => fht_ros_sim::program::main_with_args(args),
-    }
+    })
 }

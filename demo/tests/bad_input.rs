@@ -12,7 +12,7 @@ const HANDOFF: &str = env!("CARGO_BIN_EXE_handoff");
 /// Runs a program; its exit code and what it said on standard error.
 fn run(program: &str, args: &[&str]) -> (i32, String) {
     let mut command = Command::new(HANDOFF);
-    command.args(["role", program, "--"]).args(args).stdout(Stdio::null());
+    command.args(["role", program, "--"]).args(args).env_remove("RUST_LOG").stdout(Stdio::null());
     let output = command.output().unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(!said.contains(".rs:") && !said.contains("registry"), "{program} {args:?}: {said}");
@@ -137,6 +137,92 @@ fn bad_input_ends_with_2_and_a_run_that_failed_with_1() {
     }
     let output = Command::new(HANDOFF).args(["--world", "a b", "--listen", &nobody]).output().unwrap();
     assert_eq!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn no_run_destroys_what_it_reads_or_writes() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    for file in ["run.mcap", "robot.toml"] {
+        std::fs::write(at(file), "").unwrap();
+    }
+    let (bag, config, detour) = (at("run.mcap"), at("robot.toml"), at("./run.mcap"));
+    let (picture, new) = (at("same.png"), at("new.mcap"));
+    let cases: [(&str, &[&str], &str); 8] = [
+        ("mapper", &["replay", &bag, "--offline", "--report", &detour], "--report would write over the bag"),
+        ("mapper", &["explore", "--config", &config, "--report", &config], "would write over the configuration"),
+        ("mapper", &["explore", "--picture", &picture, "--report", &picture], "would both write"),
+        ("mapper", &["explore", "--offline", "--record", &bag], "it is there already"),
+        ("mapper", &["explore", "--offline", "--record", folder.path().to_str().unwrap()], "it is there already"),
+        ("mapper", &["explore", "--spool", &bag], "it is no folder"),
+        ("client-robot", &["go", "--to", "1,1", "--record", &new, "--report", &new], "would both write"),
+        ("client-robot", &["relocalize", "--config", &config, "--report", &config], "would write over"),
+    ];
+    for (program, args, reason) in cases {
+        let (code, said) = run(program, args);
+        assert!(code == 2 && said.contains(reason), "{program} {args:?}: {code}: {said}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing was written");
+}
+
+#[test]
+fn worlds_in_which_no_robot_can_be_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let pixels = "P2\n4 4\n255\n0 0 0 0\n0 254 254 0\n0 254 254 0\n0 0 0 0\n";
+    std::fs::write(at("pit.pgm"), pixels).unwrap();
+    let map = |origin: &str| {
+        format!("image: pit.pgm\nresolution: 0.05\norigin: {origin}\noccupied_thresh: 0.65\nfree_thresh: 0.25\n")
+    };
+    std::fs::write(at("pit.yaml"), map("[0, 0, 0]")).unwrap();
+    std::fs::write(at("utm.yaml"), map("[500000, 5400000, 0]")).unwrap();
+    let nothing = "<sdf version='1.6'><world name='w'><include><uri>model://nope</uri></include></world></sdf>";
+    std::fs::write(at("nothing.world"), nothing).unwrap();
+    let cases: [(String, &[&str], &str); 4] = [
+        (at("pit.yaml"), &[], "no place where it fits"),
+        (at("utm.yaml"), &[], "shift the origin"),
+        (at("nothing.world"), &[], "model://nope"),
+        ("museum".to_owned(), &["--textures", "nowhere"], "has looks of its own"),
+    ];
+    for (world, flags, reason) in cases {
+        let explore = ["explore", "--offline", "--no-cameras", "--quiet", "--world", world.as_str()];
+        let relocalize = ["relocalize", "--no-cameras", "--connect", "tcp/127.0.0.1:9", "--world", world.as_str()];
+        for (program, args) in [("mapper", &explore[..]), ("client-robot", &relocalize[..])] {
+            let (code, said) = run(program, &[args, flags].concat());
+            assert!(code == 2 && said.contains(reason), "{program} {world}: {code}: {said}");
+        }
+    }
+}
+
+#[test]
+fn what_a_world_lacks_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let world = folder.path().join("lacking.world");
+    let text = "<sdf version='1.6'><world name='w'><include><uri>model://nope</uri></include><model name='box'>
+        <pose>3 0 0.5 0 0 0</pose><link name='l'><visual name='v'><geometry><box><size>1 1 1</size></box></geometry>
+        </visual></link></model></world></sdf>";
+    std::fs::write(&world, text).unwrap();
+    let explore = ["explore", "--offline", "--no-cameras", "--quiet", "--max-sim", "1", "--world"];
+    let (_, said) = run("mapper", &[&explore[..], &[world.to_str().unwrap()]].concat());
+    assert!(said.contains("models not found, left out: model://nope") && said.contains("closed by a fence"), "{said}");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_program_whose_output_is_lost_fails_and_says_so() {
+    for (program, args) in [
+        ("mapper", &["completions", "bash"][..]),
+        ("mapper", &["--print-config"]),
+        ("client-robot", &["completions", "zsh"]),
+        ("map-server", &["completions", "fish"]),
+    ] {
+        let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+        let mut command = Command::new(HANDOFF);
+        let output = command.args(["role", program, "--"]).args(args).stdout(full).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{program} {args:?}: {said}");
+        assert_eq!(said.matches("standard output cannot be written").count(), 1, "{program} {args:?}: {said}");
+    }
 }
 
 #[test]

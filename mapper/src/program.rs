@@ -65,13 +65,16 @@ where
         Ok(file) => file,
         Err(code) => return code,
     };
+    let config = cli.config.config.as_deref();
     let outcome = match cli.command {
-        Some(Command::Explore(args)) => match &args.ros {
+        Some(Command::Explore(args)) => args.check_files(config).and_then(|()| match &args.ros {
             Some(endpoint) => ros_command::explore_ros(&args, endpoint, file, stop.clone()),
             None => explore_command::explore_world(&args, file, stop.clone()),
-        },
+        }),
         Some(Command::Ros(RosCommand::Check(args))) => ros_command::check_robot(&args, file),
-        Some(Command::Replay(args)) => replay_command::replay_bag(&args, file, stop.clone()),
+        Some(Command::Replay(args)) => {
+            args.check_files(config).and_then(|()| replay_command::replay_bag(&args, file, stop.clone()))
+        }
         Some(Command::Info(args)) => replay_command::info(&args),
         Some(Command::Completions(shell)) => {
             shell.print::<Cli>();

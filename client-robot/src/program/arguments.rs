@@ -1,11 +1,12 @@
 //! The command line.
 
 use clap::{Args, Parser, Subcommand};
-use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, ReportArgs, number, output_file, seconds};
+use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, FileClash, ReportArgs};
+use fht_program::flags::{check_files, new_file, number, seconds};
 use fht_proto::{Footprint, MapName, RobotName};
 use fht_ros_robot::GraphArgs;
 use fht_sim::SimSetup;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A robot that finds its place on a map and drives there.
 #[derive(Debug, Parser)]
@@ -160,7 +161,7 @@ pub(super) struct RobotArgs {
     pub(super) max_sim: Option<f64>,
     /// Write the run, with the map that the robot uses, as a bag for ROS 2 and Foxglove: a file
     /// (FILE.mcap) or a rosbag2 folder.
-    #[arg(long, value_name = "FILE", value_parser = output_file)]
+    #[arg(long, value_name = "FILE", value_parser = new_file)]
     pub(super) record: Option<PathBuf>,
     #[command(flatten)]
     pub(super) report: ReportArgs,
@@ -174,6 +175,24 @@ pub(super) struct RobotArgs {
     // Last, since its heading holds for all that comes after it.
     #[command(flatten)]
     pub(super) graph: GraphArgs,
+}
+
+impl RobotArgs {
+    /// Refuses a run that would destroy one of its own files; `config` is that of its
+    /// configuration.
+    ///
+    /// # Errors
+    /// [`FileClash`].
+    pub(super) fn check_files(&self, link: &LinkArgs, config: Option<&Path>) -> Result<(), FileClash> {
+        let world = self.setup.files();
+        let inputs = [
+            ("the configuration", config),
+            ("the Zenoh configuration", link.server.zenoh_config.as_deref()),
+            ("the model", self.model.as_deref()),
+        ];
+        let outputs = [("--record", self.record.as_deref()), ("--report", self.report.report.as_deref())];
+        check_files(world.iter().map(|file| ("the world", Some(file.as_path()))).chain(inputs), outputs)
+    }
 }
 
 #[derive(Debug, Args)]

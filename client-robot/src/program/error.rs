@@ -54,6 +54,8 @@ pub(crate) enum CliError {
     #[error("the recording failed: {0}")]
     Record(#[from] fht_bag::WriteError),
     #[error(transparent)]
+    Files(#[from] fht_program::flags::FileClash),
+    #[error(transparent)]
     Mission(#[from] crate::mission::MissionError),
     #[error("the report cannot be written as JSON: {0}")]
     Json(#[from] serde_json::Error),
@@ -67,6 +69,8 @@ impl CliError {
             Self::SharedWorld(error) => error.is_input(),
             Self::Refused(reply) | Self::Ask(AskError::Refused(reply)) => reply.code.is_input(),
             Self::World(_)
+            | Self::Record(fht_bag::WriteError::Exists { .. })
+            | Self::Files(_)
             | Self::Graph(RosError::Name(_))
             | Self::Start(_)
             | Self::Descriptor(_)

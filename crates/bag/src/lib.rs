@@ -54,7 +54,7 @@ pub use read::files::BagOpenError;
 pub use read::frames::{BagError, FrameConfig, Frames};
 pub use read::report::{BagReport, Dropped};
 pub use read::stream::{Broken, Messages};
-pub use read::survey::{BagInfo, BagTopic, survey};
+pub use read::survey::{BagInfo, BagTopic, examine, survey};
 pub use read::topics::{TopicConfig, TopicError};
 pub use write::map::write_map;
 pub use write::metadata::Durability;

@@ -2,7 +2,8 @@
 //! a crash.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-use fht_bag::{BagReport, BagWriter, Dropped, FrameConfig, FrameRecording, Frames, Messages, WriteError, survey};
+use fht_bag::{BagError, BagReport, BagWriter, Dropped, FrameConfig, FrameRecording, Frames, Messages, WriteError};
+use fht_bag::{examine, survey};
 use fht_perception::frame::{LaserScan, Panorama, SensorFrame};
 use fht_perception::pose::pose;
 use image::RgbImage;
@@ -185,6 +186,37 @@ fn a_small_bag_that_unpacks_to_much_is_read_up_to_a_bound() {
     dark_pictures(&plain, None, 3);
     let mut messages = Messages::open(&plain).unwrap();
     assert_eq!((messages.by_ref().count(), messages.broken()), (3, &[][..]));
+}
+
+#[test]
+fn a_bag_is_examined_to_its_end() {
+    let folder = tempfile::tempdir().unwrap();
+    for (path, bytes) in &good().bags {
+        let sound = examine(path).unwrap();
+        assert_eq!(sound, survey(path).unwrap());
+        assert!(sound.broken.is_empty(), "{:?}", sound.broken);
+        // Zeros in the middle, far from the summary at the end.
+        let damaged = folder.path().join("damaged.mcap");
+        let (middle, length) = (bytes.len() / 2, 2_000.min(bytes.len() / 8));
+        let mut zeroed = bytes.clone();
+        zeroed[middle..middle + length].fill(0);
+        std::fs::write(&damaged, &zeroed).unwrap();
+        assert!(survey(&damaged).unwrap().broken.is_empty(), "the summary is as it was");
+        let info = examine(&damaged).unwrap();
+        assert_eq!((info.broken.len(), info.topics.len()), (1, sound.topics.len()), "{info:?}");
+        assert!(info.messages < sound.messages && info.broken[0].byte > 0, "{info:?}");
+    }
+}
+
+#[test]
+fn a_bag_that_lacks_what_was_cut_off_is_called_broken() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cut.mcap");
+    std::fs::write(&path, &good().bags[0].1[..100]).unwrap();
+    let error = Frames::open(&path, FrameConfig::default()).err().unwrap();
+    assert!(matches!(&error, BagError::Broken { broken, .. } if broken.len() == 1), "{error}");
+    let said = error.to_string();
+    assert!(said.contains("(topics: none)") && said.contains("cut.mcap can be read up to byte"), "{said}");
 }
 
 proptest! {

@@ -1,9 +1,11 @@
 //! Flags that several programs have. All of them go before what the configuration file says.
 
+mod file_clash;
 mod output_file;
 mod wrong_value;
 
-pub use output_file::{OutputFileError, output_file, png_file};
+pub use file_clash::{FileClash, NamedFile, check_files};
+pub use output_file::{OutputFileError, folder, new_file, output_file, png_file};
 
 use crate::config::{ConfigError, Configuration, load_over, print};
 use clap::error::ErrorKind;
@@ -42,8 +44,10 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 /// Prints what clap says, and returns the code to exit with.
 #[must_use]
 pub fn refuse(error: &clap::Error) -> ExitCode {
-    // Printing fails only when nobody reads.
-    let _ = error.print();
+    let printed = error.print();
+    if !error.use_stderr() {
+        crate::output::written(printed);
+    }
     let of_file = error.source().and_then(|source| source.downcast_ref::<OutputFileError>());
     match (error.use_stderr(), of_file.is_none_or(OutputFileError::is_input)) {
         (false, _) => ExitCode::SUCCESS,
@@ -97,7 +101,7 @@ impl ConfigArgs {
         };
         let config = read.map_err(|error| wrong(&error))?;
         if self.print_config {
-            print!("{}", print(&config).map_err(|error| wrong(&error))?);
+            crate::print_line!("{}", print(&config).map_err(|error| wrong(&error))?.trim_end());
             return Err(ExitCode::SUCCESS);
         }
         Ok(config)
@@ -220,6 +224,14 @@ pub fn count(text: &str) -> Result<u64, String> {
     }
 }
 
+/// The same for what is counted in memory.
+///
+/// # Errors
+/// As [`count`].
+pub fn how_many(text: &str) -> Result<usize, String> {
+    usize::try_from(count(text)?).map_err(|_| format!("'{text}' is too large"))
+}
+
 /// `text` as a number within `range`.
 ///
 /// # Errors
@@ -289,6 +301,7 @@ mod tests {
     fn a_count_is_at_least_one() {
         assert_eq!((count("1"), count("0")), (Ok(1), Err("it must be at least 1".to_owned())));
         assert_eq!(count("many"), Err("'many' is no whole number".to_owned()));
+        assert_eq!((how_many("2"), how_many("0").is_err(), how_many("-1").is_err()), (Ok(2), true, true));
     }
 
     #[test]

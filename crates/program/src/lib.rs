@@ -8,6 +8,7 @@
 //! | `logging` | `cli` | logs on standard error |
 //! | [`print_line!`] | – | lines for readers that may stop reading |
 //! | [`write_output`] | – | files that are whole or not there |
+//! | [`exit_code`] | – | a program whose output is lost has failed |
 //! | [`ProgramFailure`] | – | how a program ends that does not what it was told |
 //! | [`Waiting`] | – | how long a server, a map or a place is waited for |
 //! | [`Stop`] | – | ending soon when asked to, with files in order |
@@ -66,7 +67,7 @@ pub use config::{
     ConfigError, Configuration, PrintError, Problem, SECTIONS, load, load_over, parse, parse_over, print,
 };
 pub use failure::ProgramFailure;
-pub use output::{write_line, write_output};
+pub use output::{exit_code, write_line, write_output};
 #[cfg(feature = "cli")]
 pub use sections::RobotConfig;
 pub use stop::{Order, Stop, StopSignal};

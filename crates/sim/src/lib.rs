@@ -62,4 +62,4 @@ pub use scoring::truth::Truth;
 pub use setup::SimSetup;
 pub use simulator::{SimConfig, Simulator};
 pub use starts::{StartError, StartTrouble, check_start, start_near};
-pub use world::{Changes, MapError, PhotographError, SdfError, World, WorldError, load, load_with};
+pub use world::{Changes, MapError, PhotographError, SdfError, World, WorldError, check_world, load, load_with};

@@ -2,7 +2,7 @@
 
 use crate::people::PeopleConfig;
 use crate::starts::{StartError, check_start};
-use crate::world::{World, WorldError, load, name_of};
+use crate::world::{World, WorldError, files_of, load, name_of};
 use fht_perception::pose::Pose2;
 use fht_proto::{MapName, ParseIdError, SharedWorldName};
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ pub struct SimSetup {
     /// The building: museum, office, or the path of a Nav2 map.yaml or a Gazebo .world.
     #[cfg_attr(feature = "cli", arg(long, value_name = "NAME|FILE", default_value = "museum"))]
     pub world: String,
-    /// Folder of pictures to paint the walls of a Nav2 map with.
+    /// Folder of pictures to paint the walls of a Nav2 map with; no other world takes it.
     #[cfg_attr(feature = "cli", arg(long, value_name = "FOLDER"))]
     pub textures: Option<PathBuf>,
     /// Seed of the building's drawing.
@@ -80,6 +80,12 @@ impl SimSetup {
         PeopleConfig::of(self.people.into(), self.seed)
     }
 
+    /// The files and folders that the building is read from, as far as they are known before.
+    #[must_use]
+    pub fn files(&self) -> Vec<PathBuf> {
+        files_of(&self.world).into_iter().chain(self.textures.clone()).collect()
+    }
+
     /// Loads the building.
     ///
     /// # Errors
@@ -89,13 +95,19 @@ impl SimSetup {
     }
 
     /// The start that was asked for, if there is one: a place of `world` where a robot of
-    /// `radius_m` (metres) can stand.
+    /// `radius_m` (metres) can stand. Where none was asked for it is the nearest such place to the
+    /// world's own start, or none if that is one itself.
     ///
     /// # Errors
-    /// [`StartError`].
+    /// [`StartError`] where the robot cannot stand, or if it can stand nowhere.
     pub fn start_in(&self, world: &World, radius_m: f64) -> Result<Option<Pose2>, StartError> {
-        let Some(start) = &self.start else { return Ok(None) };
-        check_start(world, start, radius_m)?;
-        Ok(Some(*start))
+        let Some(start) = self.start else {
+            return match check_start(world, &world.start(), radius_m) {
+                Ok(()) => Ok(None),
+                Err(error) => error.nearest.map(Some).ok_or(error),
+            };
+        };
+        check_start(world, &start, radius_m)?;
+        Ok(Some(start))
     }
 }

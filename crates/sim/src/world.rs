@@ -39,9 +39,15 @@ pub enum WorldError {
     /// No built-in world has this name, and it is not the path of a map or a Gazebo world.
     #[error("unknown world '{0}': expected museum, office, or the path of a Nav2 map.yaml or a Gazebo .world")]
     Unknown(String),
+    /// The world's file is not there.
+    #[error("there is no world '{0}': the file is missing")]
+    Missing(String),
     /// The world has no wall or no place to stand.
     #[error("world '{0}' has no {1}")]
     Empty(String, &'static str),
+    /// There are pictures for the walls of a world that brings its own looks.
+    #[error("'{0}' has looks of its own: only the walls of a Nav2 map take a folder of textures")]
+    Textures(String),
     /// A map cannot be loaded.
     #[error(transparent)]
     Map(#[from] MapError),
@@ -230,13 +236,40 @@ pub(crate) fn name_of(path: &Path) -> String {
     path.file_stem().map_or_else(|| "map".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
+/// The files that a world is read from, as far as they are known before: its own, and the picture
+/// of a map.
+pub(crate) fn files_of(spec: &str) -> Vec<PathBuf> {
+    let path = PathBuf::from(spec);
+    match path.extension().and_then(std::ffi::OsStr::to_str) {
+        Some("yaml" | "yml") => nav2::picture_of(&path).into_iter().chain([path]).collect(),
+        Some(_) => vec![path],
+        None => Vec::new(),
+    }
+}
+
+/// Checks that there is such a world, as far as that shows without loading it.
+///
+/// # Errors
+/// [`WorldError::Unknown`], [`WorldError::Missing`].
+pub fn check_world(spec: &str) -> Result<(), WorldError> {
+    let path = Path::new(spec);
+    match path.extension().and_then(std::ffi::OsStr::to_str) {
+        _ if ["museum", "office"].contains(&spec) => Ok(()),
+        Some("yaml" | "yml" | "world" | "sdf") if path.is_file() => Ok(()),
+        Some("yaml" | "yml" | "world" | "sdf") => Err(WorldError::Missing(spec.to_owned())),
+        _ => Err(WorldError::Unknown(spec.to_owned())),
+    }
+}
+
 /// Loads a world. `spec` is `museum` or `office`, which are built in and drawn from `seed`; or the
 /// path of a Nav2 `map.yaml`, whose walls are decorated by `seed` with pictures from the folder
 /// `textures`, or with the crate's own drawings if there is none; or the path of a Gazebo `.world`
 /// or `.sdf` file, which brings its own looks.
 ///
 /// # Errors
-/// [`WorldError`] when the name is unknown, or a file is missing, malformed or shows no free place.
+/// [`WorldError`] when the name is unknown, a file is missing, malformed or shows no free place,
+/// something lies over 100 km from the origin, or there are `textures` for another world than a
+/// map.
 pub fn load(spec: &str, textures: Option<&Path>, seed: u64) -> Result<World, WorldError> {
     load_with(spec, textures, seed, None)
 }
@@ -253,14 +286,18 @@ pub fn load_with(
     seed: u64,
     changes: Option<&Changes>,
 ) -> Result<World, WorldError> {
+    let has_own_looks = || if textures.is_none() { Ok(()) } else { Err(WorldError::Textures(spec.to_owned())) };
+    let built_in = |layout: fn(u64) -> Layout<Style>| {
+        has_own_looks().and_then(|()| World::from_layout(spec, layout(seed), seed, changes))
+    };
     match spec {
-        "museum" => World::from_layout(spec, museum::layout(seed), seed, changes),
-        "office" => World::from_layout(spec, office::layout(seed), seed, changes),
+        "museum" => built_in(museum::layout),
+        "office" => built_in(office::layout),
         other => {
             let path = Path::new(other);
             match path.extension().and_then(std::ffi::OsStr::to_str) {
                 Some("yaml" | "yml") => World::from_nav2(path, textures, seed, changes),
-                Some("world" | "sdf") => World::from_gazebo(path, changes),
+                Some("world" | "sdf") => has_own_looks().and_then(|()| World::from_gazebo(path, changes)),
                 _ => Err(WorldError::Unknown(other.to_owned())),
             }
         }

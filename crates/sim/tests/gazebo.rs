@@ -326,6 +326,14 @@ fn what_is_no_world_is_an_error() {
     assert!(message("<sdf><world>").contains("malformed XML"), "{}", message("<sdf><world>"));
     assert!(message("<html/>").contains("html"));
     assert!(message("<sdf version='1.6'><world name='w'/></sdf>").contains("has no"));
+    let remote = room_with("<model name='far'><pose>500000 5400000 0 0 0 0</pose></model>");
+    let remote = message(&remote);
+    assert!(remote.contains("over 100 km") && remote.contains("far at 500000 5400000"), "{remote}");
+    let nothing =
+        message("<sdf version='1.6'><world name='w'><include><uri>model://nope</uri></include></world></sdf>");
+    for part in ["model://nope", "models", "GAZEBO_MODEL_PATH"] {
+        assert!(nothing.contains(part), "{nothing} does not say {part}");
+    }
     let missing = load("nowhere/none.world", None, 1).err().map(|error| error.to_string()).unwrap_or_default();
     assert!(missing.contains("none.world"), "{missing}");
 }

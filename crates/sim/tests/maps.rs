@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests, where a panic is the failure")]
 
 use fht_perception::pose::Point2;
-use fht_sim::{SimConfig, Simulator, World, WorldError, load};
+use fht_sim::{SimConfig, SimSetup, Simulator, World, WorldError, check_world, load};
 use image::{GrayImage, Luma, RgbImage};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -153,6 +153,22 @@ fn pictures_are_painted_on_the_walls() {
     std::fs::create_dir(&empty).unwrap();
     assert!(matches!(load(&path.to_string_lossy(), Some(&empty), 1), Err(WorldError::Photographs(_))));
     assert!(load(&path.to_string_lossy(), Some(&folder.path().join("none")), 1).is_err());
+    // No other world takes pictures, be they there or not.
+    for world in ["museum", "office", "hall.world"] {
+        assert!(matches!(load(world, Some(&pictures), 1), Err(WorldError::Textures(_))), "{world}");
+    }
+}
+
+#[test]
+fn the_files_of_a_world_are_known() {
+    let (folder, path) = write(GOOD, &room());
+    let setup = SimSetup { textures: Some("pictures".into()), ..SimSetup::of(&path.to_string_lossy()) };
+    assert_eq!(setup.files(), [folder.path().join("map.pgm"), path.clone(), "pictures".into()]);
+    assert_eq!(SimSetup::of("hall.world").files(), [PathBuf::from("hall.world")]);
+    assert!(SimSetup::of("museum").files().is_empty());
+    assert!(check_world("museum").is_ok() && check_world(&path.to_string_lossy()).is_ok());
+    assert!(matches!(check_world("nowhere.yaml"), Err(WorldError::Missing(_))));
+    assert!(matches!(check_world("nowhere"), Err(WorldError::Unknown(_))));
 }
 
 #[test]
@@ -167,6 +183,8 @@ fn bad_descriptions_are_refused_with_a_reason() {
         ("resolution: 0.05\n", "", "resolution"),
         ("[-1.0, -1.5, 0.0]", "[-1.0, -1.5]", "origin"),
         ("[-1.0, -1.5, 0.0]", "[-1.0, -1.5, 0.3]", "yaw"),
+        ("[-1.0, -1.5, 0.0]", "[500000.0, 5400000.0, 0.0]", "shift the origin"),
+        ("[-1.0, -1.5, 0.0]", "[0.0, -1.0e12, 0.0]", "over 100 km from the origin"),
         ("occupied_thresh: 0.65", "occupied_thresh: 0.1", "occupied_thresh"),
         ("free_thresh: 0.196", "free_thresh: 0.196\nmode: raw", "raw"),
         ("free_thresh: 0.196", "free_thresh: 0.196\nmode: cubist", "mode"),

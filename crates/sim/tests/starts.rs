@@ -78,10 +78,25 @@ fn a_larger_robot_needs_more_room() {
     assert_eq!(setup.start_in(&museum, radius_m()).unwrap(), Some(narrow));
     let error = setup.start_in(&museum, large_m).unwrap_err();
     assert!(matches!(error.trouble, StartTrouble::NoRoom { .. }), "{error}");
-    assert_eq!(SimSetup::of("museum").start_in(&museum, large_m).unwrap(), None);
-    // Nowhere.
-    let giant = check_start(&museum, &museum.start(), 50.0).unwrap_err();
-    assert!(giant.nearest.is_none() && giant.to_string().contains("no place where it fits"), "{giant}");
+    assert_eq!(SimSetup::of("museum").start_in(&museum, radius_m()).unwrap(), None);
+    // Nowhere, be the start asked for or the world's own.
+    let own = SimSetup::of("museum").start_in(&museum, 50.0).unwrap_err();
+    for giant in [check_start(&museum, &museum.start(), 50.0).unwrap_err(), own] {
+        assert!(giant.nearest.is_none() && giant.to_string().contains("no place where it fits"), "{giant}");
+    }
+}
+
+#[test]
+fn a_world_of_one_pit_is_no_place_to_start() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("pit.pgm"), "P2\n4 4\n255\n0 0 0 0\n0 254 254 0\n0 254 254 0\n0 0 0 0\n")
+        .unwrap();
+    let map = folder.path().join("pit.yaml");
+    let yaml = "image: pit.pgm\nresolution: 0.05\norigin: [0, 0, 0]\noccupied_thresh: 0.65\nfree_thresh: 0.25\n";
+    std::fs::write(&map, yaml).unwrap();
+    let setup = SimSetup::of(map.to_str().unwrap());
+    let error = setup.start_in(&setup.load().unwrap(), radius_m()).unwrap_err();
+    assert!(matches!(error.trouble, StartTrouble::NoRoom { .. }) && error.nearest.is_none(), "{error}");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::replay_command::{InfoArgs, ReplayArgs};
 use super::ros_arguments::RosCommand;
 use super::running::RunArgs;
 use clap::{Args, Parser, Subcommand};
-use fht_program::flags::{CompletionsArgs, ConfigArgs, number, seconds};
+use fht_program::flags::{CompletionsArgs, ConfigArgs, folder, number, seconds};
 use fht_ros_robot::GraphArgs;
 use fht_sim::SimSetup;
 use std::path::PathBuf;
@@ -107,7 +107,7 @@ pub(super) struct ExploreArgs {
     /// Keep in this folder what the server has not acknowledged: if this run is killed, or its
     /// server stays away, the next run of this robot delivers that first. Use it on real robots.
     /// Default: it is lost with the run.
-    #[arg(long, value_name = "DIR", conflicts_with = "offline")]
+    #[arg(long, value_name = "DIR", conflicts_with = "offline", value_parser = folder)]
     pub(super) spool: Option<PathBuf>,
     /// Look at the whole building again, also where the map is complete: what has changed is
     /// corrected, and nodes that are not as they were lose trust and are retired.

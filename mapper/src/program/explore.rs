@@ -73,6 +73,7 @@ impl ExploreError {
         match self {
             Self::World(_) | Self::Start(_) => true,
             Self::SharedWorld(error) => error.is_input(),
+            Self::Keep(error) => error.is_input(),
             Self::Run(error) => error.is_input(),
             _ => false,
         }

@@ -9,14 +9,35 @@ use fht_program::{ProgramFailure, Stop, print_line};
 use fht_sim::SimConfig;
 use fht_worker::Pace;
 use indicatif::ProgressBar;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 impl ExploreArgs {
+    /// Refuses a run that would destroy one of its own files; `config` is that of its
+    /// configuration.
+    pub(super) fn check_files(&self, config: Option<&Path>) -> Result<(), ProgramFailure> {
+        let world = self.setup.files();
+        let world = world.iter().map(|file| ("the world", Some(file.as_path())));
+        let picture = self.run.picture("explore", Path::new(&self.setup.world), Some(self.setup.seed));
+        self.run.check_files(world.chain([("the configuration", config)]), picture.as_ref())
+    }
+
+    /// The folder for what is not acknowledged, if there is one: this flag's, or what the file
+    /// says.
+    pub(super) fn spool_over(&self, file: Option<PathBuf>) -> Result<Option<PathBuf>, String> {
+        let spool = self.spool.clone().or(file);
+        match spool.as_ref().filter(|spool| spool.exists() && !spool.is_dir()) {
+            Some(file) => {
+                Err(format!("the spool {} is no folder; it must be one, or not be there yet", file.display()))
+            }
+            None => Ok(spool),
+        }
+    }
+
     /// These flags over what the file says.
     fn task(&self, file: MapperFile, stop: Stop) -> Result<ExploreTask, String> {
         let mut mapping = self.run.over(&file, Path::new(&self.setup.world))?;
         mapping.cameras &= !self.no_cameras;
-        mapping.spool = self.spool.clone().or(mapping.spool);
+        mapping.spool = self.spool_over(mapping.spool)?;
         mapping.max_s = self.max_sim.unwrap_or(mapping.max_s);
         mapping.mapper.join.looks_again |= self.again;
         if self.real_time {
@@ -80,7 +101,7 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
             print_report(report);
         }
     };
-    args.run.report.give(&report, in_words).map_err(ProgramFailure::of_run)?;
+    let given = args.run.report.give(&report, in_words);
     let end = RunEnd {
         map: &report.map,
         is_offline: args.run.offline,
@@ -88,7 +109,7 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
         is_asked_to_end: stop.is_set(),
         spool: spool.as_deref(),
     };
-    Ok(end.tell() & report.kept.tell())
+    end.conclude(&report.kept, given)
 }
 
 fn print_report(report: &ExploreReport) {

@@ -22,6 +22,14 @@ pub enum KeepError {
     Picture(#[from] PictureError),
 }
 
+impl KeepError {
+    /// Whether what was given is wrong, and not the run: a recording is there already.
+    #[must_use]
+    pub fn is_input(&self) -> bool {
+        matches!(self, Self::Record(WriteError::Exists { .. }))
+    }
+}
+
 /// What was left of what was to be left.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Kept {

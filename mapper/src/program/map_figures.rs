@@ -35,6 +35,9 @@ pub struct MapFigures {
     /// Why the server has not taken what it was sent last, if it says so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refusal: Option<String>,
+    /// Whether nobody answered when the server was asked last.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_unanswered: bool,
     /// Digest of this robot's own map.
     pub digest: Digest,
     /// Bytes of all increments, each counted once.
@@ -62,6 +65,7 @@ impl MapFigures {
             acknowledged: published.map_or(0, |published| published.acknowledged),
             delivered: summary.is_delivered(),
             refusal: summary.refusal(),
+            is_unanswered: published.is_some_and(|published| published.is_unanswered),
             digest: mapper.map().digest(),
             map_bytes: published.map_or(0, |published| published.map_bytes),
             wire_bytes: published.map_or(0, |published| published.wire_bytes),

@@ -62,6 +62,7 @@ impl ReplayError {
     pub fn is_input(&self) -> bool {
         match self {
             Self::Frames(_) | Self::NoFrames(_) => true,
+            Self::Keep(error) => error.is_input(),
             Self::Run(error) => error.is_input(),
             _ => false,
         }

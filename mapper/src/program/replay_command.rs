@@ -4,10 +4,10 @@ use super::replay::{ReplayReport, ReplaySnapshot, ReplayTask, replay};
 use super::running::{RunArgs, RunEnd, increments, runtime};
 use super::settings::MapperFile;
 use clap::Args;
-use fht_bag::{BagInfo, FrameConfig, TopicConfig, survey};
+use fht_bag::{BagInfo, FrameConfig, TopicConfig, examine};
 use fht_program::{ProgramFailure, Stop, print_line};
 use indicatif::{ProgressBar, ProgressStyle};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub(super) struct ReplayArgs {
@@ -97,6 +97,14 @@ impl FrameArgs {
 }
 
 impl ReplayArgs {
+    /// Refuses a run that would destroy one of its own files; `config` is that of its
+    /// configuration.
+    pub(super) fn check_files(&self, config: Option<&Path>) -> Result<(), ProgramFailure> {
+        let picture = self.run.picture("replay", &self.bag, None);
+        let inputs = [("the bag", Some(self.bag.as_path())), ("the configuration", config)];
+        self.run.check_files(inputs, picture.as_ref())
+    }
+
     /// These flags over what the file says.
     fn task(&self, file: MapperFile, stop: Stop) -> Result<ReplayTask, String> {
         let mapping = self.run.over(&file, &self.bag)?;
@@ -130,7 +138,7 @@ pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Res
     let report = runtime.block_on(replay(task, watch));
     let report = report.map_err(|error| ProgramFailure::of(error.is_input(), error))?;
     bar.finish_and_clear();
-    args.run.report.give(&report, print_replay).map_err(ProgramFailure::of_run)?;
+    let given = args.run.report.give(&report, print_replay);
     if report.has_cameras && report.bag.panoramas == 0 {
         eprintln!("mapper: none of the pictures could be used, so the map has no main nodes; try --no-cameras");
     }
@@ -141,7 +149,7 @@ pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Res
         is_asked_to_end: stop.is_set(),
         spool: None,
     };
-    Ok(end.tell() & report.kept.tell())
+    end.conclude(&report.kept, given)
 }
 
 fn progress_bar() -> ProgressBar {
@@ -174,7 +182,7 @@ pub(super) struct InfoArgs {
 
 /// Runs `mapper info`; `false` if the bag is broken.
 pub(super) fn info(args: &InfoArgs) -> Result<bool, ProgramFailure> {
-    let info = survey(&args.bag).map_err(ProgramFailure::of_input)?;
+    let info = examine(&args.bag).map_err(ProgramFailure::of_input)?;
     if args.json {
         print_line!("{}", serde_json::to_string_pretty(&info).map_err(ProgramFailure::of_run)?);
     } else {

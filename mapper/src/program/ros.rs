@@ -73,6 +73,7 @@ impl RosExploreError {
         match self {
             Self::Session(error) => error.is_input(),
             Self::Graph(RosError::Name(_)) => true,
+            Self::Keep(error) => error.is_input(),
             Self::Run(error) => error.is_input(),
             _ => false,
         }

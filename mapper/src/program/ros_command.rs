@@ -25,7 +25,7 @@ impl ExploreArgs {
     fn robot_task(&self, endpoint: &str, file: MapperFile, stop: Stop) -> Result<RosExploreTask, String> {
         let source = Path::new(if self.graph.node.namespace.is_empty() { "robot" } else { &self.graph.node.namespace });
         let mut mapping = self.run.over(&file, source)?;
-        mapping.spool = self.spool.clone().or(mapping.spool);
+        mapping.spool = self.spool_over(mapping.spool)?;
         mapping.max_s = self.max_sim.unwrap_or(mapping.max_s);
         mapping.mapper.join.looks_again |= self.again;
         mapping.mapper.pace = Pace::RealTime;
@@ -82,7 +82,7 @@ pub(super) fn explore_ros(
             print_report(report);
         }
     };
-    args.run.report.give(&report, in_words).map_err(ProgramFailure::of_run)?;
+    let given = args.run.report.give(&report, in_words);
     let end = RunEnd {
         map: &report.map,
         is_offline: args.run.offline,
@@ -90,7 +90,7 @@ pub(super) fn explore_ros(
         is_asked_to_end: stop.is_set(),
         spool: spool.as_deref(),
     };
-    Ok(end.tell() & report.kept.tell())
+    end.conclude(&report.kept, given)
 }
 
 fn print_report(report: &RosExploreReport) {

@@ -1,5 +1,6 @@
 //! What exploring and replaying have in common on the command line.
 
+use super::keeping::Kept;
 use super::map_figures::MapFigures;
 use super::picture::PictureTask;
 use super::settings::MapperFile;
@@ -9,8 +10,9 @@ use crate::run::MappingTask;
 use clap::Args;
 use fht_descriptor::Fetching;
 use fht_picture::default_file;
-use fht_program::Waiting;
-use fht_program::flags::{ConnectArgs, OutputFileError, ReportArgs, number, output_file, png_file, seconds};
+use fht_program::flags::{ConnectArgs, NamedFile, OutputFileError, ReportArgs};
+use fht_program::flags::{check_files, new_file, number, output_file, png_file, seconds};
+use fht_program::{ProgramFailure, Waiting};
 use fht_proto::{MapName, RobotName};
 use fht_session::check_owner;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -47,7 +49,7 @@ pub(super) struct RunArgs {
     linger: Option<f64>,
     /// Write the run, with its map, as a bag for ROS 2 and Foxglove: a file (FILE.mcap) or a
     /// rosbag2 folder.
-    #[arg(long, value_name = "FILE", value_parser = output_file)]
+    #[arg(long, value_name = "FILE", value_parser = new_file)]
     pub(super) record: Option<PathBuf>,
     /// Draw the map as it is at the end, as a PNG file; without a name it goes to
     /// explore-WORLD-SEED.png or replay-LOG.png here.
@@ -109,6 +111,23 @@ impl RunArgs {
         let file = named.clone().unwrap_or_else(|| default_file(kind, &source.to_string_lossy(), seed));
         Some(PictureTask { file, title })
     }
+
+    /// Refuses a run that would destroy one of the files that it reads, which are `inputs` and
+    /// those of these flags, or one that it writes.
+    pub(super) fn check_files<'a>(
+        &'a self,
+        inputs: impl IntoIterator<Item = NamedFile<'a>>,
+        picture: Option<&'a PictureTask>,
+    ) -> Result<(), ProgramFailure> {
+        let own: [NamedFile<'a>; 2] =
+            [("the model", self.model.as_deref()), ("the Zenoh configuration", self.link.zenoh_config.as_deref())];
+        let outputs: [NamedFile<'a>; 3] = [
+            ("--record", self.record.as_deref()),
+            ("--picture", picture.map(|picture| picture.file.as_path())),
+            ("--report", self.report.report.as_deref()),
+        ];
+        check_files(inputs.into_iter().chain(own), outputs).map_err(ProgramFailure::of_input)
+    }
 }
 
 /// How many increments there are, for a progress bar.
@@ -135,8 +154,15 @@ pub(super) struct RunEnd<'a> {
 }
 
 impl RunEnd<'_> {
+    /// Says all of how the run ended, and of what was `kept` beside its figures, before it fails
+    /// for figures that could not be `given`.
+    pub(super) fn conclude(&self, kept: &Kept, given: Result<(), String>) -> Result<bool, ProgramFailure> {
+        let is_good = self.tell() & kept.tell();
+        given.map(|()| is_good).map_err(ProgramFailure::of_run)
+    }
+
     /// Says what the server has not taken, and why the map is not complete; true if neither is so.
-    pub(super) fn tell(&self) -> bool {
+    fn tell(&self) -> bool {
         let is_taken = self.is_offline || self.map.delivered;
         if self.map.ending == Ending::Interrupted {
             let stored = match (self.is_offline, self.map.delivered) {
@@ -151,7 +177,7 @@ impl RunEnd<'_> {
             eprintln!(
                 "mapper: the server did not acknowledge the whole map within {} s; {}; {}",
                 self.linger_s,
-                why_not_acknowledged(self.map.refusal.as_deref()),
+                why_not_acknowledged(self.map.refusal.as_deref(), self.map.is_unanswered),
                 self.not_taken()
             );
         } else if self.map.ending != Ending::Complete {

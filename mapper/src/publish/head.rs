@@ -16,17 +16,21 @@ pub(super) enum Answer {
     Head(Box<Head>),
     /// The server has no such map.
     NoMap,
-    /// No server answered, or not to the question: what came instead.
-    None(String),
+    /// No server answered (`is_silent`), or not to the question: what came instead.
+    None {
+        reason: String,
+        is_silent: bool,
+    },
 }
 
 pub(super) async fn ask_head(session: &zenoh::Session, map: &MapName) -> Result<Answer, PublishError> {
+    let other = |reason: String| Answer::None { reason, is_silent: false };
     Ok(match ask_head_async(session, map, ANSWER_TIMEOUT).await {
         Ok(head) => Answer::Head(Box::new(head)),
         Err(AskError::Refused(reply)) if reply.code == ErrorCode::UnknownMap => Answer::NoMap,
-        Err(AskError::Refused(reply)) => Answer::None(reply.message),
-        Err(AskError::Silent) => Answer::None("nobody answered".to_owned()),
-        Err(AskError::Unreadable(reason)) => Answer::None(format!("a head that cannot be used: {reason}")),
+        Err(AskError::Refused(reply)) => other(reply.message),
+        Err(AskError::Silent) => Answer::None { reason: "nobody answered".to_owned(), is_silent: true },
+        Err(AskError::Unreadable(reason)) => other(format!("a head that cannot be used: {reason}")),
         Err(AskError::Zenoh(error)) => return Err(error.into()),
     })
 }
@@ -46,7 +50,7 @@ pub async fn find_head(
         let reason = match ask_head(session, map).await? {
             Answer::Head(head) => return Ok(Some(*head)),
             Answer::NoMap => return Ok(None),
-            Answer::None(reason) => reason,
+            Answer::None { reason, .. } => reason,
         };
         if begin.elapsed() >= patience {
             return Err(PublishError::NoAnswer { map: map.clone(), seconds: patience.as_secs(), reason });

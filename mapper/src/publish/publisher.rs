@@ -170,6 +170,7 @@ impl Publisher {
         self.report.send_modify(|progress| {
             progress.acknowledged = self.window.acknowledged();
             progress.head = Some(head);
+            progress.is_unanswered = false;
             if is_news {
                 progress.refusal = None;
             }
@@ -200,7 +201,10 @@ impl Publisher {
     /// There is no news: the server may be new, or increments or heads were lost. Asks, and sends
     /// again from where the server is.
     async fn ask(&mut self) -> Result<(), PublishError> {
-        let is_news = match ask_head(&self.session, &self.map).await? {
+        let answer = ask_head(&self.session, &self.map).await?;
+        let is_unanswered = matches!(answer, Answer::None { is_silent: true, .. });
+        self.report.send_modify(|progress| progress.is_unanswered = is_unanswered);
+        let is_news = match answer {
             Answer::Head(head) => {
                 let deletion = head.deletion.clone();
                 let is_news = self.take_head(*head).await?;
@@ -208,7 +212,7 @@ impl Publisher {
                 is_news
             }
             Answer::NoMap => false,
-            Answer::None(reason) => {
+            Answer::None { reason, .. } => {
                 tracing::debug!("the head is not known: {reason}");
                 self.window.unanswered(Instant::now());
                 return Ok(());

@@ -2,9 +2,10 @@
 
 use clap::{Parser, Subcommand};
 use fht_demo::{leave_nothing_behind, this_executable};
-use fht_program::Stop;
+use fht_program::flags::{how_many, number, output_file, parse_args, seconds};
 use fht_program::stop::end_with_parent;
-use fht_sim::SimSetup;
+use fht_program::{ProgramFailure, Stop, write_output};
+use fht_sim::{SimSetup, check_world};
 use fht_tests::fleet::clients::{self, ClientsConfig, Outcome};
 use fht_tests::fleet::{Computed, FleetReport, FleetTrialConfig, run, server};
 use fht_tests::maps::{explored, hall};
@@ -32,36 +33,51 @@ struct FleetArgs {
     #[arg(long, default_value = "museum")]
     world: String,
     /// How many clients.
-    #[arg(long, default_value_t = 500)]
+    #[arg(long, default_value_t = 500, value_parser = how_many)]
     clients: usize,
     /// Each client's copy asks for the head this often, seconds. All clients share this machine:
     /// 2,000 that ask every 2 s take more than one processor.
-    #[arg(long, value_name = "SECONDS", default_value_t = 2.0)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 2.0, value_parser = length)]
     head_every: f64,
     /// Questions of each client, a second.
-    #[arg(long, default_value_t = 20.0)]
+    #[arg(long, default_value_t = 20.0, value_parser = rate)]
     rate: f64,
     /// How long paths are asked for, and bare answers, seconds.
-    #[arg(long, default_value_t = 60.0)]
+    #[arg(long, default_value_t = 60.0, value_parser = length)]
     seconds: f64,
     /// They take turns of this length, seconds.
-    #[arg(long, default_value_t = 10.0)]
+    #[arg(long, default_value_t = 10.0, value_parser = length)]
     turn: f64,
     /// How long each is asked for before anything counts, seconds.
-    #[arg(long, default_value_t = 10.0)]
+    #[arg(long, default_value_t = 10.0, value_parser = seconds)]
     warm_up: f64,
     /// Questions of one client alone, of each kind.
-    #[arg(long, default_value_t = 5000)]
+    #[arg(long, default_value_t = 5000, value_parser = how_many)]
     alone: usize,
     /// Increments written meanwhile, a second.
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 1.0, value_parser = changes)]
     increments: f64,
     /// Seed of the places.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Write the figures to this file as JSON.
-    #[arg(long, alias = "json", value_name = "FILE")]
+    #[arg(long, alias = "json", value_name = "FILE", value_parser = output_file)]
     report: Option<PathBuf>,
+}
+
+/// A length of time that something is done in, seconds.
+fn length(text: &str) -> Result<f64, String> {
+    number(text, 0.1..=1e6)
+}
+
+/// How often the map is changed, a second; 0 is never.
+fn changes(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=1e4)
+}
+
+/// How often something is done, a second.
+fn rate(text: &str) -> Result<f64, String> {
+    number(text, 0.01..=1e4)
 }
 
 #[derive(Debug, Subcommand)]
@@ -110,23 +126,23 @@ struct ClientsArgs {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli: Cli = match parse_args(std::env::args_os()) {
+        Ok(cli) => cli,
+        Err(code) => return code,
+    };
     fht_program::logging::init("warn,zenoh=error");
     let outcome = match cli.role {
-        Some(_) if end_with_parent("fleet").is_err() => Err("no thread can be started".to_owned()),
+        Some(_) if end_with_parent("fleet").is_err() => Err(ProgramFailure::of_run("no thread can be started")),
         Some(RoleCommand::Server { data, listen, zenoh_config }) => {
-            server::serve(data, listen, zenoh_config).map(|()| true).map_err(|error| error.to_string())
+            server::serve(data, listen, zenoh_config).map(|()| true).map_err(ProgramFailure::of_run)
         }
-        Some(RoleCommand::Clients(args)) => be_clients(args).map(|()| true),
+        Some(RoleCommand::Clients(args)) => be_clients(args).map(|()| true).map_err(ProgramFailure::of_run),
         None => fleet(&cli.fleet),
     };
     match outcome {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
-        Err(message) => {
-            eprintln!("fleet: {message}");
-            ExitCode::FAILURE
-        }
+        Err(failure) => failure.tell("fleet"),
     }
 }
 
@@ -152,15 +168,19 @@ fn be_clients(args: ClientsArgs) -> Result<(), String> {
     clients::run(&config, std::io::stdin().lock(), say).map_err(|error| error.to_string())
 }
 
-fn fleet(args: &FleetArgs) -> Result<bool, String> {
-    let text = |error: &dyn std::fmt::Display| error.to_string();
-    let increments = if args.world == "hall" { hall(20, 20) } else { explored(&args.world)? };
-    let folder = tempfile::tempdir().map_err(|error| text(&error))?;
-    leave_nothing_behind(&Stop::on_signal("fleet").map_err(|error| text(&error))?, folder.path());
+fn fleet(args: &FleetArgs) -> Result<bool, ProgramFailure> {
+    let is_drawn = args.world == "hall";
+    if !is_drawn {
+        check_world(&args.world).map_err(ProgramFailure::of_input)?;
+    }
+    let map = SimSetup::of(&args.world).map_name().map_err(ProgramFailure::of_input)?;
+    let increments = if is_drawn { hall(20, 20) } else { explored(&args.world).map_err(ProgramFailure::of_run)? };
+    let folder = tempfile::tempdir().map_err(ProgramFailure::of_run)?;
+    leave_nothing_behind(&Stop::on_signal("fleet").map_err(ProgramFailure::of_run)?, folder.path());
     let config = FleetTrialConfig {
-        executable: this_executable().map_err(|error| text(&error))?,
+        executable: this_executable().map_err(ProgramFailure::of_run)?,
         data: folder.path().join("data"),
-        map: SimSetup::of(&args.world).map_name().map_err(|error| text(&error))?,
+        map,
         clients: args.clients,
         head_every_s: args.head_every,
         rate_hz: args.rate,
@@ -171,11 +191,12 @@ fn fleet(args: &FleetArgs) -> Result<bool, String> {
         increments_hz: args.increments,
         seed: args.seed,
     };
-    let report = run(&config, &increments).map_err(|error| text(&error))?;
+    let report = run(&config, &increments).map_err(ProgramFailure::of_run)?;
     print(&report);
     if let Some(file) = &args.report {
-        let json = serde_json::to_string(&report).map_err(|error| text(&error))?;
-        std::fs::write(file, json).map_err(|error| format!("{} cannot be written: {error}", file.display()))?;
+        let json = serde_json::to_string(&report).map_err(ProgramFailure::of_run)?;
+        let written = write_output(file, json.as_bytes());
+        written.map_err(|error| ProgramFailure::of_run(format!("{} cannot be written: {error}", file.display())))?;
     }
     Ok(report.failures() == 0 && report.copies_agree == report.clients && report.memory_is_steady())
 }
@@ -230,4 +251,23 @@ fn print(report: &FleetReport) {
         "copies    {} of {} are the server's map in the end, after {} changes",
         report.copies_agree, report.clients, report.versions
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fleets_that_make_no_sense_are_refused() {
+        for (flag, value) in [
+            ("--clients", "0"),
+            ("--rate", "0"),
+            ("--turn", "0"),
+            ("--turn", "nan"),
+            ("--report", "nowhere/fleet.json"),
+        ] {
+            assert!(Cli::try_parse_from(["fleet", flag, value]).is_err(), "{flag} {value}");
+        }
+        assert!(Cli::try_parse_from(["fleet", "--clients", "1", "--increments", "0.5"]).is_ok());
+    }
 }

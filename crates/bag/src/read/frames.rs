@@ -3,7 +3,7 @@
 use super::files::BagOpenError;
 use super::picture::Cameras;
 use super::report::{BagReport, Dropped};
-use super::stream::Messages;
+use super::stream::{Broken, Messages};
 use super::survey::{BagInfo, survey};
 use super::topics::{Chosen, OdometrySource, TopicConfig, TopicError, choose};
 use fht_perception::frame::SensorFrame;
@@ -72,6 +72,14 @@ pub enum BagError {
     /// The bag lacks a topic that is needed, or it is unclear which one to use.
     #[error(transparent)]
     Topics(#[from] TopicError),
+    /// The same, and the bag is broken: what lacks may lie where it cannot be read.
+    #[error("{error}; {}", sentences(broken))]
+    Broken {
+        /// What is missing, or unclear.
+        error: TopicError,
+        /// The files that cannot be read to the end.
+        broken: Vec<Broken>,
+    },
     /// No transform says where the scanner is (only if `strict`).
     #[error("no transform leads from {base} to the scanner's frame {sensor} (frames: {there})")]
     MissingTransform {
@@ -82,6 +90,10 @@ pub enum BagError {
         /// The frames in the bag.
         there: String,
     },
+}
+
+fn sentences(broken: &[Broken]) -> String {
+    broken.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
 /// A scan waiting for its odometry, transform and pictures.
@@ -125,7 +137,10 @@ impl Frames {
     /// [`BagError`] when the bag cannot be opened, or it is unclear which topics to use.
     pub fn open(path: &Path, config: FrameConfig) -> Result<Self, BagError> {
         let info = survey(path)?;
-        let mut chosen = choose(&info.topics, &config.topics)?;
+        let mut chosen = choose(&info.topics, &config.topics).map_err(|error| match info.broken.as_slice() {
+            [] => BagError::Topics(error),
+            broken => BagError::Broken { error, broken: broken.to_vec() },
+        })?;
         let report = BagReport { notes: std::mem::take(&mut chosen.notes), ..BagReport::default() };
         Ok(Self {
             messages: Messages::of_files(info.files.clone()),

@@ -1,4 +1,4 @@
-//! What is in a bag. Files with a summary are not read in full.
+//! What is in a bag, and whether all of it can be read.
 
 use super::files::{BagOpenError, files_of};
 use super::stream::{Broken, Messages, RECORD_LIMIT};
@@ -37,7 +37,7 @@ pub struct BagInfo {
     pub end_ns: Option<u64>,
     /// Topics by name.
     pub topics: Vec<BagTopic>,
-    /// Files that cannot be read to the end. Files with a summary are not checked.
+    /// Files that cannot be read to the end. [`survey`] does not check those with a summary.
     pub broken: Vec<Broken>,
 }
 
@@ -47,6 +47,27 @@ pub struct BagInfo {
 /// # Errors
 /// [`BagOpenError`] when there is no bag.
 pub fn survey(path: &Path) -> Result<BagInfo, BagOpenError> {
+    look_at(path, |tally, file, summary| match summary {
+        Some(summary) => tally.add_summary(&summary),
+        None => tally.read_through(file),
+    })
+}
+
+/// Surveys the bag at `path`, and reads all of its files to their ends: chunks are unpacked, and
+/// their checksums compared. Messages are counted that can be read.
+///
+/// # Errors
+/// [`BagOpenError`] when there is no bag.
+pub fn examine(path: &Path) -> Result<BagInfo, BagOpenError> {
+    look_at(path, |tally, file, summary| {
+        // A topic may have no messages.
+        summary.iter().flat_map(|summary| summary.channels.values()).for_each(|channel| tally.add(channel, 0));
+        tally.read_through(file);
+    })
+}
+
+/// What is in the bag at `path`, where `take` takes in a file and its summary, if that has one.
+fn look_at(path: &Path, take: impl Fn(&mut Tally, &Path, Option<mcap::Summary>)) -> Result<BagInfo, BagOpenError> {
     let files = files_of(path)?;
     let mut tally = Tally::default();
     let mut bytes = 0;
@@ -56,10 +77,7 @@ pub fn survey(path: &Path) -> Result<BagInfo, BagOpenError> {
         bytes += file.metadata().map_err(BagOpenError::read(path))?.len();
         let mut magic = [0; mcap::MAGIC.len()];
         mcap_files += u32::from(file.read_exact(&mut magic).is_ok() && magic == *mcap::MAGIC);
-        match summary(&mut file) {
-            Some(summary) => tally.add_summary(&summary),
-            None => tally.read_through(path),
-        }
+        take(&mut tally, path, summary(&mut file));
     }
     if mcap_files == 0 {
         return Err(BagOpenError::NotMcap { path: files.into_iter().next().unwrap_or_else(|| path.to_owned()) });

@@ -126,7 +126,8 @@ pub(crate) fn choose(topics: &[BagTopic], config: &TopicConfig) -> Result<Chosen
 }
 
 fn names<'a>(topics: impl Iterator<Item = &'a BagTopic>) -> String {
-    topics.map(|topic| topic.name.as_str()).collect::<Vec<_>>().join(", ")
+    let names: Vec<&str> = topics.map(|topic| topic.name.as_str()).collect();
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }
 
 fn one<M: RosMessage>(

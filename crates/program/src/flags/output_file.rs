@@ -11,6 +11,12 @@ pub enum OutputFileError {
     /// A folder has its name.
     #[error("it is a folder")]
     Folder,
+    /// Something has its name, and is to stay.
+    #[error("it is there already; choose another name, or remove it")]
+    Exists,
+    /// It is to be a folder, and is none.
+    #[error("it is no folder")]
+    NotFolder,
     /// The folder that it is to be in is missing.
     #[error("there is no folder {}", .0.display())]
     NoFolder(PathBuf),
@@ -57,6 +63,25 @@ pub fn png_file(text: &str) -> Result<PathBuf, OutputFileError> {
     if is_png { output_file(text) } else { Err(OutputFileError::NoPicture(text.to_owned())) }
 }
 
+/// The same for what a program makes, and does not write over what is there: a recording.
+///
+/// # Errors
+/// [`OutputFileError`].
+pub fn new_file(text: &str) -> Result<PathBuf, OutputFileError> {
+    // A link that leads nowhere is there, too.
+    let is_there = std::fs::symlink_metadata(Path::new(text).components().as_path()).is_ok();
+    if is_there { Err(OutputFileError::Exists) } else { output_file(text) }
+}
+
+/// A folder that a program writes into, and makes if it is not there.
+///
+/// # Errors
+/// [`OutputFileError::NotFolder`].
+pub fn folder(text: &str) -> Result<PathBuf, OutputFileError> {
+    let folder = PathBuf::from(text);
+    if folder.exists() && !folder.is_dir() { Err(OutputFileError::NotFolder) } else { Ok(folder) }
+}
+
 /// Makes the file with something in it, and takes it away again. A file that is there is opened for
 /// writing, and stays as it is.
 fn try_writing(file: &Path) -> io::Result<()> {
@@ -98,6 +123,22 @@ mod tests {
         std::fs::write(dir.path().join("old.json"), "{}")?;
         assert_eq!(said("old.json"), None);
         assert_eq!(std::fs::read_to_string(dir.path().join("old.json"))?, "{}");
+        Ok(())
+    }
+
+    #[test]
+    fn what_is_there_is_not_recorded_over() -> io::Result<()> {
+        let dir = tempfile::tempdir()?;
+        let at = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
+        std::fs::create_dir(at("run"))?;
+        std::fs::write(at("run.mcap"), "a run")?;
+        for there in ["run", "run/", "run.mcap"] {
+            let said = complaint(new_file(&at(there)));
+            assert!(said.is_some_and(|said| said.starts_with("it is there already")), "{there}");
+        }
+        assert_eq!((complaint(new_file(&at("new.mcap"))), complaint(new_file(&at("new/")))), (None, None));
+        assert_eq!(complaint(folder(&at("run.mcap"))).as_deref(), Some("it is no folder"));
+        assert_eq!((complaint(folder(&at("run"))), complaint(folder(&at("new")))), (None, None));
         Ok(())
     }
 

@@ -35,7 +35,7 @@ use crate::world::changes::Changes;
 use assembly::Assembly;
 use fht_perception::pose::Point2;
 use floor::FencedFloor;
-use report::ImportReport;
+use report::{Flaw, ImportReport};
 use resolve::Paths;
 use sdf::GREY;
 use std::path::Path;
@@ -64,6 +64,9 @@ pub(crate) fn load(path: &Path, changes: Option<&Changes>) -> Result<Gazebo, Sdf
     let paths = Paths::of_world(path);
     let mut report = ImportReport::default();
     let mut description = sdf::read(path, &paths, &mut report)?;
+    if let Some(places) = report.sentence(Flaw::Remote) {
+        return Err(SdfError::Remote(places));
+    }
     let count = changes.map_or(0, |changes| rearrange::models(&mut description.placed, &paths, changes));
     let mut assembly = Assembly::new(&paths, report);
     for placed in &description.placed {
@@ -91,6 +94,10 @@ pub(crate) fn load(path: &Path, changes: Option<&Changes>) -> Result<Gazebo, Sdf
         slab_m: slab::SLAB_M,
     });
     let warnings = report.sentences();
+    let is_lacking = [Flaw::Model, Flaw::ModelFile, Flaw::Mesh].iter().any(|flaw| report.sentence(*flaw).is_some());
+    if is_lacking && (scene.is_none() || floor.is_none()) {
+        return Err(SdfError::Nothing { flaws: warnings.join("; "), folders: paths.folders() });
+    }
     for warning in &warnings {
         tracing::warn!(world = %path.display(), "{warning}");
     }

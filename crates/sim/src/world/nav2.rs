@@ -2,6 +2,7 @@
 
 use crate::plan::FloorPlan;
 use fht_perception::pose::Point2;
+use fht_proto::FixedPoint;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -98,6 +99,18 @@ enum Mode {
 }
 
 impl Description {
+    /// What the file at `path` says.
+    fn read(path: &Path) -> Result<Self, MapError> {
+        let text = std::fs::read_to_string(path).map_err(|source| MapError::Read { path: path.to_owned(), source })?;
+        serde_saphyr::from_str(&text)
+            .map_err(|error| MapError::Yaml { path: path.to_owned(), reason: error.to_string() })
+    }
+
+    /// The picture that the file at `path` names.
+    fn picture(&self, path: &Path) -> PathBuf {
+        path.parent().unwrap_or_else(|| Path::new(".")).join(&self.image)
+    }
+
     fn check(&self) -> Result<(), String> {
         if !RESOLUTIONS_M.contains(&self.resolution) {
             let (least, most) = (RESOLUTIONS_M.start(), RESOLUTIONS_M.end());
@@ -122,17 +135,36 @@ impl Description {
         }
         Ok(())
     }
+
+    /// Why a picture of `width` × `height` cells reaches to where nothing of a map may be, if it
+    /// does.
+    fn remote_corner(&self, width: u32, height: u32) -> Option<String> {
+        let &[x, y, _] = self.origin.as_slice() else { return None };
+        let (right, top) = (x + f64::from(width) * self.resolution, y + f64::from(height) * self.resolution);
+        let farther = |a: f64, b: f64| if a.abs() > b.abs() { a } else { b };
+        let (far_x, far_y) = (farther(x, right), farther(y, top));
+        let is_remote = far_x.abs() > FixedPoint::MAX_M || far_y.abs() > FixedPoint::MAX_M;
+        is_remote.then(|| {
+            format!(
+                "a corner of the map lies at {far_x}, {far_y}, over 100 km from the origin, where nothing of a map may \
+                 be: shift the origin, such as to [0, 0, 0]"
+            )
+        })
+    }
+}
+
+/// The picture of the map at `path`, if that describes one.
+pub(crate) fn picture_of(path: &Path) -> Option<PathBuf> {
+    Description::read(path).ok().map(|description| description.picture(path))
 }
 
 /// Loads the plan of a map. A cell is free where the picture says so; occupied and unknown cells
 /// are both solid, so that the world is closed wherever free floor meets the unknown. The plan's
 /// frame is the map's frame.
 pub(crate) fn load(path: &Path) -> Result<FloorPlan, MapError> {
-    let text = std::fs::read_to_string(path).map_err(|source| MapError::Read { path: path.to_owned(), source })?;
-    let description: Description = serde_saphyr::from_str(&text)
-        .map_err(|error| MapError::Yaml { path: path.to_owned(), reason: error.to_string() })?;
+    let description = Description::read(path)?;
     description.check().map_err(|reason| MapError::Value { path: path.to_owned(), reason })?;
-    let picture_path = path.parent().unwrap_or_else(|| Path::new(".")).join(&description.image);
+    let picture_path = description.picture(path);
     let unreadable = |source| MapError::Read { path: picture_path.clone(), source };
     let undecodable = |source| MapError::Picture { path: picture_path.clone(), source };
     let reader = || {
@@ -143,6 +175,9 @@ pub(crate) fn load(path: &Path) -> Result<FloorPlan, MapError> {
     if width == 0 || height == 0 || u64::from(width) * u64::from(height) > MOST_CELLS {
         let reason = format!("a picture of {width} x {height} cells is empty or larger than {MOST_CELLS} cells");
         return Err(MapError::Value { path: picture_path, reason });
+    }
+    if let Some(reason) = description.remote_corner(width, height) {
+        return Err(MapError::Value { path: path.to_owned(), reason });
     }
     let picture = reader()?.decode().map_err(undecodable)?.into_luma8();
     let negate = description.negate.is_set();

@@ -1,5 +1,6 @@
 //! `evaluate confidence`: fits what grounds are worth to tables of looks.
 
+use crate::files::Files;
 use crate::output::{OutputArgs, say};
 use clap::Args;
 use fht_eval::recorded::{Calibration, Look, calibrate};
@@ -13,6 +14,13 @@ pub struct ConfidenceArgs {
     looks: Vec<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
+}
+
+impl ConfidenceArgs {
+    /// What it reads and writes.
+    pub fn files(&self) -> Files {
+        Files::of(&self.output).reads("the table", &self.looks)
+    }
 }
 
 pub fn run(args: &ConfidenceArgs) -> Result<(), String> {

@@ -1,12 +1,14 @@
 //! `evaluate contents`: what maps consist of, what they take up, and how much of what a robot sees
 //! they know.
 
+use crate::files::Files;
 use crate::maps::{MapArgs, Variant};
 use crate::output::{OutputArgs, say};
 use clap::Args;
 use fht_eval::KnownShare;
 use fht_eval::Storage;
 use fht_map::Counts;
+use fht_program::flags::count;
 use serde::Serialize;
 
 #[derive(Debug, Args)]
@@ -14,7 +16,7 @@ pub struct ContentsArgs {
     #[command(flatten)]
     maps: MapArgs,
     /// Places to look around at, drawn uniformly from where the robot has room.
-    #[arg(long, default_value_t = 1000)]
+    #[arg(long, default_value_t = 1000, value_parser = count)]
     places: u64,
     #[command(flatten)]
     output: OutputArgs,
@@ -29,6 +31,13 @@ pub struct ContentsFigures {
     edges: usize,
     storage: Storage,
     known: KnownShare,
+}
+
+impl ContentsArgs {
+    /// What it reads and writes.
+    pub fn files(&self) -> Files {
+        Files::of(&self.output).in_worlds(&self.maps.worlds)
+    }
 }
 
 pub fn run(args: &ContentsArgs) -> Result<(), String> {

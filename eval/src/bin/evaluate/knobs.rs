@@ -1,7 +1,9 @@
 //! `evaluate knobs`: what each of the mapper's knobs buys, and what it costs in bytes of map.
 
+use crate::files::Files;
 use crate::maps::knob::Knob;
 use crate::maps::{MapArgs, Variant, short_name};
+use crate::numbers::metres;
 use crate::output::{OutputArgs, none, number, say, write_file};
 use crate::paths::{self, PairArgs, PathFigures};
 use crate::relocalize;
@@ -10,6 +12,7 @@ use crate::systems::{Column, System};
 use crate::trials::TrialArgs;
 use crate::trials::figures::{RelocalizeFigures, relocalize_figures};
 use clap::{Args, ValueEnum};
+use fht_program::flags::output_file;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -25,12 +28,12 @@ pub struct KnobsArgs {
     #[arg(long, default_value_t = 100)]
     starts: u64,
     /// Distance after which a drive ends, metres.
-    #[arg(long, default_value_t = 15.0)]
+    #[arg(long, default_value_t = 15.0, value_parser = metres)]
     drive_m: f64,
     #[command(flatten)]
     pairs: PairArgs,
     /// Write the tables to this Markdown file.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = output_file)]
     out: Option<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
@@ -45,6 +48,13 @@ struct KnobFigures {
     storage: StorageFigures,
     relocalize: RelocalizeFigures,
     paths: PathFigures,
+}
+
+impl KnobsArgs {
+    /// What it reads and writes.
+    pub fn files(&self) -> Files {
+        Files::of(&self.output).in_worlds(&self.maps.worlds).writes("--out", &self.out)
+    }
 }
 
 pub fn run(args: &KnobsArgs) -> Result<(), String> {

@@ -3,8 +3,10 @@
 mod confidence;
 mod construction;
 mod contents;
+mod files;
 mod knobs;
 mod maps;
+mod numbers;
 mod output;
 mod paths;
 mod people;
@@ -16,6 +18,9 @@ mod trials;
 
 use clap::{Parser, Subcommand};
 use construction::{explore, merge, slam, team};
+use fht_program::flags::parse_args;
+use fht_program::{ProgramFailure, exit_code, logging};
+use files::Files;
 use std::process::ExitCode;
 
 /// Measures the map service as the field does.
@@ -126,29 +131,35 @@ explains three quarters of what is seen on the first 5 m.")]
 }
 
 fn main() -> ExitCode {
-    fht_program::logging::init("error");
-    let cli = Cli::parse();
+    let cli: Cli = match parse_args(std::env::args_os()) {
+        Ok(cli) => cli,
+        Err(code) => return exit_code(code),
+    };
+    logging::init("error,fht_sim=warn");
     let outcome = match cli.part {
-        Part::Slam(args) => slam::run(&args),
-        Part::Explore(args) => explore::run(&args),
-        Part::Team(args) => team::run(&args),
-        Part::Tables(args) => tables::run(&args),
-        Part::Paths(args) => paths::run(&args),
-        Part::Contents(args) => contents::run(&args),
-        Part::Knobs(args) => knobs::run(&args),
-        Part::Relocalize(args) => relocalize::run(&args),
-        Part::People(args) => people::run(&args),
-        Part::Recorded(args) => recorded::run(&args),
-        Part::Confidence(args) => confidence::run(&args),
-        Part::Merge(args) => merge::run(&args),
+        Part::Slam(args) => carry_out(args.files(), || slam::run(&args)),
+        Part::Explore(args) => carry_out(args.files(), || explore::run(&args)),
+        Part::Team(args) => carry_out(args.files(), || team::run(&args)),
+        Part::Tables(args) => carry_out(args.files(), || tables::run(&args)),
+        Part::Paths(args) => carry_out(args.files(), || paths::run(&args)),
+        Part::Contents(args) => carry_out(args.files(), || contents::run(&args)),
+        Part::Knobs(args) => carry_out(args.files(), || knobs::run(&args)),
+        Part::Relocalize(args) => carry_out(args.files(), || relocalize::run(&args)),
+        Part::People(args) => carry_out(args.files(), || people::run(&args)),
+        Part::Recorded(args) => carry_out(args.files(), || recorded::run(&args)),
+        Part::Confidence(args) => carry_out(args.files(), || confidence::run(&args)),
+        Part::Merge(args) => carry_out(args.files(), || merge::run(&args)),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("evaluate: {message}");
-            ExitCode::FAILURE
-        }
+        Err(failure) => failure.tell("evaluate"),
     }
+}
+
+/// Carries a part out if its files are as they should be.
+fn carry_out(files: Files, run: impl FnOnce() -> Result<(), String>) -> Result<(), ProgramFailure> {
+    files.check().map_err(ProgramFailure::of_input)?;
+    run().map_err(ProgramFailure::of_run)
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ pub mod knob;
 
 use clap::Args;
 use fht_eval::{Ledger, Survey, SurveyTask};
+use fht_program::flags::folder;
 use knob::Knob;
 use mapper::MapperConfig;
 use serde::Serialize;
@@ -28,7 +29,7 @@ pub struct MapArgs {
     #[arg(long, value_enum)]
     pub knob: Option<Knob>,
     /// Where explored maps and results are kept.
-    #[arg(long, value_name = "FOLDER", default_value = "target/evaluation")]
+    #[arg(long, value_name = "FOLDER", default_value = "target/evaluation", value_parser = folder)]
     pub kept: PathBuf,
     /// Forget the results that are kept, as after a change of a system's code; explored maps stay.
     #[arg(long)]

@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// Where figures go.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 pub struct OutputArgs {
     /// Write the figures to this file.
     #[arg(long, value_name = "FILE", value_parser = fht_program::flags::output_file)]
@@ -18,6 +18,11 @@ pub struct OutputArgs {
 }
 
 impl OutputArgs {
+    /// The file that was asked for, if one was.
+    pub fn file(&self) -> Option<&PathBuf> {
+        self.json.as_ref()
+    }
+
     /// Writes the figures to the file, if one was asked for.
     pub fn write<T: Serialize + ?Sized>(&self, figures: &T) -> Result<(), String> {
         let Some(path) = &self.json else { return Ok(()) };

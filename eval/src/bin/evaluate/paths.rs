@@ -1,6 +1,7 @@
 //! `evaluate paths`: paths that each system plans on its map, against the shortest ways on the true
 //! plan.
 
+use crate::files::Files;
 use crate::maps::{MapArgs, Variant, cases, short_name};
 use crate::output::{OutputArgs, say};
 use crate::systems::System;
@@ -93,6 +94,13 @@ impl PathFigures {
             number(self.c_path_p95),
             number(self.c_path_max)
         )
+    }
+}
+
+impl PathsArgs {
+    /// What it reads and writes.
+    pub fn files(&self) -> Files {
+        Files::of(&self.output).in_worlds(&self.maps.worlds)
     }
 }
 

@@ -1,6 +1,7 @@
 //! `evaluate people`: missions among people. A robot is set down anywhere in an explored building,
 //! finds out where it is, and drives to a place far off.
 
+use crate::files::Files;
 use crate::maps::{MapArgs, Variant, short_name};
 use crate::output::{OutputArgs, say};
 use crate::trials::figures::mean;
@@ -26,7 +27,7 @@ pub struct PeopleArgs {
     #[command(flatten)]
     pub maps: MapArgs,
     /// Missions in each building, from starts and to goals drawn by their numbers.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = fht_program::flags::count)]
     pub starts: u64,
     /// By the scanner alone: several times faster.
     #[arg(long)]
@@ -113,6 +114,13 @@ impl MissionFigures {
 
 fn known(value: f64) -> Option<f64> {
     Some(value).filter(|value| value.is_finite())
+}
+
+impl PeopleArgs {
+    /// What it reads and writes.
+    pub fn files(&self) -> Files {
+        Files::of(&self.output).in_worlds(&self.maps.worlds)
+    }
 }
 
 pub fn run(args: &PeopleArgs) -> Result<(), String> {

@@ -5,6 +5,8 @@ mod looks;
 mod pictures;
 mod report;
 
+use crate::files::Files;
+use crate::numbers::metres;
 use crate::output::{OutputArgs, say};
 use clap::Args;
 use fht_bag::{FrameConfig, TopicConfig};
@@ -15,6 +17,7 @@ use fht_localization::landmarks::Landmarks;
 use fht_localization::localizer::LocalizerConfig;
 use fht_map::MapState;
 use fht_perception::pose::Pose2;
+use fht_program::flags::{folder, how_many, number, output_file};
 use fht_proto::codec::archive::Archive;
 use indicatif::ProgressBar;
 use pictures::Pictures;
@@ -37,24 +40,24 @@ pub struct RecordedArgs {
     #[arg(long, value_name = "LOG|FILE")]
     map: Option<PathBuf>,
     /// Robots that are set down in each log, at scans that are evenly spaced.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = how_many)]
     starts: usize,
     /// A robot that has not declared a place after so many metres declares none.
-    #[arg(long, default_value_t = 25.0)]
+    #[arg(long, default_value_t = 25.0, value_parser = metres)]
     drive_m: f64,
     /// Draw each wrong fix, all starts, and the reliability diagram in this folder.
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER", value_parser = folder)]
     pictures: Option<PathBuf>,
     /// Robots declare nothing, and what they say at each look is written to this file (CSV), with
     /// what speaks for it and how far it is from the truth.
-    #[arg(long, value_name = "FILE", conflicts_with = "map")]
+    #[arg(long, value_name = "FILE", conflicts_with = "map", value_parser = output_file)]
     looks: Option<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
 }
 
 fn share(text: &str) -> Result<f64, String> {
-    fht_program::flags::number(text, 0.01..=0.99)
+    number(text, 0.01..=0.99)
 }
 
 /// Threads that follow drives.
@@ -62,8 +65,17 @@ fn threads() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
+impl RecordedArgs {
+    /// What it reads and writes.
+    pub fn files(&self) -> Files {
+        let files = Files::of(&self.output).reads("the log", &self.logs).reads("the map", &self.map);
+        files.writes("--looks", &self.looks)
+    }
+}
+
 pub fn run(args: &RecordedArgs) -> Result<(), String> {
     let mut runs = Vec::new();
+    args.looks.as_deref().map(looks::begin).transpose()?;
     let pictures = args.pictures.as_deref().map(Pictures::into).transpose()?;
     let other = args.map.as_deref().map(|path| other_map(args, path)).transpose()?;
     for path in &args.logs {

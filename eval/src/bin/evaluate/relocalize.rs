@@ -1,6 +1,7 @@
 //! `evaluate relocalize`: robots dropped anywhere find out where they are, on the same drives for
 //! every system.
 
+use crate::files::Files;
 use crate::maps::{self, MapArgs, Variant, cases, short_name};
 use crate::output::{OutputArgs, say};
 use crate::systems::{Column, System};
@@ -42,6 +43,13 @@ const AUTHORS_DAY: u64 = 900_000;
 const CLEARANCE_M: f64 = 0.25;
 /// Share of the movable things that have moved.
 const CHANGES: Changes = Changes { share: 0.1, seed: 7 };
+
+impl RelocalizeArgs {
+    /// What it reads and writes.
+    pub fn files(&self) -> Files {
+        Files::of(&self.output).in_worlds(&self.maps.worlds)
+    }
+}
 
 pub fn run(args: &RelocalizeArgs) -> Result<(), String> {
     let mut all: Vec<RelocalizeFigures> = Vec::new();

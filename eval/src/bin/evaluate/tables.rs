@@ -5,6 +5,7 @@ pub mod plot;
 mod report;
 mod results;
 
+use crate::files::Files;
 use crate::maps::{MapArgs, Variant, short_name};
 use crate::output::{OutputArgs, say, write_file};
 use crate::paths::{self, PairArgs, PathFigures};
@@ -27,10 +28,17 @@ pub struct TablesArgs {
     #[command(flatten)]
     pairs: PairArgs,
     /// Write the tables to this Markdown file, and the plots to a folder `plots` beside it.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = fht_program::flags::output_file)]
     out: Option<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
+}
+
+impl TablesArgs {
+    /// What it reads and writes.
+    pub fn files(&self) -> Files {
+        Files::of(&self.output).in_worlds(&self.maps.worlds).writes("--out", &self.out)
+    }
 }
 
 pub fn run(args: &TablesArgs) -> Result<(), String> {

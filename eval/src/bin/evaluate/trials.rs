@@ -2,6 +2,7 @@
 
 pub mod figures;
 
+use crate::numbers::metres;
 use crate::systems::{Column, System};
 use clap::Args;
 use fht_eval::TrialOutcome;
@@ -26,7 +27,7 @@ pub struct TrialArgs {
     #[arg(long, value_enum, value_delimiter = ',', default_value = "as-mapped,furniture-moved")]
     pub columns: Vec<Column>,
     /// Distance after which a drive ends, metres.
-    #[arg(long, default_value_t = 40.0)]
+    #[arg(long, default_value_t = 40.0, value_parser = metres)]
     pub drive_m: f64,
     /// Nothing is driven: only what is kept is shown, and of that only systems and columns of which
     /// all starts are.

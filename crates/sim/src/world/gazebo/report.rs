@@ -18,6 +18,8 @@ pub(crate) enum Flaw {
     Nesting,
     /// A pose or size is not a number, or far outside any building.
     Number,
+    /// A pose is where nothing of a map may be.
+    Remote,
     /// A frame of reference is unknown.
     Frame,
     /// A shape's kind is not supported, or it lacks its sizes.
@@ -46,6 +48,7 @@ impl Flaw {
             Self::ModelFile => "models that cannot be read, left out",
             Self::Nesting => "includes in a circle, too deep or too many, left out",
             Self::Number => "numbers missing, not finite or out of bounds, set to their defaults",
+            Self::Remote => "poses over 100 km from the origin",
             Self::Frame => "frames of reference unknown, taken as the parent's",
             Self::Shape => "shapes not supported or without proper sizes, left out",
             Self::Element => "elements not supported, left out",
@@ -74,18 +77,18 @@ impl ImportReport {
 
     /// One sentence for each kind of flaw.
     pub(crate) fn sentences(&self) -> Vec<String> {
+        self.found.keys().filter_map(|flaw| self.sentence(*flaw)).collect()
+    }
+
+    /// The sentence for one kind of flaw, if there is one of it.
+    pub(crate) fn sentence(&self, flaw: Flaw) -> Option<String> {
+        let names = self.found.get(&flaw)?;
         let told =
             |name: &String, times: usize| if times > 1 { format!("{name} ({times} times)") } else { name.clone() };
-        self.found
-            .iter()
-            .map(|(flaw, names)| {
-                let shown: Vec<String> =
-                    names.iter().take(MOST_NAMES).map(|(name, &times)| told(name, times)).collect();
-                let rest = names.len().saturating_sub(MOST_NAMES);
-                let more = if rest > 0 { format!(" and {rest} more") } else { String::new() };
-                format!("{}: {}{more}", flaw.sentence(), shown.join(", "))
-            })
-            .collect()
+        let shown: Vec<String> = names.iter().take(MOST_NAMES).map(|(name, &times)| told(name, times)).collect();
+        let rest = names.len().saturating_sub(MOST_NAMES);
+        let more = if rest > 0 { format!(" and {rest} more") } else { String::new() };
+        Some(format!("{}: {}{more}", flaw.sentence(), shown.join(", ")))
     }
 }
 

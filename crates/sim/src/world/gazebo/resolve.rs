@@ -31,6 +31,12 @@ impl Paths {
         Self { models, pictures: vec![own.join("../photos"), own.join("photos")] }
     }
 
+    /// The folders of models, for people.
+    pub(crate) fn folders(&self) -> String {
+        let folders: Vec<String> = self.models.iter().map(|folder| folder.display().to_string()).collect();
+        format!("{}; {} adds more", folders.join(", "), VARIABLES.join(" or "))
+    }
+
     /// The file that a URI names: `model://` is searched for in the models' folders, `file://` is a
     /// path, and so is anything else, relative to `base`. Of an `http` address, the last part is
     /// searched for as a model.

@@ -51,6 +51,17 @@ pub enum SdfError {
     /// The root element is not `<sdf>`.
     #[error("no SDF: the root is <{0}>")]
     Root(String),
+    /// Something is where nothing of a map may be.
+    #[error("{0}, where nothing of a map may be: shift the world to the origin")]
+    Remote(String),
+    /// Nothing is left of the world without what cannot be found or read.
+    #[error("no floor between walls is left of it: {flaws} (looked for in {folders})")]
+    Nothing {
+        /// What is missing, and what else is wrong.
+        flaws: String,
+        /// Where models are looked for.
+        folders: String,
+    },
 }
 
 /// A shape in the world.

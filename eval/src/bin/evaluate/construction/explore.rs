@@ -1,7 +1,10 @@
 //! `evaluate explore`: how accurate maps are after whole explorations of simulated buildings.
 
+use crate::files::Files;
+use crate::numbers::drift;
 use crate::output::{OutputArgs, say};
 use clap::Args;
+use fht_program::flags::count;
 use fht_proto::MapName;
 use fht_sim::{SimConfig, SimSetup};
 use mapper::explore::Ending;
@@ -15,10 +18,10 @@ pub struct ExploreArgs {
     #[arg(long, value_delimiter = ',', default_value = "museum,office")]
     worlds: Vec<String>,
     /// Seeds of noise and light, from 1 up to this.
-    #[arg(long, default_value_t = 10)]
+    #[arg(long, default_value_t = 10, value_parser = count)]
     seeds: u64,
     /// Factors of the wheels' drift.
-    #[arg(long, value_delimiter = ',', default_value = "1,2")]
+    #[arg(long, value_delimiter = ',', default_value = "1,2", value_parser = drift)]
     drifts: Vec<f64>,
     /// Numbers of people who walk about meanwhile.
     #[arg(long, value_delimiter = ',', default_value = "0")]
@@ -38,6 +41,13 @@ struct Row {
     drift: f64,
     people: u16,
     report: ExploreReport,
+}
+
+impl ExploreArgs {
+    /// What it reads and writes.
+    pub fn files(&self) -> Files {
+        Files::of(&self.output).in_worlds(&self.worlds)
+    }
 }
 
 pub fn run(args: &ExploreArgs) -> Result<(), String> {

@@ -1,11 +1,14 @@
 //! `evaluate merge`: maps made apart.
 
+use crate::files::Files;
 use crate::maps::short_name;
+use crate::numbers::share;
 use crate::output::{OutputArgs, say};
 use clap::Args;
 use fht_eval::{MadeMap, Merged, merge_and_measure, quantile_x};
 use fht_eval::{Survey, SurveyTask};
 use fht_merge::MergeConfig;
+use fht_program::flags::{count, folder};
 use fht_sim::Changes;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -17,19 +20,19 @@ pub struct MergeArgs {
     #[arg(long, value_delimiter = ',', default_value = "museum,office")]
     worlds: Vec<String>,
     /// Starts in each building, drawn at random.
-    #[arg(long, default_value_t = 3)]
+    #[arg(long, default_value_t = 3, value_parser = count)]
     starts: u64,
     /// Maps without pictures: several times faster, and merged by scans alone.
     #[arg(long)]
     no_cameras: bool,
     /// Share of the furniture that has moved before the last start in each building.
-    #[arg(long, value_name = "SHARE")]
+    #[arg(long, value_name = "SHARE", value_parser = share)]
     changed: Option<f64>,
     /// Also built-in buildings drawn from this seed, as buildings of their own.
     #[arg(long, value_name = "SEED")]
     drawn: Option<u64>,
     /// Where explored maps are kept.
-    #[arg(long, value_name = "FOLDER", default_value = "target/evaluation")]
+    #[arg(long, value_name = "FOLDER", default_value = "target/evaluation", value_parser = folder)]
     kept: PathBuf,
     #[command(flatten)]
     output: OutputArgs,
@@ -60,6 +63,13 @@ struct Row {
     is_one_building: bool,
     merged: Option<Merged>,
     refusal: Option<String>,
+}
+
+impl MergeArgs {
+    /// What it reads and writes.
+    pub fn files(&self) -> Files {
+        Files::of(&self.output).in_worlds(&self.worlds)
+    }
 }
 
 pub fn run(args: &MergeArgs) -> Result<(), String> {

@@ -3,6 +3,7 @@
 mod chart;
 mod relations;
 
+use crate::files::Files;
 use crate::output::{OutputArgs, say};
 use chart::{Posed, draw};
 use clap::Args;
@@ -67,6 +68,18 @@ struct Report {
     wall_s: f64,
 }
 
+impl SlamArgs {
+    /// What it reads and writes.
+    pub fn files(&self) -> Files {
+        let files = Files::of(&self.output).reads("the log", [&self.log]).reads("the relations", &self.relations);
+        files.writes("--picture", [&self.picture_file()])
+    }
+
+    fn picture_file(&self) -> PathBuf {
+        self.picture.clone().unwrap_or_else(|| default_file("slam", &self.log.to_string_lossy(), None))
+    }
+}
+
 pub fn run(args: &SlamArgs) -> Result<(), String> {
     let known = args.relations.as_deref().map(relations::read).transpose()?.unwrap_or_default();
     let topics = TopicConfig {
@@ -109,7 +122,8 @@ pub fn run(args: &SlamArgs) -> Result<(), String> {
     };
     let errors = (!known.is_empty()).then(|| relations::errors(&trajectory, &known));
     let counts = slam.counts();
-    let of = |value: fn(&Errors) -> f64| errors.as_ref().map(value);
+    let judged = errors.as_ref().filter(|errors| errors.relations > 0);
+    let of = |value: fn(&Errors) -> f64| judged.map(value);
     let report = Report {
         translation_mean_m: of(|errors| errors.translation_m.mean),
         translation_std_m: of(|errors| errors.translation_m.std),
@@ -135,9 +149,10 @@ pub fn run(args: &SlamArgs) -> Result<(), String> {
     let posed = scans.iter().zip(&trajectory);
     let posed: Vec<Posed<'_>> =
         posed.map(|((.., points), (_, map_from_base))| Posed { map_from_base: *map_from_base, points }).collect();
-    let path = args.picture.clone().unwrap_or_else(|| default_file("slam", &args.log.to_string_lossy(), None));
+    let path = args.picture_file();
     draw(&posed, &trajectory, &title(args), &path).map_err(|error| error.to_string())?;
-    say(&format!("picture      {}", path.display()))
+    say(&format!("picture      {}", path.display()))?;
+    relations::check_judged(errors.as_ref(), &known, [first.0, last.0])
 }
 
 fn title(args: &SlamArgs) -> String {

@@ -1,12 +1,15 @@
 //! `evaluate team`: several explorers in one building against one.
 
+use crate::files::Files;
 use crate::maps::short_name;
+use crate::numbers::{apart, share};
 use crate::output::{OutputArgs, say};
 use crate::paths::{PathFigures, quality};
 use clap::Args;
 use fht_demo::TrueFloor;
 use fht_eval::{GridMap, Member, Survey, TeamReport, TeamRun, TeamTask, explore_as_team};
 use fht_picture::{MapPicture, PictureConfig, default_file};
+use fht_program::flags::{count, folder, how_many};
 use fht_proto::encode;
 use fht_sim::{World, start_near};
 use mapper::MapperConfig;
@@ -20,17 +23,17 @@ pub struct TeamArgs {
     #[arg(long, value_delimiter = ',', default_value = "office")]
     worlds: Vec<String>,
     /// Seeds of noise, wheels and starts, from 1 up to this.
-    #[arg(long, default_value_t = 3)]
+    #[arg(long, default_value_t = 3, value_parser = count)]
     seeds: u64,
     /// Explorers.
-    #[arg(long, default_value_t = 2)]
+    #[arg(long, default_value_t = 2, value_parser = how_many)]
     explorers: usize,
     /// The others begin at most so far from the first, in its sight; 'inf': anywhere. Metres.
-    #[arg(long, default_value_t = 3.0)]
+    #[arg(long, default_value_t = 3.0, value_parser = apart)]
     apart_m: f64,
     /// The first one dies after this share of the time that it would take alone, and one more
     /// begins 30 s later.
-    #[arg(long, value_name = "SHARE")]
+    #[arg(long, value_name = "SHARE", value_parser = share)]
     succeed_at: Option<f64>,
     /// Pairs of places for the quality of paths; 0: none.
     #[arg(long, default_value_t = 1000)]
@@ -39,7 +42,7 @@ pub struct TeamArgs {
     #[arg(long)]
     no_cameras: bool,
     /// A picture of each map of a team, in this folder.
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER", value_parser = folder)]
     pictures: Option<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
@@ -62,6 +65,13 @@ struct Row {
 const PATIENCE_S: f64 = 4.0 * 3600.0;
 /// A successor begins so long after a death, seconds.
 const SUCCEEDED_AFTER_S: f64 = 30.0;
+
+impl TeamArgs {
+    /// What it reads and writes.
+    pub fn files(&self) -> Files {
+        Files::of(&self.output).in_worlds(&self.worlds)
+    }
+}
 
 pub fn run(args: &TeamArgs) -> Result<(), String> {
     say(

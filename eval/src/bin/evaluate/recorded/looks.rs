@@ -3,6 +3,11 @@
 use fht_eval::recorded::{JudgedDrive, JudgedStatement, Look};
 use std::path::Path;
 
+/// Begins a table, in place of one that an earlier run has left.
+pub fn begin(file: &Path) -> Result<(), String> {
+    std::fs::File::create(file).map(|_| ()).map_err(|error| format!("{} cannot be written: {error}", file.display()))
+}
+
 /// Appends the looks of a run to a table.
 pub fn append(file: &Path, (log, map): (&str, &str), drives: &[JudgedDrive]) -> Result<(), String> {
     let looks = drives.iter().flat_map(|drive| drive.statements.iter().map(|look| of(log, map, drive, look)));
@@ -39,5 +44,21 @@ fn of(log: &str, map: &str, drive: &JudgedDrive, look: &JudgedStatement) -> Look
         over_moved: for_it.over_moved,
         spread_m: for_it.spread_m,
         is_held: for_it.is_held,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn looks_of_an_earlier_run_do_not_count() -> std::io::Result<()> {
+        let folder = tempfile::tempdir()?;
+        let table = folder.path().join("looks.csv");
+        std::fs::write(&table, "looks of an earlier run")?;
+        assert_eq!(begin(&table), Ok(()));
+        assert_eq!(append(&table, ("log", "map"), &[]), Ok(()));
+        assert_eq!(std::fs::read_to_string(&table)?, "");
+        Ok(())
     }
 }

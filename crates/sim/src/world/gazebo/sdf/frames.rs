@@ -2,6 +2,7 @@
 
 use super::element::{child, name_of};
 use crate::world::gazebo::report::{Flaw, ImportReport};
+use fht_proto::FixedPoint;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use roxmltree::Node;
 use std::collections::HashMap;
@@ -91,6 +92,10 @@ pub(super) fn own_pose(node: Node<'_, '_>, report: &mut ImportReport) -> Option<
     let mut numbers: Vec<f64> = text.split_ascii_whitespace().map(|word| word.parse().unwrap_or(f64::NAN)).collect();
     let mut sound = numbers.len() == expected;
     numbers.resize(expected, 0.0);
+    // Heights are left out: things that fall through the floor go far.
+    if numbers[..2].iter().any(|number| number.is_finite() && number.abs() > FixedPoint::MAX_M) {
+        report.note(Flaw::Remote, format!("{} at {text}", name_of(node)));
+    }
     for number in &mut numbers {
         if !number.is_finite() || number.abs() > FARTHEST_M {
             *number = 0.0;

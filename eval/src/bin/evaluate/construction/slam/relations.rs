@@ -101,6 +101,24 @@ pub fn errors(trajectory: &[(u64, Pose2)], relations: &[Relation]) -> Errors {
     }
 }
 
+/// Says so if none of the `known` relations could be judged by a log from one time to another,
+/// microseconds.
+pub fn check_judged(errors: Option<&Errors>, known: &[Relation], log_us: [u64; 2]) -> Result<(), String> {
+    if errors.is_none_or(|errors| errors.relations > 0) {
+        return Ok(());
+    }
+    let times = || known.iter().flat_map(|relation| relation.times_us);
+    let theirs_us = [times().min().unwrap_or_default(), times().max().unwrap_or_default()];
+    let span = |[from, to]: [u64; 2]| format!("from {:.3} s to {:.3} s", from as f64 * 1e-6, to as f64 * 1e-6);
+    Err(format!(
+        "none of the {} relations can be judged: they are of scans {}, and the log's scans are {}; are they of another \
+         log?",
+        known.len(),
+        span(theirs_us),
+        span(log_us)
+    ))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -128,5 +146,9 @@ mod tests {
         let elsewhere = Relation { times_us: [1_000_000, 9_000_000], first_from_second: start };
         assert_eq!(errors(&trajectory, &[elsewhere]).missing, 1);
         assert_eq!(errors(&[], &[elsewhere]).missing, 1);
+        let log_us = [1_000_000, 3_000_000];
+        let none = check_judged(Some(&errors(&trajectory, &[elsewhere])), &[elsewhere], log_us);
+        assert!(none.as_ref().is_err_and(|said| said.contains("from 1.000 s to 9.000 s")), "{none:?}");
+        assert!(check_judged(Some(&found), &[elsewhere], log_us).is_ok() && check_judged(None, &[], log_us).is_ok());
     }
 }
