@@ -29,7 +29,7 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
 use fht_merge::MergeConfig;
 use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, parse_args, refuse};
-use fht_program::{ProgramFailure, Stop, Waiting, logging};
+use fht_program::{ProgramFailure, Stop, Waiting, logging, print_line};
 use fht_session::SessionConfig;
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -335,7 +335,7 @@ where
             Ok(())
         }
         Some(Command::AccessControl(access)) => {
-            access.run().map(|text| print!("{text}")).map_err(ProgramFailure::of_input)
+            access.run().map(|text| print_line!("{}", text.trim_end())).map_err(ProgramFailure::of_input)
         }
         Some(Command::CheckSite(site)) => site.run().map_err(|error| ProgramFailure::of(error.is_input(), error)),
         Some(Command::Repair(repair)) => repair.run(&config.data, cli.operator.json()),

@@ -110,7 +110,10 @@ impl RunError {
     #[must_use]
     pub fn is_input(&self) -> bool {
         match self {
-            Self::Descriptor(_) | Self::Linked(LinkedError::RobotName(_) | LinkedError::MapExists { .. }) => true,
+            Self::Descriptor(_)
+            | Self::Linked(LinkedError::RobotName(_) | LinkedError::NameTaken(_) | LinkedError::MapExists { .. }) => {
+                true
+            }
             Self::Linked(LinkedError::Link(error)) => error.is_input(),
             _ => false,
         }

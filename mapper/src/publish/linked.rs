@@ -14,13 +14,17 @@ use fht_proto::{AuthorId, Increment, MapName, ParseIdError, RobotName};
 use fht_session::{SessionConfig, SessionError};
 use std::collections::VecDeque;
 use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use zenoh::Session;
 use zenoh::liveliness::LivelinessToken;
 
 /// How long the server may take to tell whether the map exists, and to acknowledge anything of what
 /// the last run has left.
 const SERVER_PATIENCE: Duration = Duration::from_secs(30);
+/// Within this the names of the robots that are there are known.
+const ROLL_CALL: Duration = Duration::from_secs(1);
+/// A robot that is gone without a word is there for so long: a session's lease, and a little more.
+const LEASE: Duration = Duration::from_secs(12);
 /// How long it may take to put into the spool what is not acknowledged in the end.
 const LEAVE_TIME: Duration = Duration::from_secs(10);
 /// How long a run that was interrupted waits for acknowledgements that are under way, and for its
@@ -57,6 +61,9 @@ pub enum LinkedError {
     /// The robot's name is none.
     #[error(transparent)]
     RobotName(#[from] ParseIdError),
+    /// A robot of this name is there.
+    #[error("a robot called {0} is there already; give this one another --robot")]
+    NameTaken(String),
     /// Publishing failed.
     #[error(transparent)]
     Publish(#[from] PublishError),
@@ -97,6 +104,22 @@ pub struct Linked {
     token: LivelinessToken,
 }
 
+/// Waits until no other robot has the name. One that lost its power has it until its session's lease
+/// is over.
+async fn free_name(presence: Presence) -> Result<Presence, LinkedError> {
+    let wait = move || {
+        let began = Instant::now();
+        while presence.is_taken(ROLL_CALL).map_err(PublishError::from)? {
+            if began.elapsed() >= LEASE {
+                return Err(LinkedError::NameTaken(presence.robot().to_owned()));
+            }
+            std::thread::sleep(ROLL_CALL);
+        }
+        Ok(presence)
+    };
+    tokio::task::spawn_blocking(wait).await?
+}
+
 impl Linked {
     /// Opens the session, delivers what the last run of this robot has left, and asks the server
     /// about the map.
@@ -109,6 +132,8 @@ impl Linked {
         let spool = spool.as_deref().map(|dir| Spool::open(dir, map, AuthorId::of_robot(robot))).transpose()?;
         stop.doing(format!("waiting for a server at {}", link.places()));
         let session = fht_session::open_within(link, *wait).await?;
+        stop.doing("asking whether a robot of this name is there already");
+        let presence = free_name(Presence::new(&session, map, robot, RobotRole::Explorer)?).await?;
         stop.doing(match &spool {
             Some(spool) => format!(
                 "asking the server about map '{map}'; what the last run has left, if anything, stays in {}",
@@ -123,7 +148,6 @@ impl Linked {
         if let Some(deletion) = head.as_ref().and_then(|head| head.deletion.as_ref()) {
             return Err(PublishError::Refused(deletion.refusal(map)).into());
         }
-        let presence = Presence::new(&session, map, robot, RobotRole::Explorer)?;
         let token = presence.declare().map_err(PublishError::from)?;
         Ok(Self { head, session, spool, token, publication })
     }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// Sections of the file that some program reads. Each program takes its own and leaves the others
 /// to theirs.
-pub const SECTIONS: [&str; 8] = ["connect", "robot", "sim", "bag", "mapper", "client", "server", "merge"];
+pub const SECTIONS: [&str; 9] = ["connect", "robot", "sim", "ros", "bag", "mapper", "client", "server", "merge"];
 
 /// What a configuration file can be read into and printed from. Every such structure has this
 /// trait.
