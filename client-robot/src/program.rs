@@ -12,6 +12,7 @@ mod recording;
 mod report;
 mod ros_mission;
 mod ros_report;
+mod route;
 mod scoring;
 mod serve;
 mod settings;
@@ -24,6 +25,7 @@ use self::arguments::{Cli, Command, LinkArgs, RobotArgs};
 use self::error::CliError;
 use self::mission::carry_out;
 use self::path::path;
+use self::route::route;
 use self::serve::serving;
 use self::settings::ClientFile;
 use crate::mission::MissionGoal;
@@ -81,6 +83,7 @@ pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
         Some(Command::Serve { link, args }) => checked(&args.robot, &link, config)
             .and_then(|()| serving(file.with_link(&link).with_robot(&args.robot), &args, &link.waiting(), &stop)),
+        Some(Command::Route { link, args }) => route(&file.with_link(&link), &args, &link.waiting(), &stop),
         Some(Command::Completions(shell)) => {
             shell.print::<Cli>();
             Ok(ExitCode::SUCCESS)

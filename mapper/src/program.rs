@@ -19,6 +19,7 @@ mod ros_outputs;
 mod running;
 mod scoring;
 mod settings;
+mod until_silent;
 mod way;
 
 pub use explore::{ExploreError, ExploreProgress, ExploreTask, explore};
@@ -27,7 +28,7 @@ pub use map_figures::MapFigures;
 pub use picture::PictureTask;
 pub use replay::{ReplayError, ReplayReport, ReplaySnapshot, ReplayTask, replay};
 pub use report::{ExploreReport, PeopleFigures, RobotFigures};
-pub use ros::{RosExploreError, RosExploreReport, RosExploreTask, RosSnapshot, explore_robot};
+pub use ros::{Driver, RosExploreError, RosExploreReport, RosExploreTask, RosSnapshot, explore_robot};
 pub use scoring::main_node_errors;
 
 use self::arguments::{Cli, Command};

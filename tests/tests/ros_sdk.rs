@@ -3,16 +3,19 @@
 //! services.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-use fht_perception::frame::Twist;
-use fht_perception::pose::pose;
+use fht_perception::frame::{SensorFrame, Twist};
+use fht_perception::grid::CellState;
+use fht_perception::pose::{Point2, pose};
 use fht_perception::robot::{Robot, Sensors, SilenceConfig, Supervised};
+use fht_proto::api::fleet::LocalizationState;
 use fht_ros::{NodeConfig, Qos, RosNode};
+use fht_ros_frames::FloorGrid;
 use fht_ros_messages::msg::{
-    HeaderMsg, LaserScanMsg, MapMetaData, OccupancyGridMsg, OdometryMsg, SetBool, SetBoolRequest, SetBoolResponse,
-    StringMsg, TfMessage, TwistMsg,
+    HeaderMsg, LaserScanMsg, MapMetaData, OccupancyGridMsg, OdometryMsg, PoseWithCovarianceStamped, SetBool,
+    SetBoolRequest, SetBoolResponse, StringMsg, TfMessage, TwistMsg,
 };
 use fht_ros_messages::{Distribution, RosMessage, RosService, definition, type_hash};
-use fht_ros_robot::{RosRobot, RosRobotConfig};
+use fht_ros_robot::{OutputRole, PlaceNow, RosOutputs, RosRobot, RosRobotConfig};
 use fht_session::SessionConfig;
 use fht_tests::python::environment;
 use std::collections::BTreeMap;
@@ -43,6 +46,7 @@ impl Peer {
             LaserScanMsg::TYPE,
             OdometryMsg::TYPE,
             TfMessage::TYPE,
+            PoseWithCovarianceStamped::TYPE,
             SetBool::TYPE,
         ]
         .into_iter()
@@ -118,6 +122,38 @@ async fn topics_and_services(node: &RosNode, peer: &mut Peer) {
     assert!(topics.contains("('/chatter', ['std_msgs/msg/String'])") && topics.contains("/map"), "{topics}");
 }
 
+/// What a robot that knows its place tells its graph.
+async fn the_peer_sees_where_the_robot_is(node: &RosNode, robot: &RosRobot, frame: &SensorFrame, peer: &mut Peer) {
+    let outputs = RosOutputs::start(node, OutputRole::Localization, robot.odom_frame()).await.unwrap();
+    let now = PlaceNow {
+        time_us: frame.time_us,
+        state: LocalizationState::Localized,
+        confidence: 0.999,
+        odom_from_base: frame.odom_from_base,
+        map_from_base: Some(pose(4.0, 2.0, 0.5)),
+        candidates: Vec::new(),
+        lost_because: None,
+    };
+    let grid = FloorGrid {
+        resolution_m: 0.05,
+        origin: Point2::new(-1.0, 2.0),
+        width: 2,
+        cells: vec![CellState::Free, CellState::Occupied, CellState::Unknown, CellState::Free],
+    };
+    outputs.floor(frame.time_us, move || grid);
+    let saying = tokio::spawn(async move {
+        // Transforms are not kept for who comes later.
+        loop {
+            outputs.place(now.clone());
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    });
+    assert_eq!(peer.line("map "), "map 2 2 [0, 100, -1, 0]");
+    assert_eq!(peer.line("tf "), "map odom 2.500 2.000");
+    assert_eq!(peer.line("amcl_pose "), "map 4.000 2.000 0.0025");
+    saying.abort();
+}
+
 async fn the_peer_is_a_robot(node: &RosNode, peer: &mut Peer) {
     let mut robot = RosRobot::connect(node, RosRobotConfig::default()).await.unwrap();
     let frame = soon(robot.sense()).await.unwrap();
@@ -128,6 +164,8 @@ async fn the_peer_is_a_robot(node: &RosNode, peer: &mut Peer) {
     frame.check().unwrap();
     robot.drive(Twist { linear_mps: 0.25, angular_radps: -0.5 }).await.unwrap();
     assert_eq!(peer.line("cmd_vel "), "0.25 -0.5");
+
+    the_peer_sees_where_the_robot_is(node, &robot, &frame, peer).await;
 
     // The LiDAR falls silent: the robot is stopped.
     let mut robot = Supervised::new(robot, SilenceConfig { stop_after_s: 0.5, end_after_s: 1.2 });

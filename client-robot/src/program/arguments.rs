@@ -4,7 +4,7 @@ use clap::{Args, Parser, Subcommand};
 use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, FileClash, ReportArgs};
 use fht_program::flags::{check_files, new_file, number, seconds};
 use fht_proto::{Footprint, MapName, RobotName};
-use fht_ros_robot::GraphArgs;
+use fht_ros_robot::{GraphArgs, NodeArgs};
 use fht_sim::SimSetup;
 use std::path::{Path, PathBuf};
 
@@ -66,6 +66,19 @@ pub(super) enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Plans for Nav2: serves the action compute_path_to_pose on a robot's ROS 2 graph with the paths
+    /// of the fleet's map, its rules and closures.
+    #[command(after_help = "Examples:
+  client-robot route --map lab --ros tcp/robot:7447
+  client-robot route --map lab --ros tcp/robot:7447 --namespace r1 --connect tcp/server:7447
+
+Exit code 0: it was asked to end, by Ctrl-C or SIGTERM; 1: it failed; 2: wrong usage or bad input.")]
+    Route {
+        #[command(flatten)]
+        link: LinkArgs,
+        #[command(flatten)]
+        args: RouteArgs,
+    },
     /// Finds its place, then drives to a goal.
     #[command(after_help = "Examples:
   client-robot go --map museum --to 5,3
@@ -124,6 +137,18 @@ pub(super) struct WayArgs {
     /// If the goal cannot be reached, the path to the nearest point that can.
     #[arg(long)]
     pub(super) to_nearest: bool,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct RouteArgs {
+    /// The robot's router, such as tcp/robot:7447.
+    #[arg(long, value_name = "ENDPOINT")]
+    pub(super) ros: String,
+    #[command(flatten)]
+    pub(super) node: NodeArgs,
+    /// The robot's frame: a path without a start begins where that is [default: base_link].
+    #[arg(long, value_name = "FRAME")]
+    pub(super) base_frame: Option<String>,
 }
 
 #[derive(Debug, Args)]

@@ -10,8 +10,8 @@
 //! | module | idea |
 //! | --- | --- |
 //! | `config` | its topics, frames and clock ([`SimRobotConfig`]) |
-//! | `robot` | the topics ([`SimRobot`]), and the robot's life ([`live`]) |
-//! | `program` | `sim robot` and `sim router` on the command line (feature `program`) |
+//! | `robot` | the topics ([`SimRobot`]), a simulated robot's life ([`live`]), a recorded one's ([`play`]) |
+//! | `program` | `sim robot`, `sim play` and `sim router` on the command line (feature `program`) |
 //!
 //! ```
 //! use fht_ros_sim::SimRobotConfig;
@@ -26,4 +26,4 @@ pub mod program;
 mod robot;
 
 pub use config::{CommandType, SimRobotConfig};
-pub use robot::{LiveError, SimRobot, SimRobotReport, live};
+pub use robot::{LiveError, SimRobot, SimRobotReport, live, play};

@@ -1,10 +1,12 @@
-//! `sim robot`: a simulated robot for whoever speaks ROS 2 over Zenoh; `sim router`: a router for
-//! its graph.
+//! `sim robot`: a simulated robot for whoever speaks ROS 2 over Zenoh; `sim play`: a recorded one;
+//! `sim router`: a router for its graph.
 
 use crate::config::{CommandType, SimRobotConfig};
-use crate::robot::{LiveError, SimRobot, SimRobotReport, live};
+use crate::robot::{LiveError, SimRobot, SimRobotReport, live, play};
 use clap::{Args, Parser, Subcommand};
-use fht_perception::robot::Paced;
+use fht_bag::{BagError, FrameConfig, Frames, TopicConfig};
+use fht_perception::pose::pose;
+use fht_perception::robot::{Paced, Sensors};
 use fht_program::flags::{CompletionsArgs, ReportArgs, missing_command, number, parse_args, seconds};
 use fht_program::{Order, ProgramFailure, Stop, logging, print_line};
 use fht_proto::RobotName;
@@ -14,6 +16,7 @@ use fht_session::{ConfigurationError, SessionConfig, SessionError, in_words, set
 use fht_shared_world::{JoinError, seat};
 use fht_sim::{SimConfig, SimSetup, Simulator, StartError, WorldError};
 use std::ffi::OsString;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -22,6 +25,8 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 const NAME: &str = "sim";
 /// Room that a start has around it that is drawn by lot, metres.
 const START_CLEARANCE_M: f64 = 0.4;
+/// Between two looks for who listens.
+const LISTENER_EVERY: Duration = Duration::from_millis(20);
 /// How long time waits for a command with `--in-step`: as long as a scan takes.
 const STEP_PATIENCE: Duration = Duration::from_millis(200);
 
@@ -54,6 +59,14 @@ enum Command {
 
 Exit code 0: it was asked to end, by Ctrl-C or SIGTERM; 1: it failed; 2: wrong usage or bad input.")]
     Robot(Box<RobotArgs>),
+    /// Plays a bag as a live robot, as `ros2 bag play` does: scan, odom, tf and tf_static out.
+    #[command(after_help = "Examples:
+  sim play run.mcap --ros tcp/127.0.0.1:7460
+  sim play run.mcap --ros tcp/127.0.0.1:7460 --rate 5 --wait-for-listener
+  mapper explore --ros tcp/127.0.0.1:7460 --drive others --offline --end-after 5   maps what it hears
+
+Exit code 0: it was played, or asked to end; 1: it failed; 2: wrong usage or bad input.")]
+    Play(Box<PlayArgs>),
     /// A Zenoh router without storages, until it is asked to end.
     #[command(after_help = "Examples:
   sim router --listen tcp/127.0.0.1:7460
@@ -67,10 +80,9 @@ Exit code 0: it was asked to end, by Ctrl-C or SIGTERM; 1: it failed; 2: wrong u
     Completions(CompletionsArgs),
 }
 
+/// Where the robot's graph is.
 #[derive(Debug, Args)]
-struct RobotArgs {
-    #[command(flatten)]
-    setup: SimSetup,
+struct GraphArgs {
     /// The robot's router, such as tcp/127.0.0.1:7460.
     #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
     ros: String,
@@ -79,6 +91,38 @@ struct RobotArgs {
     wait: Option<f64>,
     #[command(flatten)]
     node: NodeArgs,
+}
+
+impl GraphArgs {
+    async fn join(&self, stop: &Stop) -> Result<RosNode, SimError> {
+        let link = SessionConfig::from_options(vec![self.ros.clone()], None);
+        stop.doing(format!("waiting for the robot's router at {}", link.places()));
+        let patience = self.wait.map(|wait| Duration::try_from_secs_f64(wait).unwrap_or(Duration::MAX));
+        let session = fht_session::open_within(&link, patience).await?;
+        Ok(RosNode::join(session, self.node.node("sim_robot")).await?)
+    }
+}
+
+#[derive(Debug, Args)]
+struct PlayArgs {
+    /// The bag: a rosbag2 folder, an MCAP file, or a folder of MCAP files.
+    bag: PathBuf,
+    #[command(flatten)]
+    graph: GraphArgs,
+    /// Recorded seconds a second; other than 1, /clock says what time it is.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = |text: &str| number(text, 1e-3..=1e3))]
+    rate: f64,
+    /// Begin when somebody listens to the scans.
+    #[arg(long)]
+    wait_for_listener: bool,
+}
+
+#[derive(Debug, Args)]
+struct RobotArgs {
+    #[command(flatten)]
+    setup: SimSetup,
+    #[command(flatten)]
+    graph: GraphArgs,
     /// Begin anywhere free, by the seed, in place of the world's own start.
     #[arg(long, conflicts_with = "start")]
     anywhere: bool,
@@ -111,6 +155,8 @@ enum SimError {
     #[error(transparent)]
     World(#[from] WorldError),
     #[error(transparent)]
+    Bag(#[from] BagError),
+    #[error(transparent)]
     Start(#[from] StartError),
     #[error(transparent)]
     SharedWorld(#[from] JoinError),
@@ -130,7 +176,11 @@ impl SimError {
     /// Whether what was given is wrong.
     fn is_input(&self) -> bool {
         match self {
-            Self::World(_) | Self::Start(_) | Self::Configuration(_) | Self::Graph(RosError::Name(_)) => true,
+            Self::World(_)
+            | Self::Bag(_)
+            | Self::Start(_)
+            | Self::Configuration(_)
+            | Self::Graph(RosError::Name(_)) => true,
             Self::SharedWorld(error) => error.is_input(),
             Self::Session(error) => error.is_input(),
             Self::Graph(_) | Self::Live(_) | Self::Router(_) => false,
@@ -169,6 +219,13 @@ pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
             },
             Err(error) => Err(ProgramFailure::of(error.is_input(), error)),
         },
+        Some(Command::Play(args)) => match runtime.block_on(play_bag(&args, &stop)) {
+            Ok(frames) => {
+                print_line!("played {frames} frames");
+                Ok(())
+            }
+            Err(error) => Err(ProgramFailure::of(error.is_input(), error)),
+        },
         Some(Command::Router { listen }) => {
             let outcome = runtime.block_on(router(&listen, &stop));
             outcome.map_err(|error| ProgramFailure::of(error.is_input(), error))
@@ -196,11 +253,7 @@ async fn robot(args: &RobotArgs, stop: &Stop) -> Result<(SimRobotReport, Order),
     let start = args.setup.start_in(&world, sim.radius_m)?.unwrap_or_else(usual);
     let simulator = Simulator::new(world, sim.clone(), start, args.setup.seed);
     let (simulator, _exit) = seat(simulator, &args.setup, args.robot.as_str())?;
-    let link = SessionConfig::from_options(vec![args.ros.clone()], None);
-    stop.doing(format!("waiting for the robot's router at {}", link.places()));
-    let patience = args.wait.map(|wait| Duration::try_from_secs_f64(wait).unwrap_or(Duration::MAX));
-    let session = fht_session::open_within(&link, patience).await?;
-    let node = RosNode::join(session, args.node.node("sim_robot")).await?;
+    let node = args.graph.join(stop).await?;
     let has_clock = args.in_step || args.rate != 1.0;
     let config = SimRobotConfig {
         command_type: if args.plain_twist { CommandType::Plain } else { CommandType::Stamped },
@@ -209,13 +262,31 @@ async fn robot(args: &RobotArgs, stop: &Stop) -> Result<(SimRobotReport, Order),
         begin_us: if has_clock { SimRobotConfig::default().begin_us } else { wall_us() },
         ..SimRobotConfig::default()
     };
-    let topics = SimRobot::join(&node, config, &sim).await?;
+    let [x, y, up_m] = sim.lidar_mount_m;
+    let topics = SimRobot::join(&node, config, &pose(x, y, 0.0), up_m).await?;
     let truth = simulator.watch_truth();
     // Its figures are told before the program ends.
     let order = stop.in_order();
     let (rate, in_step) = if args.in_step { (None, Some(STEP_PATIENCE)) } else { (Some(args.rate), None) };
     let report = live(topics, Paced::new(simulator, rate), &truth, in_step, stop.requested()).await?;
     Ok((report, order))
+}
+
+/// Plays a bag; returns how many frames it had.
+async fn play_bag(args: &PlayArgs, stop: &Stop) -> Result<u64, SimError> {
+    let topics = TopicConfig { cameras: None, ..TopicConfig::default() };
+    let mut frames = Frames::open(&args.bag, FrameConfig { topics, ..FrameConfig::default() })?;
+    let node = args.graph.join(stop).await?;
+    let _order = stop.in_order();
+    let first = frames.sense().await.map_err(LiveError::from)?;
+    // A bag's frames have the times that were recorded.
+    let config = SimRobotConfig { has_clock: args.rate != 1.0, begin_us: 0, ..SimRobotConfig::default() };
+    let mut topics = SimRobot::join(&node, config, &first.scan.base_from_sensor, 0.0).await?;
+    while args.wait_for_listener && !stop.is_set() && !topics.is_heard().await? {
+        tokio::time::sleep(LISTENER_EVERY).await;
+    }
+    topics.publish(&first, None)?;
+    Ok(play(&mut topics, Paced::new(frames, Some(args.rate)), stop.requested()).await?)
 }
 
 /// Microseconds since the epoch.

@@ -2,15 +2,15 @@
 
 use crate::config::{CommandType, SimRobotConfig};
 use fht_perception::frame::{SensorFrame, Twist};
-use fht_perception::pose::{Pose2, pose};
-use fht_perception::robot::{Robot, RobotError};
+use fht_perception::pose::Pose2;
+use fht_perception::robot::{Robot, RobotError, Sensors};
 use fht_ros::{Publisher, Qos, Received, RosError, RosNode, Subscription};
 use fht_ros_frames::{header_message, pose_message, scan_message};
 use fht_ros_messages::msg::{
     ClockMsg, LaserScanMsg, OdometryMsg, PoseWithCovariance, TfMessage, Time, TransformStamped, TwistMsg, TwistStamped,
     TwistWithCovariance, Vector3,
 };
-use fht_sim::{Contacts, RobotContacts, SimConfig, Truth};
+use fht_sim::{Contacts, RobotContacts, Truth};
 use serde::{Deserialize, Serialize};
 use std::future::Future;
 use std::time::Duration;
@@ -67,23 +67,29 @@ pub struct SimRobot {
     commands: Commands,
     /// The newest command, and when it came, microseconds of the robot's clock.
     command: Option<(Twist, u64)>,
+    first_us: Option<u64>,
     report: SimRobotReport,
 }
 
 impl SimRobot {
-    /// Puts the robot's topics on the graph.
+    /// Puts the robot's topics on the graph. Its scanner stands at `base_from_laser`, `up_m` metres
+    /// over the base.
     ///
     /// # Errors
     /// [`RosError`] when a name cannot be one, or the session is closed.
-    pub async fn join(node: &RosNode, config: SimRobotConfig, sim: &SimConfig) -> Result<Self, RosError> {
+    pub async fn join(
+        node: &RosNode,
+        config: SimRobotConfig,
+        base_from_laser: &Pose2,
+        up_m: f64,
+    ) -> Result<Self, RosError> {
         let fixed = node.publisher("tf_static", Qos::latched(1)).await?;
-        let [x, y, up] = sim.lidar_mount_m;
         let mut mount = TransformStamped {
             header: header_message(config.begin_us, &config.base_frame),
             child_frame_id: config.laser_frame.clone(),
-            transform: pose_message(&pose(x, y, 0.0)),
+            transform: pose_message(base_from_laser),
         };
-        mount.transform.position.z = up;
+        mount.transform.position.z = up_m;
         fixed.publish(&TfMessage { transforms: vec![mount] })?;
         let last = Qos { depth: 1, ..Qos::default() };
         let commands = match config.command_type {
@@ -103,6 +109,7 @@ impl SimRobot {
             _mount: fixed,
             commands,
             command: None,
+            first_us: None,
             report: SimRobotReport::default(),
             config,
         })
@@ -116,11 +123,11 @@ impl SimRobot {
         self.scans.is_heard().await
     }
 
-    /// Says what the sensors say, and where the robot truly is in the world.
+    /// Says what the sensors say, and where the robot truly is in the world, if anybody knows.
     ///
     /// # Errors
     /// [`RosError`] when the session is closed.
-    pub fn publish(&mut self, frame: &SensorFrame, world_from_base: &Pose2) -> Result<(), RosError> {
+    pub fn publish(&mut self, frame: &SensorFrame, world_from_base: Option<&Pose2>) -> Result<(), RosError> {
         let config = &self.config;
         let time_us = config.begin_us + frame.time_us;
         if let Some(clock) = &self.clock {
@@ -142,12 +149,15 @@ impl SimRobot {
             child_frame_id: config.base_frame.clone(),
             transform: pose_message(&frame.odom_from_base),
         };
-        self.truth.publish(&odometry("world", world_from_base))?;
+        if let Some(world_from_base) = world_from_base {
+            self.truth.publish(&odometry("world", world_from_base))?;
+        }
         self.transforms.publish(&TfMessage { transforms: vec![odom_from_base] })?;
         self.odometry.publish(&odometry(&config.odom_frame, &frame.odom_from_base))?;
         self.scans.publish(&scan_message(&frame.scan, header_message(time_us, &config.laser_frame), 0.0))?;
         self.report.frames += 1;
-        self.report.sim_s = frame.time_us as f64 * 1e-6;
+        let first_us = *self.first_us.get_or_insert(frame.time_us);
+        self.report.sim_s = frame.time_us.saturating_sub(first_us) as f64 * 1e-6;
         Ok(())
     }
 
@@ -224,7 +234,7 @@ pub async fn live<R: Robot>(
             frame = robot.sense() => frame?,
             () = &mut end => break,
         };
-        topics.publish(&frame, &truth.world_from_base())?;
+        topics.publish(&frame, Some(&truth.world_from_base()))?;
         if let Some(patience) = in_step {
             topics.wait_for_command(frame.time_us, patience).await;
         }
@@ -240,4 +250,29 @@ pub async fn live<R: Robot>(
         world_from_base: [at.translation.x, at.translation.y, at.rotation.angle()],
         ..topics.report
     })
+}
+
+/// Plays recorded frames as a live robot that obeys nobody, until they are over or `end`. Returns how
+/// many there were.
+///
+/// # Errors
+/// [`LiveError`].
+pub async fn play<S: Sensors>(
+    topics: &mut SimRobot,
+    mut frames: S,
+    end: impl Future<Output = ()>,
+) -> Result<u64, LiveError> {
+    tokio::pin!(end);
+    loop {
+        let frame = tokio::select! {
+            frame = frames.sense() => frame,
+            () = &mut end => break,
+        };
+        match frame {
+            Ok(frame) => topics.publish(&frame, None)?,
+            Err(RobotError::Ended) => break,
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(topics.report.frames)
 }

@@ -1,6 +1,7 @@
 //! The command line of `mapper`.
 
 use super::replay_command::{InfoArgs, ReplayArgs};
+use super::ros::Driver;
 use super::ros_arguments::RosCommand;
 use super::running::RunArgs;
 use clap::{Args, Parser, Subcommand};
@@ -136,6 +137,14 @@ pub(super) struct ExploreArgs {
     // Last, since its heading holds for all that comes after it.
     #[command(flatten)]
     pub(super) graph: GraphArgs,
+    /// Who drives the robot: the mapper, or others (a person, Nav2, a bag that is played); then
+    /// nothing is put on cmd_vel, and the map is finished when the sensors have been silent for
+    /// --end-after.
+    #[arg(long, value_name = "WHO", default_value = "mapper", requires = "ros")]
+    pub(super) drive: Driver,
+    /// End when no frame has come for so long, seconds [default: 60].
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "ros")]
+    pub(super) end_after: Option<f64>,
 }
 
 fn drift(text: &str) -> Result<f64, String> {

@@ -4,6 +4,7 @@ use super::keeping::{KeepError, Kept, RunKeeper};
 use super::map_figures::MapFigures;
 use super::picture::PictureTask;
 use super::ros_outputs::MapOutputs;
+use super::until_silent::UntilSilent;
 use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask, RunError};
 use fht_perception::robot::{RobotError, SilenceConfig};
 use fht_program::stop::Stop;
@@ -20,6 +21,17 @@ use std::time::{Duration, Instant};
 /// half a second.
 const STOP_AFTER_S: f64 = 0.4;
 
+/// Who drives a robot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Driver {
+    /// The mapper: it explores.
+    #[default]
+    Mapper,
+    /// Somebody else, a person or Nav2: the mapper maps what the robot sees, until its sensors fall
+    /// silent for `[mapper] silence.end_after_s`.
+    Others,
+}
+
 /// Which robot explores, and where its map goes.
 #[derive(Clone, Debug)]
 pub struct RosExploreTask {
@@ -33,6 +45,8 @@ pub struct RosExploreTask {
     pub patience: Option<Duration>,
     /// What to map, and where to publish it. Cameras are not read.
     pub mapping: MappingTask,
+    /// Who drives the robot.
+    pub driver: Driver,
     /// A bag to write: an `.mcap` file, or a folder.
     pub record: Option<PathBuf>,
     /// A picture to make of the map at the end.
@@ -171,7 +185,16 @@ pub async fn explore_robot(
     let silence = SilenceConfig { stop_after_s: STOP_AFTER_S, ..task.mapping.silence.clone() };
     let mapping = MappingTask { cameras: false, silence, stop: task.stop, ..task.mapping };
     let outputs = MapOutputs::new(RosOutputs::start(&node, OutputRole::Mapping, robot.odom_frame()).await?);
-    let outcome = run::explore(mapping, robot, (keeper, (travel, outputs))).await?;
+    let observer = (keeper, (travel, outputs));
+    let outcome = match task.driver {
+        Driver::Mapper => run::explore(mapping, robot, observer).await?,
+        Driver::Others => {
+            let sensors = UntilSilent::new(robot, mapping.silence.end_after());
+            let mapping = MappingTask { silence: SilenceConfig::patient(), ..mapping };
+            let MappingOutcome { summary, mapper, robot, observer } = run::observe(mapping, sensors, observer).await?;
+            MappingOutcome { summary, mapper, robot: robot.into_inner(), observer }
+        }
+    };
     let MappingOutcome { mut summary, mapper, robot, observer: (keeper, (travel, outputs)) } = outcome;
     if let Some(error) = summary.robot_error.take() {
         return Err(RosExploreError::Robot { error, trouble: robot.trouble() });

@@ -1,7 +1,7 @@
 //! `mapper explore --ros` and `mapper ros check` on the command line.
 
 use super::arguments::ExploreArgs;
-use super::ros::{RosExploreReport, RosExploreTask, RosSnapshot, explore_robot};
+use super::ros::{Driver, RosExploreReport, RosExploreTask, RosSnapshot, explore_robot};
 use super::ros_arguments::CheckArgs;
 use super::running::{RunEnd, exploring_spinner, increments, runtime};
 use super::settings::MapperFile;
@@ -28,12 +28,19 @@ impl ExploreArgs {
         mapping.spool = self.spool_over(mapping.spool)?;
         mapping.max_s = self.max_sim.unwrap_or(mapping.max_s);
         mapping.mapper.join.looks_again |= self.again;
-        mapping.mapper.pace = Pace::RealTime;
+        // Others do not wait for what the mapper does, and it need not hurry.
+        if self.drive == Driver::Mapper {
+            mapping.mapper.pace = Pace::RealTime;
+        }
+        if let Some(end_after_s) = self.end_after {
+            mapping.silence.end_after_s = end_after_s;
+        }
         Ok(RosExploreTask {
             graph: router(endpoint),
             node: self.graph.node.node("mapper"),
             robot: self.graph.robot(file.ros),
             patience: Waiting::new("mapper", self.run.link.wait, None).for_session(),
+            driver: self.drive,
             record: self.run.record.clone(),
             picture: self.run.picture("explore", source, None),
             stop,

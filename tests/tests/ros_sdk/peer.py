@@ -26,6 +26,10 @@ def say(*words):
     print(*words, flush=True)
 
 
+def rounded(place):
+    return f"{place.x:.3f} {place.y:.3f}"
+
+
 def endpoint(kind, topic, msg_type, *args, **more):
     definition, type_hash = TYPES[msg_type]
     return kind(
@@ -52,6 +56,24 @@ map_ = endpoint(
     "/map",
     "nav_msgs/msg/OccupancyGrid",
     lambda grid: say("map", grid.header.frame_id, grid.info.width, grid.info.height, grid.data.tolist()),
+    qos=LATCHED,
+)
+tf = endpoint(
+    ROS2Subscriber,
+    "/tf",
+    "tf2_msgs/msg/TFMessage",
+    lambda message: [
+        say("tf", one.header.frame_id, one.child_frame_id, rounded(one.transform.translation))
+        for one in message.transforms
+    ],
+)
+amcl_pose = endpoint(
+    ROS2Subscriber,
+    "/amcl_pose",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    lambda message: say(
+        "amcl_pose", message.header.frame_id, rounded(message.pose.pose.position), f"{message.pose.covariance[0]:.4f}"
+    ),
     qos=LATCHED,
 )
 cmd_vel = endpoint(

@@ -1,0 +1,61 @@
+//! A recorded run that is played as a live ROS robot gives the map that its replay gives, to the
+//! last bit, where no frame came late.
+#![allow(clippy::unwrap_used)] // tests may panic
+
+use fht_demo::{Process, Role, free_endpoint};
+use serde_json::Value;
+use std::ffi::OsStr;
+use std::path::Path;
+use std::time::Duration;
+
+const PATIENCE: Duration = Duration::from_secs(120);
+
+fn start<A: AsRef<OsStr>>(role: Role, args: &[A]) -> Process {
+    Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), role, args).unwrap()
+}
+
+/// What a mapper reports.
+fn mapped(args: &[&str]) -> Value {
+    serde_json::from_str(&start(Role::Mapper, args).finish(PATIENCE).unwrap()).unwrap()
+}
+
+/// Plays the bag `rate` times as fast to a mapper that listens, and returns what it reports.
+fn heard(bag: &str, rate: &str) -> Value {
+    let endpoint = free_endpoint().unwrap();
+    let mut router = start(Role::Sim, &["router", "--listen", &endpoint]);
+    router.wait_until_listening(&endpoint, PATIENCE).unwrap();
+    let played = start(Role::Sim, &["play", bag, "--ros", &endpoint, "--rate", rate, "--wait-for-listener"]);
+    let listening =
+        ["explore", "--ros", &endpoint, "--drive", "others", "--end-after", "3", "--offline", "--json", "--quiet"];
+    let report = mapped(&listening);
+    let said = played.finish(PATIENCE).unwrap();
+    assert_eq!(said.trim(), format!("played {} frames", report["scans"]), "{report}");
+    report
+}
+
+#[test]
+fn a_bag_that_is_played_gives_the_map_of_its_replay() {
+    let folder = tempfile::tempdir().unwrap();
+    let bag = folder.path().join("run.mcap");
+    let bag = bag.to_str().unwrap();
+    let driven = ["explore", "--offline", "--no-cameras", "--record", bag, "--quiet"];
+    start(Role::Mapper, &driven).finish(PATIENCE).unwrap();
+    let replayed = mapped(&["replay", bag, "--offline", "--json", "--quiet"]);
+    // Where the processors are busy, it is played slower.
+    for rate in ["40", "20", "10", "5"] {
+        let report = heard(bag, rate);
+        let count = |key: &str| report[key].as_u64().unwrap();
+        println!(
+            "{rate} times: {} frames, {} late, {} lost",
+            count("frames"),
+            count("frames_late"),
+            count("frames_lost")
+        );
+        if count("frames_late") + count("frames_lost") == 0 {
+            assert_eq!(report["digest"], replayed["digest"], "{report}\n{replayed}");
+            assert_eq!(report["ending"], "complete", "{report}");
+            return;
+        }
+    }
+    panic!("frames were late even at five times the robot's pace");
+}
