@@ -23,8 +23,9 @@ pub use scoring::{AT_GOAL_DEG, AT_GOAL_M, MissionScore};
 
 use self::arguments::{Cli, Command, LinkArgs, RobotArgs};
 use self::error::CliError;
-use self::mission::carry_out;
+use self::mission::mission;
 use self::path::path;
+use self::ros_mission::ros_mission;
 use self::route::route;
 use self::serve::serving;
 use self::settings::ClientFile;
@@ -105,6 +106,20 @@ impl LinkArgs {
     /// A robot waits for ever to be connected.
     fn waiting(&self) -> Waiting {
         Waiting::new(NAME, self.server.wait, None)
+    }
+}
+
+/// Carries out a mission, with the robot of the simulator or the one that `--ros` names.
+fn carry_out(
+    file: ClientFile,
+    args: &RobotArgs,
+    goal: &MissionGoal,
+    waiting: &Waiting,
+    stop: &Stop,
+) -> Result<ExitCode, CliError> {
+    match &args.ros {
+        Some(endpoint) => ros_mission(file, args, endpoint, goal, waiting, stop),
+        None => mission(file, args, goal, waiting, stop),
     }
 }
 

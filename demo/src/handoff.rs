@@ -2,6 +2,7 @@
 //! loopback.
 
 mod agreement;
+mod client;
 mod config;
 mod explorers;
 mod judge;
@@ -12,43 +13,19 @@ mod ros;
 pub use config::{Crew, HandoffConfig, HandoffError, shared_world};
 pub use report::{ContactFigures, ExplorerFigures, HandoffReport, RosFigures};
 
-use crate::process::{Process, ProcessError, Role};
+use crate::process::Process;
 use crate::true_floor::TrueFloor;
+use client::ClientReport;
 use explorers::Explored;
 use fht_client::{LiveReplica, ReplicaConfig};
 use fht_perception::pose::{Point2, pose};
 use fht_picture::{MapPicture, Mark, PictureConfig, PictureError};
-use fht_proto::{MapName, SharedWorldName};
+use fht_proto::MapName;
 use fht_shared_world::Keeper;
-use fht_sim::{Contacts, RobotContacts, SimSetup};
-use programs::{Bars, read_report, session, world_args};
-use serde::Deserialize;
+use fht_sim::SimSetup;
+use programs::{Bars, session};
 use std::time::{Duration, Instant};
 use zenoh::Wait;
-
-/// The part of the client's report that the demo shows.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct ClientReport {
-    start: [f64; 3],
-    goal: Option<[f64; 2]>,
-    localized: bool,
-    relocalization_distance_m: Option<f64>,
-    relocalization_error_m: Option<f64>,
-    relocalization_error_deg: Option<f64>,
-    final_error_m: Option<f64>,
-    arrived: bool,
-    goal_distance_m: Option<f64>,
-    failure: Option<String>,
-    path_length_m: Option<f64>,
-    shortest_length_m: Option<f64>,
-    collisions: u64,
-    contacts: Contacts,
-    robot_contacts: RobotContacts,
-    sim_s: f64,
-    trajectory: Vec<[f64; 2]>,
-    true_trajectory: Vec<[f64; 2]>,
-}
 
 /// How long the server may take to answer, and to hand over a finished map.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -77,7 +54,7 @@ pub fn hand_off(config: &HandoffConfig) -> Result<(HandoffReport, Process), Hand
         true => {
             ros::client(config, &map, &explored, &bars, shared.as_ref()).map(|(client, ros)| (client, Some(ros)))?
         }
-        false => (client(config, &map, &explored, &bars, shared.as_ref())?, None),
+        false => (client::client(config, &map, &explored, &bars, shared.as_ref())?, None),
     };
     let client_wall_s = client_begin.elapsed().as_secs_f64();
     drop(keeper);
@@ -122,36 +99,6 @@ pub fn hand_off(config: &HandoffConfig) -> Result<(HandoffReport, Process), Hand
         wall_s: begin.elapsed().as_secs_f64(),
     };
     Ok((report, server))
-}
-
-fn client(
-    config: &HandoffConfig,
-    map: &MapName,
-    explored: &Explored,
-    bars: &Bars,
-    shared: Option<&SharedWorldName>,
-) -> Result<ClientReport, HandoffError> {
-    let report = config.folder.join("client.json");
-    let mut args = vec!["go".into()];
-    args.extend(world_args(config, map, &report, shared));
-    let [x, y, yaw] = explored.world_from_map;
-    // Another day: other noise, other wheels, other light.
-    let (seed, light) = ((1000 + config.seed).to_string(), (1 + config.seed).to_string());
-    let origin = format!("{x},{y},{yaw}rad");
-    args.extend(["--seed", &seed, "--light-seed", &light, "--map-origin", &origin].map(Into::into));
-    args.extend(["--to", "random", "--quiet"].map(Into::into));
-    let bar = bars.add("client".to_owned());
-    bar.set_message("dropped somewhere; finding out where, then driving to its goal");
-    let ended = Process::start(&config.executable, Role::ClientRobot, args)?.follow(|_| ());
-    // A client that did not arrive says so in its report and by its exit code.
-    match ended {
-        Err(ProcessError::Failed { .. }) if report.exists() => bar.finish_with_message("failed"),
-        other => {
-            other?;
-            bar.finish_with_message("done");
-        }
-    }
-    read_report(&report)
 }
 
 /// What a copy of the map shows.

@@ -254,7 +254,7 @@ fn what_waits_for_acknowledgement_at_the_end_is_left() {
 #[test]
 fn a_replay_and_a_robot_that_drives_end_in_order() {
     let folder = tempfile::tempdir().unwrap();
-    let (_server, endpoint) = server("drive", folder.path());
+    let (server, endpoint) = server("drive", folder.path());
     let bag = folder.path().join("run.mcap");
     let explore = ["explore", "--world", "museum", "--no-cameras", "--quiet", "--max-sim", "40", "--map", "museum"];
     let record = ["--connect", &endpoint, "--record", bag.to_str().unwrap()];
@@ -283,6 +283,7 @@ fn a_replay_and_a_robot_that_drives_end_in_order() {
             }
         }
     }
+    server.signal("KILL");
 }
 
 #[test]

@@ -66,8 +66,8 @@ pub(super) enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Plans for Nav2: serves the action compute_path_to_pose on a robot's ROS 2 graph with the paths
-    /// of the fleet's map, its rules and closures.
+    /// Plans for Nav2: serves the action compute_path_to_pose on a robot's ROS 2 graph with the
+    /// paths of the fleet's map, its rules and closures.
     #[command(after_help = "Examples:
   client-robot route --map lab --ros tcp/robot:7447
   client-robot route --map lab --ros tcp/robot:7447 --namespace r1 --connect tcp/server:7447

@@ -8,7 +8,6 @@ use super::error::CliError;
 use super::pose_publisher::PosePublisher;
 use super::recording::Recording;
 use super::report::{MissionReport, print_report};
-use super::ros_mission::ros_mission;
 use super::scoring::MissionScore;
 use super::settings::{ClientFile, ClientSection};
 use crate::mission::{MapSource, MissionConfig, MissionError, MissionGoal, MissionObserver, Services, run};
@@ -37,22 +36,8 @@ pub(super) const RANDOM: &str = "random";
 /// Room that a random start has around it, metres.
 const START_CLEARANCE_M: f64 = 0.4;
 
-/// Carries out the mission, with the robot of the simulator or the one that `--ros` names, and
-/// writes its figures.
-pub(super) fn carry_out(
-    file: ClientFile,
-    args: &RobotArgs,
-    goal: &MissionGoal,
-    waiting: &Waiting,
-    stop: &Stop,
-) -> Result<ExitCode, CliError> {
-    match &args.ros {
-        Some(endpoint) => ros_mission(file, args, endpoint, goal, waiting, stop),
-        None => mission(file, args, goal, waiting, stop),
-    }
-}
-
-fn mission(
+/// Carries out the mission with a simulated robot, and writes its figures.
+pub(super) fn mission(
     mut file: ClientFile,
     args: &RobotArgs,
     goal: &MissionGoal,

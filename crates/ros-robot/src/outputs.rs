@@ -21,8 +21,8 @@ const WAITING: usize = 16;
 /// How long the end of a run waits for what is still to be sent.
 const LAST_WORDS: Duration = Duration::from_secs(2);
 /// What a place that is declared is off by, one standard deviation: metres along x and y, radians.
-/// Recorded robots are off by 0.003 to 0.02 m and 0.1°, and what is drawn of a map is rounded to its
-/// cells of 0.05 m.
+/// Recorded robots are off by 0.003 to 0.02 m and 0.1°, and what is drawn of a map is rounded to
+/// its cells of 0.05 m.
 const PLACE_SIGMA: (f64, f64) = (0.05, 0.02);
 
 /// Who publishes.

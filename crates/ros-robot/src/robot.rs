@@ -23,7 +23,8 @@ const DRIVER_COMES: Duration = Duration::from_secs(10);
 /// How often waiting scans are looked at while nothing arrives.
 const TICK: Duration = Duration::from_millis(50);
 
-/// The frame that the odometry starts from. A robot's `nav_msgs/Odometry` says it, once it has come.
+/// The frame that the odometry starts from. A robot's `nav_msgs/Odometry` says it, once it has
+/// come.
 #[derive(Clone, Debug)]
 pub struct OdomFrame {
     said: Arc<OnceLock<String>>,
@@ -63,8 +64,8 @@ impl Commands {
         Ok(Self::Nobody(tokio::spawn(async move { Self::wait_for_takers(&node, &topic).await })))
     }
 
-    /// The driver may still come. After [`DRIVER_COMES`] commands are given without a stamp, in case
-    /// it cannot be seen.
+    /// The driver may still come. After [`DRIVER_COMES`] commands are given without a stamp, in
+    /// case it cannot be seen.
     async fn wait_for_takers(node: &RosNode, topic: &str) -> Result<Self, RosError> {
         let began = Instant::now();
         while began.elapsed() < DRIVER_COMES {

@@ -49,8 +49,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// A robot like a TurtleBot: scan, odom, tf, tf_static and ground_truth out, cmd_vel in, until it
-    /// is asked to end.
+    /// A robot like a TurtleBot: scan, odom, tf, tf_static and ground_truth out, cmd_vel in, until
+    /// it is asked to end.
     #[command(after_help = "Examples:
   sim robot --ros tcp/127.0.0.1:7460
   sim robot --ros tcp/127.0.0.1:7460 --world office --namespace r1 --start 3,2,90
@@ -132,8 +132,8 @@ struct RobotArgs {
     /// Simulated seconds a second; other than 1, /clock says what time it is.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = |text: &str| number(text, 1e-3..=1e3))]
     rate: f64,
-    /// Let time wait after each scan for a command, 0.2 s at most, and go on with it at once; /clock
-    /// says what time it is.
+    /// Let time wait after each scan for a command, 0.2 s at most, and go on with it at once;
+    /// /clock says what time it is.
     #[arg(long, conflicts_with = "rate")]
     in_step: bool,
     /// Take velocity commands without a stamp (geometry_msgs/Twist).

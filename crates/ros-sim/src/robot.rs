@@ -214,10 +214,10 @@ impl SimRobot {
     }
 }
 
-/// Lives as `robot` on the graph until `end`: publishes what it senses, and obeys. Without `in_step`
-/// a [paced](fht_perception::robot::Paced) robot goes on whether somebody drives it or not. With
-/// it, time waits after each frame for a command, so long at most: it goes on as fast as whoever
-/// drives.
+/// Lives as `robot` on the graph until `end`: publishes what it senses, and obeys. Without
+/// `in_step` a [paced](fht_perception::robot::Paced) robot goes on whether somebody drives it or
+/// not. With it, time waits after each frame for a command, so long at most: it goes on as fast as
+/// whoever drives.
 ///
 /// # Errors
 /// [`LiveError`].
@@ -252,8 +252,8 @@ pub async fn live<R: Robot>(
     })
 }
 
-/// Plays recorded frames as a live robot that obeys nobody, until they are over or `end`. Returns how
-/// many there were.
+/// Plays recorded frames as a live robot that obeys nobody, until they are over or `end`. Returns
+/// how many there were.
 ///
 /// # Errors
 /// [`LiveError`].

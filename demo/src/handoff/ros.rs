@@ -2,7 +2,7 @@
 //! own, and explorer and client drive it by its topics. What came of it is judged by what is said
 //! on the graphs.
 
-use super::ClientReport;
+use super::client::ClientReport;
 use super::config::{HandoffConfig, HandoffError};
 use super::explorers::{Explored, Line, Witness};
 use super::judge::{Judge, Moment, driven_m, mean_error_m};

@@ -104,8 +104,8 @@ pub struct Linked {
     token: LivelinessToken,
 }
 
-/// Waits until no other robot has the name. One that lost its power has it until its session's lease
-/// is over.
+/// Waits until no other robot has the name. One that lost its power has it until its session's
+/// lease is over.
 async fn free_name(presence: Presence) -> Result<Presence, LinkedError> {
     let wait = move || {
         let began = Instant::now();

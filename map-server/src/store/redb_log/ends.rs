@@ -4,7 +4,6 @@
 //! rescue knows it among what else lies in the file.
 
 use crate::store::error::StoreError;
-use crate::store::redb_log::open_store::OpenStore;
 use crate::store::redb_log::tables::{FLOORS, LOG, reading, writing};
 use fht_proto::AuthorId;
 use redb::{ReadTransaction, ReadableTable, TableDefinition, TableError, WriteTransaction};
@@ -44,33 +43,22 @@ pub(super) fn forget(write: &WriteTransaction, map: &str) -> Result<(), StoreErr
     ends.retain_in((map, 0)..=(map, u32::MAX), |_, _| false).map_err(writing)
 }
 
-/// Adds the table to a store that has none: a new one, or one of an earlier version of this
-/// program. One of which something does not read goes on without it.
-///
-/// # Errors
-/// [`StoreError::Disk`] and [`StoreError::ReadOnly`]: the table cannot be written.
-pub(super) fn add_if_absent(store: &OpenStore) -> Result<(), StoreError> {
-    let absent = store.read(|read| match read.open_table(ENDS) {
+/// The last numbers of maps' authors.
+pub(super) type Lasts = BTreeMap<(String, AuthorId), u64>;
+
+/// What the table is to hold, of a store that has none: a new one, or one of an earlier version of
+/// this program.
+pub(super) fn absent(read: &ReadTransaction) -> Result<Option<Lasts>, StoreError> {
+    match read.open_table(ENDS) {
         Err(TableError::TableDoesNotExist(_)) => stored(read).map(Some),
         Err(other) => Err(reading(other)),
         Ok(_) => Ok(None),
-    });
-    match absent {
-        Ok(None) => Ok(()),
-        Ok(Some(lasts)) => store.write(|write| {
-            let lasts = lasts.iter().map(|((map, author), last)| ((map.as_str(), *author), *last));
-            note(write, lasts)
-        }),
-        Err(error) => {
-            tracing::warn!("how many increments each author has is not noted once more: {error}");
-            Ok(())
-        }
     }
 }
 
 /// What the order of storing and the floors say.
-fn stored(read: &ReadTransaction) -> Result<BTreeMap<(String, AuthorId), u64>, StoreError> {
-    let mut lasts: BTreeMap<(String, AuthorId), u64> = BTreeMap::new();
+fn stored(read: &ReadTransaction) -> Result<Lasts, StoreError> {
+    let mut lasts = Lasts::new();
     let mut add = |map: &str, author: u32, number: u64| {
         let last = lasts.entry((map.to_owned(), AuthorId(author))).or_default();
         *last = number.max(*last);

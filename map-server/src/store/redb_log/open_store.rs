@@ -139,9 +139,25 @@ impl OpenStore {
             None | Some(1) => store.write(make_tables),
             Some(found) => return Err(StoreError::Format { dir: dir.to_owned(), found, known: FORMAT }),
         };
-        match made.and_then(|()| ends::add_if_absent(&store)) {
+        match made.and_then(|()| store.add_ends()) {
             Err(error) if store.fault().is_none() => Err(error),
             _ => Ok(store),
+        }
+    }
+
+    /// Adds to a store that has none what each author's last increment is, once more. One of which
+    /// something does not read goes on without it.
+    fn add_ends(&self) -> Result<(), StoreError> {
+        match self.read(ends::absent) {
+            Ok(None) => Ok(()),
+            Ok(Some(lasts)) => self.write(|write| {
+                let lasts = lasts.iter().map(|((map, author), last)| ((map.as_str(), *author), *last));
+                ends::note(write, lasts)
+            }),
+            Err(error) => {
+                tracing::warn!("how many increments each author has is not noted once more: {error}");
+                Ok(())
+            }
         }
     }
 
