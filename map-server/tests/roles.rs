@@ -257,7 +257,7 @@ async fn one_explorer_fills_neither_the_maps_nor_the_room_of_others() {
         for number in begun + 1..=until + 1 {
             let flood = puts("ben", number, 10 + 4096 * number as u32, 4096);
             if number <= until {
-                site.put(&at, &flood).await;
+                site.taken(&at, &flood).await;
             } else {
                 codes.push(site.refused(&at, &flood).await);
             }

@@ -63,7 +63,7 @@ Exit code 0: it was asked to end, by Ctrl-C or SIGTERM; 1: it failed; 2: wrong u
     #[command(after_help = "Examples:
   sim play run.mcap --ros tcp/127.0.0.1:7460
   sim play run.mcap --ros tcp/127.0.0.1:7460 --rate 5 --wait-for-listener
-  mapper explore --ros tcp/127.0.0.1:7460 --drive others --offline --end-after 5   maps what it hears
+  mapper explore --ros tcp/127.0.0.1:7460 --drive others --end-after 5    maps what it hears
 
 Exit code 0: it was played, or asked to end; 1: it failed; 2: wrong usage or bad input.")]
     Play(Box<PlayArgs>),
@@ -279,8 +279,9 @@ async fn play_bag(args: &PlayArgs, stop: &Stop) -> Result<u64, SimError> {
     let node = args.graph.join(stop).await?;
     let _order = stop.in_order();
     let first = frames.sense().await.map_err(LiveError::from)?;
-    // A bag's frames have the times that were recorded.
-    let config = SimRobotConfig { has_clock: args.rate != 1.0, begin_us: 0, ..SimRobotConfig::default() };
+    // A bag's frames have the times that were recorded. To ROS, 0 is no time.
+    let begin_us = if first.time_us == 0 { SimRobotConfig::default().begin_us } else { 0 };
+    let config = SimRobotConfig { has_clock: args.rate != 1.0, begin_us, ..SimRobotConfig::default() };
     let mut topics = SimRobot::join(&node, config, &first.scan.base_from_sensor, 0.0).await?;
     while args.wait_for_listener && !stop.is_set() && !topics.is_heard().await? {
         tokio::time::sleep(LISTENER_EVERY).await;

@@ -91,6 +91,9 @@ pub struct MapChangeConfig {
     /// Others' walls may be off by this from where this robot sees them, metres: less is no
     /// contradiction. Default 0.1.
     pub slack_m: f64,
+    /// A node to which no edge leads any more is within something if this robot sees something
+    /// within so many metres of it, and not that its own place is free. Default 0.4.
+    pub enclosed_m: f64,
     /// Returns of a node's scan that this robot must be able to judge. Default 60.
     pub least_returns: usize,
     /// A scan of which more than this share is no longer there is contradicted. Default 0.4.
@@ -112,6 +115,7 @@ impl Default for MapChangeConfig {
             every_m: 0.5,
             visit_m: 30.0,
             slack_m: 0.1,
+            enclosed_m: 0.4,
             least_returns: 60,
             contradicted: 0.4,
             confirmed: 0.15,

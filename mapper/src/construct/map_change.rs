@@ -4,7 +4,8 @@
 //! What this robot's own scans show counts, and nothing else. An edge or a rectangle that something
 //! stands in is corrected at once. A main node that saw what is no longer there loses trust each
 //! time that a robot comes by, gets it back when what it saw is there, and is retired when little
-//! is left; a node in whose place something stands is retired at once.
+//! is left. A node in whose place something stands is retired at once, and so is one within
+//! something, to which no edge leads any more.
 
 use super::config::{BuilderConfig, MapChangeConfig};
 use super::{edges, point};
@@ -13,8 +14,8 @@ use fht_perception::frame::LaserScan;
 use fht_perception::free_rectangle::{self, FreeRectangleConfig};
 use fht_perception::grid::{Cell, CellState, OccupancyGrid};
 use fht_perception::pose::{Point2, from_fixed};
-use fht_proto::{FixedPoint, NodeId, NodeKind, Op, Rect};
-use std::collections::BTreeMap;
+use fht_proto::{EdgeKey, FixedPoint, NodeId, NodeKind, Op, Rect};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// What was found of nodes so far.
 #[derive(Clone, Debug, Default)]
@@ -22,6 +23,8 @@ pub(super) struct MapChange {
     looked_at_m: Option<f64>,
     /// Way driven when a node's scan was last judged, metres.
     judged_at_m: BTreeMap<NodeId, f64>,
+    /// Nodes of which an edge was found to lead through something.
+    cut_off: BTreeSet<NodeId>,
 }
 
 impl MapChange {
@@ -44,19 +47,34 @@ impl MapChange {
         for (_, id, position) in edges::nearby_nodes(state, here, config.reach_m) {
             let Some(node) = state.node(id).filter(|_| !is_own(id)) else { continue };
             if is_occupied_around(grid, point(position), 0.0) {
-                self.judged_at_m.remove(&id);
+                self.forget(id);
+                ops.push(Op::RemoveNode { id });
+                continue;
+            }
+            let edges: Vec<EdgeKey> = state.neighbours(id).map(|other| EdgeKey::new(id, other.id)).collect();
+            let is_blocked = |edge: &EdgeKey| edges::is_blocked(state, grid, *edge, &is_own, &builder.edges);
+            let blocked: Vec<EdgeKey> = edges.iter().copied().filter(is_blocked).collect();
+            if !blocked.is_empty() {
+                self.cut_off.insert(id);
+            }
+            if blocked.len() == edges.len() && self.cut_off.contains(&id) && is_enclosed(grid, point(position), config)
+            {
+                self.forget(id);
                 ops.push(Op::RemoveNode { id });
                 continue;
             }
             ops.extend(free_space_op(&node, grid, &builder.free_space, config));
-            let blocked = state.neighbours(id).map(|other| fht_proto::EdgeKey::new(id, other.id));
-            let blocked = blocked.filter(|edge| edges::is_blocked(state, grid, *edge, &is_own, &builder.edges));
-            ops.extend(blocked.map(|edge| Op::RemoveEdge { edge }));
+            ops.extend(blocked.into_iter().map(|edge| Op::RemoveEdge { edge }));
             ops.extend(self.judge(&node, odometer_m, grid, config));
         }
         // An edge between two such nodes was found at both.
         ops.dedup();
         ops
+    }
+
+    fn forget(&mut self, id: NodeId) {
+        self.judged_at_m.remove(&id);
+        self.cut_off.remove(&id);
     }
 
     /// What becomes of a main node's trust.
@@ -93,7 +111,7 @@ impl MapChange {
         };
         self.judged_at_m.insert(node.id, odometer_m);
         if trust < config.retired_below {
-            self.judged_at_m.remove(&node.id);
+            self.forget(node.id);
             return Some(Op::RemoveNode { id: node.id });
         }
         (trust != node.trust).then_some(Op::SetTrust { id: node.id, percent: trust })
@@ -124,6 +142,14 @@ pub(super) fn free_space_op(
     };
     free_rectangle::is_obstructed(grid, position, &inside)
         .then(|| Op::SetFreeSpace { id: node.id, rect: free_rectangle::grow(grid, position, free_space) })
+}
+
+/// Whether a place lies within something: this robot's own scans do not say that it is free, and do
+/// say that there is something beside it.
+fn is_enclosed(grid: &OccupancyGrid, place: Point2, config: &MapChangeConfig) -> bool {
+    let cell = grid.cell_of(place);
+    let is_free = grid.is_own(cell) && grid.state(cell) == CellState::Free;
+    !is_free && is_occupied_around(grid, place, config.enclosed_m)
 }
 
 /// Whether a cell that this robot's own scans say is occupied has its centre within `radius_m` of a
