@@ -21,6 +21,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant, UNIX_EPOCH};
 use support::{Server, ask, client, free_endpoint, head_when, increment, museum, node, until_up};
 use zenoh::Session;
+use zenoh::qos::CongestionControl;
 
 const ROLES: &str = "{explorers: ['ana', 'ben'], clients: ['tug'], operators: ['desk']}";
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -103,7 +104,9 @@ impl Guarded {
 
     async fn put(&self, map: &MapName, increment: &Increment) {
         let key = Key::increment(map, increment.author, increment.number).to_string();
-        self.session.put(key, encode(increment).unwrap()).await.unwrap();
+        // None is dropped where the processors are busy.
+        let put = self.session.put(key, encode(increment).unwrap());
+        put.congestion_control(CongestionControl::Block).await.unwrap();
     }
 
     /// Puts it until its writer is told why not.
@@ -122,6 +125,7 @@ impl Guarded {
 
     /// Puts it until a head covers it.
     async fn taken(&self, map: &MapName, increment: &Increment) -> Head {
+        let refused = self.session.declare_subscriber(Key::refused(map, increment.author).to_string()).await.unwrap();
         let begin = Instant::now();
         loop {
             self.put(map, increment).await;
@@ -131,7 +135,14 @@ impl Guarded {
                     return head;
                 }
             }
-            assert!(begin.elapsed() < PATIENCE, "{}/{} is not taken", increment.author, increment.number);
+            let why = || refused.drain().last().map(|sample| sample.payload().try_to_string().unwrap().into_owned());
+            assert!(
+                begin.elapsed() < PATIENCE,
+                "{}/{} of {map} is not taken: {:?}",
+                increment.author,
+                increment.number,
+                why()
+            );
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     }
@@ -257,7 +268,7 @@ async fn one_explorer_fills_neither_the_maps_nor_the_room_of_others() {
         for number in begun + 1..=until + 1 {
             let flood = puts("ben", number, 10 + 4096 * number as u32, 4096);
             if number <= until {
-                site.taken(&at, &flood).await;
+                site.put(&at, &flood).await;
             } else {
                 codes.push(site.refused(&at, &flood).await);
             }

@@ -6,6 +6,8 @@ use fht_ros_messages::msg;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
+/// A scanner farther than this from the robot's centre is not on it, metres.
+const MOUNT_LIMIT_M: f64 = 1000.0;
 /// Most beams of a scan.
 const BEAM_LIMIT: usize = 100_000;
 
@@ -32,7 +34,7 @@ impl Default for ScanConfig {
 /// scanners report it for black walls and glass. So is 0, which drivers write for any failure.
 ///
 /// `None` if the message makes no sense: no beams, angles that are not finite or exceed a turn, a
-/// range limit of 0.
+/// range limit of 0, a scanner that is not on the robot.
 #[must_use]
 pub fn scan_of(message: &msg::LaserScanMsg, mount: &Mount, config: &ScanConfig) -> Option<LaserScan> {
     let beams = message.ranges.len();
@@ -43,7 +45,8 @@ pub fn scan_of(message: &msg::LaserScanMsg, mount: &Mount, config: &ScanConfig) 
     let is_ranged = !message.range_max.is_nan() && !message.range_min.is_nan();
     let range_max_m = decimal(message.range_max).min(config.range_max_m);
     let range_min_m = decimal(message.range_min).max(0.0);
-    if !(1..=BEAM_LIMIT).contains(&beams) || !is_turn || !is_ranged || range_max_m <= range_min_m {
+    let is_mounted = mount.base_from_sensor.translation.vector.norm() <= MOUNT_LIMIT_M;
+    if !(1..=BEAM_LIMIT).contains(&beams) || !is_turn || !is_ranged || !is_mounted || range_max_m <= range_min_m {
         return None;
     }
     let is_discarded = |range: f32| range.is_finite() && (range >= message.range_max || range <= 0.0);
@@ -186,6 +189,8 @@ mod tests {
         for message in bad {
             assert!(scan_of(&message, &Mount::identity(), &ScanConfig::default()).is_none(), "{message:?}");
         }
+        let far = Mount { base_from_sensor: pose(1e7, 0.0, 0.0), ..Mount::identity() };
+        assert!(scan_of(&good, &far, &ScanConfig::default()).is_none());
         let endless = msg::LaserScanMsg { range_max: f32::INFINITY, ..good };
         assert_eq!(scan_of(&endless, &Mount::identity(), &ScanConfig::default()).unwrap().range_max_m, 200.0);
     }
