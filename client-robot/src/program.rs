@@ -6,6 +6,7 @@ mod display;
 mod error;
 mod floor;
 mod mission;
+mod on_map;
 mod path;
 mod pose_publisher;
 mod recording;

@@ -31,6 +31,13 @@ pub(super) fn connect(config: &SessionConfig, waiting: &Waiting, stop: &Stop) ->
     Ok(runtime()?.block_on(open_within(config, waiting.for_session()))?)
 }
 
+/// Opens a session with a robot's router.
+pub(super) async fn connect_graph(endpoint: &str, waiting: &Waiting, stop: &Stop) -> Result<Session, CliError> {
+    let graph = SessionConfig::from_options(vec![endpoint.to_owned()], None);
+    stop.doing(format!("waiting for the robot's router at {}", graph.places()));
+    open_within(&graph, waiting.for_session()).await.map_err(CliError::RobotRouter)
+}
+
 /// A client session connects in the background, and the map may be made later: asks until the
 /// server answers with it, for as long as that is waited for.
 pub(super) fn wait_for_map(session: &Session, map: &MapName, waiting: &Waiting, stop: &Stop) -> Result<Head, AskError> {

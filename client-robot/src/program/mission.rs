@@ -2,25 +2,24 @@
 //! map of a real server.
 
 use super::arguments::RobotArgs;
-use super::connection::{ASK_AGAIN, TIMEOUT, connect, runtime, wait_for_map, wait_for_name};
+use super::connection::{ASK_AGAIN, runtime};
 use super::display::Display;
 use super::error::CliError;
+use super::on_map::OnMap;
 use super::pose_publisher::PosePublisher;
 use super::recording::Recording;
-use super::report::{MissionReport, print_report};
+use super::report::{MissionReport, print_report, tell};
 use super::scoring::MissionScore;
 use super::settings::{ClientFile, ClientSection};
 use crate::mission::{MapSource, MissionConfig, MissionError, MissionGoal, MissionObserver, Services, run};
 use crate::pilot::{Pilot, PilotStep};
-use fht_client::{LiveReplica, Presence, ServerPaths};
+use fht_client::{LiveReplica, ServerPaths};
 use fht_descriptor::{DescriptorError, DescriptorNet, Fetching};
-use fht_localization::landmarks::check_usable;
 use fht_perception::frame::{Panorama, SensorFrame};
 use fht_perception::pose::Pose2;
 use fht_perception::robot::SilenceConfig;
 use fht_program::{Stop, Waiting};
-use fht_proto::api::fleet::RobotRole;
-use fht_proto::api::reply::{Head, known_names};
+use fht_proto::api::reply::known_names;
 use fht_proto::{Descriptor, MapName};
 use fht_session::check_owner;
 use fht_shared_world::seat;
@@ -29,7 +28,6 @@ use std::ops::ControlFlow;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
-use zenoh::Session;
 
 /// What is said for a node far off.
 pub(super) const RANDOM: &str = "random";
@@ -51,12 +49,7 @@ pub(super) fn mission(
     let mut net = descriptor_net(&mut file)?;
     let (simulator, world_from_map) = robot(&args.setup, &file)?;
 
-    let session = connect(&file.connect, waiting, stop)?;
-    let presence = Presence::new(&session, &map, &name, RobotRole::Client)?;
-    wait_for_name(&presence, waiting, stop)?;
-    let _alive = presence.declare()?;
-    let head = wait_for_map(&session, &map, waiting, stop)?;
-    let replica = copy_of_map(&session, &file, Some(&net), &head)?;
+    let OnMap { session, presence, alive: _alive, replica } = OnMap::join(&file, Some(&net), waiting, stop)?;
     let goal = &called_random(goal, &replica);
     require(goal, &map, &replica, waiting)?;
     let mut paths =
@@ -94,16 +87,7 @@ pub(super) fn mission(
         ..score.finish(&outcome)
     };
     let report = report.rounded();
-    let in_words = |report: &MissionReport| {
-        if !args.quiet {
-            print_report(report);
-        }
-    };
-    args.report.give(&report, in_words).map_err(CliError::Report)?;
-    if let Some(failure) = &report.failure {
-        eprintln!("client-robot: failed: {failure}");
-    }
-    recorded?;
+    tell(args, &report, print_report, report.failure.as_deref(), recorded)?;
     let is_done =
         if *goal == MissionGoal::None { report.localized_at_end && report.failure.is_none() } else { report.arrived };
     Ok(if is_done { ExitCode::SUCCESS } else { ExitCode::from(1) })
@@ -190,29 +174,4 @@ pub(super) fn require(
         }
         std::thread::sleep(ASK_AGAIN);
     }
-}
-
-/// A copy of the map that is complete and of use.
-pub(super) fn copy_of_map(
-    session: &Session,
-    file: &ClientFile,
-    net: Option<&DescriptorNet>,
-    head: &Head,
-) -> Result<LiveReplica, CliError> {
-    let map = file.map();
-    let replica = LiveReplica::start(session, &map, file.name(), file.client.replica.clone())?;
-    if !replica.wait_for(&head.vector, TIMEOUT) {
-        tracing::warn!("the copy of the map is not complete yet");
-    }
-    if replica.running().counts().main_nodes == 0 {
-        return Err(CliError::EmptyMap(map));
-    }
-    let Some(net) = net.filter(|_| file.robot.cameras) else {
-        tracing::info!("without cameras: the place is found by the scanner alone");
-        return Ok(replica);
-    };
-    if let Err(reason) = check_usable(&replica.running(), net.model()) {
-        tracing::warn!(%reason, "pictures are of no use on this map: the place is found by the scanner alone");
-    }
-    Ok(replica)
 }

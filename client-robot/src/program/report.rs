@@ -1,6 +1,9 @@
 //! What happened in a mission, as figures. The truth comes from the simulator and is used for
 //! nothing else.
 
+use super::arguments::RobotArgs;
+use super::error::CliError;
+use fht_bag::WriteError;
 use fht_client::Planner;
 use fht_program::print_line;
 use serde::Serialize;
@@ -120,6 +123,26 @@ impl MissionReport {
 }
 
 /// Prints the figures in words.
+/// Tells the figures of a mission, why it failed, and what of its recording is not there.
+pub(super) fn tell<R: Serialize>(
+    args: &RobotArgs,
+    report: &R,
+    print: impl FnOnce(&R),
+    failure: Option<&str>,
+    recorded: Result<(), WriteError>,
+) -> Result<(), CliError> {
+    let in_words = |report: &R| {
+        if !args.quiet {
+            print(report);
+        }
+    };
+    args.report.give(report, in_words).map_err(CliError::Report)?;
+    if let Some(failure) = failure {
+        eprintln!("client-robot: failed: {failure}");
+    }
+    Ok(recorded?)
+}
+
 pub(super) fn print_report(report: &MissionReport) {
     match (report.relocalization_distance_m, report.relocalization_error_m, report.relocalization_error_deg) {
         (Some(driven), Some(metres), Some(degrees)) => {

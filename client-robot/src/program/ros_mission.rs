@@ -3,34 +3,30 @@
 //! own.
 
 use super::arguments::RobotArgs;
-use super::connection::{connect, runtime, wait_for_map, wait_for_name};
+use super::connection::{connect_graph, runtime};
 use super::display::Display;
 use super::error::CliError;
 use super::floor::{MapTurns, known_floor};
-use super::mission::{UntilAsked, called_random, copy_of_map, require};
+use super::mission::{UntilAsked, called_random, require};
+use super::on_map::OnMap;
 use super::pose_publisher::PosePublisher;
 use super::recording::Recording;
+use super::report::tell;
 use super::ros_report::{RosMissionReport, RosMissionScore, print_report};
 use super::settings::{ClientFile, ClientSection};
 use crate::mission::{MissionConfig, MissionError, MissionGoal, MissionObserver, Services, run};
 use crate::pilot::{Pilot, PilotStep};
-use fht_client::{LiveReplica, Presence, ServerPaths};
+use fht_client::{LiveReplica, ServerPaths};
 use fht_perception::frame::SensorFrame;
-use fht_perception::robot::SilenceConfig;
 use fht_program::{Stop, Waiting};
-use fht_proto::api::fleet::RobotRole;
 use fht_ros::{RosError, RosNode};
-use fht_ros_robot::{OutputRole, PlaceNow, RosOutputs, RosRobot};
-use fht_session::{SessionConfig, check_owner, open_within};
+use fht_ros_robot::{OutputRole, PlaceNow, RosOutputs, RosRobot, live_silence};
+use fht_session::check_owner;
 use fht_worker::Taking;
 use std::ops::ControlFlow;
 use std::process::ExitCode;
 use std::time::Instant;
 use tokio::runtime::Runtime;
-
-/// A live robot is told to stop when no frame has come for so long, seconds: it shall stand within
-/// half a second.
-const STOP_AFTER_S: f64 = 0.4;
 
 /// Carries out the mission with the robot at `endpoint`, and writes its figures.
 pub(super) fn ros_mission(
@@ -50,12 +46,7 @@ pub(super) fn ros_mission(
     tracing::info!(%map, robot = name, router = endpoint, "looks for its place");
     let OnGraph { runtime, node, mut robot } = OnGraph::join(&file, args, endpoint, waiting, stop)?;
 
-    let session = connect(&file.connect, waiting, stop)?;
-    let presence = Presence::new(&session, &map, &name, RobotRole::Client)?;
-    wait_for_name(&presence, waiting, stop)?;
-    let _alive = presence.declare()?;
-    let head = wait_for_map(&session, &map, waiting, stop)?;
-    let replica = copy_of_map(&session, &file, None, &head)?;
+    let OnMap { session, presence, alive: _alive, replica } = OnMap::join(&file, None, waiting, stop)?;
     let goal = &called_random(goal, &replica);
     require(goal, &map, &replica, waiting)?;
     let mut paths =
@@ -69,7 +60,7 @@ pub(super) fn ros_mission(
     let score = RosMissionScore::default();
     let mut observer = (recording, (UntilAsked(stop.clone()), ((publisher, display), (outputs, score))));
     let ClientSection { pilot, silence, to_nearest, walls, paths: asking, .. } = file.client;
-    let silence = live(silence);
+    let silence = live_silence(silence);
     let config = MissionConfig { pilot, silence, footprint: asking.footprint, to_nearest, walls };
     let mut services = Services { map: &replica, paths: &mut paths, describe: &mut |_| None };
     let outcome = runtime.block_on(run(&mut robot, config, goal, &mut services, &mut observer));
@@ -96,22 +87,8 @@ pub(super) fn ros_mission(
         wall_s: began.elapsed().as_secs_f64(),
         ..score.finish(&outcome)
     };
-    let in_words = |report: &RosMissionReport| {
-        if !args.quiet {
-            print_report(report);
-        }
-    };
-    args.report.give(&report, in_words).map_err(CliError::Report)?;
-    if let Some(failure) = &report.failure {
-        eprintln!("client-robot: failed: {failure}");
-    }
-    recorded?;
+    tell(args, &report, print_report, report.failure.as_deref(), recorded)?;
     Ok(if report.failure.is_none() { ExitCode::SUCCESS } else { ExitCode::from(1) })
-}
-
-/// How long the sensors of a live robot may be silent.
-pub(super) fn live(usual: SilenceConfig) -> SilenceConfig {
-    SilenceConfig { stop_after_s: STOP_AFTER_S, ..usual }
 }
 
 /// A robot on its graph.
@@ -130,11 +107,9 @@ impl OnGraph {
         waiting: &Waiting,
         stop: &Stop,
     ) -> Result<Self, CliError> {
-        let graph = SessionConfig::from_options(vec![endpoint.to_owned()], None);
-        stop.doing(format!("waiting for the robot's router at {}", graph.places()));
         let runtime = runtime()?;
         let (node, robot) = runtime.block_on(async {
-            let session = open_within(&graph, waiting.for_session()).await.map_err(CliError::RobotRouter)?;
+            let session = connect_graph(endpoint, waiting, stop).await?;
             let node = RosNode::join(session, args.graph.node.node("client_robot")).await?;
             let robot = RosRobot::connect(&node, args.graph.robot(file.ros.clone())).await?;
             Ok::<_, CliError>((node, robot))

@@ -2,7 +2,7 @@
 //! paths of the fleet's map. It stands in the place of Nav2's planner server.
 
 use super::arguments::RouteArgs;
-use super::connection::{TIMEOUT, connect, runtime, wait_for_map};
+use super::connection::{TIMEOUT, connect, connect_graph, runtime, wait_for_map};
 use super::error::CliError;
 use super::settings::ClientFile;
 use fht_client::{AskError, PathPoint, PathQuestion, ask_path, planned};
@@ -14,7 +14,6 @@ use fht_ros::{ActiveGoal, GoalRequest, Qos, RosNode, Subscription};
 use fht_ros_frames::{Mount, TransformTree, frame_name, header_message, pose_message, yaw_of};
 use fht_ros_messages::msg::{PathMsg, PoseStamped, TfMessage, Time};
 use fht_ros_messages::nav2::{ComputePathToPose, ComputePathToPoseGoal, ComputePathToPoseResult};
-use fht_session::{SessionConfig, open_within};
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
@@ -54,9 +53,7 @@ impl NoPath {
 pub(super) fn route(file: &ClientFile, args: &RouteArgs, waiting: &Waiting, stop: &Stop) -> Result<ExitCode, CliError> {
     let map = file.map();
     let runtime = runtime()?;
-    let graph = SessionConfig::from_options(vec![args.ros.clone()], None);
-    stop.doing(format!("waiting for the robot's router at {}", graph.places()));
-    let robots = runtime.block_on(open_within(&graph, waiting.for_session())).map_err(CliError::RobotRouter)?;
+    let graph = runtime.block_on(connect_graph(&args.ros, waiting, stop))?;
     let session = connect(&file.connect, waiting, stop)?;
     wait_for_map(&session, &map, waiting, stop)?;
     let planner = Arc::new(Planner {
@@ -68,7 +65,7 @@ pub(super) fn route(file: &ClientFile, args: &RouteArgs, waiting: &Waiting, stop
     });
     let _order = stop.in_order();
     runtime.block_on(async {
-        let node = RosNode::join(robots, args.node.node("client_robot_route")).await?;
+        let node = RosNode::join(graph, args.node.node("client_robot_route")).await?;
         let transforms = node.subscribe::<TfMessage>("tf", Qos { depth: 100, ..Qos::sensor_data() }).await?;
         let fixed = node.subscribe::<TfMessage>("tf_static", Qos::latched(100)).await?;
         for heard in [transforms, fixed] {

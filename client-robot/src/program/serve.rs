@@ -1,25 +1,26 @@
 //! `client-robot serve`: a robot that drives wherever it is sent.
 
 use super::arguments::{RobotArgs, ServeArgs};
-use super::connection::{connect, runtime, wait_for_map, wait_for_name};
+use super::connection::runtime;
 use super::display::Display;
 use super::error::CliError;
-use super::mission::{UntilAsked, copy_of_map, describing, descriptor_net, patience, robot};
+use super::mission::{UntilAsked, describing, descriptor_net, patience, robot};
+use super::on_map::OnMap;
 use super::pose_publisher::PosePublisher;
 use super::recording::Recording;
-use super::ros_mission::{OnGraph, PlaceOutputs, live};
+use super::ros_mission::{OnGraph, PlaceOutputs};
 use super::settings::{ClientFile, ClientSection};
 use crate::goal_service::GoalService;
 use crate::mission::{MissionConfig, MissionError, MissionObserver, Services};
 use crate::pilot::{Pilot, PilotStep};
 use crate::serving::{ServeError, serve};
-use fht_client::{LiveReplica, Presence, ServerPaths};
+use fht_client::{LiveReplica, ServerPaths};
 use fht_descriptor::DescriptorNet;
 use fht_perception::frame::{Panorama, SensorFrame};
 use fht_perception::robot::{Paced, Robot};
 use fht_program::{Stop, Waiting, print_line};
-use fht_proto::api::fleet::RobotRole;
 use fht_proto::api::goal::{GoalState, GoalStatus};
+use fht_ros_robot::live_silence;
 use fht_session::check_owner;
 use fht_worker::Taking;
 use serde::Serialize;
@@ -77,7 +78,7 @@ pub(super) fn serving(
         return service.run(&runtime()?, file, Some(net), robot, |_, _, _| Ok(None));
     };
     file.robot.cameras = false;
-    file.client.silence = live(file.client.silence);
+    file.client.silence = live_silence(file.client.silence);
     let OnGraph { runtime, node, robot } = OnGraph::join(&file, &args.robot, endpoint, waiting, stop)?;
     service.run(&runtime, file, None, robot, |runtime, robot, replica| {
         Ok(Some(runtime.block_on(PlaceOutputs::start(&node, robot, replica))?))
@@ -104,12 +105,7 @@ impl Service<'_> {
     ) -> Result<ExitCode, CliError> {
         let Self { args, waiting, stop, began } = self;
         let (map, name) = (file.map(), file.name().to_owned());
-        let session = connect(&file.connect, waiting, stop)?;
-        let presence = Presence::new(&session, &map, &name, RobotRole::Client)?;
-        wait_for_name(&presence, waiting, stop)?;
-        let _alive = presence.declare()?;
-        let head = wait_for_map(&session, &map, waiting, stop)?;
-        let replica = copy_of_map(&session, &file, net.as_ref(), &head)?;
+        let OnMap { session, presence, alive: _alive, replica } = OnMap::join(&file, net.as_ref(), waiting, stop)?;
         let mut paths =
             ServerPaths::new(&session, map.clone(), &name, &replica, &file.client.paths).map_err(CliError::Thread)?;
         let mut describe = net.as_mut().map(describing);

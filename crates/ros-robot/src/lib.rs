@@ -44,4 +44,4 @@ pub use config::RosRobotConfig;
 pub use flags::{GraphArgs, NodeArgs};
 pub use intake::IntakeReport;
 pub use outputs::{OutputRole, PlaceNow, RosOutputs};
-pub use robot::{OdomFrame, RosRobot};
+pub use robot::{OdomFrame, RosRobot, live_silence};

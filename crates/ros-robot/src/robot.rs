@@ -3,7 +3,7 @@
 use crate::config::RosRobotConfig;
 use crate::intake::{Intake, IntakeReport};
 use fht_perception::frame::{SensorFrame, Twist};
-use fht_perception::robot::{Robot, RobotError, Sensors};
+use fht_perception::robot::{Robot, RobotError, Sensors, SilenceConfig};
 use fht_ros::{EndpointKind, Publisher, Qos, QosDurability, QosReliability, Received, RosError, RosNode, Subscription};
 use fht_ros_frames::frame_name;
 use fht_ros_messages::msg::{HeaderMsg, LaserScanMsg, OdometryMsg, TfMessage, TwistMsg, TwistStamped, Vector3};
@@ -99,6 +99,16 @@ impl Commands {
         }
         Ok(())
     }
+}
+
+/// A live robot is told to stop when no frame has come for so long, seconds: it shall stand within
+/// half a second.
+const STOP_AFTER_S: f64 = 0.4;
+
+/// How long the sensors of a live robot may be silent, where `usual` says when the run ends.
+#[must_use]
+pub fn live_silence(usual: SilenceConfig) -> SilenceConfig {
+    SilenceConfig { stop_after_s: STOP_AFTER_S, ..usual }
 }
 
 /// A robot on a ROS 2 graph. Its topics are those of a [`RosRobotConfig`].

@@ -7,6 +7,8 @@ use crate::process::{Process, ProcessError, Role};
 use fht_proto::{MapName, SharedWorldName};
 use fht_sim::{Contacts, RobotContacts};
 use serde::Deserialize;
+use std::ffi::OsString;
+use std::path::Path;
 
 /// The part of the client's report that the demo shows.
 #[derive(Debug, Default, Deserialize)]
@@ -49,6 +51,16 @@ pub(super) fn client(
     let origin = format!("{x},{y},{yaw}rad");
     args.extend(["--seed", &seed, "--light-seed", &light, "--map-origin", &origin].map(Into::into));
     args.extend(["--to", "random", "--quiet"].map(Into::into));
+    drive(config, bars, args, &report)
+}
+
+/// Runs the client's program, and reads the report that it writes.
+pub(super) fn drive<T: for<'de> Deserialize<'de>>(
+    config: &HandoffConfig,
+    bars: &Bars,
+    args: Vec<OsString>,
+    report: &Path,
+) -> Result<T, HandoffError> {
     let bar = bars.add("client".to_owned());
     bar.set_message("dropped somewhere; finding out where, then driving to its goal");
     let ended = Process::start(&config.executable, Role::ClientRobot, args)?.follow(|_| ());
@@ -60,5 +72,5 @@ pub(super) fn client(
             bar.finish_with_message("done");
         }
     }
-    read_report(&report)
+    read_report(report)
 }

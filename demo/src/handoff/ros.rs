@@ -2,13 +2,13 @@
 //! own, and explorer and client drive it by its topics. What came of it is judged by what is said
 //! on the graphs.
 
-use super::client::ClientReport;
+use super::client::{ClientReport, drive};
 use super::config::{HandoffConfig, HandoffError};
 use super::explorers::{Explored, Line, Witness};
 use super::judge::{Judge, Moment, driven_m, mean_error_m};
 use super::programs::{Bars, read_report};
 use super::report::{ContactFigures, ExplorerFigures, RosFigures};
-use crate::process::{Process, ProcessError, Role, free_endpoint};
+use crate::process::{Process, Role, free_endpoint};
 use client_robot::program::AT_GOAL_M;
 use fht_perception::pose::{Point2, Pose2};
 use fht_proto::{MapName, SharedWorldName};
@@ -160,18 +160,7 @@ pub(super) fn client(
     let mut args: Vec<OsString> = ["go", "--ros", &rig.endpoint, "--to", "random", "--quiet"].map(Into::into).into();
     args.extend(["--seed", &seed.to_string(), "--map", map.as_str(), "--connect", &config.endpoint].map(Into::into));
     args.extend(["--report".into(), report.clone().into_os_string()]);
-    let bar = bars.add("client".to_owned());
-    bar.set_message("dropped somewhere; finding out where, then driving to its goal");
-    let ended = Process::start(&config.executable, Role::ClientRobot, args)?.follow(|_| ());
-    // A client that did not arrive says so in its report and by its exit code.
-    match ended {
-        Err(ProcessError::Failed { .. }) if report.exists() => bar.finish_with_message("failed"),
-        other => {
-            other?;
-            bar.finish_with_message("done");
-        }
-    }
-    let said: RosClientReport = read_report(&report)?;
+    let said: RosClientReport = drive(config, bars, args, &report)?;
     let [x, y, yaw] = explored.world_from_map;
     let world_from_map = fht_perception::pose::pose(x, y, yaw);
     let (moments, truth, cpu_s) = rig.finish(&world_from_map)?;

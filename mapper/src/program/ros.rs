@@ -9,17 +9,13 @@ use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask
 use fht_perception::robot::{RobotError, SilenceConfig};
 use fht_program::stop::Stop;
 use fht_ros::{NodeConfig, RosError, RosNode};
-use fht_ros_robot::{IntakeReport, OutputRole, RosOutputs, RosRobot, RosRobotConfig};
+use fht_ros_robot::{IntakeReport, OutputRole, RosOutputs, RosRobot, RosRobotConfig, live_silence};
 use fht_session::{SessionConfig, SessionError};
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-
-/// A live robot is told to stop when no frame has come for so long, seconds: it shall stand within
-/// half a second.
-const STOP_AFTER_S: f64 = 0.4;
 
 /// Who drives a robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -182,7 +178,7 @@ pub async fn explore_robot(
     let robot = RosRobot::connect(&node, task.robot).await?;
     let keeper = RunKeeper::new(task.record.as_deref(), task.picture)?;
     let travel = Travel { watch, next_us: 0, last_us: 0, driven_m: 0.0, last_odom: None };
-    let silence = SilenceConfig { stop_after_s: STOP_AFTER_S, ..task.mapping.silence.clone() };
+    let silence = live_silence(task.mapping.silence.clone());
     let mapping = MappingTask { cameras: false, silence, stop: task.stop, ..task.mapping };
     let outputs = MapOutputs::new(RosOutputs::start(&node, OutputRole::Mapping, robot.odom_frame()).await?);
     let observer = (keeper, (travel, outputs));
