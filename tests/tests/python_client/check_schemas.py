@@ -61,6 +61,8 @@ def main(endpoint, name, folder, author):
         session.declare_subscriber(f"fht/{name}/robots/*/*", said.put)
         session.declare_subscriber(f"fht/{name}/robots/*/goal/status", said.put)
         session.declare_subscriber(f"fht/{name}/refused/*", said.put)
+        # An answer comes after the declarations before it: from here on nothing is missed.
+        list(session.get(f"fht/{name}/head", timeout=10.0))
         print("listening", flush=True)
         of_robots = {"robot-pose", "robot-status", "robot-blocked", "robot-goal", "robot-goal-status"}
         while not checked >= of_robots | {"refused"}:
