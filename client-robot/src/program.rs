@@ -50,7 +50,7 @@ pub fn command() -> clap::Command {
 
 /// Runs the program. Exit code 0: the task is done; 1: it failed, and the robot said why; 2:
 /// wrong usage or bad input; 130 or 143: it was interrupted.
-pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+pub fn main_with_args(args: Vec<OsString>) -> ExitCode {
     let cli: Cli = match parse_args(args) {
         Ok(cli) => cli,
         Err(code) => return code,

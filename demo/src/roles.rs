@@ -12,7 +12,7 @@ pub fn run_role(role: Role, args: Vec<OsString>) -> ExitCode {
         eprintln!("{}: {error}", role.name());
         return ExitCode::FAILURE;
     }
-    let args = std::iter::once(OsString::from(role.name())).chain(args);
+    let args = std::iter::once(OsString::from(role.name())).chain(args).collect();
     fht_program::exit_code(match role {
         Role::MapServer => map_server::main_with_args(args),
         Role::Mapper => mapper::program::main_with_args(args),

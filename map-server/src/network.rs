@@ -6,6 +6,8 @@
 //! | `increments` | subscribes to increments and queues them for the writer |
 //! | `robot_topics` | subscribes to what robots say about themselves |
 //! | `announcements` | publishes heads, and refusals to their writers |
+//! | `known_keys` | makes the keys that robots ask for known to all routers |
+//! | `other_servers` | notices another server that answers for the same maps |
 //! | `queryable` | answers queries |
 //! | `query_door` | keeps those waiting that come before the store is read |
 //! | `query_rooms` | … and which of them wait for which |
@@ -14,6 +16,8 @@
 mod addressed;
 mod announcements;
 mod increments;
+mod known_keys;
+mod other_servers;
 mod query_door;
 mod query_rooms;
 mod queryable;
@@ -22,6 +26,8 @@ mod session;
 
 pub(crate) use announcements::{publish_head, publish_refusal};
 pub(crate) use increments::subscribe_increments;
+pub(crate) use known_keys::KnownKeys;
+pub(crate) use other_servers::warn_of_other_servers;
 pub(crate) use query_door::QueryDoor;
 pub(crate) use queryable::QueryService;
 pub(crate) use robot_topics::{RobotTopicSubscriptions, learn_blockages, subscribe_robot_topics};

@@ -9,7 +9,6 @@
 //! | `repair` | what can be done with a damaged store |
 //! | `operator` | what operators do, talking to a running server |
 
-#[cfg(not(target_env = "msvc"))]
 mod allocator;
 mod operator;
 mod repair;
@@ -300,11 +299,7 @@ pub fn command() -> clap::Command {
 }
 
 /// Runs the program with the given arguments, the program's name first.
-pub fn main_with_args<I, T>(args: I) -> ExitCode
-where
-    I: IntoIterator<Item = T>,
-    T: Into<OsString> + Clone,
-{
+pub fn main_with_args(args: Vec<OsString>) -> ExitCode {
     let cli: Cli = match parse_args(args) {
         Ok(cli) => cli,
         Err(code) => return code,

@@ -155,3 +155,39 @@ async fn it_ends_when_told_to_and_says_why_it_cannot_start() {
 
     assert_eq!(server.terminate(), Some(0));
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_second_server_with_a_log_of_its_own_says_that_another_answers() {
+    let dir = tempfile::tempdir().unwrap();
+    let (first, second) = (free_endpoint(), free_endpoint());
+    let logs = [dir.path().join("first.log"), dir.path().join("second.log")];
+    let said = |number: usize| std::fs::read_to_string(&logs[number]).unwrap();
+    let _first = Server::with(&dir.path().join("a"), &first, &[], &logs[0]);
+    until_up(&client(&first).await).await;
+    let _second = Server::with(&dir.path().join("b"), &second, &["--connect", &first], &logs[1]);
+    let begin = Instant::now();
+    while !said(1).contains("another map-server answers here") {
+        assert!(begin.elapsed() < Duration::from_secs(20), "{}", said(1));
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    // The first was alone when it started.
+    assert!(!said(0).contains("another"), "{}", said(0));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn routers_know_the_keys_of_each_map() {
+    let (dir, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint());
+    let _server = Server::start(dir.path(), &endpoint);
+    let session = client(&endpoint).await;
+    until_up(&session).await;
+    session.put(key(ANA, 1), bytes(ANA, 1)).await.unwrap();
+    // Whoever publishes under a key learns that somebody has declared it.
+    for topic in ["head", "path", "since", "rules", "snapshot"] {
+        let publisher = session.declare_publisher(format!("fht/museum/{topic}")).await.unwrap();
+        let begin = Instant::now();
+        while !publisher.matching_status().await.unwrap().matching() {
+            assert!(begin.elapsed() < Duration::from_secs(20), "{topic}");
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    }
+}

@@ -46,11 +46,7 @@ pub fn command() -> clap::Command {
 }
 
 /// Runs the program with `args` (the first is its name).
-pub fn main_with_args<I, T>(args: I) -> ExitCode
-where
-    I: IntoIterator<Item = T>,
-    T: Into<OsString> + Clone,
-{
+pub fn main_with_args(args: Vec<OsString>) -> ExitCode {
     let cli: Cli = match parse_args(args) {
         Ok(cli) => cli,
         Err(code) => return code,

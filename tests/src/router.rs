@@ -53,11 +53,7 @@ async fn run(config: Config) -> Result<(), zenoh::Error> {
 }
 
 /// Runs the program with the given arguments, the program's name first.
-pub fn main_with_args<I, T>(args: I) -> ExitCode
-where
-    I: IntoIterator<Item = T>,
-    T: Into<OsString> + Clone,
-{
+pub fn main_with_args(args: Vec<OsString>) -> ExitCode {
     let cli = Cli::parse_from(args);
     if let Err(error) = end_with_parent(NAME) {
         eprintln!("router: {error}");

@@ -1,6 +1,6 @@
 //! Writing to a map: numbered, stamped increments, acknowledged by the server's head.
 
-use crate::queries::{AskError, ask_async, ask_head_async};
+use crate::queries::{AskError, ask_head_async, ask_until_answered};
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Head, Series};
 use fht_proto::{
@@ -21,7 +21,7 @@ const ASK_EVERY: Duration = Duration::from_millis(250);
 /// is not told again at once.
 const PUT_AGAIN: Duration = Duration::from_millis(1500);
 /// Two programs of one author may take the same number: so often another one is tried.
-const TRIES: usize = 5;
+const TRIES: usize = 30;
 
 /// Why an increment was not written.
 #[derive(Debug, thiserror::Error)]
@@ -48,8 +48,8 @@ pub enum NotWritten {
         /// How long was waited.
         seconds: u64,
     },
-    /// Another program took every number that was tried.
-    #[error("somebody else writes as {author} all the time: choose another name")]
+    /// Another program took every number that was tried, or the one that was meant.
+    #[error("somebody else writes as {author} at this moment: write again, or under another name")]
     Contended {
         /// The author's name.
         author: String,
@@ -108,12 +108,39 @@ async fn head_of(session: &Session, map: &MapName, author: &Authorship<'_>) -> R
 /// # Errors
 /// [`NotWritten`].
 pub async fn write(session: &Session, map: &MapName, by: Authorship<'_>, ops: Vec<Op>) -> Result<Head, NotWritten> {
+    write_as(session, map, by, None, ops).await
+}
+
+/// Writes `ops` as the author's increment of this number, for they stand on those before it.
+///
+/// # Errors
+/// [`NotWritten`]; [`NotWritten::Contended`] if there is another one of this number.
+pub async fn write_numbered(
+    session: &Session,
+    map: &MapName,
+    by: Authorship<'_>,
+    number: u64,
+    ops: Vec<Op>,
+) -> Result<Head, NotWritten> {
+    write_as(session, map, by, Some(number), ops).await
+}
+
+async fn write_as(
+    session: &Session,
+    map: &MapName,
+    by: Authorship<'_>,
+    only: Option<u64>,
+    ops: Vec<Op>,
+) -> Result<Head, NotWritten> {
     let author = AuthorId::of_robot(by.name.parse::<RobotName>()?.as_str());
     let refused = Key::refused(map, author).to_string();
     let refusals = session.declare_subscriber(refused).with(RingChannel::new(4)).await?;
     for _ in 0..TRIES {
         let before = head_of(session, map, &by).await?;
         let number = before.vector.get(author) + 1;
+        if only.is_some_and(|only| only != number) {
+            break;
+        }
         // Newer than everything that the map has seen.
         let hlc_us = now_us().max(before.clock_us + 1);
         let increment = Increment { author, number, hlc_us, ops: ops.clone() };
@@ -159,7 +186,7 @@ async fn is_stored(
     timeout: Duration,
 ) -> Result<bool, AskError> {
     let selector = format!("{}?vector={}", Key::topic(map, Topic::Since), before.vector);
-    let bytes = ask_async(session, &selector, None, timeout).await?;
+    let bytes = ask_until_answered(session, &selector, timeout).await?;
     let series: Series = decode(&bytes).map_err(|error| AskError::Unreadable(error.to_string()))?;
     let place = |stored: &&Increment| (stored.author, stored.number) == (increment.author, increment.number);
     Ok(series.increments.iter().find(place).is_none_or(|stored| stored == increment))

@@ -55,7 +55,8 @@ pub use paths::{PathQuestion, ServerPaths, ServerPathsConfig, ask_path};
 pub use planned_path::{PathPoint, PathSource, PlannedPath, Planner};
 pub use presence::{PoseReport, Presence};
 pub use queries::{
-    AskError, ask, ask_all_async, ask_async, ask_fleet_async, ask_head, ask_head_async, ask_json_async, read_head,
+    AskError, ask, ask_all_async, ask_async, ask_fleet_async, ask_head, ask_head_async, ask_json_async,
+    ask_until_answered, read_head,
 };
 pub use replica::{LiveReplica, ReplicaConfig, ReplicaError};
 pub use staleness::{Staleness, StalenessConfig, StalenessStep};

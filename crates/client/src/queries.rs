@@ -5,7 +5,7 @@ use fht_proto::api::fleet::FleetReply;
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::{ErrorReply, Head};
 use serde::de::DeserializeOwned;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use zenoh::handlers::FifoChannel;
 use zenoh::query::{ConsolidationMode, QueryTarget};
 use zenoh::{Session, Wait};
@@ -75,6 +75,28 @@ pub async fn ask_async(
     Err(refusal.map_or(AskError::Silent, AskError::Refused))
 }
 
+/// Puts a question without blocking, again and again until there is an answer or `timeout` is over:
+/// routers drop what a link cannot take at that moment, and nobody says so. The question must do no
+/// harm when it is answered twice.
+///
+/// # Errors
+/// Why there is no answer.
+pub async fn ask_until_answered(session: &Session, selector: &str, timeout: Duration) -> Result<Vec<u8>, AskError> {
+    /// How long the first answer may take; each later one twice as long.
+    const FIRST: Duration = Duration::from_secs(3);
+    let (begin, mut patience) = (Instant::now(), FIRST);
+    loop {
+        let (asked, left) = (Instant::now(), timeout.saturating_sub(begin.elapsed()));
+        let answer = ask_async(session, selector, None, patience.min(left)).await;
+        // Silence that comes early says that nobody is there.
+        let is_lost = matches!(answer, Err(AskError::Silent)) && asked.elapsed() >= patience;
+        if !is_lost || begin.elapsed() >= timeout {
+            return answer;
+        }
+        patience *= 2;
+    }
+}
+
 /// Puts a question to all servers without blocking; waits for all, and returns an answer, or else a
 /// refusal.
 ///
@@ -131,7 +153,7 @@ pub async fn ask_fleet_async(session: &Session, map: &MapName, timeout: Duration
 /// # Errors
 /// Why there is no answer.
 pub async fn ask_head_async(session: &Session, map: &MapName, timeout: Duration) -> Result<Head, AskError> {
-    let payload = ask_async(session, &Key::topic(map, Topic::Head).to_string(), None, timeout).await?;
+    let payload = ask_until_answered(session, &Key::topic(map, Topic::Head).to_string(), timeout).await?;
     read_head(&payload, map)
 }
 

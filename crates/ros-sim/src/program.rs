@@ -195,7 +195,7 @@ pub fn command() -> clap::Command {
 }
 
 /// Runs the program with `args` (the first is its name).
-pub fn main_with_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+pub fn main_with_args(args: Vec<OsString>) -> ExitCode {
     let cli: Cli = match parse_args(args) {
         Ok(cli) => cli,
         Err(code) => return code,

@@ -84,7 +84,9 @@ pub enum Refusal {
     #[error("the payload is not in canonical form")]
     NotCanonical,
     /// The stamp is too far in the future.
-    #[error("its stamp is {ahead_s} s ahead of the server's clock")]
+    #[error(
+        "the increment's stamp is {ahead_s} s ahead of the server's clock: its writer's clock is wrong, or the server's"
+    )]
     Future {
         /// How far, seconds.
         ahead_s: u64,
@@ -198,11 +200,11 @@ pub fn map_of(key: &str) -> Option<MapName> {
     key.split('/').nth(1).and_then(|name| name.parse().ok())
 }
 
-/// Checks an arrival at `now_us` (microseconds since the Unix epoch).
+/// Checks an arrival, but for its stamp.
 ///
 /// # Errors
 /// The first thing that is wrong.
-pub fn check(arrival: Arrival, limits: &Limits, now_us: u64) -> Result<Checked, Refusal> {
+pub fn check(arrival: Arrival, limits: &Limits) -> Result<Checked, Refusal> {
     let (map, author, number, origin) = match arrival.key.parse() {
         Ok(Key::Increment { map, author, number }) => (map, author, number, IncrementOrigin::Writer),
         Ok(Key::Kept { map, author, number }) => (map, author, number, IncrementOrigin::Storages { copies: 0 }),
@@ -219,20 +221,23 @@ pub fn check(arrival: Arrival, limits: &Limits, now_us: u64) -> Result<Checked, 
     if !is_canonical(&increment, &bytes)? {
         return Err(Refusal::NotCanonical);
     }
-    // A server has already accepted what storages hold, so all servers must.
-    if origin == IncrementOrigin::Writer {
-        check_stamp(increment.hlc_us, limits, now_us)?;
-    }
     Ok(Checked { map, increment, bytes, origin })
 }
 
-/// Checks that honest writers can still overwrite a stamp.
+/// How far a stamp may be beyond a clock of a map that is itself ahead, microseconds: writers stamp
+/// a microsecond later than all that they have seen, and may have a few under way.
+const AFTER_CLOCK_US: u64 = 1000;
+
+/// Checks that honest writers can still overwrite a stamp at `now_us` (microseconds since the Unix
+/// epoch). What was stamped while the server's own clock was ahead is there: writers go on from
+/// `clock_us`, the newest stamp of the map.
 ///
 /// # Errors
 /// [`Refusal::Future`].
-pub fn check_stamp(hlc_us: u64, limits: &Limits, now_us: u64) -> Result<(), Refusal> {
+pub fn check_stamp(hlc_us: u64, clock_us: u64, limits: &Limits, now_us: u64) -> Result<(), Refusal> {
     let ahead_s = hlc_us.saturating_sub(now_us) / 1_000_000;
-    if ahead_s > limits.max_clock_ahead_s { Err(Refusal::Future { ahead_s }) } else { Ok(()) }
+    let is_ahead = ahead_s > limits.max_clock_ahead_s && hlc_us > clock_us.saturating_add(AFTER_CLOCK_US);
+    if is_ahead { Err(Refusal::Future { ahead_s }) } else { Ok(()) }
 }
 
 /// Checks what an operator has drawn. Maps from files and storages may have more: they were

@@ -55,7 +55,7 @@ impl Ingest {
         for (arrival, copies) in kept {
             let key = arrival.key.clone();
             // What a server has accepted is accepted whatever its stamp.
-            let outcome = match check(arrival, &self.limits, 0) {
+            let outcome = match check(arrival, &self.limits) {
                 Ok(checked) => {
                     bytes += checked.bytes.len();
                     self.sort(Checked { origin: IncrementOrigin::Storages { copies }, ..checked }, &mut batch)?
@@ -94,7 +94,7 @@ impl Ingest {
             return Ok(Err(Refusal::CompactedBeside));
         }
         let newest_us = series.rests.iter().map(|rest| rest.hlc_us).max().unwrap_or(0);
-        if let Err(refusal) = check_stamp(newest_us, &self.limits, now_us) {
+        if let Err(refusal) = check_stamp(newest_us, self.newest_stamp_us(), &self.limits, now_us) {
             return Ok(Err(refusal));
         }
         let bytes = match encode(series) {

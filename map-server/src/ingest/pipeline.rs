@@ -6,7 +6,7 @@ use crate::clock::PassedTime;
 use crate::config::Limits;
 use crate::ingest::admission::Admission;
 use crate::ingest::batch::{Batch, BatchOutcome};
-use crate::ingest::check::{Arrival, Checked, Refusal, check, check_words, map_of};
+use crate::ingest::check::{Arrival, Checked, Refusal, check, check_stamp, check_words, map_of};
 use crate::ingest::intake::Intake;
 use crate::ingest::pending_maps::PendingMaps;
 use crate::ingest::refusals::{RefusalNotice, RefusalThrottle};
@@ -82,7 +82,8 @@ impl Ingest {
         for arrival in arrivals {
             let key = arrival.key.clone();
             let open = |checked| self.check_open(checked, fault.as_deref());
-            let outcome = match check(arrival, &self.limits, now_us).and_then(check_words).and_then(open) {
+            let stamped = |checked: Checked| self.check_stamp(checked, now_us);
+            let outcome = match check(arrival, &self.limits).and_then(stamped).and_then(check_words).and_then(open) {
                 Ok(checked) => match self.check_deleted(checked).and_then(|checked| self.admit(checked, now_us)) {
                     Ok(Some(checked)) => self.sort(checked, &mut batch)?,
                     Ok(None) => Ok(()),
@@ -116,6 +117,20 @@ impl Ingest {
             self.recount(map)?;
         }
         Ok(retained)
+    }
+
+    fn check_stamp(&self, checked: Checked, now_us: u64) -> Result<Checked, Refusal> {
+        // A server has already accepted what storages hold, so all servers must.
+        if checked.origin == IncrementOrigin::Writer {
+            let clock_us = self.catalog.view(&checked.map).map_or(0, |view| view.head.clock_us);
+            check_stamp(checked.increment.hlc_us, clock_us, &self.limits, now_us)?;
+        }
+        Ok(checked)
+    }
+
+    /// The newest stamp of all maps. What goes from one map to another is no newer.
+    pub(super) fn newest_stamp_us(&self) -> u64 {
+        self.catalog.heads().iter().map(|head| head.clock_us).max().unwrap_or(0)
     }
 
     /// Makes a batch durable, then visible.
@@ -209,7 +224,10 @@ impl Ingest {
         now_us: u64,
         batch: &mut Batch,
     ) -> Result<Result<(), Refusal>, StoreError> {
-        match check(arrival, &self.limits, now_us) {
+        let stamped = |checked: Checked| {
+            check_stamp(checked.increment.hlc_us, self.newest_stamp_us(), &self.limits, now_us).map(|()| checked)
+        };
+        match check(arrival, &self.limits).and_then(stamped) {
             Ok(checked) => self.sort(checked, batch),
             Err(refusal) => Ok(Err(refusal)),
         }

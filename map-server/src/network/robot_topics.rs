@@ -23,7 +23,7 @@ const MAX_BYTES: usize = 256 << 10;
 const MAX_RELEASE_BYTES: usize = 128;
 
 /// How long the other servers have to answer.
-const LEARN_WITHIN: Duration = Duration::from_secs(1);
+pub(super) const LEARN_WITHIN: Duration = Duration::from_secs(1);
 
 /// Receives reports until it is dropped.
 #[derive(Debug)]

@@ -29,7 +29,7 @@ fn place(record: &Record) -> IncrementKey {
 /// Whether `bytes` are an increment that a server would accept at a place.
 fn belongs(place: &IncrementKey, bytes: &[u8]) -> bool {
     let key = Key::kept(&place.map, place.author, place.number).to_string();
-    check(Arrival { key, payload: Ok(bytes.to_vec()) }, &Limits::default(), 0).is_ok()
+    check(Arrival { key, payload: Ok(bytes.to_vec()) }, &Limits::default()).is_ok()
 }
 
 impl QuorumLog {

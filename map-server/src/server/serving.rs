@@ -5,8 +5,8 @@ use crate::clock::now_us;
 use crate::config::ServerConfig;
 use crate::ingest::{Ingest, WriterQueue};
 use crate::network::{
-    QueryDoor, QueryService, RobotTopicSubscriptions, learn_blockages, publish_head, replacement, subscribe_increments,
-    subscribe_robot_topics,
+    KnownKeys, QueryDoor, QueryService, RobotTopicSubscriptions, learn_blockages, publish_head, replacement,
+    subscribe_increments, subscribe_robot_topics, warn_of_other_servers,
 };
 use crate::query::AnswerSources;
 use crate::replicated::Stateless;
@@ -142,6 +142,7 @@ struct Answering {
     _nearest: Vec<Queryable<()>>,
     gap_fill: Option<JoinHandle<()>>,
     deleting: AbortHandle,
+    naming: AbortHandle,
     _robots: RobotTopicSubscriptions,
 }
 
@@ -159,6 +160,8 @@ impl Answering {
             // Concurrently: it may take a second, and until then paths are planned on what is
             // known.
             tokio::spawn(learn_blockages(session.clone(), sources.clone()));
+        } else {
+            tokio::spawn(warn_of_other_servers(session.clone()));
         }
         let service = QueryService::new(sources, Arc::clone(queue), session.clone(), Handle::current());
         let door = match door {
@@ -173,18 +176,50 @@ impl Answering {
             nearest.push(session.declare_queryable(*keys).complete(true).callback(drop).await?);
         }
         catalog.heads().iter().for_each(|head| publish_head(session, head));
+        warn_of_clocks(&catalog, config.limits.max_clock_ahead_s);
         print_where(config, catalog.heads().len());
         let spawn_gap_fill = |stateless: &Stateless| stateless.spawn_gap_fill(Arc::clone(&catalog), Arc::clone(queue));
         let gap_fill = stateless.map(spawn_gap_fill).transpose().map_err(ServerError::Runtime)?;
+        let naming = tokio::spawn(keep_keys_known(session.clone(), Arc::clone(&catalog))).abort_handle();
         let deleting = tokio::spawn(delete_when_due(catalog, Arc::clone(queue))).abort_handle();
-        Ok(Self { door, _nearest: nearest, gap_fill, deleting, _robots: robots })
+        Ok(Self { door, _nearest: nearest, gap_fill, deleting, naming, _robots: robots })
     }
 
     async fn close(self) -> Result<(), ServerError> {
         self.deleting.abort();
+        self.naming.abort();
         // The thread has ended, or panicked and said so.
         let _ = self.gap_fill.map(JoinHandle::join);
         Ok(self.door.close().await?)
+    }
+}
+
+/// Warns of maps that were written while a clock was wrong. Writers go on from their newest stamp.
+fn warn_of_clocks(catalog: &Catalog, may_be_ahead_s: u64) {
+    let now_us = now_us();
+    for head in catalog.heads() {
+        let ahead_s = head.clock_us.saturating_sub(now_us) / 1_000_000;
+        if ahead_s > may_be_ahead_s {
+            tracing::warn!(
+                map = %head.map,
+                "the newest change is stamped {ahead_s} s ahead of this clock, which was wrong then, or is now; \
+                 later changes go on from that stamp"
+            );
+        }
+    }
+}
+
+/// Makes the keys of each map known to the routers, soon after the map is there.
+async fn keep_keys_known(session: Session, catalog: Arc<Catalog>) {
+    const EVERY: Duration = Duration::from_millis(500);
+    let mut keys = KnownKeys::new(session);
+    loop {
+        let maps = catalog.heads().iter().map(|head| head.map.clone()).collect();
+        if let Err(error) = keys.follow(&maps).await {
+            tracing::debug!("the keys of maps cannot be declared: {error}");
+            return;
+        }
+        tokio::time::sleep(EVERY).await;
     }
 }
 

@@ -56,7 +56,7 @@ fn main() -> ExitCode {
             return be_strangers(rest);
         }
         return match role.to_str() {
-            Some("router") => fht_tests::router::main_with_args(program),
+            Some("router") => fht_tests::router::main_with_args(program.collect()),
             _ => run_role(Role::MapServer, program.skip(1).collect()),
         };
     }

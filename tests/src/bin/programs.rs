@@ -31,7 +31,7 @@ fn main() -> ExitCode {
     fht_program::zenoh_threads::one_thread_for_tls(std::env::args_os());
     let Command::Role { name, args } = Cli::parse().command;
     if name == router::NAME {
-        return router::main_with_args(std::iter::once(OsString::from(name)).chain(args));
+        return router::main_with_args(std::iter::once(OsString::from(name)).chain(args).collect());
     }
     match Role::from_str(&name, false) {
         Ok(role) => run_role(role, args),

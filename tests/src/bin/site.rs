@@ -84,7 +84,7 @@ fn main() -> ExitCode {
     {
         let program = std::iter::once(role).chain(rest.iter().filter(|arg| *arg != "--")).cloned();
         return match role.to_str() {
-            Some("router") => fht_tests::router::main_with_args(program),
+            Some("router") => fht_tests::router::main_with_args(program.collect()),
             _ => run_role(Role::MapServer, program.skip(1).collect()),
         };
     }

@@ -41,7 +41,7 @@ pub(super) async fn until_there(
     let (mut answer, mut content) = (waiting.for_answer(), waiting.for_content());
     let key = map.map_or(Key::Maps, |map| Key::topic(map, Topic::Head)).to_string();
     loop {
-        match fht_client::ask_async(session, &key, None, ANSWER_TIMEOUT).await {
+        match fht_client::ask_until_answered(session, &key, ANSWER_TIMEOUT).await {
             Err(AskError::Silent) if answer.goes_on("a map-server to answer") => {}
             Err(AskError::Silent) => return Err(OperatorError::Silent),
             Err(AskError::Refused(reply))
@@ -56,13 +56,19 @@ pub(super) async fn until_there(
     }
 }
 
-/// Asks, with a payload if there is one; the first answer counts.
+/// Asks what does no harm when it is answered twice.
+pub(super) async fn ask_binary(session: &Session, selector: &str) -> Result<Vec<u8>, OperatorError> {
+    Ok(fht_client::ask_until_answered(session, selector, ANSWER_TIMEOUT).await?)
+}
+
+/// Gives an order, with a payload if there is one; the first answer counts.
 pub(super) async fn ask(session: &Session, selector: &str, payload: Option<Vec<u8>>) -> Result<Vec<u8>, OperatorError> {
     Ok(fht_client::ask_async(session, selector, payload, ANSWER_TIMEOUT).await?)
 }
 
 pub(super) async fn ask_json<T: DeserializeOwned>(session: &Session, selector: &str) -> Result<T, OperatorError> {
-    Ok(fht_client::ask_json_async(session, selector, ANSWER_TIMEOUT).await?)
+    let bytes = fht_client::ask_until_answered(session, selector, ANSWER_TIMEOUT).await?;
+    serde_json::from_slice(&bytes).map_err(|error| OperatorError::json(&error))
 }
 
 /// The same, of all servers; one answer of them.

@@ -105,8 +105,8 @@ pub enum OperatorError {
     },
     /// An import has ended before the end of the file.
     #[error(
-        "{reason}; part of map {map} is there (version {version} of {of}): give the import again when there is room, \
-         which goes on from there, or take it away with `map-server delete {map}`"
+        "{reason}; part of map {map} is there (version {version} of {of}): when the reason is gone, the import goes on \
+         from there; `map-server delete {map}` takes it away"
     )]
     PartlyImported {
         /// The map.
@@ -128,6 +128,25 @@ pub enum OperatorError {
         /// Why.
         reason: Box<OperatorError>,
     },
+    /// A map is not renamed, and nothing of it has changed.
+    #[error(
+        "{reason}; {old} is not renamed, and is kept as it was; what there is of {new} goes with \
+         `map-server delete {new}`"
+    )]
+    KeptAsItWas {
+        /// The map.
+        old: MapName,
+        /// What it was to be called.
+        new: MapName,
+        /// Why.
+        reason: Box<OperatorError>,
+    },
+    /// Somebody else writes under the operator's name.
+    #[error("somebody else writes as {author} at this moment: give the command again, or another --operator")]
+    Contended {
+        /// The operator's name.
+        author: String,
+    },
     /// Two maps are not merged.
     #[error("not merged: {0}")]
     Merge(#[from] fht_merge::MergeRefusal),
@@ -148,7 +167,9 @@ impl OperatorError {
             Self::Refused(reply) => reply.code.is_input(),
             Self::Usage(_) | Self::Archive { .. } | Self::Unsound(_) | Self::Listens { .. } => true,
             Self::File { source, .. } => is_of_name(source.kind()),
-            Self::NotRenamed { reason, .. } | Self::PartlyImported { reason, .. } => reason.is_input(),
+            Self::NotRenamed { reason, .. }
+            | Self::KeptAsItWas { reason, .. }
+            | Self::PartlyImported { reason, .. } => reason.is_input(),
             // There are no such changes, or not so many.
             Self::Undo { source, .. } => {
                 use InverseError::{NoneSuch, TooFew, Unchanged};
@@ -197,9 +218,7 @@ impl From<NotWritten> for OperatorError {
             NotWritten::Name(error) => Self::Usage(error.to_string()),
             NotWritten::Refused(reply) => Self::Refused(reply),
             NotWritten::NotStored { seconds } => Self::NotStored { seconds },
-            NotWritten::Contended { author } => {
-                Self::Usage(format!("somebody else writes as {author} all the time: give another --operator"))
-            }
+            NotWritten::Contended { author } => Self::Contended { author },
             error => Self::Usage(error.to_string()),
         }
     }

@@ -41,7 +41,7 @@ pub(super) async fn rename(
     let moved = before.deletion.as_ref().and_then(|deletion| deletion.moved_to.as_ref());
     if let Some(elsewhere) = moved.filter(|elsewhere| **elsewhere != new) {
         let text = format!(
-            "{old} has moved to {elsewhere} already, and robots follow it there: rename {elsewhere}, or keep {old} with \
+            "{old} has moved to {elsewhere} already: rename {elsewhere}, or keep {old} with \
              `map-server undelete {old}` first"
         );
         return usage(text);
@@ -53,11 +53,31 @@ pub(super) async fn rename(
     let meanwhile = DeletionOrder { grace_s: order.grace_s.max(COPYING_S), ..order.clone() };
     let mut last = delete(session, old, &meanwhile).await?;
     let copied = copy(session, &last, &new, quiet).await;
-    let copied = copied.map_err(|reason| OperatorError::NotRenamed { old: old.clone(), reason: Box::new(reason) })?;
+    let copied = match copied {
+        Ok(copied) => copied,
+        Err(reason) => return Err(not_renamed(session, (old, &new), has_begun, reason).await),
+    };
     if order.grace_s < meanwhile.grace_s {
         last = delete(session, old, &order).await?;
     }
     Ok(Renamed { old: last, new: copied })
+}
+
+/// Why a map is not renamed. A new map that the server refuses will not be whole the next time
+/// either, so the old one is kept as it was.
+async fn not_renamed(
+    session: &Session,
+    (old, new): (&MapName, &MapName),
+    had_begun: bool,
+    reason: OperatorError,
+) -> OperatorError {
+    let (old, new, is_refused) = (old.clone(), new.clone(), matches!(reason, OperatorError::Refused(_)));
+    let reason = Box::new(reason);
+    if is_refused && !had_begun && deletion::undelete(session, &old).await.is_ok() {
+        OperatorError::KeptAsItWas { old, new, reason }
+    } else {
+        OperatorError::NotRenamed { old, reason }
+    }
 }
 
 /// Copies all of a map; returns the new map's head.

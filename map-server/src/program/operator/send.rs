@@ -11,6 +11,7 @@ use fht_proto::api::keys::{GoalTopic, Key, RobotTopic};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, PlaceRef};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use zenoh::Session;
+use zenoh::handlers::RingChannel;
 
 /// How long a robot may take to say whether there is a path.
 const ANSWER: Duration = Duration::from_secs(10);
@@ -71,21 +72,31 @@ async fn ask(session: &Session, selector: &str) -> Result<GoalStatus, OperatorEr
 /// [`OperatorError::NotArrived`], or that the robot does not answer.
 pub(super) async fn arrived(session: &Session, map: &MapName, sent: GoalStatus) -> Result<GoalStatus, OperatorError> {
     let id = sent.id.clone().unwrap_or_default();
-    let selector = format!("{}?id={id}", Key::goal(map, &sent.robot, GoalTopic::Status));
+    let key = Key::goal(map, &sent.robot, GoalTopic::Status);
+    let selector = format!("{key}?id={id}");
+    // A robot that ends says so once, and cannot be asked afterwards.
+    let told = session.declare_subscriber(key.to_string()).with(RingChannel::new(8)).await?;
     let (mut status, mut heard) = (sent, Instant::now());
     while !status.state.is_final() {
         tokio::time::sleep(ASK_AGAIN).await;
-        match ask(session, &selector).await {
+        let asked = ask(session, &selector).await;
+        while let Ok(Some(sample)) = told.try_recv() {
+            let news = serde_json::from_slice::<GoalStatus>(&sample.payload().to_bytes());
+            if let Some(news) = news.ok().filter(|news| news.id == status.id) {
+                (status, heard) = (news, Instant::now());
+            }
+        }
+        match asked {
+            _ if status.state.is_final() => {}
             Ok(news) => (status, heard) = (news, Instant::now()),
             Err(error @ OperatorError::Refused(ErrorReply { code: ErrorCode::UnknownGoal, .. })) => return Err(error),
-            // The server answers in its place.
-            Err(OperatorError::Refused(ErrorReply { code: ErrorCode::BadRequest, .. })) => {
-                let why = ": the robot has ended, or takes no more goals".to_owned();
+            // The link may come back. Meanwhile the server answers in the robot's place.
+            Err(error) if heard.elapsed() <= PATIENCE => tracing::debug!("asked in vain: {error}"),
+            Err(_) => {
+                let seconds = heard.elapsed().as_secs();
+                let why = format!(": nothing was heard of the robot for {seconds} s; it may still be on its way");
                 return Err(OperatorError::NotArrived { robot: status.robot, id, state: status.state, why });
             }
-            // The link may come back.
-            Err(error) if heard.elapsed() > PATIENCE => return Err(error),
-            Err(error) => tracing::debug!("asked in vain: {error}"),
         }
     }
     if status.state == GoalState::Arrived {

@@ -1,6 +1,6 @@
 //! Maps to files and back.
 
-use crate::program::operator::asking::{ask, head, state_of};
+use crate::program::operator::asking::{ask, ask_binary, head, state_of};
 use crate::program::operator::error::OperatorError;
 use crate::rescue::check_archive;
 use fht_map::MapState;
@@ -16,6 +16,9 @@ use zenoh::Session;
 
 /// Approximate length of the messages in a file, bytes.
 const SERIES_BYTES: usize = 64 << 10;
+/// About how much is asked for at one time, bytes: what a link takes in one piece. Routers drop what
+/// it cannot take at that moment.
+const PART_BYTES: usize = 48 << 10;
 /// The file that is standard output.
 pub(super) const STANDARD_OUTPUT: &str = "-";
 
@@ -117,8 +120,8 @@ async fn fetch(
     vector: &VersionVector,
     have: &VersionVector,
 ) -> Result<Series, OperatorError> {
-    let selector = format!("{}?vector={vector};have={have}", Key::topic(map, Topic::Snapshot));
-    let bytes = ask(session, &selector, None).await?;
+    let part = format!("vector={vector};have={have};max_bytes={PART_BYTES}");
+    let bytes = ask_binary(session, &format!("{}?{part}", Key::topic(map, Topic::Snapshot))).await?;
     decode(&bytes).map_err(|error| OperatorError::Answer(error.to_string()))
 }
 

@@ -4,7 +4,7 @@ use crate::access::read_roles;
 use crate::program::operator::asking::state_of;
 use crate::program::operator::error::OperatorError;
 use crate::program::operator::transfer::fetch_state;
-use crate::program::operator::write::write;
+use crate::program::operator::write::write_numbered;
 use fht_map::crdt::inverse::{Inverse, folded_upto, inverse, inverse_of, inverse_of_all};
 use fht_map::{WriterRole, WriterRoles, may_write};
 use fht_proto::{AuthorId, Increment, MapName, Op, Release, RobotName};
@@ -71,6 +71,10 @@ pub(super) async fn undo(
 ) -> Result<TakenBack, OperatorError> {
     let (series, _) = fetch_state(session, map, quiet).await?;
     let author = AuthorId::of_robot(operator);
+    // What somebody else writes under this name meanwhile would be undone once more, or not at all.
+    let folded_numbers = series.folds.iter().filter(|fold| fold.author == author).map(|fold| fold.last);
+    let own = series.increments.iter().filter(|increment| increment.author == author);
+    let mut number = own.map(|increment| increment.number).chain(folded_numbers).max().unwrap_or(0);
     let robot = undone.robot().cloned();
     let folded = robot.as_ref().map_or(0, |robot| folded_upto(&series, AuthorId::of_robot(robot.as_str())));
     let names = undone.robot().map(ToString::to_string).into_iter().chain([operator.to_owned()]).collect();
@@ -98,7 +102,8 @@ pub(super) async fn undo(
     let batches = batches(ops);
     let (increments, mut version) = (batches.len(), 0);
     for ops in batches {
-        version = write(session, map, operator, ops).await?.version;
+        number += 1;
+        version = write_numbered(session, map, operator, number, ops).await?.version;
     }
     Ok(TakenBack { map: map.clone(), version, undone: [first, last], increments, words })
 }

@@ -1,6 +1,7 @@
 //! Replies as text.
 
 use fht_proto::api::reply::{Head, MapsReply, ReleaseView, ReleasesReply, RuleView, RulesReply};
+use std::time::{Duration, UNIX_EPOCH};
 
 /// So many of something, whose name only needs an `s` where there are several.
 pub(super) fn counted(count: u64, one: &str) -> String {
@@ -26,7 +27,8 @@ pub(super) fn maps_in_words(reply: &MapsReply) -> String {
             counted(head.bytes, "byte"),
             head.enabled.as_deref().unwrap_or("the newest state"),
             counted(head.refused, "increment")
-        ) + &deletion_in_words(head)
+        ) + &clock_in_words(head).map(|words| format!("; {words}")).unwrap_or_default()
+            + &deletion_in_words(head)
     };
     reply.maps.iter().map(line).collect::<Vec<_>>().join("\n")
 }
@@ -40,7 +42,25 @@ pub(super) fn health_in_words(reply: &MapsReply) -> String {
     lines.extend(reply.warning.clone());
     let damaged = reply.maps.iter().filter(|head| head.damaged);
     lines.extend(damaged.map(|head| format!("map {} is damaged, and offline: see map-server check", head.map)));
+    let clocks = reply.maps.iter().filter_map(|head| Some(format!("map {}: {}", head.map, clock_in_words(head)?)));
+    lines.extend(clocks);
     lines.join("\n")
+}
+
+/// That a map was written with a clock that is ahead of this machine's, if by more than a writer may
+/// be.
+fn clock_in_words(head: &Head) -> Option<String> {
+    /// No difference between two machines that set their clocks.
+    const MUCH: Duration = Duration::from_secs(60);
+    let ahead = Duration::from_micros(head.clock_us).checked_sub(UNIX_EPOCH.elapsed().ok()?)?;
+    let ahead = Duration::from_secs(ahead.as_secs());
+    let words = || {
+        format!(
+            "its newest change is stamped {} ahead of this machine's clock, and later ones go on from there",
+            humantime::format_duration(ahead)
+        )
+    };
+    (ahead > MUCH).then(words)
 }
 
 fn deletion_in_words(head: &Head) -> String {

@@ -7,6 +7,18 @@ use fht_proto::api::reply::Head;
 use fht_proto::{MapName, Op};
 use zenoh::Session;
 
+/// The same as the operator's increment of this number, for the operations undo those before it.
+pub(super) async fn write_numbered(
+    session: &Session,
+    map: &MapName,
+    operator: &str,
+    number: u64,
+    ops: Vec<Op>,
+) -> Result<Head, OperatorError> {
+    let by = Authorship { name: operator, may_begin: false, timeout: ANSWER_TIMEOUT };
+    Ok(author::write_numbered(session, map, by, number, ops).await?)
+}
+
 /// Writes `ops` as one increment of the operator called `operator`; returns the head that contains
 /// it.
 pub(super) async fn write(
