@@ -35,8 +35,17 @@ struct Held {
     goal: DriveGoal,
     /// Whether the pilot was told.
     is_begun: bool,
-    /// What is left of the path; none before there was one.
-    to_go_m: Option<f64>,
+    /// The path there; none before there was one.
+    way: Option<Way>,
+}
+
+/// The path to a goal, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Way {
+    /// What is left of it.
+    pub left_m: f64,
+    /// How far from the goal it ends.
+    pub goal_moved_m: f64,
 }
 
 /// A goal that has ended.
@@ -107,7 +116,7 @@ impl GoalQueue {
             return Err(ErrorReply::new(ErrorCode::NotLocalized, "the robot does not know where it is yet; ask again"));
         }
         let goal = locate(&order)?;
-        let held = Held { order, goal, is_begun: false, to_go_m: None };
+        let held = Held { order, goal, is_begun: false, way: None };
         if self.current.is_none() {
             self.current = Some(held);
         } else {
@@ -171,7 +180,7 @@ impl GoalQueue {
     /// path to it.
     #[must_use]
     pub fn is_decided(&self, id: &str) -> bool {
-        self.current.as_ref().is_none_or(|held| held.order.id != id || held.to_go_m.is_some())
+        self.current.as_ref().is_none_or(|held| held.order.id != id || held.way.is_some())
     }
 
     /// What the pilot is to do from here on, if that is something else than before.
@@ -190,11 +199,11 @@ impl GoalQueue {
         }
     }
 
-    /// Takes in what a frame led to; `left_m` of the path are left, metres.
-    pub fn observe(&mut self, step: &PilotStep, left_m: Option<f64>) {
+    /// Takes in what a frame led to, and the path that the robot is on, if it is on one.
+    pub fn observe(&mut self, step: &PilotStep, way: Option<Way>) {
         self.is_localized = step.localization.map_from_odom.is_some();
-        if let (Some(held), Some(left_m)) = (&mut self.current, left_m)
-            && held.to_go_m.replace(left_m).is_none()
+        if let (Some(held), Some(way)) = (&mut self.current, way)
+            && held.way.replace(way).is_none()
         {
             let id = held.order.id.clone();
             self.tell(&id);
@@ -249,12 +258,15 @@ impl GoalQueue {
         // To the millimetre and to 1e-4 rad, like everything on the wire.
         let (x, y, yaw) = (held.goal.position.x, held.goal.position.y, held.goal.yaw);
         let at = FixedPose::from_metres(x, y, yaw.unwrap_or_default());
+        let to_millimetres = |metres: f64| (metres * 1e3).round() / 1e3;
+        let moved_m = held.way.map(|way| to_millimetres(way.goal_moved_m));
         GoalStatus {
             state,
             id: Some(held.order.id.clone()),
             goal: Some([at.position.x(), at.position.y()]),
             goal_yaw: yaw.map(|_| at.yaw()),
-            to_go_m: held.to_go_m.filter(|_| state == GoalState::Driving).map(|metres| (metres * 1e3).round() / 1e3),
+            goal_moved_m: moved_m.filter(|moved_m| *moved_m > 0.0),
+            to_go_m: held.way.filter(|_| state == GoalState::Driving).map(|way| to_millimetres(way.left_m)),
             waiting: waiting.filter(|next| *next != held.order.id),
             ..GoalStatus::idle(&self.robot)
         }

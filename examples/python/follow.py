@@ -9,6 +9,7 @@ docs/protocol.md says what the keys, parameters and replies mean.
 import json
 import queue
 import sys
+import time
 try:
     import zenoh
 except ImportError as error:
@@ -93,11 +94,23 @@ def main(endpoint, name, start, goal):
         report = json.dumps({"for_s": 30, "edges": copy.edges()[:1]})
         session.put(f"fht/{name}/robots/follow-py/blocked", report, encoding="application/json")
         print("blocked:", json.dumps(copy.ask("rules")["blocked"]), flush=True)
+        looked = time.monotonic()
         while True:
-            kind, sample = events.get()
-            if kind == "head":
-                copy.catch_up()
-                print(f"{len(copy.nodes())} nodes, {len(copy.edges())} edges")
+            try:
+                kind, sample = events.get(timeout=0.5)
+            except queue.Empty:
+                kind, sample = None, None
+            # The news may be lost, or the server have begun anew: look every two seconds, too.
+            if kind == "head" or time.monotonic() > looked + 2:
+                before, looked = dict(copy.vector), time.monotonic()
+                try:
+                    copy.catch_up()
+                except RuntimeError as error:
+                    print(f"waiting: {error}", file=sys.stderr)
+                if copy.vector != before:
+                    print(f"{len(copy.nodes())} nodes, {len(copy.edges())} edges")
+            if kind in ("head", None):
+                pass
             elif kind == "pose":
                 print("pose:", sample.payload.to_string())
             else:

@@ -19,6 +19,11 @@ fn step(outcome: Option<TaskOutcome>) -> PilotStep {
     PilotStep { command: Twist::default(), localization, candidates: Vec::new(), outcome }
 }
 
+/// A path that reaches the goal.
+fn way(left_m: f64) -> Option<Way> {
+    Some(Way { left_m, goal_moved_m: 0.0 })
+}
+
 /// A robot that stands and knows where it is.
 fn ready() -> GoalQueue {
     let mut goals = GoalQueue::new("tug");
@@ -53,7 +58,7 @@ fn one_goal_is_driven_to_and_one_is_next() {
     assert_eq!(send(&mut goals, "a").map(|status| status.state), Ok(GoalState::Driving));
     assert!(!goals.is_decided("a"), "there is no path yet");
     assert_eq!(goals.next_task(), Some(Task::GoTo(goal(1.0))));
-    goals.observe(&step(None), Some(5.0));
+    goals.observe(&step(None), way(5.0));
     assert!(goals.is_decided("a"));
     assert_eq!(send(&mut goals, "b").map(|status| status.state), Ok(GoalState::Waiting));
     assert_eq!(send(&mut goals, "c").map(|status| status.state), Ok(GoalState::Waiting));
@@ -65,7 +70,7 @@ fn one_goal_is_driven_to_and_one_is_next() {
     let replaced = goals.status(Some("b")).expect("it is remembered");
     assert_eq!(replaced.reason.as_deref(), Some("goal c was sent in its place"));
 
-    goals.observe(&step(Some(TaskOutcome::Arrived)), Some(0.0));
+    goals.observe(&step(Some(TaskOutcome::Arrived)), way(0.0));
     assert_eq!(goals.next_task(), Some(Task::GoTo(goal(1.0))));
     let refused = ErrorReply::new(ErrorCode::NoPath, "nothing joins them");
     goals.observe(&step(Some(TaskOutcome::Failed(Failure::NoPath(refused)))), None);
@@ -85,7 +90,7 @@ fn the_same_goal_again_is_the_same_and_another_one_needs_another_id() {
     let other = GoalOrder { to_nearest: true, ..order("a") };
     assert!(goals.offer(other, |_| Ok(goal(2.0))).is_err_and(|error| error.message.contains("another one")));
     goals.next_task();
-    goals.observe(&step(Some(TaskOutcome::Arrived)), Some(0.0));
+    goals.observe(&step(Some(TaskOutcome::Arrived)), way(0.0));
     assert_eq!(send(&mut goals, "a").map(|status| status.state), Ok(GoalState::Arrived), "it is not driven twice");
     let unknown = || Err(ErrorReply::new(ErrorCode::UnknownPlace, "there is no dock"));
     assert!(goals.offer(order("d"), |_| unknown()).is_err_and(|error| error.code == ErrorCode::UnknownPlace));
@@ -170,7 +175,7 @@ proptest! {
                     let failed = TaskOutcome::Failed(Failure::Timeout { seconds: 1.0 });
                     let outcome = outcome.filter(|_| goals.is_driving());
                     let outcome = outcome.map(|arrives| if arrives { TaskOutcome::Arrived } else { failed });
-                    goals.observe(&step(outcome), goals.is_driving().then_some(1.0));
+                    goals.observe(&step(outcome), goals.is_driving().then_some(1.0).and_then(way));
                 }
             }
             let ended = goals.take_news().into_iter().filter(|status| status.state.is_final());
@@ -181,4 +186,15 @@ proptest! {
         let told: Vec<&str> = ends.iter().map(String::as_str).collect();
         prop_assert!(told.ends_with(&newest), "{:?} {:?}", told, newest);
     }
+}
+
+#[test]
+fn who_asks_learns_that_the_robot_stopped_short_of_the_goal() {
+    let mut goals = ready();
+    send(&mut goals, "a").expect("taken");
+    goals.next_task();
+    goals.observe(&step(None), Some(Way { left_m: 2.0, goal_moved_m: 30.5004 }));
+    goals.observe(&step(Some(TaskOutcome::Arrived)), None);
+    let status = goals.status(Some("a")).expect("it is remembered");
+    assert_eq!((status.state, status.goal_moved_m, status.to_go_m), (GoalState::Arrived, Some(30.5), None));
 }

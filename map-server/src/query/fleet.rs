@@ -143,6 +143,18 @@ impl Fleet {
         });
     }
 
+    /// A map has grown, or has another release, at `now_us`: from then on those are behind who lack it.
+    pub fn map_changed(&self, head: &Head, now_us: u64) {
+        let mut known = self.lock();
+        let first = Bound::Included((head.map.clone(), String::new()));
+        let of_map = known.robots.range_mut((first, Bound::Unbounded)).take_while(|((map, _), _)| *map == head.map);
+        for (_, seen) in of_map {
+            if let Some((status, _)) = seen.status.as_ref().filter(|_| seen.lacks_since_us.is_none()) {
+                seen.lacks_since_us = lacks_anything(status, head).then_some(now_us);
+            }
+        }
+    }
+
     /// The robots on the map of `head` whose names follow `after`, at `now_us`: `limit` of them, or
     /// fewer if they tell much. Robots of which only a token is known are left out.
     #[must_use]
@@ -244,6 +256,17 @@ mod tests {
         let released = head(5, Some("a@00000001"));
         assert!(!view(&released, 120).late);
         assert!(view(&released, 131).late, "it runs another release than the one enabled");
+    }
+
+    #[test]
+    fn a_silent_robot_is_behind_since_the_map_has_grown_whoever_asks() {
+        let fleet = Fleet::new(FleetConfig::default());
+        let (old, new) = (head(3, None), head(4, None));
+        fleet.take_status(&old.map, "r1", status(&old), &old, SECOND);
+        fleet.map_changed(&new, 10 * SECOND);
+        fleet.map_changed(&head(5, None), 20 * SECOND);
+        let view = fleet.page(&head(5, None), 9, "", 24 * SECOND).robots.remove(0);
+        assert_eq!((view.behind, view.behind_s, view.late), (2, 14.0, true));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The thread that writes: it takes what has arrived from the queue, stores it, and announces the
 //! new heads.
 
-use crate::clock::now_us;
+use crate::clock::{now_us, passed_us};
 use crate::ingest::{Arrival, Ingest, WriterJob, WriterQueue, WriterWork};
 use crate::network::{publish_head, publish_refusal};
 use crate::query::AnswerSources;
@@ -89,6 +89,12 @@ impl Writer {
         }
     }
 
+    /// Tells everybody of a map that has grown.
+    fn announce(&self, head: &Head) {
+        self.sources.fleet.map_changed(head, passed_us());
+        publish_head(&self.session, head);
+    }
+
     fn write(&mut self, WriterWork { arrivals, jobs }: WriterWork) -> Result<(), StoreError> {
         let dropped = self.queue.take_dropped();
         if dropped > 0 {
@@ -114,7 +120,7 @@ impl Writer {
                     let (robot, version) = (robot.map(tracing::field::display), view.head.version);
                     tracing::info!(%map, robot, %author, increments, version, "taken in, and stored");
                 }
-                publish_head(&self.session, &view.head);
+                self.announce(&view.head);
             }
         }
         Ok(())
@@ -131,7 +137,7 @@ impl Writer {
         let said = |head: &Arc<Head>| (head.version, head.deletion.clone());
         for (map, head) in &after {
             if before.get(map).map(said) != Some(said(head)) {
-                publish_head(&self.session, head);
+                self.announce(head);
             }
         }
         for (map, head) in before.into_iter().filter(|(map, _)| !after.contains_key(map)) {

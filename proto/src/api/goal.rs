@@ -84,6 +84,10 @@ pub struct GoalStatus {
     /// The heading there, map frame, radians; absent if the robot stays as it comes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub goal_yaw: Option<f64>,
+    /// How far from the goal the path ends, metres, if it leads to the nearest point that can be
+    /// reached.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub goal_moved_m: Option<f64>,
     /// What is left of the path, metres, while the robot drives.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to_go_m: Option<f64>,
@@ -111,6 +115,7 @@ impl GoalStatus {
             id: None,
             goal: None,
             goal_yaw: None,
+            goal_moved_m: None,
             to_go_m: None,
             code: None,
             reason: None,

@@ -63,6 +63,14 @@ pub enum OperatorError {
         /// The robot.
         robot: String,
     },
+    /// A robot answers what makes no sense.
+    #[error("what the robot {robot} answers cannot be used: {reason}")]
+    RobotAnswer {
+        /// The robot.
+        robot: String,
+        /// Why.
+        reason: String,
+    },
     /// What was put was not stored in time.
     #[error(
         "the server has not stored it within {seconds} s; may this operator write? (access control drops silently)"

@@ -57,13 +57,21 @@ pub(super) async fn send(session: &Session, map: &MapName, selector: &str) -> Re
 }
 
 async fn ask(session: &Session, selector: &str) -> Result<GoalStatus, OperatorError> {
-    ask_json_async(session, selector, ANSWER).await.map_err(|error| match error {
-        AskError::Silent => {
-            OperatorError::RobotSilent { robot: selector.split('/').nth(3).unwrap_or_default().to_owned() }
-        }
+    let robot = || selector.split('/').nth(3).unwrap_or_default().to_owned();
+    let answer = ask_json_async::<GoalStatus>(session, selector, ANSWER).await.map_err(|error| match error {
+        AskError::Silent => OperatorError::RobotSilent { robot: robot() },
         AskError::Refused(reply) => OperatorError::Refused(ErrorReply { message: with_flags(&reply.message), ..reply }),
+        AskError::Unreadable(reason) => OperatorError::RobotAnswer { robot: robot(), reason },
         error => error.into(),
-    })
+    })?;
+    // Robots of others answer, too.
+    let asked = selector.split_once("?id=").and_then(|(_, rest)| rest.split(';').next());
+    let is_of_it = answer.robot == robot() && asked.is_none_or(|id| answer.id.as_deref() == Some(id));
+    if !is_of_it {
+        let reason = format!("it is of robot {} and goal {}", answer.robot, answer.id.as_deref().unwrap_or("none"));
+        return Err(OperatorError::RobotAnswer { robot: robot(), reason });
+    }
+    Ok(answer)
 }
 
 /// Waits until nothing more becomes of a goal.
@@ -102,7 +110,7 @@ pub(super) async fn arrived(session: &Session, map: &MapName, sent: GoalStatus) 
     if status.state == GoalState::Arrived {
         return Ok(status);
     }
-    let why = status.reason.map(|reason| format!(": {}", with_flags(&reason))).unwrap_or_default();
+    let why = status.reason.map(|reason| format!(": {}", in_plain_words(&reason))).unwrap_or_default();
     Err(OperatorError::NotArrived { robot: status.robot, id, state: status.state, why })
 }
 
@@ -119,13 +127,19 @@ pub(super) async fn cancel(
     ask(session, &selector).await
 }
 
+/// What a robot says, with the flags that mean the same, and nothing that a terminal obeys.
+fn in_plain_words(said: &str) -> String {
+    with_flags(said).chars().filter(|letter| !letter.is_control()).collect()
+}
+
 /// A status as a line.
 pub(super) fn in_words(status: &GoalStatus) -> String {
     let id = status.id.as_deref().map(|id| format!(" goal {id}")).unwrap_or_default();
+    let moved = status.goal_moved_m.map(|metres| format!(", as near as it can: {metres:.2} m from the goal"));
     let far = status.to_go_m.map(|metres| format!(", {metres:.1} m to go")).unwrap_or_default();
-    let why = status.reason.as_deref().map(|reason| format!(": {}", with_flags(reason))).unwrap_or_default();
+    let why = status.reason.as_deref().map(|reason| format!(": {}", in_plain_words(reason))).unwrap_or_default();
     let next = status.waiting.as_deref().map(|next| format!("; goal {next} is next")).unwrap_or_default();
-    format!("{}:{id} {}{far}{why}{next}", status.robot, status.state)
+    format!("{}:{id} {}{far}{}{why}{next}", status.robot, status.state, moved.unwrap_or_default())
 }
 
 #[cfg(test)]

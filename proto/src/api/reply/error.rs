@@ -1,6 +1,6 @@
 //! Error replies: a code for programs and a sentence for people.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// What went wrong, for programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -111,7 +111,8 @@ pub struct ErrorReply {
     /// For programs.
     pub code: ErrorCode,
     /// One sentence for people, without quotes and backslashes: tools show the JSON of this with
-    /// escapes.
+    /// escapes. What others say is made so when it is read.
+    #[serde(deserialize_with = "read_plain")]
     pub message: String,
     /// With `BUSY`: when to ask again, seconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -131,6 +132,10 @@ impl ErrorReply {
     pub fn busy(message: &str, retry_after_s: u32) -> Self {
         Self { retry_after_s: Some(retry_after_s), ..Self::new(ErrorCode::Busy, message) }
     }
+}
+
+fn read_plain<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    String::deserialize(deserializer).map(|message| plain(&message))
 }
 
 /// A sentence without quotes, backslashes and control characters. A single quote is an apostrophe
