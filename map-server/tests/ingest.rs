@@ -169,6 +169,27 @@ fn a_writer_is_told_why_it_is_refused() {
 }
 
 #[test]
+fn a_map_that_was_written_with_a_wrong_clock_goes_on() {
+    const YEAR_US: u64 = 31_536_000_000_000;
+    let dir = tempfile::tempdir().unwrap();
+    let mut bench = Bench::open(dir.path(), Limits::default());
+    let at = |author, number, hlc_us| arrival_of(&Increment { hlc_us, ..increment(author, number) });
+    bench.ingest.take_arrivals(vec![at(ANA, 1, NOW_US + YEAR_US)], NOW_US + YEAR_US).unwrap();
+    let clock_us = bench.head().clock_us;
+    assert_eq!(clock_us, NOW_US + YEAR_US);
+    // The clock is right again, and writers stamp later than all that they have seen.
+    bench.take_arrivals(vec![at(BEN, 1, clock_us + 1), at(BEN, 2, clock_us + 2), at(ANA, 2, clock_us + 1)]);
+    assert_eq!((bench.head().version, bench.head().refused), (4, 0));
+    // That lets nobody stamp as he likes, nor on another map.
+    let refused = bench.ingest.take_arrivals(vec![at(BEN, 3, clock_us + 1_000_000)], NOW_US).unwrap();
+    assert_eq!(refused.notices[0].reply.code, ErrorCode::Future);
+    let elsewhere: MapName = "attic".parse().unwrap();
+    let key = fht_proto::api::keys::Key::increment(&elsewhere, BEN, 1).to_string();
+    let payload = at(BEN, 1, clock_us + 1).payload;
+    assert!(bench.take_arrivals(vec![Arrival { key, payload }]).is_empty());
+}
+
+#[test]
 fn invented_map_names_keep_nobody_out() {
     let dir = tempfile::tempdir().unwrap();
     let mut bench = Bench::open(dir.path(), Limits { max_pending_bytes: 100_000, ..Limits::default() });

@@ -104,3 +104,23 @@ async fn releases_are_taken_back_and_robots_use_what_they_used() {
     undo(&site, &["--last", "2"]);
     assert_eq!(names().len(), 2, "while its state is there");
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn two_at_once_under_one_name_take_back_each_change_once() {
+    let site = Site::with(6).await;
+    let places = ["a", "b", "c", "d"];
+    for (x, name) in places.iter().enumerate() {
+        site.run(&["place", "museum", name, &format!("{x},0")]);
+    }
+    let said: Vec<Result<String, String>> = std::thread::scope(|scope| {
+        let undo = || site.try_run(&["undo", "museum"]);
+        let both = [scope.spawn(undo), scope.spawn(undo)];
+        both.into_iter().map(|one| one.join().unwrap()).collect()
+    });
+    let done = said.iter().filter(|outcome| outcome.is_ok()).count();
+    let left = rules(&site)["places"].as_array().unwrap().len();
+    // Who was overtaken says so, and has written nothing; who came after took back the undo.
+    let overtaken = said.iter().filter_map(|outcome| outcome.as_ref().err());
+    overtaken.for_each(|said| assert!(said.contains("at this moment"), "{said}"));
+    assert_eq!(left, if done == 1 { 3 } else { 4 }, "{said:?}");
+}

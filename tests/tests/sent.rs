@@ -319,6 +319,11 @@ fn a_second_robot_of_the_name_is_refused_and_the_first_says_its_last_word() {
     let heard =
         site.session.declare_subscriber(Key::goal(&museum(), "tug", GoalTopic::Status).to_string()).wait().unwrap();
     let id = site.ask(None, "id=b;to=home").unwrap().id;
+    let waiting = start(
+        Role::MapServer,
+        &["send", "museum", "tug", "far", "--id", "c", "--wait-arrived", "--connect", &site.endpoint],
+    );
+    site.until("the goal is there", Some(GoalTopic::Status), "id=c", |status| !status.state.is_final());
     let asked = Instant::now();
     let process = site.robot.id().to_string();
     assert!(Command::new("kill").args(["-TERM", &process]).status().unwrap().success());
@@ -327,6 +332,13 @@ fn a_second_robot_of_the_name_is_refused_and_the_first_says_its_last_word() {
     println!("ended after {:.0} ms", asked.elapsed().as_secs_f64() * 1e3);
     assert!(printed.starts_with("tug is at (") && printed.contains(") on map museum and takes goals\n"), "{printed}");
     assert!(printed.contains("CANCELLED: the robot takes no more goals"), "{printed}");
+    // Who waits for an arrival hears the last word, too.
+    match waiting.finish(PATIENCE) {
+        Err(ProcessError::Failed { stderr, .. }) => {
+            assert!(stderr.contains("goal c is CANCELLED: the robot takes no more goals"), "{stderr}");
+        }
+        other => panic!("{other:?}"),
+    }
     let mut last = Vec::new();
     while let Ok(Some(sample)) = heard.recv_timeout(Duration::from_secs(2)) {
         let status: GoalStatus = serde_json::from_slice(&sample.payload().to_bytes()).unwrap();

@@ -7,10 +7,13 @@ use crate::model::version::{Digest, VersionVector};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
+use unicode_normalization::UnicodeNormalization;
+use unicode_normalization::char::is_combining_mark;
 
 /// The name of a place or a zone: a letter, then letters, digits, `_` or `-`, 64 characters at
 /// most, so that it is neither coordinates nor a node id in a query. Letters and digits are those
-/// of all scripts (`Küche`, `倉庫`). It is in no key.
+/// of all scripts, with the marks that belong to them (`Küche`, `倉庫`, `ห้อง`). However it is typed,
+/// it is in the composed form (NFC), so that what looks alike is the same. It is in no key.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Label(String);
@@ -22,8 +25,15 @@ pub struct Label(String);
 pub struct ReleaseName(String);
 
 fn is_label(text: &str) -> bool {
-    let is_inner = |letter: char| letter.is_alphanumeric() || letter == '_' || letter == '-';
+    let is_inner = |letter: char| letter.is_alphanumeric() || matches!(letter, '_' | '-') || is_combining_mark(letter);
     text.starts_with(char::is_alphabetic) && text.chars().all(is_inner) && text.chars().count() <= 64
+}
+
+/// The composed form of a text that may be a name. Longer ones are refused as they are.
+fn composed(text: &str) -> String {
+    /// Longest text that can be a name, bytes: a letter may be typed as several.
+    const MAX_BYTES: usize = 1024;
+    if text.len() > MAX_BYTES { text.to_owned() } else { text.nfc().collect() }
 }
 
 fn is_release_name(text: &str) -> bool {
@@ -34,7 +44,8 @@ fn is_release_name(text: &str) -> bool {
 name_of!(
     Label,
     is_label,
-    "a name of a place or zone (a letter, then letters and digits of any script, _ or -; 64 characters at most)"
+    "a name of a place or zone (a letter, then letters and digits of any script, _ or -; 64 characters at most)",
+    composed
 );
 name_of!(
     ReleaseName,
@@ -182,6 +193,13 @@ mod tests {
         for bad in ["", "1", "-a", "1,2", "1a2b3c4d.17", "a/b", "a b", "a;to=b", "a=b", "a*", "😀", too_long.as_str()]
         {
             assert!(bad.parse::<Label>().is_err(), "{bad}");
+        }
+        for typed in ["ห้อง", "विश्राम", "Ku\u{308}che"] {
+            assert!(typed.parse::<Label>().is_ok(), "{typed}");
+        }
+        assert_eq!("Ku\u{308}che".parse::<Label>(), "Küche".parse::<Label>());
+        for mark in ["\u{308}a", "a\u{202e}b"] {
+            assert!(mark.parse::<Label>().is_err(), "{mark:?}");
         }
         assert!("2026-11-21.1".parse::<ReleaseName>().is_ok());
         for bad in ["", ".", "a..b", "a@b", "a/b", "17", "head"] {

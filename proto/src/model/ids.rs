@@ -99,6 +99,9 @@ impl FromStr for NodeId {
 /// A name: a text of a certain form, checked when it is made.
 macro_rules! name_of {
     ($name:ident, $is_valid:expr, $expected:expr) => {
+        name_of!($name, $is_valid, $expected, str::to_owned);
+    };
+    ($name:ident, $is_valid:expr, $expected:expr, $normal_form:expr) => {
         impl $name {
             /// The name as text.
             #[must_use]
@@ -116,7 +119,8 @@ macro_rules! name_of {
         impl FromStr for $name {
             type Err = ParseIdError;
             fn from_str(text: &str) -> Result<Self, Self::Err> {
-                if $is_valid(text) { Ok(Self(text.to_owned())) } else { Err(ParseIdError::new(text, $expected)) }
+                let text: String = $normal_form(text);
+                if $is_valid(&text) { Ok(Self(text)) } else { Err(ParseIdError::new(&text, $expected)) }
             }
         }
 
