@@ -147,3 +147,6 @@ fn listed(names: &[&str]) -> String {
     names.truncate(4);
     format!("{}{more}", names.join(", "))
 }
+
+#[cfg(test)]
+mod tests;

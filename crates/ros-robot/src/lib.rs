@@ -38,8 +38,6 @@ mod config;
 #[cfg(feature = "cli")]
 mod flags;
 mod intake;
-#[cfg(test)]
-mod misconfigurations;
 mod nav2;
 mod outputs;
 mod robot;

@@ -20,6 +20,8 @@ fn points(config: &mut RosRobotConfig) {
 pub(super) fn lives() -> Vec<LifeCase> {
     let mut all = silences();
     all.extend(frames());
+    all.extend(scans());
+    all.extend(stamps());
     all.extend(clocks());
     all.extend(clouds());
     all
@@ -109,6 +111,11 @@ fn frames() -> Vec<LifeCase> {
             },
             &["the scans of /r1/scan make no sense"],
         ),
+    ]
+}
+
+fn scans() -> Vec<LifeCase> {
+    vec![
         (
             plain,
             |now| {
@@ -166,7 +173,7 @@ fn frames() -> Vec<LifeCase> {
     ]
 }
 
-fn clocks() -> Vec<LifeCase> {
+fn stamps() -> Vec<LifeCase> {
     vec![
         (
             plain,
@@ -230,6 +237,11 @@ fn clocks() -> Vec<LifeCase> {
             },
             &["the stamps of /r1/scan are of a simulated clock", "say --use-sim-time"],
         ),
+    ]
+}
+
+fn clocks() -> Vec<LifeCase> {
+    vec![
         (
             plain,
             |now| {

@@ -18,8 +18,15 @@ fn add(all: &mut Vec<Endpoint>, kind: EndpointKind, name: &str, ros_type: &str) 
 
 /// What is done to a robot that is well, the topic, and words of what a check says of it.
 pub(super) fn graphs() -> Vec<GraphCase> {
-    use EndpointKind::{Publisher, Subscription};
-    use Readiness::{Doubtful, Missing};
+    let mut all = absences();
+    all.extend(twins());
+    all.extend(company());
+    all
+}
+
+/// What is not there, or of another name or type.
+fn absences() -> Vec<GraphCase> {
+    use Readiness::Missing;
     vec![
         (|all, _| all.clear(), "/r1/scan", Missing, &["nobody publishes it (sensor_msgs/msg/LaserScan)", "start what"]),
         (|all, _| all.clear(), "/r1/odom", Missing, &["nobody publishes it (nav_msgs/msg/Odometry)", "domain"]),
@@ -60,6 +67,14 @@ pub(super) fn graphs() -> Vec<GraphCase> {
             Missing,
             &["PoseStamped, not geometry"],
         ),
+    ]
+}
+
+/// What is there twice, or with another quality of service.
+fn twins() -> Vec<GraphCase> {
+    use EndpointKind::Publisher;
+    use Readiness::{Doubtful, Missing};
+    vec![
         (
             |all, _| again(all, 0),
             "/r1/scan",
@@ -80,6 +95,14 @@ pub(super) fn graphs() -> Vec<GraphCase> {
             &["published best-effort and asked for reliably"],
         ),
         (|all, _| all[4].kind = Publisher, "/r1/cmd_vel", Missing, &["nobody subscribes to it"]),
+    ]
+}
+
+/// Who else is there.
+fn company() -> Vec<GraphCase> {
+    use EndpointKind::{Publisher, Subscription};
+    use Readiness::{Doubtful, Missing};
+    vec![
         (
             |all, _| add(all, Subscription, "/r1/cmd_vel", TwistMsg::TYPE),
             "/r1/cmd_vel",
