@@ -114,7 +114,9 @@ fn a_topic_tells_the_time_if_it_is_to() {
     assert_eq!(intake.frame(0.3).map(|frame| frame.time_us), Some(1200 * MS));
     assert!(intake.trouble(2.0).is_some_and(|said| said.contains("/clock has stood still for 1.7 s")));
     intake.take_clock(&clock(5 * MS), 2.0);
-    assert!(intake.take_doubts()[0].contains("/clock has gone back by 1.2 s"));
+    let doubts = intake.take_doubts();
+    assert!(doubts[0].contains("/r1/scan has stamps of zero"), "{doubts:?}");
+    assert!(doubts[1].contains("/clock has gone back by 1.2 s"), "{doubts:?}");
 }
 
 #[test]
