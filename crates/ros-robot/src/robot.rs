@@ -290,12 +290,12 @@ impl RosRobot {
         match &self.sights {
             Sights::Scans(_) => {
                 if let Some(scan) = read(topic, received.decode()) {
-                    self.intake.take_scan(scan, arrived_s, wall_ns());
+                    self.intake.take_scan(scan, arrived_s, wall_ns(received));
                 }
             }
             Sights::Points(_) => {
                 if let Some(cloud) = read(topic, received.decode()) {
-                    self.intake.take_points(&cloud, arrived_s, wall_ns());
+                    self.intake.take_points(&cloud, arrived_s, wall_ns(received));
                 }
             }
         }
@@ -305,14 +305,14 @@ impl RosRobot {
         let (arrived_s, topic) = (self.arrived_s(received), self.odometry.as_ref().map_or("", Subscription::topic));
         if let Some(odometry) = read::<OdometryMsg>(topic, received.decode()) {
             self.odom_frame.hear(frame_name(&odometry.header.frame_id));
-            self.intake.take_odometry(&odometry, arrived_s, wall_ns());
+            self.intake.take_odometry(&odometry, arrived_s, wall_ns(received));
         }
     }
 
     fn take_transforms(&mut self, received: &Received) {
         let arrived_s = self.arrived_s(received);
         if let Some(transforms) = read(self.transforms.topic(), received.decode()) {
-            self.intake.take_transforms(&transforms, arrived_s, wall_ns());
+            self.intake.take_transforms(&transforms, arrived_s, wall_ns(received));
         }
     }
 
@@ -387,9 +387,12 @@ fn read<M>(topic: &str, message: Result<M, cdr::CdrError>) -> Option<M> {
     message.map_err(|error| tracing::warn!("{topic} has a message that cannot be read: {error}")).ok()
 }
 
-fn wall_ns() -> u64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
+/// What time it was on this machine when a message came, nanoseconds since the epoch: it may have
+/// waited here since.
+fn wall_ns(received: &Received) -> u64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let then = now.saturating_sub(received.arrived.elapsed());
+    u64::try_from(then.as_nanos()).unwrap_or(u64::MAX)
 }
 
 impl Sensors for RosRobot {
