@@ -139,6 +139,12 @@ pub trait MissionObserver {
     fn on_goal(&mut self, goal: DriveGoal) {
         let _ = goal;
     }
+
+    /// Asked before each frame is worked on: where somebody says that the robot is, map frame, if
+    /// that was said since. It may be wrong.
+    fn pointed_at(&mut self) -> Option<Pose2> {
+        None
+    }
 }
 
 /// Nobody watches.
@@ -160,6 +166,12 @@ impl<A: MissionObserver, B: MissionObserver> MissionObserver for (A, B) {
         self.0.on_goal(goal);
         self.1.on_goal(goal);
     }
+
+    fn pointed_at(&mut self) -> Option<Pose2> {
+        let first = self.0.pointed_at();
+        let second = self.1.pointed_at();
+        first.or(second)
+    }
 }
 
 /// Somebody or nobody watches.
@@ -173,6 +185,10 @@ impl<O: MissionObserver> MissionObserver for Option<O> {
             observer.on_goal(goal);
         }
     }
+
+    fn pointed_at(&mut self) -> Option<Pose2> {
+        self.as_mut().and_then(MissionObserver::pointed_at)
+    }
 }
 
 impl<O: MissionObserver> MissionObserver for &mut O {
@@ -182,6 +198,10 @@ impl<O: MissionObserver> MissionObserver for &mut O {
 
     fn on_goal(&mut self, goal: DriveGoal) {
         (**self).on_goal(goal);
+    }
+
+    fn pointed_at(&mut self) -> Option<Pose2> {
+        (**self).pointed_at()
     }
 }
 
@@ -276,6 +296,9 @@ pub(crate) async fn direct<R: Robot>(
         preparation.take(&mut landmarks);
         if let Some(task) = director.before(services.map) {
             give(pilot, task, observer);
+        }
+        if let Some(map_from_base) = observer.pointed_at() {
+            pilot.point_at(map_from_base);
         }
         let describe = || frame.panorama.as_ref().and_then(|panorama| (services.describe)(panorama));
         let step = pilot.step(&landmarks, &frame, describe, services.paths);

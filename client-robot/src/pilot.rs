@@ -133,6 +133,12 @@ impl Pilot {
         self.plans
     }
 
+    /// Somebody says that the robot is about here, map frame, rightly or not: it looks there, and
+    /// what it sees decides.
+    pub fn point_at(&mut self, map_from_base: Pose2) {
+        self.localizer.point_at(map_from_base);
+    }
+
     /// The localizer, for people to look at.
     #[must_use]
     pub fn localizer(&self) -> &Localizer {

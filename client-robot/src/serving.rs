@@ -21,6 +21,23 @@ pub trait GoalDesk {
     fn exchange(&mut self, goals: &mut GoalQueue, map: &dyn MapSource);
 }
 
+/// Both bring goals.
+impl<A: GoalDesk, B: GoalDesk> GoalDesk for (A, B) {
+    fn exchange(&mut self, goals: &mut GoalQueue, map: &dyn MapSource) {
+        self.0.exchange(goals, map);
+        self.1.exchange(goals, map);
+    }
+}
+
+/// Somebody or nobody brings goals.
+impl<D: GoalDesk> GoalDesk for Option<D> {
+    fn exchange(&mut self, goals: &mut GoalQueue, map: &dyn MapSource) {
+        if let Some(desk) = self {
+            desk.exchange(goals, map);
+        }
+    }
+}
+
 /// Why a robot no longer takes goals.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {

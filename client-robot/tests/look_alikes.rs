@@ -88,6 +88,17 @@ fn map(walls: &[Wall], looks: [usize; 2]) -> Landmarks {
 /// Drives through the second room; what the robot believes at the end, or when it knows, and where
 /// it then is.
 fn drive(walls: &[Wall], landmarks: &Landmarks, seen: Option<usize>) -> (Belief, Pose2) {
+    drive_told(walls, landmarks, seen, None)
+}
+
+/// The same, while somebody says again and again that the robot is elsewhere by this much, map
+/// frame.
+fn drive_told(
+    walls: &[Wall],
+    landmarks: &Landmarks,
+    seen: Option<usize>,
+    told: Option<(f64, f64, f64)>,
+) -> (Belief, Pose2) {
     let mut relocalizer = Relocalizer::new(RelocalizationConfig::default());
     let start = pose(APART_M - 1.5, 2.8, -1.3);
     let mut last = (Belief::NotLocalized, start);
@@ -100,6 +111,10 @@ fn drive(walls: &[Wall], landmarks: &Landmarks, seen: Option<usize>) -> (Belief,
             Odometry { odom_from_base, odometer_m: 0.4 * f64::from(step), turned_rad: 0.0, is_keyframe: true };
         let descriptor = seen.map(look);
         let observation = Sensed { odometry, scan: &scan, points: &points, descriptor: descriptor.as_ref() };
+        if let Some((dx, dy, turn)) = told {
+            let said = pose(at.translation.x + dx, at.translation.y + dy, at.rotation.angle() + turn);
+            relocalizer.point_at(said * odom_from_base.inverse());
+        }
         last = (relocalizer.observe(landmarks, &observation), at);
         if matches!(last.0, Belief::Localized(_)) {
             break;
@@ -126,6 +141,23 @@ fn a_place_that_looks_like_another_is_not_yet_known() {
             }
             belief => panic!("{seen:?}: {belief:?}"),
         }
+    }
+}
+
+#[test]
+fn a_person_who_points_does_not_decide_and_does_no_harm() {
+    let walls: Vec<Wall> = room(0.0).into_iter().chain(room(APART_M)).collect();
+    let alike = map(&walls, [0, 0]);
+    // Right, nearly right, in the other room, and into a wall.
+    let all = [(0.0, 0.0, 0.0), (0.4, -0.5, 0.5), (-APART_M, 0.0, 0.0), (2.0, 1.5, 2.0), (500.0, 0.0, 0.0)];
+    for told in all {
+        let (belief, _) = drive_told(&walls, &alike, None, Some(told));
+        assert!(matches!(belief, Belief::Candidates { .. }), "{told:?}: {belief:?}");
+    }
+    let walls: Vec<Wall> = walls.into_iter().chain(cupboard(APART_M)).collect();
+    for told in all {
+        let (belief, at) = drive_told(&walls, &map(&walls, [0, 0]), None, Some(told));
+        assert_is_there(&belief, &at);
     }
 }
 

@@ -24,7 +24,7 @@ use fht_navigation::people::{Bystanders, keep_distance};
 use fht_navigation::planning::Traversable;
 use fht_perception::frame::{FrameError, SensorFrame, Twist};
 use fht_perception::grid::OccupancyGrid;
-use fht_perception::pose::Pose2;
+use fht_perception::pose::{Point2, Pose2};
 use fht_proto::{AuthorId, Descriptor, DescriptorModel, Increment, NodeId, Op, ScanRecord};
 use fht_worker::BackgroundWorker;
 use others::{Newcomer, Others};
@@ -137,6 +137,12 @@ impl Mapper {
     #[must_use]
     pub fn grid(&self) -> &OccupancyGrid {
         self.slam.grid()
+    }
+
+    /// The way to what the robot is going to see, map frame; empty while it goes nowhere.
+    #[must_use]
+    pub fn way_ahead(&self) -> &[Point2] {
+        self.explorer.path()
     }
 
     /// Where the robot was at the newest frame.

@@ -7,6 +7,7 @@ mod explore;
 mod explore_command;
 mod keeping;
 mod map_figures;
+mod nav2_guide;
 mod picture;
 mod record;
 mod replay;

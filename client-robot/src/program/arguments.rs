@@ -1,5 +1,6 @@
 //! The command line.
 
+use super::nav2_driving::ClientDriver;
 use clap::{Args, Parser, Subcommand};
 use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, FileClash, ReportArgs};
 use fht_program::flags::{check_files, new_file, number, seconds};
@@ -86,7 +87,8 @@ Exit code 0: it was asked to end, by Ctrl-C or SIGTERM; 1: it failed; 2: wrong u
   client-robot go --map museum --to random --footprint 0.3         a larger robot
   client-robot go --map museum --to 5,3 --to-nearest               as near as it can get
   client-robot go --map museum --to 5,3 --record drive.mcap        look at it in Foxglove
-  client-robot go --map lab --to dock --ros tcp/robot:7447         a robot that speaks ROS 2")]
+  client-robot go --map lab --to dock --ros tcp/robot:7447         a robot that speaks ROS 2
+  client-robot go --map lab --to dock --ros tcp/robot:7447 --drive nav2")]
     Go {
         #[command(flatten)]
         link: LinkArgs,
@@ -200,6 +202,10 @@ pub(super) struct RobotArgs {
     // Last, since its heading holds for all that comes after it.
     #[command(flatten)]
     pub(super) graph: GraphArgs,
+    /// Who drives a robot with ROS 2 once it knows its place: the client (on cmd_vel), or nav2,
+    /// which is sent along the fleet's path by its action navigate_to_pose.
+    #[arg(long, value_name = "WHO", default_value = "client", requires = "ros")]
+    pub(super) drive: ClientDriver,
 }
 
 impl RobotArgs {

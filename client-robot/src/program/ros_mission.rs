@@ -7,7 +7,9 @@ use super::connection::{connect_graph, runtime};
 use super::display::Display;
 use super::error::CliError;
 use super::floor::{MapTurns, known_floor};
+use super::initial_pose::InitialPose;
 use super::mission::{UntilAsked, called_random, require};
+use super::nav2_driving::{ClientDriver, Nav2Guide, Nav2Paths};
 use super::on_map::OnMap;
 use super::pose_publisher::PosePublisher;
 use super::recording::Recording;
@@ -18,13 +20,17 @@ use crate::mission::{MissionConfig, MissionError, MissionGoal, MissionObserver, 
 use crate::pilot::{Pilot, PilotStep};
 use fht_client::{LiveReplica, ServerPaths};
 use fht_perception::frame::SensorFrame;
+use fht_perception::pose::Pose2;
 use fht_program::{Stop, Waiting};
 use fht_ros::{RosError, RosNode};
-use fht_ros_robot::{OutputRole, PlaceNow, RosOutputs, RosRobot, live_silence};
+use fht_ros_robot::{
+    DrivenByNav2, Nav2Driver, OutputRole, PlaceNow, RosOutputs, RosRobot, RosRobotConfig, live_silence,
+};
 use fht_session::check_owner;
 use fht_worker::Taking;
 use std::ops::ControlFlow;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Instant;
 use tokio::runtime::Runtime;
 
@@ -44,7 +50,7 @@ pub(super) fn ros_mission(
     let (map, name) = (file.map(), file.name().to_owned());
     check_owner(&file.connect, "client", &name)?;
     tracing::info!(%map, robot = name, router = endpoint, "looks for its place");
-    let OnGraph { runtime, node, mut robot } = OnGraph::join(&file, args, endpoint, waiting, stop)?;
+    let OnGraph { runtime, node, robot } = OnGraph::join(&file, args, endpoint, waiting, stop)?;
 
     let OnMap { session, presence, alive: _alive, replica } = OnMap::join(&file, None, waiting, stop)?;
     let goal = &called_random(goal, &replica);
@@ -58,13 +64,17 @@ pub(super) fn ros_mission(
     let recording = Recording::start(args.record.as_deref(), &replica)?;
     let outputs = runtime.block_on(PlaceOutputs::start(&node, &robot, &replica))?;
     let score = RosMissionScore::default();
-    let mut observer = (recording, (UntilAsked(stop.clone()), ((publisher, display), (outputs, score))));
+    let nav2 = runtime.block_on(nav2_driver(args.drive, &node))?;
+    let guide = nav2.clone().map(Nav2Guide::new);
+    let mut robot = DrivenByNav2::new(robot, nav2.clone());
+    let mut observer = (recording, (UntilAsked(stop.clone()), ((publisher, display), (outputs, (guide, score)))));
     let ClientSection { pilot, silence, to_nearest, walls, paths: asking, .. } = file.client;
     let silence = live_silence(silence);
     let config = MissionConfig { pilot, silence, footprint: asking.footprint, to_nearest, walls };
-    let mut services = Services { map: &replica, paths: &mut paths, describe: &mut |_| None };
+    let mut driven = Nav2Paths::new(&mut paths, nav2);
+    let mut services = Services { map: &replica, paths: &mut driven, describe: &mut |_| None };
     let outcome = runtime.block_on(run(&mut robot, config, goal, &mut services, &mut observer));
-    let (recording, (_, ((publisher, display), (outputs, score)))) = observer;
+    let (recording, (_, ((publisher, display), (outputs, (_, score))))) = observer;
     publisher.finish();
     display.finish();
     // What the graph is to know is on its way before the program ends.
@@ -76,19 +86,27 @@ pub(super) fn ros_mission(
             eprintln!("client-robot: interrupted on the way: the robot stands");
             return Ok(stop.exit_code().unwrap_or(ExitCode::FAILURE));
         }
-        Err(MissionError::Robot(error)) => return Err(CliError::Robot { error, trouble: robot.trouble() }),
+        Err(MissionError::Robot(error)) => return Err(CliError::Robot { error, trouble: robot.robot().trouble() }),
         outcome => outcome?,
     };
     let report = RosMissionReport {
         robot: name,
         map: map.to_string(),
-        intake: robot.report(),
+        intake: robot.robot().report(),
         fallbacks: paths.fallbacks(),
         wall_s: began.elapsed().as_secs_f64(),
         ..score.finish(&outcome)
     };
     tell(args, &report, print_report, report.failure.as_deref(), recorded)?;
     Ok(if report.failure.is_none() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// Nav2, if it is to drive.
+pub(super) async fn nav2_driver(drive: ClientDriver, node: &RosNode) -> Result<Option<Arc<Nav2Driver>>, RosError> {
+    match drive {
+        ClientDriver::Client => Ok(None),
+        ClientDriver::Nav2 => Nav2Driver::start(node).await.map(Some),
+    }
 }
 
 /// A robot on its graph.
@@ -111,29 +129,38 @@ impl OnGraph {
         let (node, robot) = runtime.block_on(async {
             let session = connect_graph(endpoint, waiting, stop).await?;
             let node = RosNode::join(session, args.graph.node.node("client_robot")).await?;
-            let robot = RosRobot::connect(&node, args.graph.robot(file.ros.clone())).await?;
+            let config = args.graph.robot(file.ros.clone());
+            let config = RosRobotConfig { others_drive: args.drive == ClientDriver::Nav2, ..config };
+            let robot = RosRobot::connect(&node, config).await?;
             Ok::<_, CliError>((node, robot))
         })?;
         Ok(Self { runtime, node, robot })
     }
 }
 
-/// Tells the robot's own graph where it is, and what the fleet's map says of the floor.
+/// Tells the robot's own graph where it is, and what the fleet's map says of the floor; hears where
+/// people think that it is.
 pub(super) struct PlaceOutputs<'a> {
     outputs: RosOutputs,
     replica: &'a LiveReplica,
     turns: MapTurns,
+    pointed_at: InitialPose,
 }
 
 impl<'a> PlaceOutputs<'a> {
     /// Publishes on the graph of `robot`.
     pub(super) async fn start(node: &RosNode, robot: &RosRobot, replica: &'a LiveReplica) -> Result<Self, RosError> {
         let outputs = RosOutputs::start(node, OutputRole::Localization, robot.odom_frame()).await?;
-        Ok(Self { outputs, replica, turns: MapTurns::default() })
+        let pointed_at = InitialPose::listen(node).await?;
+        Ok(Self { outputs, replica, turns: MapTurns::default(), pointed_at })
     }
 }
 
 impl MissionObserver for PlaceOutputs<'_> {
+    fn pointed_at(&mut self) -> Option<Pose2> {
+        self.pointed_at.pointed_at()
+    }
+
     fn on_frame(&mut self, frame: &SensorFrame, step: &PilotStep, _: &Pilot) -> ControlFlow<()> {
         let report = step.pose_report();
         self.outputs.place(PlaceNow {

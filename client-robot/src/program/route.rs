@@ -4,18 +4,19 @@
 use super::arguments::RouteArgs;
 use super::connection::{TIMEOUT, connect, connect_graph, runtime, wait_for_map};
 use super::error::CliError;
+use super::graph_frames::{GraphFrames, UnknownFrame};
 use super::settings::ClientFile;
 use fht_client::{AskError, PathPoint, PathQuestion, ask_path, planned};
 use fht_perception::pose::{Pose2, pose};
 use fht_program::{Stop, Waiting, print_line};
 use fht_proto::api::reply::ErrorCode;
 use fht_proto::{Footprint, MapName};
-use fht_ros::{ActiveGoal, GoalRequest, Qos, RosNode, Subscription};
-use fht_ros_frames::{Mount, TransformTree, frame_name, header_message, pose_message, yaw_of};
-use fht_ros_messages::msg::{PathMsg, PoseStamped, TfMessage, Time};
+use fht_ros::{ActiveGoal, GoalRequest, RosNode};
+use fht_ros_frames::{header_message, pose_message};
+use fht_ros_messages::msg::{PathMsg, PoseStamped, Time};
 use fht_ros_messages::nav2::{ComputePathToPose, ComputePathToPoseGoal, ComputePathToPoseResult};
 use std::process::ExitCode;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 use zenoh::Session;
 
@@ -43,9 +44,9 @@ struct NoPath {
     message: String,
 }
 
-impl NoPath {
-    fn transform(message: String) -> Self {
-        Self { error: PlannerError::Transform, message }
+impl From<UnknownFrame> for NoPath {
+    fn from(error: UnknownFrame) -> Self {
+        Self { error: PlannerError::Transform, message: error.to_string() }
     }
 }
 
@@ -56,21 +57,16 @@ pub(super) fn route(file: &ClientFile, args: &RouteArgs, waiting: &Waiting, stop
     let graph = runtime.block_on(connect_graph(&args.ros, waiting, stop))?;
     let session = connect(&file.connect, waiting, stop)?;
     wait_for_map(&session, &map, waiting, stop)?;
-    let planner = Arc::new(Planner {
-        session,
-        map: map.clone(),
-        footprint: file.client.paths.footprint.clone(),
-        base_frame: args.base_frame.clone().unwrap_or_else(|| "base_link".to_owned()),
-        tree: Mutex::default(),
-    });
     let _order = stop.in_order();
     runtime.block_on(async {
         let node = RosNode::join(graph, args.node.node("client_robot_route")).await?;
-        let transforms = node.subscribe::<TfMessage>("tf", Qos { depth: 100, ..Qos::sensor_data() }).await?;
-        let fixed = node.subscribe::<TfMessage>("tf_static", Qos::latched(100)).await?;
-        for heard in [transforms, fixed] {
-            tokio::spawn(hear(heard, Arc::clone(&planner)));
-        }
+        let planner = Arc::new(Planner {
+            session,
+            map: map.clone(),
+            footprint: file.client.paths.footprint.clone(),
+            base_frame: args.base_frame.clone().unwrap_or_else(|| "base_link".to_owned()),
+            frames: GraphFrames::listen(&node, &file.ros.tf, &file.ros.tf_static).await?,
+        });
         let server = node.action_server::<ComputePathToPose>(ACTION).await?;
         print_line!("{} is served on map {map}", node.resolve(ACTION)?);
         loop {
@@ -82,17 +78,6 @@ pub(super) fn route(file: &ClientFile, args: &RouteArgs, waiting: &Waiting, stop
             }
         }
     })
-}
-
-async fn hear(transforms: Subscription<TfMessage>, planner: Arc<Planner>) {
-    loop {
-        // What is no transform is passed over.
-        let Ok(message) = transforms.next().await else { continue };
-        let mut tree = planner.tree.lock().unwrap_or_else(PoisonError::into_inner);
-        for stamped in &message.transforms {
-            tree.insert(stamped);
-        }
-    }
 }
 
 async fn answer(request: GoalRequest<ComputePathToPose>, planner: Arc<Planner>) {
@@ -126,14 +111,13 @@ struct Planner {
     map: MapName,
     footprint: Footprint,
     base_frame: String,
-    /// What the robot's graph says of its frames.
-    tree: Mutex<TransformTree>,
+    frames: Arc<GraphFrames>,
 }
 
 impl Planner {
     fn plan(&self, question: &ComputePathToPoseGoal) -> Result<PathMsg, NoPath> {
-        let goal = self.in_map(&question.goal)?;
-        let start = if question.use_start { self.in_map(&question.start)? } else { self.robot()? };
+        let goal = self.frames.in_map(&question.goal)?;
+        let start = if question.use_start { self.frames.in_map(&question.start)? } else { self.robot()? };
         let place = |at: &Pose2| format!("{},{}", at.translation.x, at.translation.y);
         let (from, to) = (place(&start), place(&goal));
         let question =
@@ -149,34 +133,8 @@ impl Planner {
         Ok(PathMsg { header, poses })
     }
 
-    /// A pose that somebody gave, in the map frame.
-    fn in_map(&self, stamped: &PoseStamped) -> Result<Pose2, NoPath> {
-        let frame = frame_name(&stamped.header.frame_id);
-        let at = &stamped.pose;
-        let yaw = yaw_of(&at.orientation)
-            .ok_or_else(|| NoPath::transform("the pose has an orientation that is no rotation".to_owned()))?;
-        let given = pose(at.position.x, at.position.y, yaw);
-        Ok(self.map_from(frame)? * given)
-    }
-
-    /// Where a frame is in the map. One without a name is the map's.
-    fn map_from(&self, frame: &str) -> Result<Pose2, NoPath> {
-        if frame.is_empty() || frame == "map" {
-            return Ok(Pose2::identity());
-        }
-        let tree = self.tree.lock().unwrap_or_else(PoisonError::into_inner);
-        let map_from_frame = tree.base_from("map", frame).ok_or_else(|| {
-            let there = tree.frames().join(", ");
-            NoPath::transform(format!(
-                "no transform leads from map to {frame}: does the robot know its place (client-robot relocalize --ros, \
-                 or serve --ros)? frames there: {there}"
-            ))
-        })?;
-        Ok(Mount::of(&map_from_frame).base_from_sensor)
-    }
-
     fn robot(&self) -> Result<Pose2, NoPath> {
-        self.map_from(&self.base_frame)
+        Ok(self.frames.map_from(&self.base_frame)?)
     }
 }
 

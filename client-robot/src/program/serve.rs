@@ -5,10 +5,12 @@ use super::connection::runtime;
 use super::display::Display;
 use super::error::CliError;
 use super::mission::{UntilAsked, describing, descriptor_net, patience, robot};
+use super::nav2_driving::{ClientDriver, Nav2Guide, Nav2Paths};
+use super::navigate::{NavigateDesk, WhereNow};
 use super::on_map::OnMap;
 use super::pose_publisher::PosePublisher;
 use super::recording::Recording;
-use super::ros_mission::{OnGraph, PlaceOutputs};
+use super::ros_mission::{OnGraph, PlaceOutputs, nav2_driver};
 use super::settings::{ClientFile, ClientSection};
 use crate::goal_service::GoalService;
 use crate::mission::{MissionConfig, MissionError, MissionObserver, Services};
@@ -20,7 +22,7 @@ use fht_perception::frame::{Panorama, SensorFrame};
 use fht_perception::robot::{Paced, Robot};
 use fht_program::{Stop, Waiting, print_line};
 use fht_proto::api::goal::{GoalState, GoalStatus};
-use fht_ros_robot::live_silence;
+use fht_ros_robot::{DrivenByNav2, Nav2Driver, live_silence};
 use fht_session::check_owner;
 use fht_worker::Taking;
 use serde::Serialize;
@@ -80,9 +82,27 @@ pub(super) fn serving(
     file.robot.cameras = false;
     file.client.silence = live_silence(file.client.silence);
     let OnGraph { runtime, node, robot } = OnGraph::join(&file, &args.robot, endpoint, waiting, stop)?;
+    let (ros, drive) = (file.ros.clone(), args.robot.drive);
+    let nav2 = runtime.block_on(nav2_driver(drive, &node))?;
+    let robot = DrivenByNav2::new(robot, nav2.clone());
     service.run(&runtime, file, None, robot, |runtime, robot, replica| {
-        Ok(Some(runtime.block_on(PlaceOutputs::start(&node, robot, replica))?))
+        runtime.block_on(async {
+            let outputs = PlaceOutputs::start(&node, robot.robot(), replica).await?;
+            let navigation = match drive {
+                ClientDriver::Client => NavigateDesk::open(&node, &ros).await?,
+                // Who drives takes goals, too.
+                ClientDriver::Nav2 => None,
+            };
+            Ok::<_, CliError>(Some(GraphSide { outputs, navigation, nav2 }))
+        })
     })
+}
+
+/// What a robot's own graph gets, and what it asks.
+struct GraphSide<'r> {
+    outputs: PlaceOutputs<'r>,
+    navigation: Option<(NavigateDesk, WhereNow)>,
+    nav2: Option<Arc<Nav2Driver>>,
 }
 
 /// What all serving needs.
@@ -94,14 +114,14 @@ struct Service<'a> {
 }
 
 impl Service<'_> {
-    /// Serves with `robot`; `outputs` makes what tells the robot's own graph, if it has one.
+    /// Serves with `robot`; `graph` makes what its own graph gets and asks, if it has one.
     fn run<R: Robot>(
         &self,
         runtime: &Runtime,
         file: ClientFile,
         mut net: Option<DescriptorNet>,
         robot: R,
-        outputs: impl for<'r> FnOnce(&Runtime, &R, &'r LiveReplica) -> Result<Option<PlaceOutputs<'r>>, CliError>,
+        graph: impl for<'r> FnOnce(&Runtime, &R, &'r LiveReplica) -> Result<Option<GraphSide<'r>>, CliError>,
     ) -> Result<ExitCode, CliError> {
         let Self { args, waiting, stop, began } = self;
         let (map, name) = (file.map(), file.name().to_owned());
@@ -114,27 +134,39 @@ impl Service<'_> {
         let report = Arc::new(Mutex::new(report));
         let display = Display::new(args, &name);
         let (counted, says) = (Arc::clone(&report), !args.quiet && !args.report.json);
-        let mut desk = GoalService::start(&session, &map, &name, move |news| {
+        let fleet = GoalService::start(&session, &map, &name, move |news| {
             counted.lock().unwrap_or_else(PoisonError::into_inner).count(news.state);
             if says {
                 print_line!("{}", in_words(news));
             }
         })?;
-        let outputs = outputs(runtime, &robot, &replica)?;
+        let (outputs, navigation, nav2) = match graph(runtime, &robot, &replica)? {
+            Some(GraphSide { outputs, navigation, nav2 }) => (Some(outputs), navigation, nav2),
+            None => (None, None, None),
+        };
+        let guide = nav2.clone().map(Nav2Guide::new);
+        let (navigation, place) = navigation.unzip();
+        // The robot's own graph first: what the fleet's desk tells of it is then new.
+        let mut desk = (navigation, fleet);
         // The robot stands, all is said and the bag is whole before the program ends.
         let _order = stop.in_order();
         let recording = Recording::start(args.record.as_deref(), &replica)?;
         let publisher = PosePublisher::new(presence, &replica);
         let ready = Ready(says.then(|| (name.clone(), map.to_string())));
         let until_asked = UntilAsked((*stop).clone());
-        let mut observer = (recording, (until_asked, ((publisher, outputs), (display, ready))));
+        let mut observer = (recording, (until_asked, ((publisher, (outputs, (place, guide))), (display, ready))));
         let ClientSection { pilot, silence, walls, .. } = file.client;
         let config = MissionConfig { pilot, silence, walls, ..MissionConfig::default() };
-        let mut services = Services { map: &replica, paths: &mut paths, describe: &mut describe };
+        let mut driven = Nav2Paths::new(&mut paths, nav2);
+        let mut services = Services { map: &replica, paths: &mut driven, describe: &mut describe };
         let ended = runtime.block_on(serve(robot, config, &name, &mut desk, &mut services, &mut observer));
-        let (recording, (_, ((publisher, outputs), (display, _)))) = observer;
+        let (recording, (_, ((publisher, (outputs, _)), (display, _)))) = observer;
         publisher.finish();
-        drop((desk, outputs));
+        let (navigation, fleet) = desk;
+        if let Some(navigation) = navigation {
+            runtime.block_on(navigation.close());
+        }
+        drop((fleet, outputs));
         display.finish();
         let recorded = recording.finish();
         let mut report = report.lock().unwrap_or_else(PoisonError::into_inner).clone();

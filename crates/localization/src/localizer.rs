@@ -95,6 +95,8 @@ pub struct Localizer {
     refixes: usize,
     evidence: Option<[usize; 2]>,
     lost: Option<LostReason>,
+    /// Where somebody says that the robot is, until the next frame.
+    pointed_at: Option<Pose2>,
 }
 
 impl Localizer {
@@ -113,6 +115,7 @@ impl Localizer {
             refixes: 0,
             evidence: None,
             lost: None,
+            pointed_at: None,
             config,
         }
     }
@@ -135,6 +138,15 @@ impl Localizer {
         &self.relocalizer
     }
 
+    /// Somebody says that the robot is about here, map frame, rightly or not: it looks there with
+    /// the next frame. What it sees decides, as everywhere.
+    pub fn point_at(&mut self, map_from_base: Pose2) {
+        let Pose2 { translation, rotation } = &map_from_base;
+        if translation.vector.iter().all(|metres| metres.is_finite()) && rotation.angle().is_finite() {
+            self.pointed_at = Some(map_from_base);
+        }
+    }
+
     /// Takes in a frame. `describe` is asked for the descriptor of the frame's panorama only when
     /// it will be used.
     pub fn update(
@@ -149,6 +161,10 @@ impl Localizer {
         self.has_cameras |= frame.panorama.is_some();
         self.track(landmarks, &odometry, &points, &frame.scan);
 
+        if let Some(map_from_base) = self.pointed_at.take() {
+            self.relocalizer.point_at(map_from_base * odometry.odom_from_base.inverse());
+            self.observed_at_m = None;
+        }
         let mut is_new_fix = false;
         if self.is_due(&odometry, frame.panorama.is_some()) {
             self.observed_at_m = Some(odometry.odometer_m);

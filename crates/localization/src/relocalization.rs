@@ -7,9 +7,11 @@
 //! places agree. Otherwise the robot says that it does not know.
 
 mod config;
+mod pointing;
 
 pub use config::RelocalizationConfig;
 
+use self::pointing::best_around;
 use crate::distinction::{Grounds, PictureWord};
 use crate::hypotheses::{Hypothesis, SensedView, held};
 use crate::landmarks::Landmarks;
@@ -59,13 +61,15 @@ pub struct Relocalizer {
     /// Heaviest first.
     hypotheses: Vec<Hypothesis>,
     evidence: Option<PlaceEvidence>,
+    /// Where somebody says that the odometry frame is on the map, until it was looked there.
+    pointed_at: Option<Pose2>,
 }
 
 impl Relocalizer {
     /// Knows nothing.
     #[must_use]
     pub fn new(config: RelocalizationConfig) -> Self {
-        Self { config, views: Vec::new(), hypotheses: Vec::new(), evidence: None }
+        Self { config, views: Vec::new(), hypotheses: Vec::new(), evidence: None, pointed_at: None }
     }
 
     /// The configuration.
@@ -103,6 +107,12 @@ impl Relocalizer {
         self.evidence = None;
     }
 
+    /// Somebody says that the odometry frame lies at `map_from_odom`, rightly or not: with the next
+    /// view it is looked around there, too. What fits is one more hypothesis, weighed as all are.
+    pub fn point_at(&mut self, map_from_odom: Pose2) {
+        self.pointed_at = Some(map_from_odom);
+    }
+
     /// Takes in what the robot senses now and says what it knows then.
     pub fn observe(&mut self, landmarks: &Landmarks, observation: &Sensed<'_>) -> Belief {
         if landmarks.is_empty() {
@@ -111,6 +121,9 @@ impl Relocalizer {
         }
         let view = self.view(landmarks, observation);
         self.carry(landmarks, view);
+        if let Some(map_from_odom) = self.pointed_at.take() {
+            self.look_at(&(map_from_odom * observation.odometry.odom_from_base), landmarks);
+        }
         let points = self.points_of(self.config.search_memory_m);
         self.find_more(&points, landmarks);
         self.sort();
@@ -121,6 +134,26 @@ impl Relocalizer {
         self.put_clearest_first();
         self.evidence = self.hypotheses.first().map(|best| self.weigh(best, landmarks));
         self.judge(&points, landmarks)
+    }
+
+    /// Looks around a place that somebody pointed at.
+    fn look_at(&mut self, map_from_base: &Pose2, landmarks: &Landmarks) {
+        let config = &self.config;
+        let (x, y) = (map_from_base.translation.x, map_from_base.translation.y);
+        match best_around(map_from_base, &self.views, landmarks, &config.matching, &config.weigh) {
+            None => tracing::warn!(x, y, "what the scanner sees does not fit the place that was pointed at"),
+            Some(found) => {
+                let at = found.map_from_base();
+                tracing::info!(
+                    x = at.translation.x,
+                    y = at.translation.y,
+                    "the place that was pointed at is looked at"
+                );
+                if !self.hypotheses.iter().any(|known| known.is_near(&at, config.same_m, config.same_rad)) {
+                    self.hypotheses.push(found);
+                }
+            }
+        }
     }
 
     fn view(&self, landmarks: &Landmarks, observation: &Sensed<'_>) -> SensedView {

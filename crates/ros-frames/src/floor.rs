@@ -4,7 +4,7 @@ use crate::plane::header_message;
 use fht_perception::evidence_grid::EvidenceGrid;
 use fht_perception::grid::{Cell, CellState, OccupancyGrid};
 use fht_perception::pose::Point2;
-use fht_ros_messages::msg::{MapMetaData, OccupancyGridMsg, Pose, Vector3};
+use fht_ros_messages::msg::{MapMetaData, OccupancyGridMsg, OccupancyGridUpdate, Pose, Vector3};
 
 /// Cells row by row, from the one of least x and y, in the frame `map`.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,14 +40,49 @@ impl From<&EvidenceGrid> for FloorGrid {
     }
 }
 
-/// The floor at `time_us`, in the frame `map`.
-#[must_use]
-pub fn grid_message(time_us: u64, grid: &FloorGrid) -> OccupancyGridMsg {
-    let value = |state: &CellState| match state {
+impl FloorGrid {
+    /// Whether both have the same cells in the same places, whatever is known of them.
+    #[must_use]
+    pub fn has_cells_of(&self, other: &Self) -> bool {
+        (self.resolution_m, self.origin, self.width, self.cells.len())
+            == (other.resolution_m, other.origin, other.width, other.cells.len())
+    }
+}
+
+fn value(state: CellState) -> i8 {
+    match state {
         CellState::Free => 0,
         CellState::Occupied => 100,
         CellState::Unknown => -1,
-    };
+    }
+}
+
+/// What has changed from `before` to `now`, a grid of the same cells, at `time_us`: the least
+/// rectangle that holds all of it. `None` if nothing has.
+#[must_use]
+pub fn update_message(time_us: u64, before: &FloorGrid, now: &FloorGrid) -> Option<OccupancyGridUpdate> {
+    let width = now.width.max(1);
+    let changed = before.cells.iter().zip(&now.cells).enumerate().filter(|(_, (old, new))| old != new);
+    let bounds = changed.fold(None, |bounds: Option<[usize; 4]>, (index, _)| {
+        let (x, y) = (index % width, index / width);
+        let [left, low, right, high] = bounds.unwrap_or([x, y, x, y]);
+        Some([left.min(x), low.min(y), right.max(x), high.max(y)])
+    });
+    let [left, low, right, high] = bounds?;
+    let rows = now.cells.chunks(width).skip(low).take(high - low + 1);
+    Some(OccupancyGridUpdate {
+        header: header_message(time_us, "map"),
+        x: i32::try_from(left).unwrap_or(i32::MAX),
+        y: i32::try_from(low).unwrap_or(i32::MAX),
+        width: (right - left + 1) as u32,
+        height: (high - low + 1) as u32,
+        data: rows.flat_map(|row| row.iter().skip(left).take(right - left + 1)).copied().map(value).collect(),
+    })
+}
+
+/// The floor at `time_us`, in the frame `map`.
+#[must_use]
+pub fn grid_message(time_us: u64, grid: &FloorGrid) -> OccupancyGridMsg {
     let header = header_message(time_us, "map");
     OccupancyGridMsg {
         info: MapMetaData {
@@ -58,7 +93,7 @@ pub fn grid_message(time_us: u64, grid: &FloorGrid) -> OccupancyGridMsg {
             origin: Pose { position: Vector3 { x: grid.origin.x, y: grid.origin.y, z: 0.0 }, ..Pose::default() },
         },
         header,
-        data: grid.cells.iter().map(value).collect(),
+        data: grid.cells.iter().copied().map(value).collect(),
     }
 }
 
@@ -67,6 +102,41 @@ mod tests {
     use super::*;
     use fht_perception::evidence_grid::Sighting;
     use fht_perception::grid::{CellBounds, GridConfig};
+    use proptest::prelude::*;
+
+    fn state() -> impl Strategy<Value = CellState> {
+        prop::sample::select(vec![CellState::Free, CellState::Occupied, CellState::Unknown])
+    }
+
+    proptest! {
+        #[test]
+        fn a_grid_and_its_updates_are_the_next_grid(
+            width in 1..9_usize,
+            cells in prop::collection::vec(state(), 72),
+            changes in prop::collection::vec((0..72_usize, state()), 0..5),
+        ) {
+            let count = 72 / width * width;
+            let before =
+                FloorGrid { resolution_m: 0.05, origin: Point2::origin(), width, cells: cells[..count].to_vec() };
+            let mut now = before.clone();
+            for (index, state) in changes {
+                now.cells[index % count] = state;
+            }
+            prop_assert!(now.has_cells_of(&before));
+            let mut message = grid_message(1, &before);
+            let update = update_message(2, &before, &now);
+            prop_assert_eq!(update.is_none(), before == now);
+            if let Some(update) = update {
+                prop_assert_eq!(update.data.len(), (update.width * update.height) as usize);
+                for (index, value) in update.data.iter().enumerate() {
+                    let (column, row) = (index % update.width as usize, index / update.width as usize);
+                    let at = (update.y as usize + row) * width + update.x as usize + column;
+                    message.data[at] = *value;
+                }
+            }
+            prop_assert_eq!(message.data, grid_message(2, &now).data);
+        }
+    }
 
     #[test]
     fn both_kinds_of_grid_lie_where_they_are() {

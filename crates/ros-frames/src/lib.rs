@@ -6,6 +6,7 @@
 //! | `plane` | poses on the plane, and times, as messages |
 //! | `floor` | what is known of a floor as a grid ([`FloorGrid`]) |
 //! | `scan` | laser scans as the robot's own and back |
+//! | `points` | clouds of points as scans of what stands in the way |
 //! | `tf` | the tree of coordinate frames, and how a scanner is mounted |
 //! | `track` | poses by time, interpolated; resets of the odometry |
 //!
@@ -26,13 +27,15 @@
 
 mod floor;
 mod plane;
+mod points;
 mod scan;
 mod tf;
 mod track;
 mod yaw;
 
-pub use floor::{FloorGrid, grid_message};
+pub use floor::{FloorGrid, grid_message, update_message};
 pub use plane::{header_message, pose_message};
+pub use points::{BandConfig, CloudRefused, scan_of_points};
 pub use scan::{ScanConfig, scan_message, scan_of};
 pub use tf::{Mount, TransformTree, frame_name};
 pub use track::{OdometryLimits, OdometryTrack, PoseLookup, PoseRefused};

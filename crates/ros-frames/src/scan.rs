@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
 /// A scanner farther than this from the robot's centre is not on it, metres.
-const MOUNT_LIMIT_M: f64 = 1000.0;
+pub(crate) const MOUNT_LIMIT_M: f64 = 1000.0;
 /// Most beams of a scan.
 const BEAM_LIMIT: usize = 100_000;
 

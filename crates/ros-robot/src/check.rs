@@ -1,9 +1,12 @@
 //! What a robot's graph has of what is needed, as a doctor says it. No I/O.
 
+mod company;
+
+use self::company::{commanded_otherwise, others};
 use crate::config::RosRobotConfig;
 use fht_ros::{Endpoint, EndpointKind, NameError, Qos, resolve};
 use fht_ros_messages::RosMessage;
-use fht_ros_messages::msg::{LaserScanMsg, OdometryMsg, TfMessage, TwistMsg, TwistStamped};
+use fht_ros_messages::msg::{ClockMsg, LaserScanMsg, OdometryMsg, PointCloud2, TfMessage, TwistMsg, TwistStamped};
 use serde::{Deserialize, Serialize};
 
 /// How bad a finding is.
@@ -48,7 +51,12 @@ pub fn check(endpoints: &[Endpoint], config: &RosRobotConfig, namespace: &str) -
     let sensor = Qos::sensor_data();
     let need = |topic: String, types, other, qos| Need { topic, types, other, qos };
     let publisher = EndpointKind::Publisher;
-    let mut needs = vec![need(full(&config.scan)?, &[LaserScanMsg::TYPE][..], publisher, sensor)];
+    let (sight, _) = config.sight();
+    let sight_types = if config.points.is_some() { &[PointCloud2::TYPE][..] } else { &[LaserScanMsg::TYPE][..] };
+    let mut needs = vec![need(full(sight)?, sight_types, publisher, sensor)];
+    if config.use_sim_time {
+        needs.push(need(full(&config.clock)?, &[ClockMsg::TYPE], publisher, sensor));
+    }
     if !config.has_odometry_in_tf() {
         needs.push(need(full(&config.odometry)?, &[OdometryMsg::TYPE], publisher, sensor));
     }
@@ -60,7 +68,15 @@ pub fn check(endpoints: &[Endpoint], config: &RosRobotConfig, namespace: &str) -
     }
     needs.push(need(full(&config.tf_static)?, &[TfMessage::TYPE], publisher, Qos::latched(1)));
     needs.push(need(full(&config.cmd_vel)?, takes, EndpointKind::Subscription, Qos::default()));
-    Ok(needs.iter().map(|need| judge(endpoints, need)).collect())
+    let mut findings: Vec<Finding> = needs.iter().map(|need| judge(endpoints, need)).collect();
+    let commands = full(&config.cmd_vel)?;
+    if let Some(last) = findings.last_mut().filter(|finding| finding.readiness == Readiness::Good)
+        && let Some((readiness, sentence)) = commanded_otherwise(endpoints, &commands)
+    {
+        (last.readiness, last.sentence) = (readiness, sentence);
+    }
+    findings.extend(others(endpoints, config, &commands, &full("map")?, &full(&config.clock)?));
+    Ok(findings)
 }
 
 fn judge(endpoints: &[Endpoint], need: &Need) -> Finding {
@@ -73,7 +89,11 @@ fn judge(endpoints: &[Endpoint], need: &Need) -> Finding {
         on_topic.iter().copied().filter(|end| need.types.contains(&end.ros_type.as_str())).collect();
     let Some(first) = fitting.first() else {
         if let Some(other) = on_topic.first() {
-            return finding(Readiness::Missing, format!("{} has {}, not {wanted}", other.node, other.ros_type));
+            let remedy = remedy(&other.ros_type, need);
+            return finding(
+                Readiness::Missing,
+                format!("{} has {}, not {wanted}: {remedy}", other.node, other.ros_type),
+            );
         }
         let elsewhere: Vec<&str> = endpoints
             .iter()
@@ -106,6 +126,19 @@ fn judge(endpoints: &[Endpoint], need: &Need) -> Finding {
     }
 }
 
+/// What to do about a topic of another type.
+fn remedy(ros_type: &str, need: &Need) -> String {
+    let topic = &need.topic;
+    match ros_type {
+        PointCloud2::TYPE => format!("say --points {topic}"),
+        LaserScanMsg::TYPE => format!("say --scan-topic {topic}"),
+        TfMessage::TYPE if need.types.contains(&OdometryMsg::TYPE) => {
+            format!("say --odom-topic tf, [ros] tf = {topic}")
+        }
+        _ => "name the topic that has it, or a node that makes it (see docs/ros2.md)".to_owned(),
+    }
+}
+
 /// At most four of them, each once.
 fn listed(names: &[&str]) -> String {
     let mut names = names.to_vec();
@@ -116,108 +149,4 @@ fn listed(names: &[&str]) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn endpoint(kind: EndpointKind, name: &str, ros_type: &str, qos: Qos) -> Endpoint {
-        let node = format!("/r1/driver{}", name.replace('/', "_"));
-        Endpoint { kind, name: name.to_owned(), ros_type: ros_type.to_owned(), hash: String::new(), qos, node }
-    }
-
-    /// A robot that has all that is needed.
-    fn robot() -> Vec<Endpoint> {
-        use EndpointKind::{Publisher, Subscription};
-        vec![
-            endpoint(Publisher, "/r1/scan", LaserScanMsg::TYPE, Qos::sensor_data()),
-            endpoint(Publisher, "/r1/odom", OdometryMsg::TYPE, Qos::default()),
-            endpoint(Publisher, "/r1/tf", TfMessage::TYPE, Qos::default()),
-            endpoint(Publisher, "/r1/tf_static", TfMessage::TYPE, Qos::latched(1)),
-            endpoint(Subscription, "/r1/cmd_vel", TwistStamped::TYPE, Qos::default()),
-        ]
-    }
-
-    fn said(change: impl FnOnce(&mut Vec<Endpoint>), topic: &str) -> (Readiness, String) {
-        let mut endpoints = robot();
-        change(&mut endpoints);
-        let findings = check(&endpoints, &RosRobotConfig::default(), "r1").expect("names");
-        let found = findings.into_iter().find(|finding| finding.topic == topic).expect("the topic");
-        (found.readiness, found.sentence)
-    }
-
-    #[test]
-    fn a_robot_that_has_all_is_well() {
-        let findings = check(&robot(), &RosRobotConfig::default(), "r1").expect("names");
-        assert!(
-            findings.len() == 5 && findings.iter().all(|finding| finding.readiness == Readiness::Good),
-            "{findings:?}"
-        );
-    }
-
-    #[test]
-    fn what_is_wrong_is_told_with_what_to_do() {
-        use Readiness::{Doubtful, Missing};
-        type Change = fn(&mut Vec<Endpoint>);
-        let cases: [(Change, &str, Readiness, &str); 10] = [
-            (
-                |all| all.clear(),
-                "/r1/scan",
-                Missing,
-                "nobody publishes it (sensor_msgs/msg/LaserScan); start what publishes it",
-            ),
-            (|all| all.clear(), "/r1/cmd_vel", Missing, "nobody subscribes to it (geometry_msgs/msg/Twist or"),
-            (
-                |all| all[0].name = "/scan".to_owned(),
-                "/r1/scan",
-                Missing,
-                "there is /scan: is that the topic, or another namespace?",
-            ),
-            (|all| all[1].name = "/r1/wheel_odom".to_owned(), "/r1/odom", Missing, "there is /r1/wheel_odom"),
-            (
-                |all| all[0].ros_type = "sensor_msgs/msg/PointCloud2".to_owned(),
-                "/r1/scan",
-                Missing,
-                "has sensor_msgs/msg/PointCloud2, not sensor_msgs/msg/LaserScan",
-            ),
-            (
-                |all| {
-                    let mut second = all[0].clone();
-                    second.node = "/other".to_owned();
-                    all.push(second);
-                },
-                "/r1/scan",
-                Doubtful,
-                "/other publish it: two robots with the same names?",
-            ),
-            (
-                |all| all[3].qos = Qos::default(),
-                "/r1/tf_static",
-                Doubtful,
-                "published volatile and asked for transient-local",
-            ),
-            (|all| all[2].qos = Qos::sensor_data(), "/r1/tf", Doubtful, "published best-effort and asked for reliably"),
-            (|all| all[4].kind = EndpointKind::Publisher, "/r1/cmd_vel", Missing, "nobody subscribes to it"),
-            (
-                |all| {
-                    all.remove(3);
-                },
-                "/r1/tf_static",
-                Missing,
-                "there is /r1/tf: is that the topic",
-            ),
-        ];
-        for (change, topic, readiness, words) in cases {
-            let (found, sentence) = said(change, topic);
-            assert_eq!(found, readiness, "{sentence}");
-            assert!(sentence.contains(words), "'{sentence}' should say '{words}'");
-        }
-    }
-
-    #[test]
-    fn a_robot_with_odometry_in_transforms_needs_no_other() {
-        let config = RosRobotConfig { odometry: "/tf".to_owned(), ..RosRobotConfig::default() };
-        let findings = check(&robot(), &config, "r1").expect("names");
-        assert!(findings.iter().all(|finding| finding.topic != "/r1/odom"));
-        let config = RosRobotConfig { scan: "2d".to_owned(), ..config };
-        assert!(check(&robot(), &config, "r1").is_err());
-    }
-}
+mod tests;

@@ -1,5 +1,6 @@
 //! Which topics and frames a robot has.
 
+use fht_ros_frames::BandConfig;
 use serde::{Deserialize, Serialize};
 
 /// A robot's topics and frames, with the names that most ROS robots have. Topics without a leading
@@ -10,6 +11,11 @@ use serde::{Deserialize, Serialize};
 pub struct RosRobotConfig {
     /// Scans (sensor_msgs/LaserScan). Default scan.
     pub scan: String,
+    /// Clouds of points (sensor_msgs/PointCloud2) that scans are made of, in place of `scan`.
+    /// Default none.
+    pub points: Option<String>,
+    /// Which of their points count.
+    pub band: BandConfig,
     /// Odometry (nav_msgs/Odometry), or the topic of moving transforms, from which odom to base is
     /// taken then. Default odom.
     pub odometry: String,
@@ -19,6 +25,15 @@ pub struct RosRobotConfig {
     pub tf_static: String,
     /// Velocity commands. Default cmd_vel.
     pub cmd_vel: String,
+    /// Whether others drive it, as Nav2 does: then it is not odd that they give commands.
+    // The program's own, by who is to drive.
+    #[serde(skip)]
+    pub others_drive: bool,
+    /// Whether the time is that of the topic `clock`: a simulation, or a bag that is played.
+    /// Default false: this machine's.
+    pub use_sim_time: bool,
+    /// What tells the time then (rosgraph_msgs/Clock). Default /clock.
+    pub clock: String,
     /// The robot's frame. Default none: what the odometry says.
     pub base_frame: Option<String>,
     /// The frame that odometry's transforms start from. Default odom.
@@ -33,10 +48,15 @@ impl Default for RosRobotConfig {
     fn default() -> Self {
         Self {
             scan: "scan".to_owned(),
+            points: None,
+            band: BandConfig::default(),
             odometry: "odom".to_owned(),
             tf: "tf".to_owned(),
             tf_static: "tf_static".to_owned(),
             cmd_vel: "cmd_vel".to_owned(),
+            others_drive: false,
+            use_sim_time: false,
+            clock: "/clock".to_owned(),
             base_frame: None,
             odom_frame: "odom".to_owned(),
             silent_after_s: 0.35,
@@ -46,6 +66,14 @@ impl Default for RosRobotConfig {
 }
 
 impl RosRobotConfig {
+    /// The topic of what the robot sees, and its type.
+    pub(crate) fn sight(&self) -> (&str, &'static str) {
+        match &self.points {
+            Some(points) => (points, "sensor_msgs/PointCloud2"),
+            None => (&self.scan, "sensor_msgs/LaserScan"),
+        }
+    }
+
     /// Whether odometry comes from transforms.
     #[must_use]
     pub fn has_odometry_in_tf(&self) -> bool {

@@ -3,6 +3,7 @@
 use crate::config::RosRobotConfig;
 use clap::Args;
 use fht_ros::{KeyForm, NodeConfig};
+use fht_ros_frames::BandConfig;
 use fht_ros_messages::Distribution;
 
 /// How a robot's graph is reached, and which topics the robot has.
@@ -15,6 +16,16 @@ pub struct GraphArgs {
     /// Scans (sensor_msgs/LaserScan) [default: scan].
     #[arg(long, value_name = "TOPIC")]
     pub scan_topic: Option<String>,
+    /// Clouds of points (sensor_msgs/PointCloud2: a 3D LiDAR, a depth camera) that scans are made
+    /// of, in place of --scan-topic.
+    #[arg(long, value_name = "TOPIC", conflicts_with = "scan_topic")]
+    pub points: Option<String>,
+    /// Points between these heights over the robot's frame count, metres [default: 0.1,0.6].
+    #[arg(long, value_name = "LOW,HIGH", value_parser = band, allow_hyphen_values = true)]
+    pub band: Option<(f64, f64)>,
+    /// Directions all round that scans of points have [default: 720].
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(8..=7200))]
+    pub beams: Option<u16>,
     /// Odometry (nav_msgs/Odometry), or the topic of the transforms (tf) [default: odom].
     #[arg(long, value_name = "TOPIC")]
     pub odom_topic: Option<String>,
@@ -22,6 +33,10 @@ pub struct GraphArgs {
     /// cmd_vel].
     #[arg(long, value_name = "TOPIC")]
     pub cmd_vel_topic: Option<String>,
+    /// The time is that of /clock, as of a simulation, or a bag that is played with --clock; stamps
+    /// are judged by it.
+    #[arg(long)]
+    pub use_sim_time: bool,
     /// The robot's frame; by default what the odometry says.
     #[arg(long, value_name = "FRAME")]
     pub base_frame: Option<String>,
@@ -63,12 +78,39 @@ impl GraphArgs {
     /// These flags over what the file says.
     #[must_use]
     pub fn robot(&self, file: RosRobotConfig) -> RosRobotConfig {
+        let (low_m, high_m) = self.band.unwrap_or((file.band.low_m, file.band.high_m));
+        let beams = self.beams.map_or(file.band.beams, usize::from);
         RosRobotConfig {
+            // A topic of scans on the command line goes before clouds of the file.
+            points: self.points.clone().or(file.points.filter(|_| self.scan_topic.is_none())),
+            band: BandConfig { low_m, high_m, beams, ..file.band },
             scan: self.scan_topic.clone().unwrap_or(file.scan),
             odometry: self.odom_topic.clone().unwrap_or(file.odometry),
             cmd_vel: self.cmd_vel_topic.clone().unwrap_or(file.cmd_vel),
+            use_sim_time: self.use_sim_time || file.use_sim_time,
             base_frame: self.base_frame.clone().or(file.base_frame),
             ..file
+        }
+    }
+}
+
+/// Two heights, metres, the lower one first.
+fn band(text: &str) -> Result<(f64, f64), String> {
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|metres| metres.abs() <= 100.0);
+    let band = text.split_once(',').and_then(|(low, high)| number(low).zip(number(high)));
+    band.filter(|(low, high)| low < high)
+        .ok_or_else(|| "give two heights in metres, the lower one first, such as 0.1,0.6".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::band;
+
+    #[test]
+    fn heights_are_in_their_order() {
+        assert_eq!(band("-0.2, 0.5"), Ok((-0.2, 0.5)));
+        for bad in ["0.5,0.1", "1", "a,b", "nan,1", "0,inf", "0.1,0.1", "0,1000"] {
+            assert!(band(bad).is_err(), "{bad}");
         }
     }
 }

@@ -1,14 +1,15 @@
 //! From messages to frames: each scan with the odometry at its stamp, in the frame of the robot's
 //! base. No I/O and no clock: times of arrival are given, seconds since any beginning.
 
+use crate::clock::{Reference, StampWatch, ToldTime};
 use crate::config::RosRobotConfig;
-use fht_perception::frame::SensorFrame;
+use fht_perception::frame::{LaserScan, SensorFrame};
 use fht_perception::pose::pose;
 use fht_ros_frames::{
     Mount, OdometryLimits, OdometryTrack, PoseLookup, PoseRefused, ScanConfig, TransformTree, frame_name, scan_of,
-    yaw_of,
+    scan_of_points, yaw_of,
 };
-use fht_ros_messages::msg::{LaserScanMsg, OdometryMsg, Pose, TfMessage, Time};
+use fht_ros_messages::msg::{ClockMsg, LaserScanMsg, OdometryMsg, PointCloud2, Pose, TfMessage, Time};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -18,6 +19,8 @@ const WAITING: usize = 8;
 const TILT_LIMIT_RAD: f64 = 0.2;
 /// Stamps that differ by more than this come from different clocks, seconds.
 const OTHER_CLOCK_S: f64 = 1.0;
+/// Most doubts that wait to be told.
+const DOUBTS: usize = 16;
 
 /// What became of the messages.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -44,6 +47,21 @@ struct Heard {
     stamp_ns: Option<u64>,
 }
 
+/// What the robot saw.
+enum Sight {
+    /// A scan, in the frame of its scanner.
+    Message(LaserScanMsg),
+    /// A scan that was made of a cloud of points, in the robot's frame.
+    Made(LaserScan),
+}
+
+/// What says what time it is, if that is not this machine's clock.
+struct SimTime {
+    /// Its topic's full name.
+    topic: String,
+    told: ToldTime,
+}
+
 /// Turns messages into frames, and knows what it lacks.
 pub(crate) struct Intake {
     config: RosRobotConfig,
@@ -53,18 +71,30 @@ pub(crate) struct Intake {
     tree: TransformTree,
     track: OdometryTrack,
     base_frame: Option<String>,
-    waiting: VecDeque<(f64, u64, LaserScanMsg)>,
+    waiting: VecDeque<(f64, u64, Sight)>,
     last_ns: Option<u64>,
     scan: Heard,
     odometry: Heard,
+    /// Only with `use_sim_time`.
+    time: Option<SimTime>,
+    scan_stamps: StampWatch,
+    odometry_stamps: StampWatch,
+    /// What is odd about stamps: sentences that were not told yet.
+    doubts: Vec<String>,
     /// What keeps scans from becoming frames.
     obstacle: Option<String>,
     report: IntakeReport,
 }
 
 impl Intake {
-    pub(crate) fn new(config: RosRobotConfig, scan_topic: &str, odometry_topic: &str) -> Self {
+    /// Of these topics, by their full names; `clock_topic` is the one that tells the time.
+    pub(crate) fn new(config: RosRobotConfig, scan_topic: &str, odometry_topic: &str, clock_topic: &str) -> Self {
+        let time = config.use_sim_time.then(|| SimTime { topic: clock_topic.to_owned(), told: ToldTime::default() });
         Self {
+            time,
+            scan_stamps: StampWatch::default(),
+            odometry_stamps: StampWatch::default(),
+            doubts: Vec::new(),
             scan_topic: scan_topic.to_owned(),
             odometry_topic: odometry_topic.to_owned(),
             tree: TransformTree::default(),
@@ -100,13 +130,92 @@ impl Intake {
         self.config.silent_after_s
     }
 
+    /// The time is told.
+    pub(crate) fn take_clock(&mut self, message: &ClockMsg, arrived_s: f64) {
+        let Some(SimTime { topic, told }) = &mut self.time else { return };
+        told.take(message.clock, arrived_s);
+        let set_back = told.take_set_back(topic);
+        self.doubts.extend(set_back);
+    }
+
+    /// What is odd about stamps and was not told yet: sentences.
+    pub(crate) fn take_doubts(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.doubts)
+    }
+
+    /// The time, nanoseconds; none where it is to be told and was not yet.
+    fn now(&self, wall_ns: u64) -> Option<Reference> {
+        match &self.time {
+            Some(time) => time.told.now_ns().map(Reference::Clock),
+            None => Some(Reference::Machine(wall_ns)),
+        }
+    }
+
+    /// Why messages with this stamp are of no use, if they are not; what is only odd is a doubt.
+    fn judge(&mut self, stamp_ns: u64, is_scan: bool, now: Reference) -> Option<String> {
+        let (watch, topic) = match is_scan {
+            true => (&mut self.scan_stamps, &self.scan_topic),
+            false => (&mut self.odometry_stamps, &self.odometry_topic),
+        };
+        let doubt = watch.judge(stamp_ns, now)?;
+        let clock = self.time.as_ref().map_or(self.config.clock.as_str(), |time| time.topic.as_str());
+        let sentence = doubt.sentence(topic, clock, now);
+        self.doubt(sentence.clone());
+        doubt.is_grave(now).then_some(sentence)
+    }
+
+    fn doubt(&mut self, sentence: String) {
+        if self.doubts.len() < DOUBTS {
+            self.doubts.push(sentence);
+        }
+    }
+
     pub(crate) fn take_scan(&mut self, message: LaserScanMsg, arrived_s: f64, wall_ns: u64) {
+        self.take_sight(message.header.stamp, Sight::Message(message), arrived_s, wall_ns);
+    }
+
+    /// A cloud of points becomes a scan at once: it is large. So the transform to its sensor must
+    /// have come before.
+    pub(crate) fn take_points(&mut self, cloud: &PointCloud2<'_>, arrived_s: f64, wall_ns: u64) {
+        let (base, sensor) = (self.base_frame(), frame_name(&cloud.header.frame_id).to_owned());
+        let Some(base_from_sensor) = self.tree.base_from(&base, &sensor) else {
+            self.report.scans += 1;
+            self.scan.arrived_s = Some(arrived_s);
+            return self.lose(self.no_transform(&base, &sensor));
+        };
+        match scan_of_points(cloud, &base_from_sensor, &self.config.band) {
+            Ok(scan) => self.take_sight(cloud.header.stamp, Sight::Made(scan), arrived_s, wall_ns),
+            Err(refusal) => {
+                self.report.scans += 1;
+                self.scan.arrived_s = Some(arrived_s);
+                self.lose(format!("{} is of no use: {refusal}", self.scan_topic));
+            }
+        }
+    }
+
+    fn take_sight(&mut self, stamp: Time, sight: Sight, arrived_s: f64, wall_ns: u64) {
         self.report.scans += 1;
-        let stamp_ns = stamp_ns(message.header.stamp, wall_ns);
+        let now = self.now(wall_ns);
+        let stamp_ns = stamp_ns(stamp, now);
         self.scan = Heard { arrived_s: Some(arrived_s), stamp_ns };
+        let Some(now) = now else {
+            // What is wrong is that nobody tells the time.
+            self.report.frames_lost += 1;
+            return;
+        };
         let Some(stamp_ns) = stamp_ns else {
             return self.lose(format!("{} has stamps that are no times", self.scan_topic));
         };
+        if stamp == Time::default() {
+            self.doubt(format!(
+                "{} has stamps of zero, and the time of arrival is taken: set its driver's clock, or start what its \
+                 use_sim_time waits for",
+                self.scan_topic
+            ));
+        }
+        if let Some(refusal) = self.judge(stamp_ns, true, now) {
+            return self.lose(refusal);
+        }
         // Frames have microsecond stamps.
         if let Some(last_ns) = self.last_ns
             && stamp_ns / 1000 <= last_ns / 1000
@@ -120,7 +229,7 @@ impl Intake {
             return if back_s > OTHER_CLOCK_S { self.lose(sentence) } else { self.report.frames_lost += 1 };
         }
         self.last_ns = Some(stamp_ns);
-        self.waiting.push_back((arrived_s, stamp_ns, message));
+        self.waiting.push_back((arrived_s, stamp_ns, sight));
         if self.waiting.len() > WAITING {
             self.waiting.pop_front();
             self.report.frames_lost += 1;
@@ -135,15 +244,27 @@ impl Intake {
     }
 
     fn take_pose(&mut self, stamp: Time, at: &Pose, arrived_s: f64, wall_ns: u64) {
-        let stamp = stamp_ns(stamp, wall_ns);
+        let now = self.now(wall_ns);
+        let stamp = stamp_ns(stamp, now);
         self.odometry = Heard { arrived_s: Some(arrived_s), stamp_ns: stamp };
+        let Some(now) = now else { return };
+        if let Some(refusal) = stamp.and_then(|stamp_ns| self.judge(stamp_ns, false, now)) {
+            self.report.odometry_refused += 1;
+            self.obstacle = Some(refusal);
+            return;
+        }
         let odom_from_base = yaw_of(&at.orientation).map(|yaw| pose(at.position.x, at.position.y, yaw));
         let (Some(stamp), Some(odom_from_base)) = (stamp, odom_from_base) else {
             self.report.odometry_refused += 1;
             self.obstacle = Some(format!("{} has poses that are none", self.odometry_topic));
             return;
         };
+        let jumps = self.track.jumps();
         match self.track.push(stamp, odom_from_base) {
+            Ok(()) if self.track.jumps() > jumps => self.doubt(format!(
+                "{} has jumped: it was reset, or two robots publish it (give each a namespace, or a router)",
+                self.odometry_topic
+            )),
             // The same once more, as several publishers of transforms make it.
             Ok(()) | Err(PoseRefused::NotNewer) => {}
             Err(PoseRefused::Unusable) => {
@@ -179,11 +300,11 @@ impl Intake {
     /// The newest frame that is complete at `now_s`; older ones are lost.
     pub(crate) fn frame(&mut self, now_s: f64) -> Option<SensorFrame> {
         let mut newest = None;
-        while let Some((arrived_s, stamp_ns, message)) = self.waiting.pop_front() {
+        while let Some((arrived_s, stamp_ns, sight)) = self.waiting.pop_front() {
             let odom_from_base = match self.track.pose_at(stamp_ns) {
                 PoseLookup::Known(pose) => pose,
                 PoseLookup::Later if now_s - arrived_s <= self.config.patience_s => {
-                    self.waiting.push_front((arrived_s, stamp_ns, message));
+                    self.waiting.push_front((arrived_s, stamp_ns, sight));
                     break;
                 }
                 PoseLookup::Later | PoseLookup::Before | PoseLookup::Gap => {
@@ -192,22 +313,16 @@ impl Intake {
                     continue;
                 }
             };
-            let base = self.base_frame();
-            let sensor = frame_name(&message.header.frame_id).to_owned();
-            let Some(base_from_sensor) = self.tree.base_from(&base, &sensor) else {
-                self.lose(self.no_transform(&base, &sensor));
-                continue;
+            let scan = match sight {
+                Sight::Made(scan) => Ok(scan),
+                Sight::Message(message) => self.levelled(&message),
             };
-            let mount = Mount::of(&base_from_sensor);
-            if mount.tilt_rad > TILT_LIMIT_RAD {
-                let tilt = mount.tilt_rad.to_degrees();
-                self.lose(format!("the scanner {sensor} is tilted by {tilt:.0}°: its scans are not level"));
-                continue;
-            }
-            let Some(scan) = scan_of(&message, &mount, &ScanConfig::default()) else {
-                let topic = self.scan_topic.clone();
-                self.lose(format!("the scans of {topic} make no sense: see their angles and limits (ros2 topic echo)"));
-                continue;
+            let scan = match scan {
+                Ok(scan) => scan,
+                Err(why) => {
+                    self.lose(why);
+                    continue;
+                }
             };
             let frame = SensorFrame { time_us: stamp_ns / 1000, odom_from_base, scan, panorama: None };
             if newest.replace(frame).is_some() {
@@ -221,7 +336,28 @@ impl Intake {
         newest
     }
 
+    /// A scan in the robot's frame; or why there is none.
+    fn levelled(&self, message: &LaserScanMsg) -> Result<LaserScan, String> {
+        let (base, sensor) = (self.base_frame(), frame_name(&message.header.frame_id));
+        let base_from_sensor = self.tree.base_from(&base, sensor).ok_or_else(|| self.no_transform(&base, sensor))?;
+        let mount = Mount::of(&base_from_sensor);
+        if mount.tilt_rad > TILT_LIMIT_RAD {
+            let tilt = mount.tilt_rad.to_degrees();
+            return Err(format!(
+                "the scanner {sensor} is tilted by {tilt:.0}°: its scans are not level; correct its transform on {}, or \
+                 give its points (--points)",
+                self.config.tf_static
+            ));
+        }
+        scan_of(message, &mount, &ScanConfig::default()).ok_or_else(|| {
+            format!("the scans of {} make no sense: see their angles and limits (ros2 topic echo)", self.scan_topic)
+        })
+    }
+
     fn no_transform(&self, base: &str, sensor: &str) -> String {
+        if sensor.is_empty() {
+            return format!("{} has no frame: set frame_id in the parameters of its driver", self.scan_topic);
+        }
         let there = self.tree.frames().join(", ");
         let there = if there.is_empty() { "no frames at all".to_owned() } else { format!("frames there: {there}") };
         format!(
@@ -262,11 +398,28 @@ impl Intake {
     /// What keeps frames from coming, at `now_s`: a sentence that names the topic.
     pub(crate) fn trouble(&self, now_s: f64) -> Option<String> {
         let limit_s = self.config.silent_after_s;
+        // Where time stands still all else does, too.
+        let time = self.time.as_ref().and_then(|SimTime { topic, told }| told.trouble(topic, now_s, limit_s));
+        if time.is_some() {
+            return time;
+        }
         let odometry_type = if self.config.has_odometry_in_tf() { "tf2_msgs/TFMessage" } else { "nav_msgs/Odometry" };
         let sensors = [
-            (&self.scan_topic, "sensor_msgs/LaserScan", self.scan),
+            (&self.scan_topic, self.config.sight().1, self.scan),
             (&self.odometry_topic, odometry_type, self.odometry),
         ];
+        if self.odometry.arrived_s.is_none()
+            && self.scan.arrived_s.is_some()
+            && self.config.has_odometry_in_tf()
+            && !self.tree.frames().is_empty()
+        {
+            let (frame, topic) = (&self.config.odom_frame, &self.odometry_topic);
+            let there = self.tree.frames().join(", ");
+            return Some(format!(
+                "no transform leads from {frame} to the robot on {topic}: see odom_frame in [ros], or give --odom-topic; \
+                 frames there: {there}"
+            ));
+        }
         let silent: Vec<String> = sensors
             .into_iter()
             .filter_map(|(topic, kind, heard)| match heard.arrived_s {
@@ -282,169 +435,13 @@ impl Intake {
 }
 
 /// A stamp in nanoseconds; where it was left at zero, the time of arrival.
-fn stamp_ns(stamp: Time, wall_ns: u64) -> Option<u64> {
-    stamp.nanoseconds().map(|ns| if ns == 0 { wall_ns } else { ns })
+fn stamp_ns(stamp: Time, now: Option<Reference>) -> Option<u64> {
+    let stamp_ns = stamp.nanoseconds()?;
+    match now {
+        Some(Reference::Clock(now_ns) | Reference::Machine(now_ns)) if stamp_ns == 0 => Some(now_ns),
+        _ => Some(stamp_ns),
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use fht_ros_frames::{header_message, pose_message};
-    use fht_ros_messages::msg::{PoseWithCovariance, TransformStamped};
-
-    const MS: u64 = 1000;
-
-    fn intake() -> Intake {
-        Intake::new(RosRobotConfig::default(), "/r1/scan", "/r1/odom")
-    }
-
-    fn scan(time_us: u64) -> LaserScanMsg {
-        LaserScanMsg {
-            header: header_message(time_us, "laser"),
-            angle_increment: 0.1,
-            range_min: 0.1,
-            range_max: 8.0,
-            ranges: vec![1.0; 60],
-            ..LaserScanMsg::default()
-        }
-    }
-
-    fn odometry(time_us: u64, x: f64) -> OdometryMsg {
-        OdometryMsg {
-            header: header_message(time_us, "odom"),
-            child_frame_id: "base_link".to_owned(),
-            pose: PoseWithCovariance { pose: pose_message(&pose(x, 0.0, 0.0)), ..Default::default() },
-            ..OdometryMsg::default()
-        }
-    }
-
-    fn transform(parent: &str, child: &str, x: f64, time_us: u64) -> TfMessage {
-        let transform = pose_message(&pose(x, 0.0, 0.0));
-        let stamped =
-            TransformStamped { header: header_message(time_us, parent), child_frame_id: child.to_owned(), transform };
-        TfMessage { transforms: vec![stamped] }
-    }
-
-    #[test]
-    fn a_scan_waits_for_its_odometry_and_has_it_interpolated() {
-        let mut intake = intake();
-        intake.take_transforms(&transform("base_link", "laser", 0.2, 1), 0.0, 0);
-        intake.take_odometry(&odometry(1000 * MS, 0.0), 0.0, 0);
-        intake.take_scan(scan(1050 * MS), 0.05, 0);
-        assert!(intake.frame(0.06).is_none(), "its odometry has not come");
-        intake.take_odometry(&odometry(1100 * MS, 1.0), 0.1, 0);
-        let frame = intake.frame(0.1).expect("it is complete");
-        assert_eq!((frame.time_us, frame.odom_from_base), (1050 * MS, pose(0.5, 0.0, 0.0)));
-        assert_eq!(frame.scan.base_from_sensor, pose(0.2, 0.0, 0.0));
-        assert!(frame.check().is_ok() && intake.trouble(0.2).is_none());
-        assert_eq!(intake.report(), IntakeReport { scans: 1, frames: 1, ..IntakeReport::default() });
-    }
-
-    #[test]
-    fn the_newest_of_several_is_taken() {
-        let mut intake = intake();
-        intake.take_transforms(&transform("base_link", "laser", 0.0, 1), 0.0, 0);
-        intake.take_odometry(&odometry(1000 * MS, 0.0), 0.0, 0);
-        for step in 1..=3 {
-            intake.take_scan(scan((1000 + step * 100) * MS), 0.1, 0);
-        }
-        intake.take_scan(scan(1300 * MS), 0.1, 0);
-        intake.take_odometry(&odometry(1300 * MS, 1.0), 0.1, 0);
-        assert_eq!(intake.frame(0.1).map(|frame| frame.time_us), Some(1300 * MS));
-        assert_eq!((intake.report().frames, intake.report().frames_lost), (1, 3));
-    }
-
-    #[test]
-    fn odometry_may_come_in_transforms() {
-        let config = RosRobotConfig { odometry: "/tf".to_owned(), ..RosRobotConfig::default() };
-        let mut intake = Intake::new(config, "/scan", "/tf");
-        intake.take_transforms(&transform("base_footprint", "laser", 0.0, 1), 0.0, 0);
-        intake.take_transforms(&transform("map", "odom", 5.0, 1000 * MS), 0.0, 0);
-        intake.take_transforms(&transform("odom", "base_footprint", 2.0, 1000 * MS), 0.0, 0);
-        intake.take_scan(scan(1000 * MS), 0.0, 0);
-        assert_eq!(intake.frame(0.0).map(|frame| frame.odom_from_base), Some(pose(2.0, 0.0, 0.0)));
-    }
-
-    /// What is said once a second has passed.
-    fn said(fill: impl FnOnce(&mut Intake)) -> String {
-        let mut intake = intake();
-        fill(&mut intake);
-        assert!(intake.frame(1.0).is_none());
-        intake.trouble(1.0).expect("something is wrong")
-    }
-
-    #[test]
-    fn what_keeps_frames_from_coming_is_a_sentence_that_names_the_topic() {
-        let laser = transform("base_link", "laser", 0.0, 1);
-        let cases: [(String, &[&str]); 7] = [
-            (said(|_| {}), &["nothing has come on /r1/scan (sensor_msgs/LaserScan)", "/r1/odom (nav_msgs/Odometry)"]),
-            (
-                said(|intake| intake.take_odometry(&odometry(1000 * MS, 0.0), 0.9, 0)),
-                &["nothing has come on /r1/scan", "does its driver run"],
-            ),
-            (
-                said(|intake| {
-                    intake.take_odometry(&odometry(1000 * MS, 0.0), 0.9, 0);
-                    intake.take_scan(scan(1000 * MS), 0.2, 0);
-                }),
-                &["/r1/scan has been silent for 0.8 s", "ros2 topic hz"],
-            ),
-            (
-                said(|intake| {
-                    intake.take_odometry(&odometry(1000 * MS, 0.0), 0.9, 0);
-                    intake.take_scan(scan(1000 * MS), 0.9, 0);
-                }),
-                &["no transform leads from base_link to laser", "tf_static", "static_transform_publisher"],
-            ),
-            (
-                said(|intake| {
-                    intake.take_transforms(&laser, 0.0, 0);
-                    intake.take_odometry(&odometry(1000 * MS, 0.0), 0.9, 0);
-                    intake.take_scan(scan(9000 * MS), 0.68, 0);
-                }),
-                &["the stamps of /r1/scan are 8.0 s ahead of those of /r1/odom", "chrony", "use_sim_time"],
-            ),
-            (
-                said(|intake| {
-                    intake.take_transforms(&laser, 0.0, 0);
-                    intake.take_odometry(&odometry(9000 * MS, 0.0), 0.9, 0);
-                    intake.take_scan(scan(1000 * MS), 0.68, 0);
-                }),
-                &["the stamps of /r1/scan are 8.0 s behind those of /r1/odom"],
-            ),
-            (
-                said(|intake| {
-                    intake.take_transforms(&laser, 0.0, 0);
-                    intake.take_odometry(&odometry(1000 * MS, 0.0), 0.9, 0);
-                    intake.take_scan(LaserScanMsg { ranges: vec![], ..scan(1000 * MS) }, 0.9, 0);
-                }),
-                &["the scans of /r1/scan make no sense"],
-            ),
-        ];
-        for (said, wanted) in cases {
-            for part in wanted {
-                assert!(said.contains(part), "'{said}' should say '{part}'");
-            }
-        }
-    }
-
-    #[test]
-    fn a_clock_that_is_set_back_is_told() {
-        let mut intake = intake();
-        intake.take_odometry(&odometry(9000 * MS, 0.0), 0.0, 0);
-        intake.take_scan(scan(9000 * MS), 0.0, 0);
-        intake.take_scan(scan(1000 * MS), 0.1, 0);
-        assert!(
-            intake.trouble(0.1).is_some_and(|said| said.contains("have gone back by 8.0 s: do two robots publish it?"))
-        );
-    }
-
-    #[test]
-    fn stamps_of_zero_are_the_time_of_arrival() {
-        let mut intake = intake();
-        intake.take_transforms(&transform("base_link", "laser", 0.0, 0), 0.0, 0);
-        intake.take_odometry(&odometry(0, 0.0), 0.0, 7_000_000);
-        intake.take_scan(scan(0), 0.0, 7_000_000);
-        assert_eq!(intake.frame(0.0).map(|frame| frame.time_us), Some(7000));
-    }
-}
+mod tests;

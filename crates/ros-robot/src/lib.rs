@@ -11,8 +11,10 @@
 //! | module | idea |
 //! | --- | --- |
 //! | `config` | which topics and frames the robot has ([`RosRobotConfig`]) |
+//! | `clock` | what clock stamps are of: lag, jumps, other clocks, `/clock` |
 //! | `intake` | from messages to frames; what keeps them from coming, as a sentence |
 //! | `robot` | the topics behind the port ([`RosRobot`]) |
+//! | `nav2` | Nav2 drives where it is told to ([`Nav2Driver`], [`DrivenByNav2`]) |
 //! | `outputs` | what the graph gets back: `map → odom`, the map, the pose ([`RosOutputs`]) |
 //! | `check` | what a graph has of what is needed ([`check`]) |
 //! | `flags` | graph and topics on the command line (feature `cli`) |
@@ -31,10 +33,12 @@
 //! ```
 
 mod check;
+mod clock;
 mod config;
 #[cfg(feature = "cli")]
 mod flags;
 mod intake;
+mod nav2;
 mod outputs;
 mod robot;
 
@@ -43,5 +47,6 @@ pub use config::RosRobotConfig;
 #[cfg(feature = "cli")]
 pub use flags::{GraphArgs, NodeArgs};
 pub use intake::IntakeReport;
+pub use nav2::{DrivenByNav2, Nav2Driver, Nav2State};
 pub use outputs::{OutputRole, PlaceNow, RosOutputs};
 pub use robot::{OdomFrame, RosRobot, live_silence};

@@ -8,10 +8,10 @@ use crate::robot::OdomFrame;
 use fht_perception::pose::Pose2;
 use fht_proto::api::fleet::LocalizationState;
 use fht_ros::{Publisher, Qos, RosError, RosNode};
-use fht_ros_frames::{FloorGrid, grid_message, header_message, pose_message};
+use fht_ros_frames::{FloorGrid, grid_message, header_message, pose_message, update_message};
 use fht_ros_messages::msg::{
-    DiagnosticArray, DiagnosticStatus, KeyValue, OccupancyGridMsg, PathMsg, PoseArray, PoseStamped, PoseWithCovariance,
-    PoseWithCovarianceStamped, TfMessage, TransformStamped,
+    DiagnosticArray, DiagnosticStatus, KeyValue, OccupancyGridMsg, OccupancyGridUpdate, PathMsg, PoseArray,
+    PoseStamped, PoseWithCovariance, PoseWithCovarianceStamped, TfMessage, TransformStamped,
 };
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
@@ -56,7 +56,7 @@ pub struct PlaceNow {
 /// What waits to be sent.
 enum Output {
     Place(Box<PlaceNow>),
-    Floor { time_us: u64, grid: Box<dyn FnOnce() -> FloorGrid + Send> },
+    Floor { time_us: u64, is_whole: bool, grid: Box<dyn FnOnce() -> FloorGrid + Send> },
     Way { time_us: u64, poses: Vec<(u64, Pose2)> },
 }
 
@@ -68,13 +68,13 @@ pub struct RosOutputs {
 }
 
 impl RosOutputs {
-    /// Publishes `map`, `tf` and `path`, or `map`, `tf`, `amcl_pose`, `particle_cloud` and
-    /// `/diagnostics`. The transform `map → odom` leads to `odom_frame`.
+    /// Publishes `map`, `map_updates`, `tf` and `path`, or `map`, `tf`, `amcl_pose`,
+    /// `particle_cloud` and `/diagnostics`. The transform `map → odom` leads to `odom_frame`.
     ///
     /// # Errors
     /// [`RosError`] when the session is closed, or the system gives no thread.
     pub async fn start(node: &RosNode, role: OutputRole, odom_frame: OdomFrame) -> Result<Self, RosError> {
-        let topics = Topics::declare(node, role, odom_frame).await?;
+        let mut topics = Topics::declare(node, role, odom_frame).await?;
         let (sender, receiver) = sync_channel(WAITING);
         let (ends, ended) = sync_channel(1);
         let send = move || {
@@ -105,7 +105,13 @@ impl RosOutputs {
     /// What the floor is like at `time_us`, microseconds since the epoch. `grid` is called in the
     /// thread that sends.
     pub fn floor(&self, time_us: u64, grid: impl FnOnce() -> FloorGrid + Send + 'static) {
-        self.give(Output::Floor { time_us, grid: Box::new(grid) });
+        self.give(Output::Floor { time_us, is_whole: true, grid: Box::new(grid) });
+    }
+
+    /// The same, where what has changed since the last time is enough: all of it is told if the
+    /// grid has other cells now.
+    pub fn floor_changes(&self, time_us: u64, grid: impl FnOnce() -> FloorGrid + Send + 'static) {
+        self.give(Output::Floor { time_us, is_whole: false, grid: Box::new(grid) });
     }
 
     /// The way driven: times, microseconds since the epoch, and poses in the map frame.
@@ -126,6 +132,8 @@ impl Drop for RosOutputs {
 struct Topics {
     odom_frame: OdomFrame,
     floor: Publisher<OccupancyGridMsg>,
+    /// What has changed of it, and what was told last.
+    changes: Option<(Publisher<OccupancyGridUpdate>, Option<FloorGrid>)>,
     transforms: Publisher<TfMessage>,
     way: Option<Publisher<PathMsg>>,
     place: Option<PlaceTopics>,
@@ -150,9 +158,14 @@ impl Topics {
                 (None, Some(place))
             }
         };
+        let changes = match role {
+            OutputRole::Mapping => Some((node.publisher("map_updates", Qos::default()).await?, None)),
+            OutputRole::Localization => None,
+        };
         let transforms = Qos { depth: 100, ..Qos::default() };
         Ok(Self {
             odom_frame,
+            changes,
             floor: node.publisher("map", Qos::latched(1)).await?,
             transforms: node.publisher("tf", transforms).await?,
             way,
@@ -160,10 +173,10 @@ impl Topics {
         })
     }
 
-    fn send(&self, output: Output) -> Result<(), RosError> {
+    fn send(&mut self, output: Output) -> Result<(), RosError> {
         match output {
             Output::Place(now) => self.send_place(&now),
-            Output::Floor { time_us, grid } => self.floor.publish(&grid_message(time_us, &grid())),
+            Output::Floor { time_us, is_whole, grid } => self.send_floor(time_us, is_whole, grid()),
             Output::Way { time_us, poses } => {
                 let stamped = |(at_us, pose): (u64, Pose2)| PoseStamped {
                     header: header_message(at_us, "map"),
@@ -173,6 +186,15 @@ impl Topics {
                     PathMsg { header: header_message(time_us, "map"), poses: poses.into_iter().map(stamped).collect() };
                 self.way.as_ref().map_or(Ok(()), |way| way.publish(&path))
             }
+        }
+    }
+
+    fn send_floor(&mut self, time_us: u64, is_whole: bool, grid: FloorGrid) -> Result<(), RosError> {
+        let Some((changes, told)) = &mut self.changes else { return self.floor.publish(&grid_message(time_us, &grid)) };
+        let before = told.replace(grid.clone());
+        match before.filter(|before| !is_whole && grid.has_cells_of(before)) {
+            Some(before) => update_message(time_us, &before, &grid).map_or(Ok(()), |update| changes.publish(&update)),
+            None => self.floor.publish(&grid_message(time_us, &grid)),
         }
     }
 

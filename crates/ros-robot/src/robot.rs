@@ -1,13 +1,20 @@
 //! The robot behind the port: its topics as [`Sensors`] and [`Robot`].
 
+use crate::check::{Finding, Readiness, check};
 use crate::config::RosRobotConfig;
 use crate::intake::{Intake, IntakeReport};
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::robot::{Robot, RobotError, Sensors, SilenceConfig};
-use fht_ros::{EndpointKind, Publisher, Qos, QosDurability, QosReliability, Received, RosError, RosNode, Subscription};
+use fht_ros::{
+    EndpointKind, NodeConfig, Publisher, Qos, QosDurability, QosReliability, Received, RosError, RosNode, Subscription,
+    resolve,
+};
 use fht_ros_frames::frame_name;
-use fht_ros_messages::msg::{HeaderMsg, LaserScanMsg, OdometryMsg, TfMessage, TwistMsg, TwistStamped, Vector3};
+use fht_ros_messages::msg::{
+    ClockMsg, HeaderMsg, LaserScanMsg, OdometryMsg, PointCloud2, TfMessage, TwistMsg, TwistStamped, Vector3,
+};
 use fht_ros_messages::{RosMessage, cdr};
+use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tokio::task::JoinHandle;
@@ -20,6 +27,8 @@ const COMMAND_QOS: Qos = Qos { reliability: QosReliability::Reliable, durability
 const LOOK_AGAIN: Duration = Duration::from_millis(250);
 /// How long who takes commands is waited for.
 const DRIVER_COMES: Duration = Duration::from_secs(10);
+/// Most kinds of doubts that are told.
+const DOUBTS: usize = 32;
 /// How often waiting scans are looked at while nothing arrives.
 const TICK: Duration = Duration::from_millis(50);
 
@@ -101,6 +110,51 @@ impl Commands {
     }
 }
 
+/// What the robot sees.
+enum Sights {
+    Scans(Subscription<LaserScanMsg>),
+    Points(Subscription<PointCloud2<'static>>),
+}
+
+impl Sights {
+    async fn subscribe(node: &RosNode, config: &RosRobotConfig) -> Result<Self, RosError> {
+        let sensor = Qos::sensor_data();
+        Ok(match &config.points {
+            // They are large.
+            Some(points) => Self::Points(node.subscribe(points, Qos { depth: 2, ..sensor }).await?),
+            None => Self::Scans(node.subscribe(&config.scan, sensor).await?),
+        })
+    }
+
+    fn topic(&self) -> &str {
+        match self {
+            Self::Scans(scans) => scans.topic(),
+            Self::Points(points) => points.topic(),
+        }
+    }
+
+    fn take_raw(&self) -> Option<Received> {
+        match self {
+            Self::Scans(scans) => scans.take_raw(),
+            Self::Points(points) => points.take_raw(),
+        }
+    }
+
+    async fn next_raw(&self) -> Received {
+        match self {
+            Self::Scans(scans) => scans.next_raw().await,
+            Self::Points(points) => points.next_raw().await,
+        }
+    }
+
+    fn dropped(&self) -> u64 {
+        match self {
+            Self::Scans(scans) => scans.dropped(),
+            Self::Points(points) => points.dropped(),
+        }
+    }
+}
+
 /// A live robot is told to stop when no frame has come for so long, seconds: it shall stand within
 /// half a second.
 const STOP_AFTER_S: f64 = 0.4;
@@ -114,10 +168,11 @@ pub fn live_silence(usual: SilenceConfig) -> SilenceConfig {
 /// A robot on a ROS 2 graph. Its topics are those of a [`RosRobotConfig`].
 pub struct RosRobot {
     intake: Intake,
-    scans: Subscription<LaserScanMsg>,
+    sights: Sights,
     odometry: Option<Subscription<OdometryMsg>>,
     transforms: Subscription<TfMessage>,
     fixed_transforms: Subscription<TfMessage>,
+    clock: Option<Subscription<ClockMsg>>,
     commands: Commands,
     odom_frame: OdomFrame,
     began: Instant,
@@ -127,6 +182,8 @@ pub struct RosRobot {
     dropped: u64,
     /// The trouble that was told last.
     told: Option<String>,
+    /// What is odd about stamps, as it was told, without numbers: each once.
+    doubts: BTreeMap<String, String>,
 }
 
 impl RosRobot {
@@ -136,21 +193,28 @@ impl RosRobot {
     /// # Errors
     /// [`RosError`] when a name cannot be one, or the session is closed.
     pub async fn connect(node: &RosNode, config: RosRobotConfig) -> Result<Self, RosError> {
+        tell_findings(node, &config).await?;
         let sensor = Qos::sensor_data();
-        let scans = node.subscribe(&config.scan, sensor).await?;
+        let sights = Sights::subscribe(node, &config).await?;
         let odometry = match config.has_odometry_in_tf() {
             true => None,
             false => Some(node.subscribe(&config.odometry, Qos { depth: 50, ..sensor }).await?),
         };
         let transforms = node.subscribe(&config.tf, Qos { depth: 100, ..Qos::default() }).await?;
         let fixed_transforms = node.subscribe(&config.tf_static, Qos::latched(100)).await?;
+        let clock = match config.use_sim_time {
+            true => Some(node.subscribe(&config.clock, Qos { depth: 1, ..sensor }).await?),
+            false => None,
+        };
+        let clock_topic = node.resolve(&config.clock)?;
         let commands = Commands::find(node, &node.resolve(&config.cmd_vel)?).await?;
         let odometry_topic = node.resolve(&config.odometry)?;
         let odom_frame = OdomFrame { said: Arc::default(), usual: config.odom_frame.clone() };
         let began = Instant::now();
         Ok(Self {
-            intake: Intake::new(config, scans.topic(), &odometry_topic),
-            scans,
+            intake: Intake::new(config, sights.topic(), &odometry_topic, &clock_topic),
+            clock,
+            sights,
             odometry,
             transforms,
             fixed_transforms,
@@ -160,6 +224,7 @@ impl RosRobot {
             last_frame: began,
             dropped: 0,
             told: None,
+            doubts: BTreeMap::new(),
         })
     }
 
@@ -181,8 +246,15 @@ impl RosRobot {
         self.intake.trouble(self.began.elapsed().as_secs_f64())
     }
 
-    /// Takes all that has come, fixed transforms first.
+    /// What is odd about the stamps so far, each once: sentences that name the topic and what to
+    /// do. Frames may come all the same.
+    pub fn doubts(&self) -> impl Iterator<Item = &str> {
+        self.doubts.values().map(String::as_str)
+    }
+
+    /// Takes all that has come, the time first and fixed transforms next.
     fn take_all(&mut self) {
+        self.take_clock();
         while let Some(received) = self.fixed_transforms.take_raw() {
             self.take_transforms(&received);
         }
@@ -192,22 +264,40 @@ impl RosRobot {
         while let Some(received) = self.odometry.as_ref().and_then(Subscription::take_raw) {
             self.take_odometry(&received);
         }
-        while let Some(received) = self.scans.take_raw() {
-            self.take_scan(&received);
+        while let Some(received) = self.sights.take_raw() {
+            self.take_sight(&received);
         }
-        let dropped = self.scans.dropped();
+        let dropped = self.sights.dropped();
         self.intake.lose_scans(dropped - self.dropped);
         self.dropped = dropped;
+    }
+
+    fn take_clock(&mut self) {
+        while let Some(received) = self.clock.as_ref().and_then(Subscription::take_raw) {
+            let (arrived_s, topic) = (self.arrived_s(&received), self.clock.as_ref().map_or("", Subscription::topic));
+            if let Some(message) = read::<ClockMsg>(topic, received.decode()) {
+                self.intake.take_clock(&message, arrived_s);
+            }
+        }
     }
 
     fn arrived_s(&self, received: &Received) -> f64 {
         received.arrived.saturating_duration_since(self.began).as_secs_f64()
     }
 
-    fn take_scan(&mut self, received: &Received) {
-        let arrived_s = self.arrived_s(received);
-        if let Some(scan) = read(self.scans.topic(), received.decode()) {
-            self.intake.take_scan(scan, arrived_s, wall_ns());
+    fn take_sight(&mut self, received: &Received) {
+        let (arrived_s, topic) = (self.arrived_s(received), self.sights.topic());
+        match &self.sights {
+            Sights::Scans(_) => {
+                if let Some(scan) = read(topic, received.decode()) {
+                    self.intake.take_scan(scan, arrived_s, wall_ns(received));
+                }
+            }
+            Sights::Points(_) => {
+                if let Some(cloud) = read(topic, received.decode()) {
+                    self.intake.take_points(&cloud, arrived_s, wall_ns(received));
+                }
+            }
         }
     }
 
@@ -215,14 +305,14 @@ impl RosRobot {
         let (arrived_s, topic) = (self.arrived_s(received), self.odometry.as_ref().map_or("", Subscription::topic));
         if let Some(odometry) = read::<OdometryMsg>(topic, received.decode()) {
             self.odom_frame.hear(frame_name(&odometry.header.frame_id));
-            self.intake.take_odometry(&odometry, arrived_s, wall_ns());
+            self.intake.take_odometry(&odometry, arrived_s, wall_ns(received));
         }
     }
 
     fn take_transforms(&mut self, received: &Received) {
         let arrived_s = self.arrived_s(received);
         if let Some(transforms) = read(self.transforms.topic(), received.decode()) {
-            self.intake.take_transforms(&transforms, arrived_s, wall_ns());
+            self.intake.take_transforms(&transforms, arrived_s, wall_ns(received));
         }
     }
 
@@ -235,7 +325,11 @@ impl RosRobot {
             }
         };
         tokio::select! {
-            received = self.scans.next_raw() => self.take_scan(&received),
+            received = self.sights.next_raw() => {
+                // Who tells the time tells it before.
+                self.take_clock();
+                self.take_sight(&received);
+            }
             received = odometry => self.take_odometry(&received),
             received = self.transforms.next_raw() => self.take_transforms(&received),
             received = self.fixed_transforms.next_raw() => self.take_transforms(&received),
@@ -248,16 +342,44 @@ impl RosRobot {
         if self.last_frame.elapsed() < silent_after {
             return;
         }
-        let trouble = self.trouble();
-        // Sentences that differ in a number only are told once.
-        let without_numbers = |text: &String| text.replace(|letter: char| letter.is_ascii_digit(), "");
-        if let Some(trouble) = trouble
-            && self.told.as_ref().map(without_numbers) != Some(without_numbers(&trouble))
+        if let Some(trouble) = self.trouble()
+            && self.told.as_deref().map(without_numbers) != Some(without_numbers(&trouble))
         {
             tracing::warn!("{trouble}");
             self.told = Some(trouble);
         }
     }
+
+    /// Says what is odd about stamps.
+    fn tell_doubts(&mut self) {
+        for doubt in self.intake.take_doubts() {
+            let kind = without_numbers(&doubt);
+            if self.doubts.len() < DOUBTS && !self.doubts.contains_key(&kind) {
+                tracing::warn!("{doubt}");
+                self.doubts.insert(kind, doubt);
+            }
+        }
+    }
+}
+
+/// Says who else is on the graph that should not be, and what does not fit. What is missing may
+/// come.
+async fn tell_findings(node: &RosNode, config: &RosRobotConfig) -> Result<(), RosError> {
+    let NodeConfig { name, namespace, .. } = node.config();
+    let own = resolve(name, namespace, name)?;
+    let mut there = node.endpoints(ROLL_CALL).await?;
+    there.retain(|end| end.node != own);
+    for Finding { topic, readiness, sentence } in check(&there, config, namespace)? {
+        if readiness == Readiness::Doubtful {
+            tracing::warn!("{topic}: {sentence}");
+        }
+    }
+    Ok(())
+}
+
+/// Sentences that differ in a number only are told once.
+fn without_numbers(text: &str) -> String {
+    text.replace(|letter: char| letter.is_ascii_digit(), "")
 }
 
 /// A message, or a word in the log that it is none.
@@ -265,9 +387,12 @@ fn read<M>(topic: &str, message: Result<M, cdr::CdrError>) -> Option<M> {
     message.map_err(|error| tracing::warn!("{topic} has a message that cannot be read: {error}")).ok()
 }
 
-fn wall_ns() -> u64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
+/// What time it was on this machine when a message came, nanoseconds since the epoch: it may have
+/// waited here since.
+fn wall_ns(received: &Received) -> u64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let then = now.saturating_sub(received.arrived.elapsed());
+    u64::try_from(then.as_nanos()).unwrap_or(u64::MAX)
 }
 
 impl Sensors for RosRobot {
@@ -275,6 +400,7 @@ impl Sensors for RosRobot {
         let silent_after = Duration::try_from_secs_f64(self.intake.silent_after_s()).unwrap_or(Duration::MAX);
         loop {
             self.take_all();
+            self.tell_doubts();
             if let Some(frame) = self.intake.frame(self.began.elapsed().as_secs_f64()) {
                 self.last_frame = Instant::now();
                 if self.told.take().is_some() {

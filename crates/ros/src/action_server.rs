@@ -193,6 +193,12 @@ impl<A: RosAction> GoalRequest<A> {
 }
 
 impl<A: RosAction> ActiveGoal<A> {
+    /// Its name, as the client gave it.
+    #[must_use]
+    pub fn id(&self) -> GoalUuid {
+        self.goal_id
+    }
+
     /// Tells how it goes.
     ///
     /// # Errors

@@ -88,7 +88,8 @@ pub(super) fn explore(
     let place = Place { name: "explorer", seed: config.seed, is_anywhere: false };
     let rig = RosRig::start(config, shared, place)?;
     let report = config.folder.join("explorer.json");
-    let mut args: Vec<OsString> = ["explore", "--ros", &rig.endpoint, "--progress-json"].map(Into::into).into();
+    let mut args: Vec<OsString> =
+        ["explore", "--ros", &rig.endpoint, "--progress-json", "--use-sim-time"].map(Into::into).into();
     args.extend(["--map", map.as_str(), "--connect", &config.endpoint].map(Into::into));
     args.extend(["--report".into(), report.clone().into_os_string()]);
     let bar = bars.add("explorer".to_owned());
@@ -157,7 +158,8 @@ pub(super) fn client(
     let seed = 1000 + config.seed;
     let rig = RosRig::start(config, shared, Place { name: "client", seed, is_anywhere: true })?;
     let report = config.folder.join("client.json");
-    let mut args: Vec<OsString> = ["go", "--ros", &rig.endpoint, "--to", "random", "--quiet"].map(Into::into).into();
+    let mut args: Vec<OsString> =
+        ["go", "--ros", &rig.endpoint, "--to", "random", "--quiet", "--use-sim-time"].map(Into::into).into();
     args.extend(["--seed", &seed.to_string(), "--map", map.as_str(), "--connect", &config.endpoint].map(Into::into));
     args.extend(["--report".into(), report.clone().into_os_string()]);
     let said: RosClientReport = drive(config, bars, args, &report)?;

@@ -137,9 +137,9 @@ pub(super) struct ExploreArgs {
     // Last, since its heading holds for all that comes after it.
     #[command(flatten)]
     pub(super) graph: GraphArgs,
-    /// Who drives the robot: the mapper, or others (a person, Nav2, a bag that is played); then
-    /// nothing is put on cmd_vel, and the map is finished when the sensors have been silent for
-    /// --end-after.
+    /// Who drives the robot: the mapper, nav2, which the mapper tells what is to be seen (its
+    /// action navigate_to_pose), or others (a person, a bag that is played); then nothing is put on
+    /// cmd_vel, and the map is finished when the sensors have been silent for --end-after.
     #[arg(long, value_name = "WHO", default_value = "mapper", requires = "ros")]
     pub(super) drive: Driver,
     /// End when no frame has come for so long, seconds [default: 60].

@@ -2,6 +2,7 @@
 
 use super::keeping::{KeepError, Kept, RunKeeper};
 use super::map_figures::MapFigures;
+use super::nav2_guide::ExplorerGuide;
 use super::picture::PictureTask;
 use super::ros_outputs::MapOutputs;
 use super::until_silent::UntilSilent;
@@ -9,7 +10,9 @@ use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask
 use fht_perception::robot::{RobotError, SilenceConfig};
 use fht_program::stop::Stop;
 use fht_ros::{NodeConfig, RosError, RosNode};
-use fht_ros_robot::{IntakeReport, OutputRole, RosOutputs, RosRobot, RosRobotConfig, live_silence};
+use fht_ros_robot::{
+    DrivenByNav2, IntakeReport, Nav2Driver, OutputRole, RosOutputs, RosRobot, RosRobotConfig, live_silence,
+};
 use fht_session::{SessionConfig, SessionError};
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
@@ -23,6 +26,8 @@ pub enum Driver {
     /// The mapper: it explores.
     #[default]
     Mapper,
+    /// Nav2, by its action navigate_to_pose: the mapper tells it what is to be seen.
+    Nav2,
     /// Somebody else, a person or Nav2: the mapper maps what the robot sees, until its sensors fall
     /// silent for `[mapper] silence.end_after_s`.
     Others,
@@ -181,9 +186,17 @@ pub async fn explore_robot(
     let silence = live_silence(task.mapping.silence.clone());
     let mapping = MappingTask { cameras: false, silence, stop: task.stop, ..task.mapping };
     let outputs = MapOutputs::new(RosOutputs::start(&node, OutputRole::Mapping, robot.odom_frame()).await?);
-    let observer = (keeper, (travel, outputs));
+    let nav2 = match task.driver {
+        Driver::Nav2 => Some(Nav2Driver::start(&node).await?),
+        Driver::Mapper | Driver::Others => None,
+    };
+    let observer = (keeper, (travel, (outputs, ExplorerGuide(nav2.clone()))));
     let outcome = match task.driver {
-        Driver::Mapper => run::explore(mapping, robot, observer).await?,
+        Driver::Mapper | Driver::Nav2 => {
+            let driven = DrivenByNav2::new(robot, nav2);
+            let MappingOutcome { summary, mapper, robot, observer } = run::explore(mapping, driven, observer).await?;
+            MappingOutcome { summary, mapper, robot: robot.into_inner(), observer }
+        }
         Driver::Others => {
             let sensors = UntilSilent::new(robot, mapping.silence.end_after());
             let mapping = MappingTask { silence: SilenceConfig::patient(), ..mapping };
@@ -191,7 +204,7 @@ pub async fn explore_robot(
             MappingOutcome { summary, mapper, robot: robot.into_inner(), observer }
         }
     };
-    let MappingOutcome { mut summary, mapper, robot, observer: (keeper, (travel, outputs)) } = outcome;
+    let MappingOutcome { mut summary, mapper, robot, observer: (keeper, (travel, (outputs, _))) } = outcome;
     if let Some(error) = summary.robot_error.take() {
         return Err(RosExploreError::Robot { error, trouble: robot.trouble() });
     }

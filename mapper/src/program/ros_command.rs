@@ -29,7 +29,7 @@ impl ExploreArgs {
         mapping.max_s = self.max_sim.unwrap_or(mapping.max_s);
         mapping.mapper.join.looks_again |= self.again;
         // Others do not wait for what the mapper does, and it need not hurry.
-        if self.drive == Driver::Mapper {
+        if self.drive != Driver::Others {
             mapping.mapper.pace = Pace::RealTime;
         }
         if let Some(end_after_s) = self.end_after {
@@ -38,7 +38,7 @@ impl ExploreArgs {
         Ok(RosExploreTask {
             graph: router(endpoint),
             node: self.graph.node.node("mapper"),
-            robot: self.graph.robot(file.ros),
+            robot: RosRobotConfig { others_drive: self.drive != Driver::Mapper, ..self.graph.robot(file.ros) },
             patience: Waiting::new("mapper", self.run.link.wait, None).for_session(),
             driver: self.drive,
             record: self.run.record.clone(),
@@ -131,6 +131,8 @@ struct CheckReport {
     frames: u64,
     /// What kept frames from coming, if none came.
     trouble: Option<String>,
+    /// What is odd about stamps.
+    doubts: Vec<String>,
 }
 
 /// Why a robot's graph cannot be looked at.
@@ -167,6 +169,9 @@ pub(super) fn check_robot(args: &CheckArgs, file: MapperFile) -> Result<bool, Pr
             };
             print_line!("{word}  {topic}: {sentence}");
         }
+        for doubt in &report.doubts {
+            print_line!("doubtful  {doubt}");
+        }
         match &report.trouble {
             Some(trouble) => print_line!("no frame  {trouble}"),
             None => print_line!("frames    {} in {} s", report.frames, args.wait),
@@ -190,5 +195,6 @@ async fn look(args: &CheckArgs, file: RosRobotConfig) -> Result<CheckReport, Che
     {}
     let frames = robot.report().frames;
     let trouble = if frames == 0 { robot.trouble() } else { None };
-    Ok(CheckReport { findings, frames, trouble })
+    let doubts = robot.doubts().map(str::to_owned).collect();
+    Ok(CheckReport { findings, frames, trouble, doubts })
 }

@@ -11,18 +11,22 @@ use std::ops::ControlFlow;
 
 /// Time between two grids, and two ways, microseconds: as slam_toolbox has it.
 const FLOOR_EVERY_US: u64 = 5_000_000;
+/// Time between two tellings of what has changed of the grid, microseconds.
+const CHANGES_EVERY_US: u64 = 1_000_000;
 
-/// Gives the transform with each frame, grid and way every five seconds and at the end.
+/// Gives the transform with each frame, what has changed of the grid every second, grid and way
+/// every five seconds and at the end.
 pub(super) struct MapOutputs {
     outputs: RosOutputs,
     way: WayDriven,
     next_us: u64,
+    next_changes_us: u64,
     last_us: u64,
 }
 
 impl MapOutputs {
     pub(super) fn new(outputs: RosOutputs) -> Self {
-        Self { outputs, way: WayDriven::default(), next_us: 0, last_us: 0 }
+        Self { outputs, way: WayDriven::default(), next_us: 0, next_changes_us: 0, last_us: 0 }
     }
 
     fn give_floor(&self, mapper: &Mapper) {
@@ -50,7 +54,12 @@ impl MappingObserver for MapOutputs {
         });
         if frame.time_us >= self.next_us {
             self.next_us = frame.time_us + FLOOR_EVERY_US;
+            self.next_changes_us = frame.time_us + CHANGES_EVERY_US;
             self.give_floor(mapper);
+        } else if frame.time_us >= self.next_changes_us {
+            self.next_changes_us = frame.time_us + CHANGES_EVERY_US;
+            let grid = mapper.grid().clone();
+            self.outputs.floor_changes(frame.time_us, move || FloorGrid::from(&grid));
         }
         ControlFlow::Continue(())
     }
