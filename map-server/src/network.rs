@@ -9,11 +9,13 @@
 //! | `queryable` | answers queries |
 //! | `query_door` | keeps those waiting that come before the store is read |
 //! | `query_rooms` | … and which of them wait for which |
+//! | `query_counts` | how many there were, and how long they took |
 //! | `addressed` | what a key expression asks for |
 
 mod addressed;
 mod announcements;
 mod increments;
+mod query_counts;
 mod query_door;
 mod query_rooms;
 mod queryable;
@@ -22,7 +24,11 @@ mod session;
 
 pub(crate) use announcements::{publish_head, publish_refusal};
 pub(crate) use increments::subscribe_increments;
+#[cfg(feature = "web")]
+pub(crate) use query_counts::CountedQueries;
 pub(crate) use query_door::QueryDoor;
+#[cfg(feature = "web")]
+pub(crate) use query_rooms::CostClass;
 pub(crate) use queryable::QueryService;
 pub(crate) use robot_topics::{RobotTopicSubscriptions, learn_blockages, subscribe_robot_topics};
 pub use session::ServerSessionError;

@@ -12,6 +12,7 @@ use crate::query::AnswerSources;
 use crate::replicated::Stateless;
 use crate::server::disk_watch::DiskWatch;
 use crate::server::error::ServerError;
+use crate::server::side_doors::{OpenSideDoors, SideDoors};
 use crate::server::writer::{Writer, WriterThread};
 use crate::store::StoreError;
 use fht_proto::api::keys::SERVERS_QUERIES;
@@ -51,6 +52,8 @@ pub(super) struct ServingTask {
     pub(super) stateless: Option<Stateless>,
     /// Where queries wait already; none: nobody asks before everything is read.
     pub(super) door: Option<QueryDoor>,
+    /// What else the server is reached over.
+    pub(super) doors: SideDoors,
 }
 
 /// Why serving has ended.
@@ -65,7 +68,7 @@ pub(super) enum Served {
 pub(super) async fn serve(
     config: &ServerConfig,
     session: &Session,
-    ServingTask { sources, stateless, door }: ServingTask,
+    ServingTask { sources, stateless, door, doors }: ServingTask,
     shutdown: &mut ShutdownSignal<'_, impl Future<Output = ()>>,
 ) -> Result<Served, ServerError> {
     let queue = Arc::new(WriterQueue::new(config.limits.max_queue_bytes));
@@ -97,7 +100,7 @@ pub(super) async fn serve(
         is_ready = writer.ready() => is_ready,
     };
     let answering = match is_ready {
-        true => Some(Answering::start(config, session, sources, &queue, (stateless.as_ref(), door), robots).await?),
+        true => Some(Answering::start(config, session, sources, &queue, (stateless.as_ref(), door, &doors), robots).await?),
         false => None,
     };
     let stopped = match other {
@@ -143,6 +146,7 @@ struct Answering {
     gap_fill: Option<JoinHandle<()>>,
     deleting: AbortHandle,
     _robots: RobotTopicSubscriptions,
+    _beside: OpenSideDoors,
 }
 
 impl Answering {
@@ -151,7 +155,7 @@ impl Answering {
         session: &Session,
         sources: AnswerSources,
         queue: &Arc<WriterQueue>,
-        (stateless, door): (Option<&Stateless>, Option<QueryDoor>),
+        (stateless, door, doors): (Option<&Stateless>, Option<QueryDoor>, &SideDoors),
         robots: RobotTopicSubscriptions,
     ) -> Result<Self, ServerError> {
         let catalog = Arc::clone(&sources.catalog);
@@ -165,6 +169,7 @@ impl Answering {
             Some(door) => door,
             None => QueryDoor::declare(session).await?,
         };
+        let beside = doors.serve(&service, session).await?;
         door.open(service);
         // Of several servers the nearest is asked, and no other. What robots answer must come to
         // them, from wherever it is asked.
@@ -174,10 +179,11 @@ impl Answering {
         }
         catalog.heads().iter().for_each(|head| publish_head(session, head));
         print_where(config, catalog.heads().len());
+        doors.print_where();
         let spawn_gap_fill = |stateless: &Stateless| stateless.spawn_gap_fill(Arc::clone(&catalog), Arc::clone(queue));
         let gap_fill = stateless.map(spawn_gap_fill).transpose().map_err(ServerError::Runtime)?;
         let deleting = tokio::spawn(delete_when_due(catalog, Arc::clone(queue))).abort_handle();
-        Ok(Self { door, _nearest: nearest, gap_fill, deleting, _robots: robots })
+        Ok(Self { door, _nearest: nearest, gap_fill, deleting, _robots: robots, _beside: beside })
     }
 
     async fn close(self) -> Result<(), ServerError> {
