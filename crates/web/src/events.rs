@@ -88,7 +88,7 @@ impl EventStream {
         match timeout(self.heartbeat, self.events.recv()).await {
             Ok(Ok(event)) => Some(event.0),
             Ok(Err(_)) => None,
-            Err(_) => Some(Bytes::from_static(b": still here\n\n")),
+            Err(_) => Some(Bytes::from_static(b"event: beat\ndata: {}\n\n")),
         }
     }
 
@@ -150,7 +150,7 @@ mod tests {
         let hub = EventHub::default();
         let mut stream = hub.watch(None, Duration::from_millis(10));
         let _ = stream.next().await;
-        assert!(stream.next().await.is_some_and(|bytes| bytes.starts_with(b":")));
+        assert!(stream.next().await.is_some_and(|bytes| bytes.starts_with(b"event: beat")));
         let hostile = WebEvent::new("head", &"a\n\nevent: evil\ndata: x\r</script>");
         let text = hostile.map(|event| event.0).unwrap_or_default();
         assert_eq!(text.iter().filter(|byte| **byte == b'\n').count(), 3, "{text:?}");
