@@ -77,7 +77,8 @@ pub async fn run_beside<T>(
         let (mut session, mut door) = (session, Some(door));
         loop {
             let kept = beside(&session)?;
-            let task = ServingTask { sources: sources.clone(), stateless: None, door: door.take(), doors: doors.clone() };
+            let task =
+                ServingTask { sources: sources.clone(), stateless: None, door: door.take(), doors: doors.clone() };
             let served = serve(&config, &session, task, &mut shutdown).await;
             drop(kept);
             match end(served, session).await? {

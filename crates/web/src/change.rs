@@ -180,9 +180,8 @@ mod tests {
             read(r#"{"op":"set_place","name":"dock","pose":null}"#),
             Ok(MapChange::Place { pose: None, .. })
         ));
-        let zone = read(
-            r#"{"op":"set_zone","name":"wet","zone":{"rule":{"speed_limit":0.3},"corners":[[0,0],[1,0],[1,1]]}}"#,
-        );
+        let zone =
+            read(r#"{"op":"set_zone","name":"wet","zone":{"rule":{"speed_limit":0.3},"corners":[[0,0],[1,0],[1,1]]}}"#);
         assert!(
             matches!(&zone, Ok(MapChange::Zone { zone: Some(zone), .. }) if zone.rule == ZoneRule::SpeedLimit(300)),
             "{zone:?}"

@@ -55,11 +55,7 @@ async fn maps(State(site): AnySite, RawQuery(query): RawQuery) -> Asked {
     ask(&site, Key::Maps, query).await
 }
 
-async fn topic(
-    State(site): AnySite,
-    Path((map, topic)): Path<(String, String)>,
-    RawQuery(query): RawQuery,
-) -> Asked {
+async fn topic(State(site): AnySite, Path((map, topic)): Path<(String, String)>, RawQuery(query): RawQuery) -> Asked {
     let name = format!("{PREFIX}/{map}/{topic}");
     match name.parse() {
         Ok(key @ Key::Topic { .. }) => ask(&site, key, query).await,

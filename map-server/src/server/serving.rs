@@ -100,7 +100,9 @@ pub(super) async fn serve(
         is_ready = writer.ready() => is_ready,
     };
     let answering = match is_ready {
-        true => Some(Answering::start(config, session, sources, &queue, (stateless.as_ref(), door, &doors), robots).await?),
+        true => {
+            Some(Answering::start(config, session, sources, &queue, (stateless.as_ref(), door, &doors), robots).await?)
+        }
         false => None,
     };
     let stopped = match other {

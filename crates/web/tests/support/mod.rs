@@ -115,7 +115,9 @@ impl Drop for Served {
 /// A change as bytes.
 pub fn posted(path: &str, fields: &str, body: &str) -> String {
     let length = body.len();
-    format!("POST {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nContent-Length: {length}\r\n{fields}\r\n{body}")
+    format!(
+        "POST {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nContent-Length: {length}\r\n{fields}\r\n{body}"
+    )
 }
 
 #[derive(Debug)]
