@@ -1,7 +1,7 @@
 //! Connections, bounded in number and in how long they may keep others waiting.
 
 use crate::config::WebLimits;
-use crate::figures::WebCounts;
+use crate::counts::WebCounts;
 use crate::patient_io::PatientIo;
 use crate::visitor::Visitor;
 use axum::Router;

@@ -4,9 +4,12 @@
 //! a stranger owns may lead to this machine. So requests must be for one of the own names, and
 //! changes must come from the own page, or from a program that is no browser.
 
+use crate::counts::route_of;
+use crate::hosts::Hosts;
 use crate::reply::WebRefusal;
+use crate::rights::Rights;
 use crate::site::Site;
-use crate::visitor::{Rights, Visitor};
+use crate::visitor::Visitor;
 use axum::Extension;
 use axum::extract::{Request, State};
 use axum::http::header::{CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, ORIGIN, REFERRER_POLICY};
@@ -15,8 +18,6 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use fht_proto::api::reply::ErrorCode;
-use std::collections::BTreeSet;
-use std::net::IpAddr;
 use std::sync::Arc;
 
 /// Only what lies here is shown and run, and nobody shows it in a frame of their own.
@@ -25,39 +26,6 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 
 const SEC_FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
 const SEC_FETCH_MODE: HeaderName = HeaderName::from_static("sec-fetch-mode");
-
-/// The names by which this side is reached.
-#[derive(Debug)]
-pub(crate) struct Hosts {
-    names: BTreeSet<String>,
-    scheme: &'static str,
-}
-
-impl Hosts {
-    /// Listening at `address`; `names` are further ones.
-    pub(crate) fn new(address: IpAddr, names: impl Iterator<Item = String>, is_secure: bool) -> Self {
-        let own = match address {
-            _ if address.is_unspecified() => None,
-            IpAddr::V4(address) => Some(address.to_string()),
-            IpAddr::V6(address) => Some(format!("[{address}]")),
-        };
-        let here = ["localhost", "127.0.0.1", "[::1]"].map(str::to_owned);
-        let names = here.into_iter().chain(own).chain(names).map(|name| name.to_ascii_lowercase()).collect();
-        Self { names, scheme: if is_secure { "https" } else { "http" } }
-    }
-
-    fn has(&self, authority: &str) -> bool {
-        self.names.contains(&without_port(authority).to_ascii_lowercase())
-    }
-}
-
-/// A host of `host:port`. The port may be another one than here: tunnels lead to this machine.
-fn without_port(authority: &str) -> &str {
-    match authority.rsplit_once(':') {
-        Some((host, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => host,
-        _ => authority,
-    }
-}
 
 /// What is judged of a request.
 struct Asked<'a> {
@@ -150,7 +118,7 @@ pub(crate) async fn guard(
 ) -> Response {
     let asked = Asked { method: request.method(), path: request.uri().path(), headers: request.headers() };
     let judged = asked.judge(&visitor, site.rights(&visitor), site.hosts());
-    let route = crate::figures::route_of(asked.path);
+    let route = route_of(asked.path);
     let mut response = match judged {
         Ok(()) => next.run(request).await,
         Err(refused) => {
@@ -175,6 +143,7 @@ pub(crate) async fn guard(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::net::IpAddr;
 
     fn hosts() -> Hosts {
         Hosts::new(IpAddr::from([10, 0, 0, 5]), ["Maps.Example".to_owned()].into_iter(), true)

@@ -18,6 +18,8 @@
 //! | `patient_io` | … of which one that takes nothing any more is given up |
 //! | `tls` | certificates of this side, and of those who come |
 //! | `visitor` | who is on the other end, and what that one may do |
+//! | `rights` | … in words |
+//! | `hosts` | the names by which this side is reached |
 //! | `guard` | what every request must pass before it is answered |
 //! | `site` | what all requests share |
 //! | `routes` | addresses to questions |
@@ -26,7 +28,9 @@
 //! | `reply` | answers and refusals as HTTP |
 //! | `events` | server-sent events: streams that are bounded and dropped when they do not read |
 //! | `page` | the page |
-//! | `figures` | what is counted, in Prometheus' form |
+//! | `figures` | what a server has counted |
+//! | `counts` | what is counted of HTTP |
+//! | `exposition` | all of it in Prometheus' form |
 //! | `port` | what the maps are asked through |
 //!
 //! Who listens beyond this machine needs certificates:
@@ -45,15 +49,19 @@
 mod change;
 mod config;
 mod connections;
+mod counts;
 mod events;
+mod exposition;
 mod figures;
 mod guard;
+mod hosts;
 mod listener;
 mod page;
 mod parameters;
 mod patient_io;
 mod port;
 mod reply;
+mod rights;
 mod routes;
 mod site;
 mod tls;
@@ -65,4 +73,4 @@ pub use events::{EventHub, WebEvent};
 pub use figures::{MapFigures, QueryFigures, ServerFigures};
 pub use listener::WebListener;
 pub use port::{Answering, MapPort, WallsQuestion, WebAnswer};
-pub use visitor::{MemberRole, Rights};
+pub use rights::{MemberRole, Rights};

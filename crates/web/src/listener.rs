@@ -3,9 +3,9 @@
 
 use crate::config::{WebConfig, WebError};
 use crate::connections::Connections;
+use crate::counts::WebCounts;
 use crate::events::EventHub;
-use crate::figures::WebCounts;
-use crate::guard::Hosts;
+use crate::hosts::Hosts;
 use crate::port::MapPort;
 use crate::routes::router;
 use crate::site::{Site, SiteParts};

@@ -2,7 +2,7 @@
 
 use crate::change::MapChangeOrder;
 use crate::figures::ServerFigures;
-use crate::visitor::{MemberRole, Rights};
+use crate::rights::{MemberRole, Rights};
 use fht_proto::api::reply::ErrorReply;
 use fht_proto::api::request::{Format, Request};
 use fht_proto::{FixedPoint, MapName, RobotName};

@@ -1,14 +1,15 @@
 //! Addresses to questions.
 
 use crate::change::MapChangeOrder;
-use crate::figures::{EXPOSITION_TYPE, exposition};
+use crate::exposition::{EXPOSITION_TYPE, exposition};
 use crate::guard::guard;
 use crate::page;
 use crate::parameters::QueryText;
 use crate::port::{WallsQuestion, WebAnswer};
 use crate::reply::{WebRefusal, with_type};
+use crate::rights::{MemberRole, Rights};
 use crate::site::Site;
-use crate::visitor::{MemberRole, Rights, Visitor};
+use crate::visitor::Visitor;
 use axum::body::{Bytes, to_bytes};
 use axum::extract::{Path, RawQuery, Request, State};
 use axum::http::StatusCode;

@@ -1,11 +1,12 @@
 //! What all requests share.
 
 use crate::config::WebLimits;
+use crate::counts::WebCounts;
 use crate::events::EventHub;
-use crate::figures::WebCounts;
-use crate::guard::Hosts;
+use crate::hosts::Hosts;
 use crate::port::{Answering, MapPort, WebAnswer};
-use crate::visitor::{Rights, Visitor};
+use crate::rights::Rights;
+use crate::visitor::Visitor;
 use fht_proto::api::reply::ErrorReply;
 use std::sync::Arc;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};

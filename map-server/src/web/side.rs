@@ -1,7 +1,6 @@
 //! Starts the page, and ends it with the server.
 
 use crate::network::QueryService;
-use crate::server::ServerError;
 use crate::web::feed::Feed;
 use crate::web::port::ServerPort;
 use fht_web::{EventHub, WebListener};
@@ -25,7 +24,7 @@ impl WebSide {
         listener: Arc<WebListener>,
         service: QueryService,
         session: &Session,
-    ) -> Result<Self, ServerError> {
+    ) -> Result<Self, zenoh::Error> {
         let hub = EventHub::default();
         let feed = Feed::start(session, service.sources(), hub.clone()).await?;
         let port = Arc::new(ServerPort::new(service, session.clone()));
