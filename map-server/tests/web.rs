@@ -254,7 +254,7 @@ async fn a_list_of_roles_goes_before_the_name_of_an_operator() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_thousand_who_watch_do_not_keep_zenoh_waiting() {
+async fn hundreds_who_watch_do_not_keep_zenoh_waiting() {
     let site = Paged::start(&[]).await;
     let asked = async || {
         let begin = Instant::now();
@@ -262,7 +262,7 @@ async fn a_thousand_who_watch_do_not_keep_zenoh_waiting() {
         begin.elapsed()
     };
     let mut watching = Vec::new();
-    for _ in 0..1000 {
+    for _ in 0..600 {
         // Those beyond the limit are closed at once.
         if let Ok(mut stream) = TcpStream::connect(site.address) {
             let _ = stream.write_all(b"GET /api/events/museum HTTP/1.1\r\nHost: localhost\r\n\r\n");
@@ -271,7 +271,7 @@ async fn a_thousand_who_watch_do_not_keep_zenoh_waiting() {
     }
     for number in 13..=40 {
         site.session.put(key(ANA, number), bytes(ANA, number)).await.unwrap();
-        assert!(asked().await < Duration::from_secs(5));
+        assert!(asked().await < PATIENCE);
     }
     head_when(&site.session, |head| head.vector.get(ANA) == 40).await;
     drop(watching);

@@ -59,16 +59,13 @@ impl SideDoors {
 /// Without the page there is nothing to open.
 #[cfg(not(feature = "web"))]
 impl SideDoors {
-    #[allow(clippy::unnecessary_wraps)]
     pub(super) fn open(_: &ServerConfig) -> Result<Self, ServerError> {
         Ok(Self::default())
     }
 
-    #[allow(clippy::unused_async, clippy::unnecessary_wraps)]
     pub(super) async fn serve(&self, _: &QueryService, _: &Session) -> Result<OpenSideDoors, ServerError> {
         Ok(OpenSideDoors::default())
     }
 
-    #[allow(clippy::unused_self)]
     pub(super) fn print_where(&self) {}
 }
