@@ -20,7 +20,7 @@ const PATIENCE: Duration = Duration::from_secs(20);
 struct Paged {
     session: Session,
     address: SocketAddr,
-    dir: tempfile::TempDir,
+    _dir: tempfile::TempDir,
     _server: Server,
 }
 
@@ -33,7 +33,7 @@ impl Paged {
         let server = Server::with(&dir.path().join("data"), &endpoint, &args, &dir.path().join("log"));
         let session = client(&endpoint).await;
         until_up(&session).await;
-        let paged = Self { session, address, dir, _server: server };
+        let paged = Self { session, address, _dir: dir, _server: server };
         paged.drive(1, 12).await;
         paged
     }
@@ -244,7 +244,7 @@ async fn a_list_of_roles_goes_before_the_name_of_an_operator() {
         let session = client(&endpoint).await;
         until_up(&session).await;
         let dir = tempfile::tempdir().unwrap();
-        let site = Paged { session, address, dir, _server: server };
+        let site = Paged { session, address, _dir: dir, _server: server };
         let me: Value = serde_json::from_slice(&site.get("/api/me").1).unwrap();
         assert_eq!(me["rights"], rights, "{operator}");
         let (status, reply) = site.change(r#"{"op":"undo"}"#);
