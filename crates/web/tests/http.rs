@@ -194,7 +194,7 @@ async fn figures_are_in_prometheus_form() {
         "fht_map_refused_increments_total{map=\"museum\"} 4",
         "fht_queries_total{topic=\"path\",outcome=\"busy\"} 1",
         "# TYPE fht_query_duration_seconds histogram",
-        "fht_query_duration_seconds_bucket{le=\"+Inf\",topic=\"path\"} 6",
+        "fht_query_duration_seconds_bucket{topic=\"path\",le=\"+Inf\"} 6",
         "fht_query_duration_seconds_count{topic=\"path\"} 6",
         "fht_http_requests_total{route=\"ask\",status=\"2xx\"} 1",
         "fht_server_read_only 0",
