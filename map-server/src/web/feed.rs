@@ -39,6 +39,12 @@ struct Heard {
     gone: BTreeSet<(MapName, String)>,
 }
 
+impl Heard {
+    fn is_empty(&self) -> bool {
+        self.heads.is_empty() && self.blocked.is_empty() && self.poses.is_empty() && self.gone.is_empty()
+    }
+}
+
 /// Robots that have moved.
 #[derive(Serialize)]
 struct Moved<'a> {
@@ -90,6 +96,11 @@ impl Teller {
             }
             _ => {}
         }
+    }
+
+    /// Whether there is nothing to tell, and nobody to tell it to.
+    fn is_idle(&self) -> bool {
+        locked(&self.heard).is_empty() && self.hub.watched().is_empty() && locked(&self.shown).is_empty()
     }
 
     /// Tells what was heard to those who watch.
@@ -186,6 +197,9 @@ async fn tell_for_ever(teller: Arc<Teller>) {
     tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         tick.tick().await;
+        if teller.is_idle() {
+            continue;
+        }
         let teller = Arc::clone(&teller);
         // A large map takes a while to compare.
         if let Err(error) = spawn_blocking(move || teller.tell()).await {
