@@ -5,6 +5,7 @@ import { el, fill, size, table } from "./dom.js";
 import { Live } from "./live.js";
 
 const ROBOTS_EVERY_MS = 5000;
+const ALL_EVERY_MS = 15000; // no event tells that a map has gone
 const MOST_ASKED = 20; // robots are asked for of so many maps
 
 export function showList(main) {
@@ -71,9 +72,12 @@ export function showList(main) {
     draw();
   };
   const live = new Live("/api/events", { head: onHead }, load);
-  const timer = setInterval(() => askRobots().catch(() => {}), ROBOTS_EVERY_MS);
+  const timers = [
+    setInterval(() => askRobots().catch(() => {}), ROBOTS_EVERY_MS),
+    setInterval(load, ALL_EVERY_MS),
+  ];
   return () => {
     live.end();
-    clearInterval(timer);
+    timers.forEach(clearInterval);
   };
 }
