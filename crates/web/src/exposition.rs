@@ -2,7 +2,7 @@
 //! which there are so many at most.
 
 use crate::counts::WebCounts;
-use crate::figures::{MapFigures, QueryFigures};
+use crate::figures::{MapGauges, QueryFigures};
 use crate::port::MapPort;
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::prometheus_text;
@@ -42,8 +42,8 @@ impl Collector for Counted {
     }
 }
 
-fn encode_maps(encoder: &mut DescriptorEncoder<'_>, maps: &[MapFigures]) -> fmt::Result {
-    type Read = fn(&MapFigures) -> i64;
+fn encode_maps(encoder: &mut DescriptorEncoder<'_>, maps: &[MapGauges]) -> fmt::Result {
+    type Read = fn(&MapGauges) -> i64;
     let gauges: [(&str, &str, Read); 6] = [
         ("fht_map_version", "Increments that the map has.", |map| signed(map.version)),
         ("fht_map_main_nodes", "Main nodes that are shown.", |map| signed(map.main_nodes)),

@@ -4,7 +4,7 @@ use fht_proto::MapName;
 
 /// What is counted of one map.
 #[derive(Clone, Debug, PartialEq)]
-pub struct MapFigures {
+pub struct MapGauges {
     /// The map.
     pub map: MapName,
     /// Increments.
@@ -46,7 +46,7 @@ pub struct QueryFigures {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ServerFigures {
     /// Its maps.
-    pub maps: Vec<MapFigures>,
+    pub maps: Vec<MapGauges>,
     /// What it was asked.
     pub queries: Vec<QueryFigures>,
     /// Whether it takes nothing in at present.

@@ -1,7 +1,7 @@
 //! What every request must pass before it is answered.
 //!
-//! A browser sends a certificate on its own, whoever has asked it to send a request, and a name that
-//! a stranger owns may lead to this machine. So requests must be for one of the own names, and
+//! A browser sends a certificate on its own, whoever has asked it to send a request, and a name
+//! that a stranger owns may lead to this machine. So requests must be for one of the own names, and
 //! changes must come from the own page, or from a program that is no browser.
 
 use crate::counts::route_of;

@@ -70,7 +70,7 @@ mod visitor;
 pub use change::{MapChange, MapChangeOrder};
 pub use config::{WebConfig, WebError, WebLimits, WebTls};
 pub use events::{EventHub, WebEvent};
-pub use figures::{MapFigures, QueryFigures, ServerFigures};
+pub use figures::{MapGauges, QueryFigures, ServerFigures};
 pub use listener::WebListener;
 pub use port::{Answering, MapPort, WallsQuestion, WebAnswer};
 pub use rights::{MemberRole, Rights};

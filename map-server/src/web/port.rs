@@ -12,7 +12,7 @@ use fht_proto::api::reply::{ErrorCode, ErrorReply, Head};
 use fht_proto::api::request::{Request, bad_request};
 use fht_proto::{AuthorId, MapName, Op, RobotName};
 use fht_web::{
-    Answering, MapChange, MapChangeOrder, MapFigures, MapPort, MemberRole, QueryFigures, Rights, ServerFigures,
+    Answering, MapChange, MapChangeOrder, MapGauges, MapPort, MemberRole, QueryFigures, Rights, ServerFigures,
     WallsQuestion, WebAnswer,
 };
 use serde::Serialize;
@@ -150,10 +150,10 @@ impl MapPort for ServerPort {
     }
 }
 
-fn figures_of(sources: &AnswerSources, head: &Head) -> MapFigures {
+fn figures_of(sources: &AnswerSources, head: &Head) -> MapGauges {
     let fleet = sources.fleet.page(head, MAX_ROBOTS, "", crate::clock::passed_us());
     let here = || fleet.robots.iter().filter(|robot| robot.alive);
-    MapFigures {
+    MapGauges {
         map: head.map.clone(),
         version: head.version,
         main_nodes: head.main_nodes,

@@ -5,7 +5,7 @@ use fht_proto::RobotName;
 use fht_proto::api::reply::{ErrorCode, ErrorReply};
 use fht_proto::api::request::{Format, Request};
 use fht_web::{
-    Answering, EventHub, MapChangeOrder, MapFigures, MapPort, MemberRole, QueryFigures, Rights, ServerFigures,
+    Answering, EventHub, MapChangeOrder, MapGauges, MapPort, MemberRole, QueryFigures, Rights, ServerFigures,
     WallsQuestion, WebAnswer, WebConfig, WebListener,
 };
 use std::net::SocketAddr;
@@ -53,7 +53,7 @@ impl MapPort for Echo {
     }
 
     fn figures(&self) -> ServerFigures {
-        let map = MapFigures {
+        let map = MapGauges {
             map: "museum".parse().unwrap(),
             version: 3,
             main_nodes: 1,
