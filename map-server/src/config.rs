@@ -42,6 +42,9 @@ pub struct ServerConfig {
     pub fleet: FleetConfig,
     /// How a server that stands on storages fetches what it lacks.
     pub gaps: GapFillConfig,
+    /// The operators' page. None: there is none. Default none.
+    #[cfg(feature = "web")]
+    pub web: Option<fht_web::WebConfig>,
 }
 
 impl ServerConfig {
@@ -62,6 +65,8 @@ impl ServerConfig {
             reports: ReportLimits::default(),
             fleet: FleetConfig::default(),
             gaps: GapFillConfig::default(),
+            #[cfg(feature = "web")]
+            web: None,
         }
     }
 }

@@ -25,6 +25,7 @@
 //! | [`rescue`] | what still reads of a damaged log |
 //! | [`query`] | typed requests to replies |
 //! | [`access`] | who may do what: from roles to a router's access control |
+//! | `web` | the operators' page, behind the feature of this name |
 //! | `program` | the command line: serving, and what operators do with a server that runs |
 //!
 //! An increment is acknowledged when a published head covers it, and a head covers only what a
@@ -96,6 +97,8 @@ pub mod rescue;
 mod server;
 pub mod store;
 mod throttle;
+#[cfg(feature = "web")]
+mod web;
 
 pub use config::{QuorumConfig, ServerConfig, ServerEndpoints};
 pub use network::ServerSessionError;

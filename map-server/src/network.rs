@@ -11,6 +11,7 @@
 //! | `queryable` | answers queries |
 //! | `query_door` | keeps those waiting that come before the store is read |
 //! | `query_rooms` | … and which of them wait for which |
+//! | `query_counts` | how many there were, and how long they took |
 //! | `addressed` | what a key expression asks for |
 
 mod addressed;
@@ -18,6 +19,7 @@ mod announcements;
 mod increments;
 mod known_keys;
 mod other_servers;
+mod query_counts;
 mod query_door;
 mod query_rooms;
 mod queryable;
@@ -28,7 +30,11 @@ pub(crate) use announcements::{publish_head, publish_refusal};
 pub(crate) use increments::subscribe_increments;
 pub(crate) use known_keys::KnownKeys;
 pub(crate) use other_servers::warn_of_other_servers;
+#[cfg(feature = "web")]
+pub(crate) use query_counts::CountedQueries;
 pub(crate) use query_door::QueryDoor;
+#[cfg(feature = "web")]
+pub(crate) use query_rooms::CostClass;
 pub(crate) use queryable::QueryService;
 pub(crate) use robot_topics::{RobotTopicSubscriptions, learn_blockages, subscribe_robot_topics};
 pub use session::ServerSessionError;

@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `allocator` | where the memory of a program that serves comes from |
 //! | `serve_arguments` | the flags for serving |
+//! | `web_arguments` | … the operators' page |
 //! | `settings` | what the program reads from the configuration file |
 //! | `role_reload` | the list of roles, read anew while the server serves |
 //! | `repair` | what can be done with a damaged store |
@@ -15,12 +16,16 @@ mod repair;
 mod role_reload;
 mod serve_arguments;
 mod settings;
+#[cfg(feature = "web")]
+mod web_arguments;
 
 use self::operator::{Operation, OperatorArgs, OperatorError};
 use self::repair::Repair;
 use self::role_reload::RoleReload;
 use self::serve_arguments::ServeArgs;
 use self::settings::{ServerFile, ServerSection};
+#[cfg(feature = "web")]
+use self::web_arguments::WebSection;
 use crate::access::{AccessArgs, AccessCommandError, SiteArgs, denials_layer, door_layer};
 use crate::config::{DEFAULT_LISTEN, QuorumConfig, ServerConfig, ServerEndpoints};
 use crate::server::{ServerError, run_beside};
@@ -142,6 +147,8 @@ impl Cli {
             reports: file.reports,
             fleet: file.fleet,
             gaps: file.gaps,
+            #[cfg(feature = "web")]
+            web: None,
         };
         Ok((config, reload))
     }
@@ -163,6 +170,17 @@ impl Cli {
         // A server waits for its routers for ever, unless it is told otherwise.
         let patience = Waiting::new("map-server", self.operator.wait(), None).for_session();
         ServerEndpoints { listen, connect, zenoh_config, patience }
+    }
+}
+
+#[cfg(feature = "web")]
+impl Cli {
+    /// The configuration with the page that flags and file ask for. Other commands than serving
+    /// need none.
+    fn with_page(&self, config: ServerConfig, file: WebSection) -> Result<ServerConfig, clap::Error> {
+        let page = self.serve.web.over(file);
+        let page = page.map_err(|text| Self::command().error(ErrorKind::ArgumentConflict, text))?;
+        Ok(ServerConfig { web: page.filter(|_| self.command.is_none()), ..config })
     }
 }
 
@@ -309,9 +327,16 @@ pub fn main_with_args(args: Vec<OsString>) -> ExitCode {
         Ok(file) => file,
         Err(code) => return code,
     };
+    #[cfg(feature = "web")]
+    let page = file.server.web.clone();
     let (config, reload) = match cli.server(file.server) {
         Ok(server) => server,
         Err(error) => return ProgramFailure::of_input(error).tell("map-server"),
+    };
+    #[cfg(feature = "web")]
+    let config = match cli.with_page(config, page) {
+        Ok(config) => config,
+        Err(error) => return refuse(&error),
     };
     if let Err(error) = cli.check(&config) {
         return refuse(&error);
@@ -320,7 +345,7 @@ pub fn main_with_args(args: Vec<OsString>) -> ExitCode {
     let link = link.over(&file.connect);
     let outcome = match cli.command {
         None => serve(config, reload, |_| Ok(())).map_err(|error| {
-            let is_input = matches!(&error, ServerError::Session(error) if error.is_input());
+            let is_input = error.is_input();
             ProgramFailure::of(is_input, error)
         }),
         Some(Command::Operate(operation)) => operate(operation, &cli.operator, link, file.merge)

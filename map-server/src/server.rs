@@ -4,6 +4,7 @@
 //! | module | idea |
 //! | --- | --- |
 //! | `serving` | the parts of a running server, and their shutdown |
+//! | `side_doors` | what else than Zenoh the server is reached over |
 //! | `writer` | the thread that writes |
 //! | `disk_watch` | what becomes of the server when its disk takes nothing, and when it does again |
 //! | `error` | why a server ends |
@@ -11,6 +12,7 @@
 mod disk_watch;
 mod error;
 mod serving;
+mod side_doors;
 mod writer;
 
 pub use error::ServerError;
@@ -23,6 +25,7 @@ use crate::query::{ActiveRules, AnswerSources, Fleet};
 use crate::replicated::{QuorumLog, Stateless};
 use crate::store::{FILE_NAME, IncrementLog, RedbLog, StoreError};
 use serving::{Served, ServingTask, ShutdownSignal, serve};
+use side_doors::SideDoors;
 use std::pin::pin;
 use std::sync::Arc;
 use zenoh::Session;
@@ -52,6 +55,8 @@ pub async fn run_beside<T>(
     warn_of_openings(&config);
     let shutdown = pin!(shutdown);
     let mut shutdown = ShutdownSignal::new(shutdown);
+    // An address that is taken is reported before anything is read.
+    let doors = SideDoors::open(&config)?;
     let Some(quorum) = config.storages else {
         // A directory that is there comes first: that it is in use is reported before anybody can
         // connect. One that is not there is made when the server can listen.
@@ -72,7 +77,8 @@ pub async fn run_beside<T>(
         let (mut session, mut door) = (session, Some(door));
         loop {
             let kept = beside(&session)?;
-            let task = ServingTask { sources: sources.clone(), stateless: None, door: door.take() };
+            let task =
+                ServingTask { sources: sources.clone(), stateless: None, door: door.take(), doors: doors.clone() };
             let served = serve(&config, &session, task, &mut shutdown).await;
             drop(kept);
             match end(served, session).await? {
@@ -84,7 +90,7 @@ pub async fn run_beside<T>(
     let mut session = network::open(&config.link).await?;
     loop {
         let kept = beside(&session)?;
-        let served = serve_storages(&config, &session, quorum, &mut shutdown).await;
+        let served = serve_storages(&config, &session, (quorum, &doors), &mut shutdown).await;
         drop(kept);
         match end(served, session).await? {
             Some(other) => session = other,
@@ -157,7 +163,7 @@ fn warn_of_openings(config: &ServerConfig) {
 async fn serve_storages(
     config: &ServerConfig,
     session: &Session,
-    quorum: QuorumConfig,
+    (quorum, doors): (QuorumConfig, &SideDoors),
     shutdown: &mut ShutdownSignal<'_, impl Future<Output = ()>>,
 ) -> Result<Served, ServerError> {
     loop {
@@ -165,7 +171,7 @@ async fn serve_storages(
         let log = Arc::new(QuorumLog::new(stateless.storages(), quorum));
         // Another server of the site answers while this one reads.
         let sources = sources(config, Arc::default(), log);
-        let task = ServingTask { sources, stateless: Some(stateless), door: None };
+        let task = ServingTask { sources, stateless: Some(stateless), door: None, doors: doors.clone() };
         match serve(config, session, task, shutdown).await {
             Err(ServerError::Store(reason @ StoreError::Overruled { .. })) => {
                 tracing::error!("{reason}: everything is read anew");

@@ -13,7 +13,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 /// What a question costs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum CostClass {
+pub(crate) enum CostClass {
     /// Milliseconds, and little memory, or bounded by the bytes of the reply.
     Short,
     /// An old state of a map, read from the log.

@@ -1,9 +1,13 @@
 //! Answers queries over Zenoh: which keys are ours, who answers them, and how replies are sent.
 
+#[cfg(feature = "web")]
+mod beside;
+
 use crate::clock::{now_us, passed_us};
 use crate::ingest::{Ingest, WriterQueue};
 use crate::network::addressed::{Addressed, addressed, is_of_goals};
 use crate::network::announcements::publish_head;
+use crate::network::query_counts::QueryCounts;
 use crate::network::query_rooms::{CostClass, Place, QueryRooms, Turn};
 use crate::query::{Answer, AnswerSources, answer, answer_at_once, internal, json, unknown_map};
 use crate::store::StoreError;
@@ -12,6 +16,7 @@ use fht_proto::api::keys::{Key, PREFIX, Topic};
 use fht_proto::api::reply::ErrorReply;
 use fht_proto::api::request::{AdminOrder, Format, Question, Request, bad_request, parse, parse_order, shown};
 use std::sync::Arc;
+use std::time::Instant;
 use tokio::runtime::Handle;
 use zenoh::bytes::Encoding;
 use zenoh::key_expr::KeyExpr;
@@ -27,6 +32,7 @@ pub(crate) struct QueryService {
     sources: AnswerSources,
     queue: Arc<WriterQueue>,
     rooms: QueryRooms,
+    counts: Arc<QueryCounts>,
     session: Session,
     runtime: Handle,
 }
@@ -37,13 +43,15 @@ impl QueryService {
     #[must_use]
     pub(crate) fn new(sources: AnswerSources, queue: Arc<WriterQueue>, session: Session, runtime: Handle) -> Self {
         let rooms = QueryRooms::new(&sources.config);
-        Self { sources, queue, rooms, session, runtime }
+        Self { sources, queue, rooms, counts: Arc::default(), session, runtime }
     }
 
     /// Takes a query. Never blocks: short work is done here, and when too many queries are under
     /// way the client is told that the server is busy.
     pub(crate) fn take_query(&self, query: Query) {
+        let begun = Instant::now();
         if let Some((key, outcome)) = self.answer_at_once(&query) {
+            self.counts.note(&key, outcome.as_ref().err(), begun);
             reply(&query, &key, outcome);
             return;
         }
@@ -51,22 +59,28 @@ impl QueryService {
         let weight = query.payload().map_or(0, |payload| payload.len() / BYTES_A_PERMIT).saturating_add(1);
         let place = match self.rooms.enter(cost_class(&query), weight) {
             Ok(place) => place,
-            Err(busy) => return reply_error(&query, &busy),
+            Err(busy) => {
+                self.counts.note(query.key_expr(), Some(&busy), begun);
+                return reply_error(&query, &busy);
+            }
         };
         let service = self.clone();
         let answer = move |query: Query, place: Place, turn: Turn| {
-            service.reply(&query);
+            service.reply(&query, begun);
             drop((place, turn));
         };
         if let Some(turn) = place.turn_at_once() {
             self.runtime.spawn_blocking(move || answer(query, place, turn));
             return;
         }
-        let runtime = self.runtime.clone();
+        let (runtime, counts) = (self.runtime.clone(), Arc::clone(&self.counts));
         self.runtime.spawn(async move {
             match place.turn().await {
                 Ok(turn) => drop(runtime.spawn_blocking(move || answer(query, place, turn))),
-                Err(busy) => reply_error(&query, &busy),
+                Err(busy) => {
+                    counts.note(query.key_expr(), Some(&busy), begun);
+                    reply_error(&query, &busy);
+                }
             }
         });
     }
@@ -90,14 +104,14 @@ impl QueryService {
         is_there && is_of_goals(expression) && !expression.contains('*')
     }
 
-    fn reply(&self, query: &Query) {
+    fn reply(&self, query: &Query, begun: Instant) {
         if self.is_left_to_a_robot(query.key_expr()) {
             return;
         }
         let maps = self.sources.catalog.heads().into_iter().map(|head| head.map.clone());
         match addressed(query.key_expr().as_str(), maps) {
-            Addressed::One(key) => self.reply_to(query, key),
-            Addressed::Several(keys) => keys.into_iter().for_each(|key| self.reply_to(query, key)),
+            Addressed::One(key) => self.reply_to(query, key, begun),
+            Addressed::Several(keys) => keys.into_iter().for_each(|key| self.reply_to(query, key, begun)),
             Addressed::Storages | Addressed::Robots => {}
             Addressed::Kept if self.sources.log.is_shared() => {}
             Addressed::Kept => {
@@ -121,7 +135,7 @@ impl QueryService {
         }
     }
 
-    fn reply_to(&self, query: &Query, key: Key) {
+    fn reply_to(&self, query: &Query, key: Key, begun: Instant) {
         let name = key.to_string();
         let payload = query.payload().map(|payload| payload.to_bytes());
         if let Key::Admin { map, action } = key {
@@ -137,6 +151,7 @@ impl QueryService {
         }
         let outcome = parse(key, query.parameters().iter(), payload.as_deref())
             .and_then(|request| answer(request, &self.sources, passed_us()));
+        self.counts.note(&name, outcome.as_ref().err(), begun);
         reply(query, &name, outcome);
     }
 

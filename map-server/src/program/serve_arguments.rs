@@ -1,6 +1,8 @@
 //! The flags for serving.
 
 use crate::config::Limits;
+#[cfg(feature = "web")]
+use crate::program::web_arguments::WebArgs;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -37,6 +39,9 @@ pub(super) struct ServeArgs {
     pub(super) open: bool,
     #[command(flatten)]
     pub(super) limits: LimitArgs,
+    #[cfg(feature = "web")]
+    #[command(flatten)]
+    pub(super) web: WebArgs,
     /// Say more: once for what is asked and stored, and which robots come and go; twice for
     /// everything. RUST_LOG is obeyed, too.
     #[arg(short, long, action = clap::ArgAction::Count)]
@@ -88,7 +93,11 @@ impl LimitArgs {
 impl ServeArgs {
     /// Whether any of them is given that only a server obeys.
     pub(super) fn is_for_serving(&self) -> bool {
-        let Self { data, storages, confirm, listen, roles, open, limits, verbose: _ } = self;
+        let Self { data, storages, confirm, listen, roles, open, limits, .. } = self;
+        #[cfg(feature = "web")]
+        if self.web.is_given() {
+            return true;
+        }
         let is_path_given = data.is_some() || roles.is_some();
         is_path_given || storages.is_some() || confirm.is_some() || !listen.is_empty() || *open || limits.is_given()
     }

@@ -1,6 +1,8 @@
 //! What `map-server` reads from the configuration file.
 
 use crate::config::{AnswerConfig, FleetConfig, GapFillConfig, Limits, MIN_FREE_BYTES, Quotas};
+#[cfg(feature = "web")]
+use crate::program::web_arguments::WebSection;
 use fht_map::plan::blocked::ReportLimits;
 use fht_merge::MergeConfig;
 use fht_session::SessionConfig;
@@ -68,6 +70,9 @@ pub(crate) struct ServerSection {
     pub(crate) fleet: FleetConfig,
     /// How a server that stands on storages fetches what it lacks.
     pub(crate) gaps: GapFillConfig,
+    /// The operators' page.
+    #[cfg(feature = "web")]
+    pub(crate) web: WebSection,
 }
 
 impl Default for ServerSection {
@@ -88,6 +93,8 @@ impl Default for ServerSection {
             reports: ReportLimits::default(),
             fleet: FleetConfig::default(),
             gaps: GapFillConfig::default(),
+            #[cfg(feature = "web")]
+            web: WebSection::default(),
         }
     }
 }

@@ -15,6 +15,10 @@ mod release_name;
 mod reply;
 mod sources;
 
+#[cfg(feature = "web")]
+pub(crate) use nodes::node_view;
+#[cfg(feature = "web")]
+pub(crate) use release_name::find_release;
 pub use reply::Answer;
 pub(crate) use reply::{internal, json};
 pub use sources::AnswerSources;

@@ -18,7 +18,24 @@ pub enum ServerError {
     /// The system gives no threads.
     #[error("no threads: {0}")]
     Runtime(std::io::Error),
+    /// The page cannot be served.
+    #[cfg(feature = "web")]
+    #[error(transparent)]
+    Web(#[from] fht_web::WebError),
     /// The writer has ended without giving a reason.
     #[error("the writer has stopped")]
     WriterLost,
+}
+
+impl ServerError {
+    /// Whether what was given is wrong.
+    #[must_use]
+    pub fn is_input(&self) -> bool {
+        match self {
+            Self::Session(error) => error.is_input(),
+            #[cfg(feature = "web")]
+            Self::Web(error) => error.is_input(),
+            _ => false,
+        }
+    }
 }

@@ -12,6 +12,7 @@ use crate::query::AnswerSources;
 use crate::replicated::Stateless;
 use crate::server::disk_watch::DiskWatch;
 use crate::server::error::ServerError;
+use crate::server::side_doors::{OpenSideDoors, SideDoors};
 use crate::server::writer::{Writer, WriterThread};
 use crate::store::StoreError;
 use fht_proto::api::keys::SERVERS_QUERIES;
@@ -51,6 +52,8 @@ pub(super) struct ServingTask {
     pub(super) stateless: Option<Stateless>,
     /// Where queries wait already; none: nobody asks before everything is read.
     pub(super) door: Option<QueryDoor>,
+    /// What else the server is reached over.
+    pub(super) doors: SideDoors,
 }
 
 /// Why serving has ended.
@@ -65,7 +68,7 @@ pub(super) enum Served {
 pub(super) async fn serve(
     config: &ServerConfig,
     session: &Session,
-    ServingTask { sources, stateless, door }: ServingTask,
+    ServingTask { sources, stateless, door, doors }: ServingTask,
     shutdown: &mut ShutdownSignal<'_, impl Future<Output = ()>>,
 ) -> Result<Served, ServerError> {
     let queue = Arc::new(WriterQueue::new(config.limits.max_queue_bytes));
@@ -97,7 +100,9 @@ pub(super) async fn serve(
         is_ready = writer.ready() => is_ready,
     };
     let answering = match is_ready {
-        true => Some(Answering::start(config, session, sources, &queue, (stateless.as_ref(), door), robots).await?),
+        true => {
+            Some(Answering::start(config, session, sources, &queue, (stateless.as_ref(), door, &doors), robots).await?)
+        }
         false => None,
     };
     let stopped = match other {
@@ -144,6 +149,7 @@ struct Answering {
     deleting: AbortHandle,
     naming: AbortHandle,
     _robots: RobotTopicSubscriptions,
+    _beside: OpenSideDoors,
 }
 
 impl Answering {
@@ -152,7 +158,7 @@ impl Answering {
         session: &Session,
         sources: AnswerSources,
         queue: &Arc<WriterQueue>,
-        (stateless, door): (Option<&Stateless>, Option<QueryDoor>),
+        (stateless, door, doors): (Option<&Stateless>, Option<QueryDoor>, &SideDoors),
         robots: RobotTopicSubscriptions,
     ) -> Result<Self, ServerError> {
         let catalog = Arc::clone(&sources.catalog);
@@ -168,6 +174,7 @@ impl Answering {
             Some(door) => door,
             None => QueryDoor::declare(session).await?,
         };
+        let beside = doors.serve(&service, session).await?;
         door.open(service);
         // Of several servers the nearest is asked, and no other. What robots answer must come to
         // them, from wherever it is asked.
@@ -178,11 +185,12 @@ impl Answering {
         catalog.heads().iter().for_each(|head| publish_head(session, head));
         warn_of_clocks(&catalog, config.limits.max_clock_ahead_s);
         print_where(config, catalog.heads().len());
+        doors.print_where();
         let spawn_gap_fill = |stateless: &Stateless| stateless.spawn_gap_fill(Arc::clone(&catalog), Arc::clone(queue));
         let gap_fill = stateless.map(spawn_gap_fill).transpose().map_err(ServerError::Runtime)?;
         let naming = tokio::spawn(keep_keys_known(session.clone(), Arc::clone(&catalog))).abort_handle();
         let deleting = tokio::spawn(delete_when_due(catalog, Arc::clone(queue))).abort_handle();
-        Ok(Self { door, _nearest: nearest, gap_fill, deleting, naming, _robots: robots })
+        Ok(Self { door, _nearest: nearest, gap_fill, deleting, naming, _robots: robots, _beside: beside })
     }
 
     async fn close(self) -> Result<(), ServerError> {

@@ -125,7 +125,8 @@ fn as_compact(view: &MapView, nodes: Vec<(NodeRef<'_>, Option<f32>)>, with_signa
     CompactNodes { map, version, nodes: nodes.into_iter().map(compact).collect() }
 }
 
-fn node_view(map: &MapState, node: &NodeRef<'_>, similarity: Option<f32>) -> NodeView {
+/// A node as it is shown.
+pub(crate) fn node_view(map: &MapState, node: &NodeRef<'_>, similarity: Option<f32>) -> NodeView {
     let position = node.pose.position;
     NodeView {
         id: node.id.to_string(),

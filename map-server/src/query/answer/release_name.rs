@@ -9,7 +9,7 @@ use fht_proto::api::reply::known_names;
 ///
 /// # Errors
 /// A sentence, if there is no such release, or more than one.
-pub(super) fn find_release(state: &MapState, text: &str) -> Result<ReleaseId, String> {
+pub(crate) fn find_release(state: &MapState, text: &str) -> Result<ReleaseId, String> {
     let releases = || state.annotations().releases().map(|release| release.id);
     let unknown = || {
         let known = known_names(releases());

@@ -1,0 +1,133 @@
+// What the page knows of one map: read once, and then followed by events. An event tells whole
+// nodes as they are now, so what comes twice does no harm; a gap in the versions is read anew.
+
+import { ask, askWalls } from "./api.js";
+
+const MOST_NODES = 20000; // of a larger map those nearest to where it was opened are shown
+const PAGE = 1000;
+const GAP_MS = 1500;
+const WALLS_EVERY_MS = 3000;
+
+export class MapStore {
+  constructor(map, changed) {
+    Object.assign(this, { map, changed });
+    this.nodes = new Map();
+    this.robots = new Map();
+    this.fleet = [];
+    this.head = null;
+    this.version = -1;
+    this.truncated = false;
+    this.walls = [];
+    this.rules = { places: [], zones: [], closed_edges: [], blocked: [] };
+    this.releases = [];
+  }
+
+  async load(near = [0, 0]) {
+    this.loading = (this.loading ?? 0) + 1;
+    const turn = this.loading;
+    const nodes = new Map();
+    let [after, version] = ["", -1];
+    do {
+      const asked = { near: near.join(","), radius: 100000, limit: PAGE, after };
+      const page = await ask(this.map, "nodes", asked);
+      version = version < 0 ? page.version : Math.min(version, page.version);
+      for (const node of page.nodes) nodes.set(node.id, node);
+      after = page.next ?? "";
+    } while (after && nodes.size < MOST_NODES);
+    if (turn !== this.loading) return; // a newer one is under way
+    Object.assign(this, { nodes, version, truncated: after !== "", near });
+    this.head = await ask(this.map, "head");
+    await this.loadRules();
+    await this.loadWalls();
+  }
+
+  async loadRules() {
+    this.rules = await ask(this.map, "rules");
+    this.releases = (await ask(this.map, "releases")).releases;
+    this.changed();
+  }
+
+  async loadWalls() {
+    const seen = await askWalls(this.map, this.near ?? [0, 0], 100000);
+    this.walls = seen.points;
+    this.changed();
+  }
+
+  async loadFleet() {
+    this.fleet = (await ask(this.map, "fleet", { limit: 1000 })).robots;
+    const here = new Set(this.fleet.filter((robot) => robot.alive).map((robot) => robot.status.robot));
+    for (const name of this.robots.keys()) if (!here.has(name)) this.robots.delete(name);
+    // A status tells where a robot is before its first pose comes.
+    for (const { alive, status } of this.fleet) {
+      if (alive && !this.robots.has(status.robot)) {
+        this.robots.set(status.robot, { robot: status.robot, state: status.state, map_from_base: status.map_from_base });
+      }
+    }
+    this.changed();
+  }
+
+  takeHead(head) {
+    this.head = head;
+    clearTimeout(this.gap);
+    if (head.version > this.version) {
+      this.gap = setTimeout(() => this.version < head.version && this.reload(), GAP_MS);
+    }
+    this.changed();
+  }
+
+  takeGrown(grown) {
+    if (grown.reload || grown.from > this.version) return this.reload();
+    for (const id of grown.gone) this.nodes.delete(id);
+    for (const node of grown.nodes) if (this.nodes.has(node.id) || !this.truncated) this.nodes.set(node.id, node);
+    this.version = Math.max(this.version, grown.version);
+    if (grown.rules) this.loadRules().catch(() => {});
+    if (grown.nodes.some((node) => node.kind === "main")) this.wallsSoon();
+    this.changed();
+  }
+
+  wallsSoon() {
+    this.wallsTimer ??= setTimeout(() => {
+      this.wallsTimer = undefined;
+      this.loadWalls().catch(() => {});
+    }, WALLS_EVERY_MS);
+  }
+
+  takeRobots({ robots }) {
+    for (const robot of robots) this.robots.set(robot.robot, robot);
+    this.changed();
+  }
+
+  takeGone({ robot }) {
+    this.robots.delete(robot);
+    this.changed();
+  }
+
+  reload() {
+    this.load(this.near).catch(() => {});
+  }
+
+  // All edges once: pairs of nodes.
+  *edges() {
+    for (const node of this.nodes.values()) {
+      for (const other of node.neighbours) {
+        const end = this.nodes.get(other);
+        if (end && node.id < end.id) yield [node, end];
+      }
+    }
+  }
+
+  bounds() {
+    let [west, south, east, north] = [Infinity, Infinity, -Infinity, -Infinity];
+    for (const { x, y, free_space: rect } of this.nodes.values()) {
+      const [w, s, e, n] = rect ?? [x, y, x, y];
+      [west, south, east, north] = [Math.min(west, w), Math.min(south, s), Math.max(east, e), Math.max(north, n)];
+    }
+    return west <= east ? [west, south, east, north] : [-5, -5, 5, 5];
+  }
+
+  end() {
+    clearTimeout(this.gap);
+    clearTimeout(this.wallsTimer);
+    this.loading = -1;
+  }
+}

@@ -1,0 +1,226 @@
+//! What operators change, as it is posted. Operations are called as in increments.
+
+use fht_proto::api::reply::{ErrorReply, RuleView};
+use fht_proto::api::request::{bad_request, shown};
+use fht_proto::{EdgeKey, FixedPoint, FixedPose, Label, MapName, NodeId, ReleaseName, Zone, ZoneRule};
+use serde::{Deserialize, Deserializer};
+
+/// One change of a map.
+#[derive(Clone, Debug, PartialEq)]
+pub enum MapChange {
+    /// Names a place, or takes its name away.
+    Place {
+        /// Its name.
+        name: Label,
+        /// Where; none: there is no such place any more.
+        pose: Option<FixedPose>,
+    },
+    /// Draws a zone, or takes it away.
+    Zone {
+        /// Its name.
+        name: Label,
+        /// What holds where; none: there is no such zone any more.
+        zone: Option<Zone>,
+    },
+    /// Closes an edge, or opens it.
+    Closed {
+        /// The edge.
+        edge: EdgeKey,
+        /// Whether it is closed.
+        closed: bool,
+    },
+    /// Makes a release of the newest state.
+    Release {
+        /// Its name.
+        name: ReleaseName,
+    },
+    /// Tells robots to use a release.
+    Enable {
+        /// `name` or `name@author`; none: the newest state.
+        release: Option<String>,
+    },
+    /// Takes the operator's newest increments back.
+    Undo {
+        /// How many.
+        count: u64,
+    },
+}
+
+/// A change, and of which map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapChangeOrder {
+    /// The map.
+    pub map: MapName,
+    /// What is changed.
+    pub change: MapChange,
+    /// Whether a place or zone is written that lies off the map.
+    pub force: bool,
+}
+
+/// A change as JSON.
+#[derive(Deserialize)]
+#[serde(tag = "op", rename_all = "snake_case", deny_unknown_fields)]
+enum Posted {
+    SetPlace {
+        name: Label,
+        #[serde(deserialize_with = "said")]
+        pose: Option<[f64; 3]>,
+        #[serde(default)]
+        force: bool,
+    },
+    SetZone {
+        name: Label,
+        #[serde(deserialize_with = "said")]
+        zone: Option<PostedZone>,
+        #[serde(default)]
+        force: bool,
+    },
+    SetClosed {
+        edge: [String; 2],
+        closed: bool,
+    },
+    PutRelease {
+        name: ReleaseName,
+    },
+    Enable {
+        #[serde(deserialize_with = "said")]
+        release: Option<String>,
+    },
+    Undo {
+        #[serde(default = "one")]
+        count: u64,
+    },
+}
+
+/// A null that was written: what is left out was forgotten, and takes nothing away.
+fn said<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Option<T>, D::Error> {
+    Option::deserialize(deserializer)
+}
+
+fn one() -> u64 {
+    1
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PostedZone {
+    rule: RuleView,
+    corners: Vec<[f64; 2]>,
+}
+
+/// Metres of the map, or a sentence.
+fn point([x, y]: [f64; 2]) -> Result<FixedPoint, ErrorReply> {
+    let is_in = [x, y].iter().all(|metres| metres.abs() <= FixedPoint::MAX_M);
+    is_in.then(|| FixedPoint::from_metres(x, y)).ok_or_else(|| bad_request(format!("{x},{y} lies outside of all maps")))
+}
+
+fn pose([x, y, yaw]: [f64; 3]) -> Result<FixedPose, ErrorReply> {
+    let position = point([x, y])?;
+    let is_yaw = yaw.abs() <= FixedPose::MAX_YAW_RAD;
+    let complaint = || bad_request(format!("a yaw of {yaw} rad is none: it must be from -6.2832 to 6.2832"));
+    is_yaw.then(|| FixedPose { position, ..FixedPose::from_metres(0.0, 0.0, yaw) }).ok_or_else(complaint)
+}
+
+fn zone(posted: PostedZone) -> Result<Zone, ErrorReply> {
+    if posted.corners.len() > Zone::MAX_CORNERS {
+        return Err(bad_request(format!("a zone has {} corners at most", Zone::MAX_CORNERS)));
+    }
+    let rule = match posted.rule {
+        RuleView::KeepOut => ZoneRule::KeepOut,
+        RuleView::SpeedLimit(mps) => {
+            let mm = (mps * 1000.0).round();
+            if !(1.0..=65_000.0).contains(&mm) {
+                return Err(bad_request(format!("{mps} is not a speed of 0.001 to 65 m/s")));
+            }
+            ZoneRule::SpeedLimit(mm as u16)
+        }
+    };
+    Ok(Zone { rule, corners: posted.corners.into_iter().map(point).collect::<Result<_, _>>()? })
+}
+
+fn edge([a, b]: [String; 2]) -> Result<EdgeKey, ErrorReply> {
+    let node = |text: String| text.parse::<NodeId>().map_err(|error| bad_request(error.to_string()));
+    let (a, b) = (node(a)?, node(b)?);
+    if a == b { Err(bad_request("an edge has two ends".to_owned())) } else { Ok(EdgeKey::new(a, b)) }
+}
+
+impl MapChangeOrder {
+    /// Reads what was posted for a map.
+    ///
+    /// # Errors
+    /// `BAD_REQUEST`, with what is wrong.
+    pub fn parse(map: MapName, body: &[u8]) -> Result<Self, ErrorReply> {
+        let posted: Posted = serde_json::from_slice(body)
+            .map_err(|error| bad_request(format!("the body is no change: {}", shown(&error.to_string()))))?;
+        let mut force = false;
+        let change = match posted {
+            Posted::SetPlace { name, pose: at, force: is_sure } => {
+                force = is_sure;
+                MapChange::Place { name, pose: at.map(pose).transpose()? }
+            }
+            Posted::SetZone { name, zone: drawn, force: is_sure } => {
+                force = is_sure;
+                MapChange::Zone { name, zone: drawn.map(zone).transpose()? }
+            }
+            Posted::SetClosed { edge: ends, closed } => MapChange::Closed { edge: edge(ends)?, closed },
+            Posted::PutRelease { name } => MapChange::Release { name },
+            Posted::Enable { release } => MapChange::Enable { release },
+            Posted::Undo { count } => MapChange::Undo { count },
+        };
+        Ok(Self { map, change, force })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<MapChange, String> {
+        let map = "museum".parse().unwrap_or_else(|error| panic!("{error}"));
+        MapChangeOrder::parse(map, text.as_bytes()).map(|order| order.change).map_err(|error| error.message)
+    }
+
+    #[test]
+    fn changes_are_read() {
+        let place = read(r#"{"op":"set_place","name":"Küche","pose":[1.5,-2,1.5708]}"#);
+        assert!(matches!(place, Ok(MapChange::Place { pose: Some(pose), .. }) if pose.yaw_e4 == 15_708), "{place:?}");
+        assert!(matches!(
+            read(r#"{"op":"set_place","name":"dock","pose":null}"#),
+            Ok(MapChange::Place { pose: None, .. })
+        ));
+        let zone =
+            read(r#"{"op":"set_zone","name":"wet","zone":{"rule":{"speed_limit":0.3},"corners":[[0,0],[1,0],[1,1]]}}"#);
+        assert!(
+            matches!(&zone, Ok(MapChange::Zone { zone: Some(zone), .. }) if zone.rule == ZoneRule::SpeedLimit(300)),
+            "{zone:?}"
+        );
+        assert!(read(r#"{"op":"set_closed","edge":["0000000a.1","0000000a.2"],"closed":true}"#).is_ok());
+        assert_eq!(read(r#"{"op":"undo"}"#), Ok(MapChange::Undo { count: 1 }));
+        assert_eq!(read(r#"{"op":"enable","release":null}"#), Ok(MapChange::Enable { release: None }));
+    }
+
+    #[test]
+    fn what_is_wrong_is_told() {
+        for (text, reason) in [
+            ("", "no change"),
+            ("[]", "no change"),
+            (r#"{"op":"dance"}"#, "dance"),
+            (r#"{"op":"undo","colour":"red"}"#, "colour"),
+            (r#"{"op":"set_place","name":"<b>","pose":[0,0,0]}"#, "no change"),
+            (r#"{"op":"set_place","name":"dock"}"#, "pose"),
+            (r#"{"op":"set_zone","name":"wet"}"#, "zone"),
+            (r#"{"op":"enable"}"#, "release"),
+            (r#"{"op":"set_place","name":"dock","pose":[1e9,0,0]}"#, "outside of all maps"),
+            (r#"{"op":"set_place","name":"dock","pose":[0,0,9]}"#, "a yaw of 9 rad is none"),
+            (
+                r#"{"op":"set_zone","name":"wet","zone":{"rule":{"speed_limit":0},"corners":[[0,0],[1,0],[1,1]]}}"#,
+                "not a speed",
+            ),
+            (r#"{"op":"set_closed","edge":["0000000a.1","0000000a.1"],"closed":true}"#, "two ends"),
+            (r#"{"op":"set_closed","edge":["a","b"],"closed":true}"#, "a node id"),
+        ] {
+            let said = read(text).expect_err(text);
+            assert!(said.contains(reason), "{text}: {said}");
+        }
+    }
+}

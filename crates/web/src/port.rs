@@ -1,0 +1,49 @@
+//! What the maps are asked through.
+
+use crate::change::MapChangeOrder;
+use crate::figures::ServerFigures;
+use crate::rights::{MemberRole, Rights};
+use fht_proto::api::reply::ErrorReply;
+use fht_proto::api::request::{Format, Request};
+use fht_proto::{FixedPoint, MapName, RobotName};
+use std::future::Future;
+use std::pin::Pin;
+
+/// An answer, as it is sent.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WebAnswer {
+    /// How it is written.
+    pub format: Format,
+    /// The payload.
+    pub bytes: Vec<u8>,
+}
+
+/// An answer that comes.
+pub type Answering = Pin<Box<dyn Future<Output = Result<WebAnswer, ErrorReply>> + Send>>;
+
+/// Where walls are asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WallsQuestion {
+    /// The map.
+    pub map: MapName,
+    /// The middle.
+    pub near: FixedPoint,
+    /// How far around it nodes lie whose scans are shown, metres.
+    pub radius_m: f64,
+}
+
+/// Who has the maps. Nothing here may block: what takes time is done elsewhere.
+pub trait MapPort: Send + Sync + 'static {
+    /// Answers as over Zenoh, with one reply.
+    fn ask(&self, request: Request) -> Answering;
+    /// The walls that nodes saw, in JSON: `points` are pairs of whole centimetres, bounded in
+    /// number.
+    fn walls(&self, asked: WallsQuestion) -> Answering;
+    /// Writes what an operator changes, under the operator's name. The answer comes when it is
+    /// durable.
+    fn change(&self, by: RobotName, order: MapChangeOrder) -> Answering;
+    /// What a member of the site may do now. Roles may be read anew.
+    fn rights(&self, role: MemberRole, name: &RobotName) -> Rights;
+    /// What is counted.
+    fn figures(&self) -> ServerFigures;
+}

@@ -1,0 +1,73 @@
+//! Certificates of this side, and of those who come.
+
+use crate::config::{WebError, WebTls};
+use rustls::RootCertStore;
+use rustls::crypto::ring::default_provider;
+use rustls::pki_types::pem::PemObject;
+use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use rustls::server::WebPkiClientVerifier;
+use std::net::IpAddr;
+use std::path::Path;
+use std::sync::Arc;
+use tokio_rustls::TlsAcceptor;
+use x509_parser::extensions::GeneralName;
+
+/// Takes TLS connections; and the names that the own certificate has.
+pub(crate) struct SecureSide {
+    pub(crate) acceptor: TlsAcceptor,
+    pub(crate) names: Vec<String>,
+}
+
+fn of_no_use(option: &'static str, file: &Path, reason: impl ToString) -> WebError {
+    WebError::File { option, file: file.to_owned(), reason: reason.to_string() }
+}
+
+fn certificates(option: &'static str, file: &Path) -> Result<Vec<CertificateDer<'static>>, WebError> {
+    let read = CertificateDer::pem_file_iter(file).and_then(Iterator::collect::<Result<Vec<_>, _>>);
+    let read = read.map_err(|error| of_no_use(option, file, error))?;
+    if read.is_empty() { Err(of_no_use(option, file, "it holds no certificate in PEM form")) } else { Ok(read) }
+}
+
+/// Reads the files.
+///
+/// # Errors
+/// [`WebError::File`], [`WebError::Tls`].
+pub(crate) fn secure(files: &WebTls) -> Result<SecureSide, WebError> {
+    let chain = certificates("certificate", &files.certificate)?;
+    let key = PrivateKeyDer::from_pem_file(&files.key).map_err(|error| of_no_use("key", &files.key, error))?;
+    let mut roots = RootCertStore::empty();
+    for authority in certificates("authority", &files.authority)? {
+        roots.add(authority).map_err(|error| of_no_use("authority", &files.authority, error))?;
+    }
+    let names = names_in(&chain[0]);
+    let failed = |error: rustls::Error| WebError::Tls(error.to_string());
+    let provider = Arc::new(default_provider());
+    // Who shows none is told so in HTTP, which people understand.
+    let verifier = WebPkiClientVerifier::builder_with_provider(Arc::new(roots), Arc::clone(&provider))
+        .allow_unauthenticated()
+        .build()
+        .map_err(|error| WebError::Tls(error.to_string()))?;
+    let mut config = rustls::ServerConfig::builder_with_provider(provider)
+        .with_safe_default_protocol_versions()
+        .map_err(failed)?
+        .with_client_cert_verifier(verifier)
+        .with_single_cert(chain, key)
+        .map_err(failed)?;
+    config.alpn_protocols = vec![b"http/1.1".to_vec()];
+    Ok(SecureSide { acceptor: TlsAcceptor::from(Arc::new(config)), names })
+}
+
+/// The hosts that a certificate is for.
+fn names_in(certificate: &CertificateDer<'_>) -> Vec<String> {
+    let Ok((_, certificate)) = x509_parser::parse_x509_certificate(certificate) else { return Vec::new() };
+    let Ok(Some(names)) = certificate.subject_alternative_name() else { return Vec::new() };
+    let name = |name: &GeneralName<'_>| match name {
+        GeneralName::DNSName(name) => Some((*name).to_owned()),
+        GeneralName::IPAddress(bytes) => match bytes.len() {
+            4 => <[u8; 4]>::try_from(*bytes).ok().map(|bytes| IpAddr::from(bytes).to_string()),
+            _ => <[u8; 16]>::try_from(*bytes).ok().map(|bytes| format!("[{}]", IpAddr::from(bytes))),
+        },
+        _ => None,
+    };
+    names.value.general_names.iter().filter_map(name).collect()
+}

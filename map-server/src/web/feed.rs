@@ -1,0 +1,215 @@
+//! What happens, as events for those who watch: maps that grow, robots that move.
+//!
+//! What comes over Zenoh is only a hint that something has happened: what is told is read from the
+//! server's own maps. Several hints within a moment are one event.
+
+use crate::catalog::MapView;
+use crate::query::AnswerSources;
+use crate::web::growth::growth;
+use fht_proto::MapName;
+use fht_proto::api::fleet::RobotPose;
+use fht_proto::api::keys::{ALL_ROBOT_TOPICS, ALL_ROBOTS, Key, PREFIX, RobotTopic, Topic};
+use fht_web::{EventHub, WebEvent};
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::task::{AbortHandle, spawn_blocking};
+use tokio::time::{MissedTickBehavior, interval};
+use zenoh::Session;
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::{Sample, SampleKind};
+
+/// Events are made so often.
+const EVERY: Duration = Duration::from_millis(200);
+/// Longest message of a robot that is read.
+const MAX_BYTES: usize = 4096;
+/// So many robots of all maps may move within a moment; more are not shown in it.
+const MAX_POSES: usize = 2000;
+
+/// What was heard since events were made last.
+#[derive(Default)]
+struct Heard {
+    heads: BTreeSet<MapName>,
+    /// Maps on which something was reported blocked.
+    blocked: BTreeSet<MapName>,
+    poses: BTreeMap<MapName, BTreeMap<String, RobotPose>>,
+    /// How many robots are in `poses`.
+    robots: usize,
+    gone: BTreeSet<(MapName, String)>,
+}
+
+impl Heard {
+    fn is_empty(&self) -> bool {
+        self.heads.is_empty() && self.blocked.is_empty() && self.poses.is_empty() && self.gone.is_empty()
+    }
+}
+
+/// Robots that have moved.
+#[derive(Serialize)]
+struct Moved<'a> {
+    robots: Vec<&'a RobotPose>,
+}
+
+/// A robot that has gone.
+#[derive(Serialize)]
+struct Gone<'a> {
+    robot: &'a str,
+}
+
+struct Teller {
+    sources: AnswerSources,
+    hub: EventHub,
+    heard: Mutex<Heard>,
+    /// The maps that somebody watches, as they were shown last.
+    shown: Mutex<BTreeMap<MapName, MapView>>,
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Teller {
+    /// Takes what came. Never blocks for long: the network's threads call it.
+    fn hear(&self, sample: &Sample) {
+        match sample.key_expr().as_str().parse() {
+            Ok(Key::Topic { map, topic: Topic::Head }) if self.sources.catalog.view(&map).is_some() => {
+                locked(&self.heard).heads.insert(map);
+            }
+            Ok(Key::RobotTopic { map, robot, topic: RobotTopic::Pose }) if self.hub.is_watched(Some(&map)) => {
+                let Some(pose) = read_pose(sample, &robot) else { return };
+                let mut heard = locked(&self.heard);
+                let is_known = heard.poses.get(&map).is_some_and(|poses| poses.contains_key(&robot));
+                if is_known || heard.robots < MAX_POSES {
+                    heard.robots += usize::from(!is_known);
+                    heard.poses.entry(map).or_default().insert(robot, pose);
+                }
+            }
+            Ok(Key::RobotTopic { map, topic: RobotTopic::Blocked, .. }) if self.hub.is_watched(Some(&map)) => {
+                locked(&self.heard).blocked.insert(map);
+            }
+            Ok(Key::Robot { map, robot }) if sample.kind() == SampleKind::Delete => {
+                let mut heard = locked(&self.heard);
+                if self.hub.is_watched(Some(&map)) && heard.gone.len() < MAX_POSES {
+                    heard.gone.insert((map, robot));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Whether there is nothing to tell, and nobody to tell it to.
+    fn is_idle(&self) -> bool {
+        locked(&self.heard).is_empty() && self.hub.watched().is_empty() && locked(&self.shown).is_empty()
+    }
+
+    /// Tells what was heard to those who watch.
+    fn tell(&self) {
+        let heard = std::mem::take(&mut *locked(&self.heard));
+        for (map, poses) in &heard.poses {
+            self.say(Some(map), WebEvent::new("robots", &Moved { robots: poses.values().collect() }));
+        }
+        for (map, robot) in &heard.gone {
+            self.say(Some(map), WebEvent::new("gone", &Gone { robot }));
+        }
+        for map in &heard.blocked {
+            self.say(Some(map), WebEvent::new("blocked", map));
+        }
+        for map in &heard.heads {
+            if let Some(view) = self.sources.catalog.view(map) {
+                self.say(None, WebEvent::new("head", view.head.as_ref()));
+            }
+        }
+        self.tell_growth();
+    }
+
+    fn say(&self, map: Option<&MapName>, event: Option<WebEvent>) {
+        if let Some(event) = event {
+            self.hub.publish(map, event);
+        }
+    }
+
+    fn tell_growth(&self) {
+        let (watched, mut shown) = (self.hub.watched(), locked(&self.shown));
+        shown.retain(|map, _| watched.contains(map));
+        for map in watched {
+            let Some(view) = self.sources.catalog.view(&map) else {
+                shown.remove(&map);
+                continue;
+            };
+            match shown.get(&map) {
+                Some(before) if Arc::ptr_eq(&before.head, &view.head) => continue,
+                Some(before) => {
+                    let grown = growth(before, &view);
+                    self.say(Some(&map), WebEvent::new("grown", &grown));
+                }
+                None => {}
+            }
+            // Who has read the map before it was watched sees by the version that it has grown.
+            self.say(Some(&map), WebEvent::new("head", view.head.as_ref()));
+            shown.insert(map, view);
+        }
+    }
+}
+
+/// A robot's pose that makes sense.
+fn read_pose(sample: &Sample, robot: &str) -> Option<RobotPose> {
+    if sample.kind() != SampleKind::Put || sample.payload().len() > MAX_BYTES {
+        return None;
+    }
+    let pose: RobotPose = serde_json::from_slice(&sample.payload().to_bytes()).ok()?;
+    (pose.robot == robot).then_some(pose)
+}
+
+/// Tells until it is dropped.
+pub(super) struct Feed {
+    _heads: Subscriber<()>,
+    _topics: Subscriber<()>,
+    _tokens: Subscriber<()>,
+    telling: AbortHandle,
+}
+
+impl Feed {
+    /// Tells `hub` what happens to the maps of `sources`.
+    ///
+    /// # Errors
+    /// When Zenoh refuses the subscriptions.
+    pub(super) async fn start(session: &Session, sources: &AnswerSources, hub: EventHub) -> Result<Self, zenoh::Error> {
+        let (heard, shown) = (Mutex::default(), Mutex::default());
+        let teller = Arc::new(Teller { sources: sources.clone(), hub, heard, shown });
+        let hear = || {
+            let teller = Arc::clone(&teller);
+            move |sample: Sample| teller.hear(&sample)
+        };
+        let heads = format!("{PREFIX}/*/{}", Topic::Head.as_str());
+        let (heads, topics) = (
+            session.declare_subscriber(heads).callback(hear()).await?,
+            session.declare_subscriber(ALL_ROBOT_TOPICS).callback(hear()).await?,
+        );
+        let tokens = session.liveliness().declare_subscriber(ALL_ROBOTS).callback(hear()).await?;
+        let telling = tokio::spawn(tell_for_ever(teller)).abort_handle();
+        Ok(Self { _heads: heads, _topics: topics, _tokens: tokens, telling })
+    }
+}
+
+async fn tell_for_ever(teller: Arc<Teller>) {
+    let mut tick = interval(EVERY);
+    tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        tick.tick().await;
+        if teller.is_idle() {
+            continue;
+        }
+        let teller = Arc::clone(&teller);
+        // A large map takes a while to compare.
+        if let Err(error) = spawn_blocking(move || teller.tell()).await {
+            tracing::error!("events are not told: {error}");
+        }
+    }
+}
+
+impl Drop for Feed {
+    fn drop(&mut self) {
+        self.telling.abort();
+    }
+}
