@@ -36,12 +36,12 @@ struct Held {
     /// Whether the pilot was told.
     is_begun: bool,
     /// The path there; none before there was one.
-    way: Option<Way>,
+    path: Option<GoalPath>,
 }
 
 /// The path to a goal, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Way {
+pub struct GoalPath {
     /// What is left of it.
     pub left_m: f64,
     /// How far from the goal it ends.
@@ -116,7 +116,7 @@ impl GoalQueue {
             return Err(ErrorReply::new(ErrorCode::NotLocalized, "the robot does not know where it is yet; ask again"));
         }
         let goal = locate(&order)?;
-        let held = Held { order, goal, is_begun: false, way: None };
+        let held = Held { order, goal, is_begun: false, path: None };
         if self.current.is_none() {
             self.current = Some(held);
         } else {
@@ -180,7 +180,7 @@ impl GoalQueue {
     /// path to it.
     #[must_use]
     pub fn is_decided(&self, id: &str) -> bool {
-        self.current.as_ref().is_none_or(|held| held.order.id != id || held.way.is_some())
+        self.current.as_ref().is_none_or(|held| held.order.id != id || held.path.is_some())
     }
 
     /// What the pilot is to do from here on, if that is something else than before.
@@ -200,10 +200,10 @@ impl GoalQueue {
     }
 
     /// Takes in what a frame led to, and the path that the robot is on, if it is on one.
-    pub fn observe(&mut self, step: &PilotStep, way: Option<Way>) {
+    pub fn observe(&mut self, step: &PilotStep, path: Option<GoalPath>) {
         self.is_localized = step.localization.map_from_odom.is_some();
-        if let (Some(held), Some(way)) = (&mut self.current, way)
-            && held.way.replace(way).is_none()
+        if let (Some(held), Some(path)) = (&mut self.current, path)
+            && held.path.replace(path).is_none()
         {
             let id = held.order.id.clone();
             self.tell(&id);
@@ -259,14 +259,14 @@ impl GoalQueue {
         let (x, y, yaw) = (held.goal.position.x, held.goal.position.y, held.goal.yaw);
         let at = FixedPose::from_metres(x, y, yaw.unwrap_or_default());
         let to_millimetres = |metres: f64| (metres * 1e3).round() / 1e3;
-        let moved_m = held.way.map(|way| to_millimetres(way.goal_moved_m));
+        let moved_m = held.path.map(|path| to_millimetres(path.goal_moved_m));
         GoalStatus {
             state,
             id: Some(held.order.id.clone()),
             goal: Some([at.position.x(), at.position.y()]),
             goal_yaw: yaw.map(|_| at.yaw()),
             goal_moved_m: moved_m.filter(|moved_m| *moved_m > 0.0),
-            to_go_m: held.way.filter(|_| state == GoalState::Driving).map(|way| to_millimetres(way.left_m)),
+            to_go_m: held.path.filter(|_| state == GoalState::Driving).map(|path| to_millimetres(path.left_m)),
             waiting: waiting.filter(|next| *next != held.order.id),
             ..GoalStatus::idle(&self.robot)
         }

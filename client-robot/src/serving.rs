@@ -1,7 +1,7 @@
 //! A robot that stays at work: it finds its place, then drives to one goal after another, as it is
 //! sent. The loop is that of a [mission](crate::mission).
 
-use crate::goals::{GoalQueue, Way};
+use crate::goals::{GoalPath, GoalQueue};
 use crate::mission::{
     Director, MapSource, MissionConfig, MissionError, MissionGoal, MissionObserver, Services, direct, place_of,
 };
@@ -102,8 +102,8 @@ impl<D: GoalDesk> Director for Serving<'_, D> {
             return ControlFlow::Break(failed.clone());
         }
         let left_m = pilot.left_m(&step.localization);
-        let way = left_m.zip(pilot.path()).map(|(left_m, path)| Way { left_m, goal_moved_m: path.goal_moved_m });
-        self.goals.observe(step, way);
+        let path = left_m.zip(pilot.path()).map(|(left_m, path)| GoalPath { left_m, goal_moved_m: path.goal_moved_m });
+        self.goals.observe(step, path);
         ControlFlow::Continue(None)
     }
 }

@@ -20,8 +20,8 @@ fn step(outcome: Option<TaskOutcome>) -> PilotStep {
 }
 
 /// A path that reaches the goal.
-fn way(left_m: f64) -> Option<Way> {
-    Some(Way { left_m, goal_moved_m: 0.0 })
+fn way(left_m: f64) -> Option<GoalPath> {
+    Some(GoalPath { left_m, goal_moved_m: 0.0 })
 }
 
 /// A robot that stands and knows where it is.
@@ -193,7 +193,7 @@ fn who_asks_learns_that_the_robot_stopped_short_of_the_goal() {
     let mut goals = ready();
     send(&mut goals, "a").expect("taken");
     goals.next_task();
-    goals.observe(&step(None), Some(Way { left_m: 2.0, goal_moved_m: 30.5004 }));
+    goals.observe(&step(None), Some(GoalPath { left_m: 2.0, goal_moved_m: 30.5004 }));
     goals.observe(&step(Some(TaskOutcome::Arrived)), None);
     let status = goals.status(Some("a")).expect("it is remembered");
     assert_eq!((status.state, status.goal_moved_m, status.to_go_m), (GoalState::Arrived, Some(30.5), None));

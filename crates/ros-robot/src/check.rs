@@ -1,36 +1,15 @@
 //! What a robot's graph has of what is needed, as a doctor says it. No I/O.
 
 mod company;
+mod finding;
 
 use self::company::{commanded_otherwise, others};
+use self::finding::listed;
+pub use self::finding::{Finding, Readiness};
 use crate::config::RosRobotConfig;
 use fht_ros::{Endpoint, EndpointKind, NameError, Qos, resolve};
 use fht_ros_messages::RosMessage;
 use fht_ros_messages::msg::{ClockMsg, LaserScanMsg, OdometryMsg, PointCloud2, TfMessage, TwistMsg, TwistStamped};
-use serde::{Deserialize, Serialize};
-
-/// How bad a finding is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Readiness {
-    /// All is well.
-    Good,
-    /// It works, but not as it should.
-    Doubtful,
-    /// It cannot work.
-    Missing,
-}
-
-/// What was found about one topic.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Finding {
-    /// The topic's full name.
-    pub topic: String,
-    /// How bad it is.
-    pub readiness: Readiness,
-    /// What it is, and what to do.
-    pub sentence: String,
-}
 
 /// A topic that is needed.
 struct Need {
@@ -137,15 +116,6 @@ fn remedy(ros_type: &str, need: &Need) -> String {
         }
         _ => "name the topic that has it, or a node that makes it (see docs/ros2.md)".to_owned(),
     }
-}
-
-/// At most four of them, each once.
-fn listed(names: &[&str]) -> String {
-    let mut names = names.to_vec();
-    names.dedup();
-    let more = if names.len() > 4 { " …" } else { "" };
-    names.truncate(4);
-    format!("{}{more}", names.join(", "))
 }
 
 #[cfg(test)]

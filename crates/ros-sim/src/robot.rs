@@ -103,7 +103,7 @@ impl SimRobot {
         Ok(Self {
             scans: node.publisher(&config.scan, Qos::sensor_data()).await?,
             odometry: node.publisher(&config.odometry, Qos::sensor_data()).await?,
-            transforms: node.publisher("tf", Qos { depth: 100, ..Qos::sensor_data() }).await?,
+            transforms: node.publisher("tf", Qos { depth: 100, ..Qos::default() }).await?,
             truth: node.publisher("ground_truth", Qos::sensor_data()).await?,
             clock,
             _mount: fixed,

@@ -143,7 +143,8 @@ impl Fleet {
         });
     }
 
-    /// A map has grown, or has another release, at `now_us`: from then on those are behind who lack it.
+    /// A map has grown, or has another release, at `now_us`: from then on those are behind who lack
+    /// it.
     pub fn map_changed(&self, head: &Head, now_us: u64) {
         let mut known = self.lock();
         let first = Bound::Included((head.map.clone(), String::new()));

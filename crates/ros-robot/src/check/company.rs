@@ -1,6 +1,6 @@
 //! Who else is on a robot's graph: other drivers, other maps, other clocks, other distributions.
 
-use super::{Finding, Readiness, listed};
+use super::finding::{Finding, Readiness, listed};
 use crate::config::RosRobotConfig;
 use fht_ros::{Endpoint, EndpointKind};
 use fht_ros_messages::msg::{ClockMsg, OccupancyGridMsg, TwistMsg, TwistStamped};

@@ -16,8 +16,8 @@ use zenoh::Session;
 
 /// Approximate length of the messages in a file, bytes.
 const SERIES_BYTES: usize = 64 << 10;
-/// About how much is asked for at one time, bytes: what a link takes in one piece. Routers drop what
-/// it cannot take at that moment.
+/// About how much is asked for at one time, bytes: what a link takes in one piece. Routers drop
+/// what it cannot take at that moment.
 const PART_BYTES: usize = 48 << 10;
 /// The file that is standard output.
 pub(super) const STANDARD_OUTPUT: &str = "-";

@@ -47,8 +47,8 @@ pub(super) fn health_in_words(reply: &MapsReply) -> String {
     lines.join("\n")
 }
 
-/// That a map was written with a clock that is ahead of this machine's, if by more than a writer may
-/// be.
+/// That a map was written with a clock that is ahead of this machine's, if by more than a writer
+/// may be.
 fn clock_in_words(head: &Head) -> Option<String> {
     /// No difference between two machines that set their clocks.
     const MUCH: Duration = Duration::from_secs(60);
