@@ -285,7 +285,7 @@ fn only_the_canonical_form_is_taken() {
     let forged = seal(FORMAT_VERSION, Increment::KIND, &body).unwrap();
     assert_eq!(fht_proto::decode::<Increment>(&forged).unwrap(), one);
     let arrival = Arrival { key: key(ANA, 1), payload: Ok(forged) };
-    assert_eq!(check(arrival, &Limits::default(), NOW_US), Err(Refusal::NotCanonical));
+    assert_eq!(check(arrival, &Limits::default()), Err(Refusal::NotCanonical));
 }
 
 fn record(number: u64, bytes: Vec<u8>) -> Record {
