@@ -185,9 +185,9 @@ impl SmallNav2 {
         let is_there = way.norm() < 0.2 && turn.abs() < 0.1;
         let linear = if way.norm() >= 0.2 && turn.abs() < 0.3 { 0.3_f64.min(way.norm()) } else { 0.0 };
         if is_there {
-            self.drive(0.0, 0.0)
+            self.drive(0.0, 0.0);
         } else {
-            self.drive(linear, turn.clamp(-0.8, 0.8))
+            self.drive(linear, turn.clamp(-0.8, 0.8));
         }
         is_there
     }
