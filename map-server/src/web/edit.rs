@@ -19,13 +19,15 @@ const MAX_UNDONE: u64 = 100;
 #[derive(Debug, Default)]
 pub(super) struct PlannedEdit {
     pub(super) ops: Vec<Op>,
+    /// The number that the increment must have, where it stands on those before it.
+    pub(super) number: Option<u64>,
     /// Which increments that takes back, and what that does.
     pub(super) undone: Option<([u64; 2], Vec<String>)>,
 }
 
 impl From<Op> for PlannedEdit {
     fn from(op: Op) -> Self {
-        Self { ops: vec![op], undone: None }
+        Self { ops: vec![op], ..Self::default() }
     }
 }
 
@@ -159,7 +161,9 @@ fn undo(view: &MapView, log: &dyn IncrementLog, author: AuthorId, count: u64) ->
             }
         }
     }
-    Ok(PlannedEdit { ops, undone: Some(([first, last], words)) })
+    // What somebody else writes under this name meanwhile would be undone once more, or not at all.
+    let number = Some(view.head.vector.get(author) + 1);
+    Ok(PlannedEdit { ops, number, undone: Some(([first, last], words)) })
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use crate::query::{Answer, AnswerSources, internal, json, unknown_map};
 use crate::web::edit::{PlannedEdit, plan};
 use crate::web::walls::walls;
 use fht_client::AskError;
-use fht_client::author::{Authorship, NotWritten, write};
+use fht_client::author::{Authorship, NotWritten, write, write_numbered};
 use fht_map::WriterRole;
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Head};
 use fht_proto::api::request::{Request, bad_request};
@@ -65,18 +65,25 @@ impl ServerPort {
             let view = catalog.view(&order.map).ok_or_else(|| unknown_map(&order.map, catalog))?;
             plan(&view, log.as_ref(), author, &order)
         });
-        let PlannedEdit { ops, undone } = planned.await?;
-        let head = if ops.is_empty() { self.head(&map)?.as_ref().clone() } else { self.put(&map, &by, ops).await? };
+        let PlannedEdit { ops, number, undone } = planned.await?;
+        let head = match ops.is_empty() {
+            true => self.head(&map)?.as_ref().clone(),
+            false => self.put(&map, &by, number, ops).await?,
+        };
         match undone {
             None => json(&head),
             Some((undone, words)) => json(&Undone { map, version: head.version, undone, words }),
         }
     }
 
-    /// Puts one increment, and waits until it is stored.
-    async fn put(&self, map: &MapName, by: &RobotName, ops: Vec<Op>) -> Result<Head, ErrorReply> {
+    /// Puts one increment, of this number if there is one, and waits until it is stored.
+    async fn put(&self, map: &MapName, by: &RobotName, number: Option<u64>, ops: Vec<Op>) -> Result<Head, ErrorReply> {
         let authorship = Authorship { name: by.as_str(), may_begin: false, timeout: ANSWER_TIMEOUT };
-        let head = write(&self.session, map, authorship, ops).await.map_err(not_written)?;
+        let written = match number {
+            Some(number) => write_numbered(&self.session, map, authorship, number, ops).await,
+            None => write(&self.session, map, authorship, ops).await,
+        };
+        let head = written.map_err(not_written)?;
         tracing::info!(%map, %by, version = head.version, "an operator has changed the map over HTTP");
         Ok(head)
     }

@@ -177,7 +177,8 @@ fn checked(space: &FreeSpace, route: NodeRoute, config: &NodeRouteConfig) -> Opt
             || leg.windows(2).any(|pair| space.crosses(&lines, [pair[0], pair[1]], at))
     };
     let (begin_mm, end_mm) = (space.unmapped_mm(begin), space.unmapped_mm(&end));
-    let is_hidden = !space.views.is_empty() && end_mm > space.approach.unseen_goal_mm;
+    let hides = |unseen_mm: f64| !space.views.is_empty() && unseen_mm > space.approach.unseen_mm;
+    let is_hidden = hides(end_mm) || (hides(begin_mm) && length_mm(begin) > space.approach.start_mm);
     let is_walled = is_hidden || is_walled(begin, *start, PathEnd::Start) || is_walled(&end, *goal, PathEnd::Goal);
     if is_walled && config.ends != PathEnds::Known {
         return None;
