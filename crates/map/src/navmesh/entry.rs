@@ -90,12 +90,7 @@ impl FreeSpace {
             }
             nearest.entry(part).and_modify(|way| way.cost_mm *= 1.0 + config.near_factor + config.unseen_factor);
         }
-        let is_seen = |way: &MeshEntry| match end {
-            PathEnd::Start => self.may_begin(place, way),
-            PathEnd::Goal => self.may_end(way),
-            PathEnd::Known => true,
-        };
-        nearest.into_values().filter(is_seen).collect()
+        nearest.into_values().filter(|way| end != PathEnd::Goal || self.may_end(way)).collect()
     }
 }
 

@@ -27,10 +27,10 @@ pub struct EntryConfig {
     /// A goal is this far from walls that were seen, millimetres, or no robot's centre can be
     /// there. Default 75: the explorers' radius, less 30 by which scans and map may be off.
     pub goal_room_mm: f64,
-    /// The way to a goal, and from a start farther outside than `start_mm`, leads over at most so
-    /// much ground that no rectangle covers and no main node saw, millimetres, on a map that has
-    /// scans: what hides more of it may be a wall. Default 300.
-    pub unseen_mm: f64,
+    /// The way to a goal leads over at most so much ground that no rectangle covers and no main
+    /// node saw, millimetres, on a map that has scans: what hides more of it may be a wall. Default
+    /// 300.
+    pub unseen_goal_mm: f64,
     /// A robot that stands at most this far outside of the mesh gets some way into it, whatever was
     /// seen there: what stood there is gone, or the robot is not quite where it thinks it is.
     /// Millimetres. Default 400. From farther away no way leads through a wall.
@@ -57,7 +57,7 @@ impl EntryConfig {
             room_mm: footprint.entry_clearances_mm().map(f64::from),
             good_room_mm: footprint.grid_clearance_mm().into(),
             goal_room_mm: 75.0,
-            unseen_mm: 300.0,
+            unseen_goal_mm: 300.0,
             start_mm: 400.0,
             near_factor: 10.0,
             unseen_factor: 20.0,

@@ -83,15 +83,9 @@ impl FreeSpace {
         self.walls.clearance_mm(goal, room_mm) < room_mm
     }
 
-    /// Whether a path may lead along a way: nobody knows what stands on ground that is hidden.
+    /// Whether a path may end with a way: nobody knows what stands on ground that is hidden.
     pub(crate) fn may_end(&self, way: &MeshEntry) -> bool {
-        self.views.is_empty() || self.unmapped_mm(&way.whole()) <= self.approach.unseen_mm
-    }
-
-    /// Whether a path may begin with a way from `place`: a robot just outside of the mesh may leave
-    /// in any case.
-    pub(crate) fn may_begin(&self, place: Corner, way: &MeshEntry) -> bool {
-        distance(place, way.joint.place) <= self.approach.start_mm || self.may_end(way)
+        self.views.is_empty() || self.unmapped_mm(&way.whole()) <= self.approach.unseen_goal_mm
     }
 
     /// Whether the straight way from an end of a path to another place leads through one of the

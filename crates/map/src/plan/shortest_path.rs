@@ -37,17 +37,17 @@ pub fn plan(
     }
     let over_nodes = || {
         if is_closed_goal(space, to, config) {
-            return Err(RouteError::NoPath { from, to, nearest: None });
+            return Err(RouteError::no_path(from, to));
         }
         let blocked = config.blocked.union(&space.closed).copied().collect();
         let route = node_route::plan(graph, from, to, &NodeRouteConfig { blocked, ..config.clone() });
         match route {
             // A way over nodes all of whose legs lie in the mesh would have been found in it; the
             // nodes only say whether both places are on the map at all.
-            Ok(_) if space.is_mesh_needed => Err(RouteError::NoPath { from, to, nearest: None }),
+            Ok(_) if space.is_mesh_needed => Err(RouteError::no_path(from, to)),
             // The mesh has holes where nodes have no rectangles and edges no room; of an enormous
             // map there is none.
-            route => checked(space, route?, config).ok_or(RouteError::NoPath { from, to, nearest: None }),
+            route => checked(space, route?, config).ok_or(RouteError::no_path(from, to)),
         }
     };
     let refusal = match over_nodes() {
@@ -72,10 +72,17 @@ pub fn plan(
         // If there is none, nothing leads away from the start.
         (spot, PathEnds::ToNearest) => {
             let route = spot.and_then(|spot| ways.shortest_to_spot(spot));
-            route.ok_or(RouteError::NoPath { from, to, nearest: None })
+            route.ok_or(RouteError::NoPath { from, to, nearest: None, is_shut_in: ways.starts.is_empty() })
         }
-        (Some(spot), _) => Err(RouteError::NoPath { from, to, nearest: Some(fixed_point(spot.place)) }),
-        (None, _) => Err(refusal),
+        (Some(spot), _) => {
+            Err(RouteError::NoPath { from, to, nearest: Some(fixed_point(spot.place)), is_shut_in: false })
+        }
+        (None, _) => Err(match refusal {
+            RouteError::NoPath { .. } => {
+                RouteError::NoPath { from, to, nearest: None, is_shut_in: ways.starts.is_empty() }
+            }
+            other => other,
+        }),
     }
 }
 
@@ -174,11 +181,13 @@ fn checked(space: &FreeSpace, route: NodeRoute, config: &NodeRouteConfig) -> Opt
     let is_walled = |leg: &[Corner], place: Corner, at: PathEnd| {
         let lines = space.wall_lines(place, config.max_detour_m * 1000.0);
         at == PathEnd::Goal && leg.len() > 1 && space.is_in_wall(place)
-            || leg.windows(2).any(|pair| space.crosses(&lines, [pair[0], pair[1]], at))
+            // What stood under the robot is passed by where it stands, and nowhere else.
+            || leg.windows(2).enumerate().any(|(number, pair)| {
+                space.crosses(&lines, [pair[0], pair[1]], if number == 0 { at } else { PathEnd::Goal })
+            })
     };
     let (begin_mm, end_mm) = (space.unmapped_mm(begin), space.unmapped_mm(&end));
-    let hides = |unseen_mm: f64| !space.views.is_empty() && unseen_mm > space.approach.unseen_mm;
-    let is_hidden = hides(end_mm) || (hides(begin_mm) && length_mm(begin) > space.approach.start_mm);
+    let is_hidden = !space.views.is_empty() && end_mm > space.approach.unseen_goal_mm;
     let is_walled = is_hidden || is_walled(begin, *start, PathEnd::Start) || is_walled(&end, *goal, PathEnd::Goal);
     if is_walled && config.ends != PathEnds::Known {
         return None;
