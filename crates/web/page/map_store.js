@@ -20,6 +20,19 @@ export class MapStore {
     this.walls = [];
     this.rules = { places: [], zones: [], closed_edges: [], blocked: [] };
     this.releases = [];
+    // An earlier state that is shown in place of the newest; and a count of what is drawn.
+    this.past = null;
+    this.drawing = 0;
+  }
+
+  // What is shown: the newest state, or an earlier one.
+  shown() {
+    return this.past ?? this;
+  }
+
+  redraw() {
+    this.drawing += 1;
+    this.changed();
   }
 
   async load(near = [0, 0]) {
@@ -36,21 +49,21 @@ export class MapStore {
     } while (after && nodes.size < MOST_NODES);
     if (turn !== this.loading) return; // a newer one is under way
     Object.assign(this, { nodes, version, truncated: after !== "", near });
+    this.redraw();
     this.head = await ask(this.map, "head");
-    await this.loadRules();
-    await this.loadWalls();
+    await Promise.all([this.loadRules(), this.loadWalls()]);
   }
 
   async loadRules() {
-    this.rules = await ask(this.map, "rules");
-    this.releases = (await ask(this.map, "releases")).releases;
-    this.changed();
+    const [rules, { releases }] = await Promise.all([ask(this.map, "rules"), ask(this.map, "releases")]);
+    Object.assign(this, { rules, releases });
+    this.redraw();
   }
 
   async loadWalls() {
     const seen = await askWalls(this.map, this.near ?? [0, 0], 100000);
     this.walls = seen.points;
-    this.changed();
+    this.redraw();
   }
 
   async loadFleet() {
@@ -81,8 +94,8 @@ export class MapStore {
     for (const node of grown.nodes) if (this.nodes.has(node.id) || !this.truncated) this.nodes.set(node.id, node);
     this.version = Math.max(this.version, grown.version);
     if (grown.rules) this.loadRules().catch(() => {});
-    if (grown.nodes.some((node) => node.kind === "main")) this.wallsSoon();
-    this.changed();
+    if (grown.gone.length || grown.nodes.some((node) => node.kind === "main")) this.wallsSoon();
+    this.redraw();
   }
 
   wallsSoon() {
@@ -102,18 +115,14 @@ export class MapStore {
     this.changed();
   }
 
-  reload() {
-    this.load(this.near).catch(() => {});
+  // Shows an earlier state; null: the newest again.
+  showPast(past) {
+    this.past = past;
+    this.redraw();
   }
 
-  // All edges once: pairs of nodes.
-  *edges() {
-    for (const node of this.nodes.values()) {
-      for (const other of node.neighbours) {
-        const end = this.nodes.get(other);
-        if (end && node.id < end.id) yield [node, end];
-      }
-    }
+  reload() {
+    this.load(this.near).catch(() => {});
   }
 
   bounds() {
@@ -130,4 +139,20 @@ export class MapStore {
     clearTimeout(this.wallsTimer);
     this.loading = -1;
   }
+}
+
+// All edges once: pairs of nodes.
+export function* edgesOf(nodes) {
+  for (const node of nodes.values()) {
+    for (const other of node.neighbours) {
+      const end = nodes.get(other);
+      if (end && node.id < end.id) yield [node, end];
+    }
+  }
+}
+
+// An earlier state, as it was asked for.
+export function pastOf({ version, nodes, places, zones, closed_edges: closed, points, oldest }) {
+  const rules = { places, zones, closed_edges: closed, blocked: [] };
+  return { version, nodes: new Map(nodes.map((node) => [node.id, node])), rules, walls: points, oldest };
 }

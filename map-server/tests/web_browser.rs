@@ -1,0 +1,73 @@
+//! The operators' page in a browser, used as a person uses it: what is done there by clicking,
+//! dragging and typing is seen by a Zenoh client that is not ours, and the other way round. The
+//! scenarios are in `browser/`.
+#![allow(clippy::unwrap_used)] // tests may panic
+
+#[path = "../../tests/src/python.rs"]
+#[allow(dead_code)] // the other tests use more of it
+mod python;
+mod support;
+
+use fht_proto::api::keys::Key;
+use serde_json::{Value, json};
+use std::fmt::Write;
+use std::net::TcpListener;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use support::{ANA, bytes, free_endpoint};
+
+/// The browsers that Debian and others have, by their names.
+const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
+
+/// Where a program lies, if it is installed.
+fn program(names: &[&str]) -> Option<PathBuf> {
+    let folders: Vec<PathBuf> = std::env::split_paths(&std::env::var_os("PATH")?).collect();
+    let places = names.iter().flat_map(|name| folders.iter().map(move |folder| folder.join(name)));
+    places.into_iter().find(|place| place.is_file())
+}
+
+/// Increments as the foreign client puts them.
+fn increments(map: &str, numbers: RangeInclusive<u64>) -> Vec<Value> {
+    let key = |number| Key::increment(&map.parse().unwrap(), ANA, number).to_string();
+    let hex = |number| {
+        bytes(ANA, number).iter().fold(String::new(), |mut text, byte| {
+            write!(text, "{byte:02x}").unwrap();
+            text
+        })
+    };
+    numbers.map(|number| json!({ "key": key(number), "bytes": hex(number) })).collect()
+}
+
+#[test]
+fn people_see_and_steer_maps_in_a_browser() {
+    let chromium = program(&BROWSERS).expect("this test needs a browser: apt-get install -y chromium");
+    let npm = program(&["npm"]).filter(|_| program(&["node"]).is_some());
+    let npm = npm.expect("this test needs Node.js 20 or newer with npm: apt-get install -y nodejs npm");
+    let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser");
+    if !scripts.join("node_modules/.package-lock.json").exists() {
+        python::run(Command::new(npm).arg("ci").current_dir(&scripts));
+    }
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("web-browser");
+    let python = python::environment(&folder, &["eclipse-zenoh==1.10.2"]).join("python");
+
+    let dir = tempfile::tempdir().unwrap();
+    let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let config = json!({
+        "program": env!("CARGO_BIN_EXE_map-server"),
+        "python": python,
+        "chromium": chromium,
+        "data": dir.path().join("data"),
+        "endpoint": free_endpoint(),
+        "address": address.to_string(),
+        "begin": [increments("museum", 1..=12), increments("lab", 1..=3)].concat(),
+        "later": increments("museum", 13..=16),
+        "last": increments("museum", 17..=17),
+    });
+    let file = dir.path().join("config.json");
+    std::fs::write(&file, config.to_string()).unwrap();
+    let run = Command::new("node").arg(scripts.join("run.mjs")).arg(&file).output().unwrap();
+    let said = String::from_utf8_lossy(&run.stdout);
+    println!("{said}");
+    assert!(run.status.success(), "{said}{}", String::from_utf8_lossy(&run.stderr));
+}
