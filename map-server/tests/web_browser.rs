@@ -9,13 +9,14 @@ mod python;
 mod support;
 
 use fht_proto::api::keys::Key;
+use fht_proto::{EdgeKey, FixedPose, Increment, MapName, NodeKind, Op, Rect, encode};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::net::TcpListener;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use support::{ANA, bytes, free_endpoint};
+use support::{ANA, bytes, free_endpoint, node};
 
 /// The browsers that Debian and others have, by their names.
 const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
@@ -27,20 +28,45 @@ fn program(names: &[&str]) -> Option<PathBuf> {
     places.into_iter().find(|place| place.is_file())
 }
 
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        write!(text, "{byte:02x}").unwrap();
+        text
+    })
+}
+
 /// Increments as the foreign client puts them.
 fn increments(map: &str, numbers: RangeInclusive<u64>) -> Vec<Value> {
     let key = |number| Key::increment(&map.parse().unwrap(), ANA, number).to_string();
-    let hex = |number| {
-        bytes(ANA, number).iter().fold(String::new(), |mut text, byte| {
-            write!(text, "{byte:02x}").unwrap();
-            text
-        })
-    };
-    numbers.map(|number| json!({ "key": key(number), "bytes": hex(number) })).collect()
+    numbers.map(|number| json!({ "key": key(number), "bytes": hex(&bytes(ANA, number)) })).collect()
 }
 
-#[test]
-fn people_see_and_steer_maps_in_a_browser() {
+/// A hall of 5,000 rectangles, in twenty increments.
+fn hall() -> Vec<Value> {
+    let map: MapName = "hall".parse().unwrap();
+    let increment = |number: u32| {
+        let mut ops = Vec::new();
+        for index in 250 * (number - 1)..250 * number {
+            let (id, x, y) = (node(ANA, index), index % 100, index / 100);
+            let pose = FixedPose::from_metres(f64::from(x), f64::from(y), 0.0);
+            let (x, y) = (f64::from(x), f64::from(y));
+            let rect = Rect::around(pose.position, (x - 0.6, y - 0.6), (x + 0.6, y + 0.6));
+            ops.push(Op::PutNode { id, kind: NodeKind::Support, pose });
+            ops.push(Op::SetFreeSpace { id, rect: Some(rect) });
+            let before = [(index % 100 > 0).then(|| index - 1), index.checked_sub(100)];
+            ops.extend(before.into_iter().flatten().map(|other| Op::PutEdge { edge: EdgeKey::new(node(ANA, other), id) }));
+        }
+        Increment { author: ANA, number: u64::from(number), hlc_us: 1_000_000 + u64::from(number), ops }
+    };
+    let put = |number| {
+        let key = Key::increment(&map, ANA, u64::from(number)).to_string();
+        json!({ "key": key, "bytes": hex(&encode(&increment(number)).unwrap()) })
+    };
+    (1..=20).map(put).collect()
+}
+
+/// Runs a script with a server of its own; what it prints.
+fn run(script: &str) -> String {
     let chromium = program(&BROWSERS).expect("this test needs a browser: apt-get install -y chromium");
     let npm = program(&["npm"]).filter(|_| program(&["node"]).is_some());
     let npm = npm.expect("this test needs Node.js 20 or newer with npm: apt-get install -y nodejs npm");
@@ -53,6 +79,8 @@ fn people_see_and_steer_maps_in_a_browser() {
 
     let dir = tempfile::tempdir().unwrap();
     let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let mut begin = increments("museum", 1..=12);
+    begin.extend(increments("lab", 1..=3));
     let config = json!({
         "program": env!("CARGO_BIN_EXE_map-server"),
         "python": python,
@@ -60,14 +88,26 @@ fn people_see_and_steer_maps_in_a_browser() {
         "data": dir.path().join("data"),
         "endpoint": free_endpoint(),
         "address": address.to_string(),
-        "begin": [increments("museum", 1..=12), increments("lab", 1..=3)].concat(),
+        "begin": begin,
         "later": increments("museum", 13..=16),
         "last": increments("museum", 17..=17),
+        "hall": hall(),
     });
     let file = dir.path().join("config.json");
     std::fs::write(&file, config.to_string()).unwrap();
-    let run = Command::new("node").arg(scripts.join("run.mjs")).arg(&file).output().unwrap();
-    let said = String::from_utf8_lossy(&run.stdout);
-    println!("{said}");
+    let run = Command::new("node").arg(scripts.join(script)).arg(&file).output().unwrap();
+    let said = String::from_utf8_lossy(&run.stdout).into_owned();
     assert!(run.status.success(), "{said}{}", String::from_utf8_lossy(&run.stderr));
+    said
+}
+
+#[test]
+fn people_see_and_steer_maps_in_a_browser() {
+    println!("{}", run("run.mjs"));
+}
+
+#[test]
+#[ignore = "it measures, for docs/web.md"]
+fn a_large_map_with_many_robots_is_drawn_fast() {
+    println!("{}", run("speed.mjs"));
 }

@@ -41,7 +41,8 @@ export class Drawing {
     asked(pen, overlay);
     if (!store.past) robots(pen, [...store.robots.values()]);
     scaleBar(pen);
-    if (document.activeElement === view.canvas) cross(pen);
+    if (store.past) stamp(pen, `as it was at version ${store.past.version}`);
+    if (view.canvas.matches(":focus-visible")) cross(pen);
   }
 }
 
@@ -140,6 +141,14 @@ function scaleBar(pen) {
   context.fillStyle = colours.ink;
   context.fillRect(left, base, metres * view.scale, 3 * unit);
   context.fillText(metres >= 0.01 ? `${metres >= 1 ? metres : metres.toFixed(2)} m` : `${metres * 1000} mm`, left, base - 5 * unit);
+}
+
+// An earlier state must not be taken for the newest.
+function stamp(pen, text) {
+  const { context, colours, unit } = pen;
+  context.font = `600 ${15 * unit}px system-ui, sans-serif`;
+  context.fillStyle = colours.moved;
+  context.fillText(text, 12 * unit, 24 * unit);
 }
 
 function cross(pen) {

@@ -41,7 +41,7 @@ export function showHealth(main) {
 }
 
 const number = (text) => [text, "number"];
-const time = (seconds) => (seconds === null ? "–" : seconds === Infinity ? "over 10 s" : seconds < 1 ? `${seconds * 1000} ms` : `${seconds} s`);
+const time = (seconds) => (seconds === null ? "–" : seconds === Infinity ? "over 10 s" : seconds < 1 ? `${Number((seconds * 1000).toFixed(1))} ms` : `${seconds} s`);
 
 function draw(first, last, boxes) {
   const seconds = Math.max((last.at - first.at) / 1000, 0.001);

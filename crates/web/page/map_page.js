@@ -42,7 +42,7 @@ function layout(main, map) {
 export function showMap(main, map, me) {
   const { canvas, boxes, tools: toolBox, said, under, corner } = layout(main, map);
   const drawing = new Drawing(canvas);
-  let [isDue, hasEnded, differs, panelsTimer] = [false, false, null, undefined];
+  let [isDue, isDrawn, hasEnded, differs, panelsTimer, panelsAt] = [false, false, false, null, undefined, 0];
   const say = (text, kind = "") => {
     said.textContent = text;
     said.className = kind;
@@ -60,13 +60,18 @@ export function showMap(main, map, me) {
   }
   function changed() {
     if (hasEnded) return;
+    // For those who measure how long it took.
+    if (store.nodes.size && !isDrawn) requestAnimationFrame(() => performance.mark("map drawn"));
+    isDrawn ||= store.nodes.size > 0;
     // A map that grows stays in sight until somebody moves it.
     if (!view.isMoved && !store.past && store.nodes.size) view.fit(store.bounds());
     soon();
-    panelsTimer ??= setTimeout(drawPanels, PANELS_EVERY_MS);
+    // What comes after a while is shown at once, and what comes often not each time.
+    panelsTimer ??= setTimeout(drawPanels, Math.max(0, panelsAt + PANELS_EVERY_MS - performance.now()));
   }
   function drawPanels() {
     panelsTimer = undefined;
+    panelsAt = performance.now();
     if (hasEnded) return;
     drawRobots(boxes.robots, store, (at) => view.show(at));
     drawAbout(boxes.about, store);

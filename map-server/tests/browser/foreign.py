@@ -2,7 +2,10 @@
 answers each with a line of JSON."""
 
 import json
+import math
 import sys
+import threading
+import time
 
 import zenoh
 
@@ -32,11 +35,30 @@ def carry_out(session: zenoh.Session, tokens: dict, order: dict) -> dict:
         session.put(order["put"], json.dumps(order["value"]))
     elif "put_bytes" in order:
         session.put(order["put_bytes"], bytes.fromhex(order["bytes"]))
+    elif "swarm" in order:
+        threading.Thread(target=swarm, args=(session, order), daemon=True).start()
     elif "token" in order:
         tokens[order["token"]] = session.liveliness().declare_token(order["token"])
     elif "drop" in order:
         tokens.pop(order["drop"]).undeclare()
     return {"ok": None}
+
+
+def swarm(session: zenoh.Session, order: dict) -> None:
+    """Robots that drive in circles and say where they are."""
+    names = [f"amr-{number}" for number in range(order["robots"])]
+    keys = [f"fht/{order['swarm']}/robots/{name}" for name in names]
+    tokens = [session.liveliness().declare_token(key) for key in keys]
+    begin, turn = time.monotonic(), 0
+    while tokens and time.monotonic() < begin + order["for_s"]:
+        for number, (name, key) in enumerate(zip(names, keys)):
+            angle = 0.1 * turn / order["hz"] + number
+            x, y = 5.0 * (number % 20) + math.cos(angle), 5.0 * (number // 20) + math.sin(angle)
+            pose = {"robot": name, "localized": True, "state": "LOCALIZED", "confidence": 0.97,
+                    "map_from_base": [round(x, 3), round(y, 3), round(math.remainder(angle, math.tau), 4)]}
+            session.put(f"{key}/pose", json.dumps(pose))
+        turn += 1
+        time.sleep(max(0.0, begin + turn / order["hz"] - time.monotonic()))
 
 
 main()

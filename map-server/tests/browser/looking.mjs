@@ -2,7 +2,7 @@
 
 import { Person, check, until } from "./site.mjs";
 
-export async function maps_are_listed_and_searched({ browser, url, foreign }) {
+async function maps_are_listed_and_searched({ browser, url, foreign }) {
   const ada = await Person.at(browser, url);
   await ada.isLive();
   const links = ada.page.locator("main td a");
@@ -19,7 +19,7 @@ export async function maps_are_listed_and_searched({ browser, url, foreign }) {
   await ada.end();
 }
 
-export async function the_map_is_moved_zoomed_and_measured({ browser, url }) {
+async function the_map_is_moved_zoomed_and_measured({ browser, url }) {
   const ada = await Person.at(browser, `${url}#/museum`);
   await ada.isLive();
   const free = await until("free space is drawn", async () => {
@@ -54,7 +54,7 @@ export async function the_map_is_moved_zoomed_and_measured({ browser, url }) {
   await ada.end();
 }
 
-export async function a_map_grows_while_somebody_looks({ browser, url, foreign, later }) {
+async function a_map_grows_while_somebody_looks({ browser, url, foreign, later }) {
   const ada = await Person.at(browser, `${url}#/museum`);
   await ada.isLive();
   const about = ada.side("Map");
@@ -70,7 +70,7 @@ export async function a_map_grows_while_somebody_looks({ browser, url, foreign, 
 
 const pose = (robot, more) => ({ robot, localized: false, state: "CANDIDATES", confidence: 0.62, ...more });
 
-export async function robots_come_and_go_with_their_state({ browser, url, foreign }) {
+async function robots_come_and_go_with_their_state({ browser, url, foreign }) {
   const ada = await Person.at(browser, `${url}#/museum`);
   await ada.isLive();
   const status = { role: "client", map: "museum", version: 3, vector: { "0000000a": 3 } };
@@ -105,7 +105,7 @@ export async function robots_come_and_go_with_their_state({ browser, url, foreig
   await ada.end();
 }
 
-export async function health_is_shown({ browser, url, foreign }) {
+async function health_is_shown({ browser, url, foreign }) {
   const ada = await Person.at(browser, `${url}#health`);
   await ada.isLive();
   const main = ada.page.locator("main");
@@ -118,3 +118,12 @@ export async function health_is_shown({ browser, url, foreign }) {
   await ada.isAccessible("health");
   await ada.end();
 }
+
+// In this order: the map grows on the way.
+export default [
+  maps_are_listed_and_searched,
+  the_map_is_moved_zoomed_and_measured,
+  a_map_grows_while_somebody_looks,
+  robots_come_and_go_with_their_state,
+  health_is_shown,
+];

@@ -4,10 +4,10 @@
 // and the address to serve at, and the increments of the map (begin, later, last).
 
 import { readFile } from "node:fs/promises";
-import * as looking from "./looking.mjs";
+import looking from "./looking.mjs";
 import { Foreign, Server, launch, until } from "./site.mjs";
-import * as steering from "./steering.mjs";
-import * as together from "./together.mjs";
+import steering from "./steering.mjs";
+import together from "./together.mjs";
 
 const [file, ...wanted] = process.argv.slice(2);
 const config = JSON.parse(await readFile(file, "utf8"));
@@ -24,7 +24,8 @@ try {
     const { maps } = await foreign.get("fht/maps");
     return maps.map(({ map, version }) => `${map} ${version}`).join() === "lab 3,museum 12";
   });
-  for (const [name, scenario] of Object.entries({ ...looking, ...steering, ...together })) {
+  for (const scenario of [...looking, ...steering, ...together]) {
+    const { name } = scenario;
     if (wanted.length && !wanted.includes(name)) continue;
     const begun = Date.now();
     try {

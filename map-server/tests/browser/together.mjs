@@ -2,7 +2,7 @@
 
 import { Person, check, until } from "./site.mjs";
 
-export async function two_browsers_see_each_others_changes({ browser, url }) {
+async function two_browsers_see_each_others_changes({ browser, url }) {
   const [ada, ben] = [await Person.at(browser, `${url}#/lab`), await Person.at(browser, `${url}#/lab`)];
   for (const person of [ada, ben]) {
     await person.isLive();
@@ -27,7 +27,7 @@ export async function two_browsers_see_each_others_changes({ browser, url }) {
   for (const person of [ada, ben]) await person.end();
 }
 
-export async function a_restarted_server_is_shown_and_heals_without_reloading({ browser, url, server, foreign }) {
+async function a_restarted_server_is_shown_and_heals_without_reloading({ browser, url, server, foreign }) {
   const ada = await Person.at(browser, `${url}#/lab`);
   await ada.isLive();
   await until("the map is there", async () => (await ada.side("Map").textContent()).includes("main"));
@@ -48,7 +48,7 @@ const HOSTILE = ["<img src=x onerror=\"globalThis.isHit=1\">", "<script>globalTh
   "javascript:globalThis.isHit=1", "{{constructor.constructor('isHit=1')()}}", "&lt;b&gt;", "‮evil", "__proto__"];
 
 // The server takes in none of them. So something else between says them, as if it did.
-export async function hostile_names_are_never_markup({ browser, url }) {
+async function hostile_names_are_never_markup({ browser, url }) {
   const ada = await Person.at(browser, "about:blank");
   const say = async (address, alter) => ada.page.route(address, async (route) => {
     const reply = await route.fetch();
@@ -89,7 +89,7 @@ export async function hostile_names_are_never_markup({ browser, url }) {
   await ada.end();
 }
 
-export async function a_phone_and_a_wall_have_everything_in_sight({ browser, url }) {
+async function a_phone_and_a_wall_have_everything_in_sight({ browser, url }) {
   const sizes = [
     [{ width: 390, height: 844 }, { hasTouch: true, isMobile: true, deviceScaleFactor: 2 }],
     [{ width: 3840, height: 2160 }, { colorScheme: "dark" }],
@@ -110,3 +110,11 @@ export async function a_phone_and_a_wall_have_everything_in_sight({ browser, url
     await ada.end();
   }
 }
+
+// In this order: the map grows on the way.
+export default [
+  two_browsers_see_each_others_changes,
+  a_restarted_server_is_shown_and_heals_without_reloading,
+  hostile_names_are_never_markup,
+  a_phone_and_a_wall_have_everything_in_sight,
+];
