@@ -18,11 +18,10 @@ export function drawRobots(box, store, showAt) {
   const rows = fleet.map(({ status, alive, behind, late, seen_s: seen }) => ({
     name: status.robot,
     isThere: alive && Boolean(store.robots.get(status.robot)?.map_from_base ?? store.robots.get(status.robot)?.candidates?.length),
-    state: alive ? stateOf(store.robots.get(status.robot) ?? status) : `away for ${ago(seen)}`,
+    state: (status.role === "explorer" && alive ? "explores, " : "") + (alive ? stateOf(store.robots.get(status.robot) ?? status) : `away for ${ago(seen)}`),
     has: late ? `${behind} behind, late` : behind ? `${behind} behind` : "up to date",
     late: late && alive,
     runs: status.release ?? "newest",
-    does: status.role === "explorer" ? "explores" : "uses it",
   }));
   const find = (name) => {
     const robot = store.robots.get(name);
@@ -30,10 +29,10 @@ export function drawRobots(box, store, showAt) {
     if (at) showAt(at);
   };
   fillIfNew(box, [rows, store.fleet.length], () => (rows.length
-    ? table(`${store.fleet.filter(({ alive }) => alive).length} here, ${store.fleet.length} heard of`, ["name", "does", "state", "map", "runs"],
+    ? table(`${store.fleet.filter(({ alive }) => alive).length} here, ${store.fleet.length} heard of`, ["name", "state", "map", "runs"],
       rows.map((row) => [
         row.isThere ? el("button", { type: "button", class: "plain", title: "show it", onclick: () => find(row.name) }, row.name) : row.name,
-        row.does, row.state, [row.has, row.late ? "bad" : ""], row.runs,
+        row.state, [row.has, row.late ? "bad" : ""], row.runs,
       ]))
     : el("p", { class: "soft" }, "none was heard of")));
 }

@@ -122,8 +122,8 @@ function differences(pen, { added, gone, moved }) {
     const [west, south, east, north] = rect;
     pen.area([[west, south], [east, south], [east, north], [west, north]], colour, alpha);
   };
-  for (const node of gone) outline(node, colours.gone, 0.25);
-  for (const node of added) outline(node, colours.added, 0.25);
+  for (const node of gone) outline(node, colours.gone, 0.12);
+  for (const node of added) outline(node, colours.added, 0.12);
   for (const node of gone) pen.dot(node.x, node.y, 5, colours.gone);
   for (const node of added) pen.dot(node.x, node.y, 5, colours.added);
   for (const [was, node] of moved) {

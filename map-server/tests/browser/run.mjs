@@ -34,6 +34,7 @@ try {
     } catch (error) {
       failed += 1;
       console.log(`FAILED  ${name}: ${error.stack}`);
+      for (const context of browser.contexts()) await context.close();
     }
   }
 } finally {

@@ -51,8 +51,12 @@ const HOSTILE = ["<img src=x onerror=\"globalThis.isHit=1\">", "<script>globalTh
 async function hostile_names_are_never_markup({ browser, url }) {
   const ada = await Person.at(browser, "about:blank");
   const say = async (address, alter) => ada.page.route(address, async (route) => {
-    const reply = await route.fetch();
-    await route.fulfill({ response: reply, json: alter(await reply.json()) });
+    try {
+      const reply = await route.fetch();
+      await route.fulfill({ response: reply, json: alter(await reply.json()) });
+    } catch {
+      // The page was left meanwhile.
+    }
   });
   await say("**/fht/maps", (maps) => ({ maps: HOSTILE.map((map) => ({ ...maps.maps[0], map })), warning: HOSTILE[0] }));
   await say("**/fht/lab/rules", (rules) => ({
