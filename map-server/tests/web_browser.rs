@@ -65,8 +65,8 @@ fn hall() -> Vec<Value> {
     (1..=20).map(put).collect()
 }
 
-/// Runs a script with a server of its own; what it prints.
-fn run(script: &str) -> String {
+/// Runs a script with a server of its own, with more flags, and files in a folder; what it prints.
+fn run(script: &str, flags: &[String], folder: Option<&Path>) -> String {
     let chromium = program(&BROWSERS).expect("this test needs a browser: apt-get install -y chromium");
     let npm = program(&["npm"]).filter(|_| program(&["node"]).is_some());
     let npm = npm.expect("this test needs Node.js 20 or newer with npm: apt-get install -y nodejs npm");
@@ -74,8 +74,8 @@ fn run(script: &str) -> String {
     if !scripts.join("node_modules/.package-lock.json").exists() {
         python::run(Command::new(npm).arg("ci").current_dir(&scripts));
     }
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("web-browser");
-    let python = python::environment(&folder, &["eclipse-zenoh==1.10.2"]).join("python");
+    let packages = Path::new(env!("CARGO_TARGET_TMPDIR")).join("web-browser");
+    let python = python::environment(&packages, &["eclipse-zenoh==1.10.2"]).join("python");
 
     let dir = tempfile::tempdir().unwrap();
     let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
@@ -92,6 +92,8 @@ fn run(script: &str) -> String {
         "later": increments("museum", 13..=16),
         "last": increments("museum", 17..=17),
         "hall": hall(),
+        "flags": flags,
+        "folder": folder,
     });
     let file = dir.path().join("config.json");
     std::fs::write(&file, config.to_string()).unwrap();
@@ -103,11 +105,25 @@ fn run(script: &str) -> String {
 
 #[test]
 fn people_see_and_steer_maps_in_a_browser() {
-    println!("{}", run("run.mjs"));
+    println!("{}", run("run.mjs", &[], None));
+}
+
+#[test]
+fn certificates_decide_what_the_page_offers() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../deploy/make-certificates.sh");
+    for arguments in [&["authority"][..], &["server", "maps", "localhost"], &["operator", "ada"], &["client", "tug"]] {
+        let mut make = Command::new("sh");
+        python::run(make.arg(&script).arg("--out").arg(folder.path()).arg("--no-passphrase").args(arguments));
+    }
+    let files = [("certificate", "server-maps.pem"), ("key", "server-maps.key"), ("authority", "ca.pem")];
+    let flag = |(name, file): (&str, &str)| [format!("--web-{name}"), folder.path().join(file).display().to_string()];
+    let flags: Vec<String> = files.into_iter().flat_map(flag).collect();
+    println!("{}", run("secured.mjs", &flags, Some(folder.path())));
 }
 
 #[test]
 #[ignore = "it measures, for docs/web.md"]
 fn a_large_map_with_many_robots_is_drawn_fast() {
-    println!("{}", run("speed.mjs"));
+    println!("{}", run("speed.mjs", &[], None));
 }

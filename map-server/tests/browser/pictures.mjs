@@ -1,12 +1,12 @@
-// Pictures of each view, for docs/web.md: node pictures.mjs URL FOLDER
+// Pictures of each view, for docs/web.md: node pictures.mjs URL FOLDER CHROMIUM
 //
 // At URL there is a server with the page on which somebody may change maps, with a map `museum` of
 // the built-in museum with a release `spring.1` and two places, and robots on it.
 
 import { Person, launch, until } from "./site.mjs";
 
-const [url, folder] = process.argv.slice(2);
-const browser = await launch("/usr/bin/chromium");
+const [url, folder, chromium] = process.argv.slice(2);
+const browser = await launch(chromium);
 
 async function view(name, hash, options, act = async () => {}) {
   const ada = await Person.at(browser, `${url}${hash}`, { viewport: { width: 1180, height: 760 }, ...options });
