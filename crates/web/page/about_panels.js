@@ -18,7 +18,7 @@ export function drawRobots(box, store, showAt) {
   const rows = fleet.map(({ status, alive, behind, late, seen_s: seen }) => ({
     name: status.robot,
     isThere: alive && Boolean(store.robots.get(status.robot)?.map_from_base ?? store.robots.get(status.robot)?.candidates?.length),
-    state: (status.role === "explorer" && alive ? "explores, " : "") + (alive ? stateOf(store.robots.get(status.robot) ?? status) : `away for ${ago(seen)}`),
+    state: (status.role === "explorer" && alive ? "explores, " : "") + (alive ? stateOf(store.robots.get(status.robot) ?? status) + sentTo(store.goals.get(status.robot)) : `away for ${ago(seen)}`),
     has: late ? `${behind} behind, late` : behind ? `${behind} behind` : "up to date",
     late: late && alive,
     runs: status.release ?? "newest",
@@ -40,6 +40,12 @@ export function drawRobots(box, store, showAt) {
 function stateOf({ state, candidates = [], confidence = 0, lost_because: why }) {
   if (candidates.length) return `${candidates.length} candidates, the likeliest ${Math.round(100 * confidence)} %`;
   return why ? `${state}: ${why}` : state;
+}
+
+function sentTo(goal) {
+  if (!goal || goal.state === "IDLE") return "";
+  if (goal.state === "DRIVING") return `, drives: ${(goal.to_go_m ?? 0).toFixed(0)} m to go`;
+  return goal.reason ? `, ${goal.state.toLowerCase()}: ${goal.reason}` : `, ${goal.state.toLowerCase()}`;
 }
 
 function ago(seconds) {

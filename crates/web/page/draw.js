@@ -19,6 +19,12 @@ export class Drawing {
     this.drawn = "";
   }
 
+  // A floor plan under the map; null: none.
+  setPlan(plan) {
+    this.plan = plan;
+    this.drawn = "";
+  }
+
   setLayer(name, isOn) {
     this.layers[name] = isOn;
     this.drawn = "";
@@ -39,7 +45,10 @@ export class Drawing {
     if (overlay.differs) differences(pen, overlay.differs);
     if (!store.past) for (const blocked of store.rules.blocked) drawBlocked(pen, blocked, store);
     asked(pen, overlay);
-    if (!store.past) robots(pen, [...store.robots.values()]);
+    if (!store.past) {
+      for (const { corners } of store.ways.values()) way(pen, corners);
+      robots(pen, [...store.robots.values()]);
+    }
     scaleBar(pen);
     if (store.past) stamp(pen, `as it was at version ${store.past.version}`);
     if (view.canvas.matches(":focus-visible")) cross(pen);
@@ -54,6 +63,13 @@ function drawBlocked(pen, { robot, for_s: seconds, edges = [], places = [] }, st
     pen.dot(x, y, Math.max(5, (0.3 * pen.view.scale) / pen.unit), pen.colours.blocked);
     pen.text(x, y, `${robot}: blocked for ${Math.round(seconds)} s more`, pen.colours.blocked);
   }
+}
+
+// Where a robot that was sent drives.
+function way(pen, corners) {
+  if (!corners.length) return;
+  pen.line(corners, pen.colours.robot, 3, [7, 5]);
+  pen.ring(...corners.at(-1), 6, pen.colours.robot);
 }
 
 function robots(pen, all) {

@@ -7,6 +7,7 @@ import { Drawing } from "./draw.js";
 import { Live } from "./live.js";
 import { MapStore } from "./map_store.js";
 import { PathPanel } from "./path_panel.js";
+import { PlanPanel } from "./plan_panel.js";
 import { ReleasePanel } from "./release_panel.js";
 import { TimePanel } from "./time_panel.js";
 import { Tools } from "./tools.js";
@@ -18,7 +19,7 @@ const PANELS_EVERY_MS = 300;
 
 const LAYERS = [["graph", "nodes and edges"], ["walls", "walls"], ["outlines", "rectangles"], ["names", "names"]];
 const PARTS = [["path", "Path"], ["changes", "Places, zones, closures"], ["releases", "Releases"], ["time", "Time"],
-  ["robots", "Robots"], ["about", "Map"]];
+  ["robots", "Robots"], ["about", "Map"], ["plan", "Floor plan"]];
 
 function layout(main, map) {
   const canvas = el("canvas", {
@@ -106,6 +107,13 @@ export function showMap(main, map, me) {
     },
   });
   const time = new TimePanel(boxes.time, store, { say });
+  new PlanPanel(boxes.plan, map, {
+    say,
+    changed: (plan) => {
+      drawing.setPlan(plan);
+      soon();
+    },
+  });
   const tools = new Tools(toolBox, changes.mayChange, {
     say, changed: soon,
     chosen: (chosen) => (chosen.kind === "ends" ? path.take(chosen.ends) : changes.take(chosen)),
@@ -118,6 +126,7 @@ export function showMap(main, map, me) {
     head: (head) => store.takeHead(head),
     grown: (grown) => store.takeGrown(grown),
     robots: (moved) => store.takeRobots(moved),
+    goals: (goals) => store.takeGoals(goals),
     gone: (gone) => store.takeGone(gone),
     blocked: () => store.loadRules().catch(failed),
   }, () => store.load(store.near).then(() => store.loadFleet()).catch(failed));

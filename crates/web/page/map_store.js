@@ -7,12 +7,16 @@ const MOST_NODES = 20000; // of a larger map those nearest to where it was opene
 const PAGE = 1000;
 const GAP_MS = 1500;
 const WALLS_EVERY_MS = 3000;
+const WAY_EVERY_MS = 3000;
+const MOST_WAYS = 20; // robots whose ways are asked for
 
 export class MapStore {
   constructor(map, changed) {
     Object.assign(this, { map, changed });
     this.nodes = new Map();
     this.robots = new Map();
+    this.goals = new Map();
+    this.ways = new Map();
     this.fleet = [];
     this.head = null;
     this.version = -1;
@@ -110,8 +114,31 @@ export class MapStore {
     this.changed();
   }
 
+  // Where robots are sent.
+  takeGoals({ goals }) {
+    for (const goal of goals) {
+      this.goals.set(goal.robot, goal);
+      if (goal.state !== "DRIVING") this.ways.delete(goal.robot);
+      else this.loadWay(goal).catch(() => {});
+    }
+    this.changed();
+  }
+
+  // A robot does not tell its path: this is the one that the server would plan now.
+  async loadWay({ robot, goal }) {
+    const pose = this.robots.get(robot)?.map_from_base;
+    const known = this.ways.get(robot);
+    if (!pose || !goal || (known && performance.now() - known.at < WAY_EVERY_MS)) return;
+    if (!known && this.ways.size >= MOST_WAYS) return;
+    this.ways.set(robot, { at: performance.now(), corners: known?.corners ?? [] });
+    const [from, to] = [pose, goal].map((at) => at.slice(0, 2).map((metres) => metres.toFixed(3)).join(","));
+    const { waypoints } = await ask(this.map, "path", { from, to, to_nearest: true });
+    if (this.ways.has(robot)) this.ways.set(robot, { at: performance.now(), corners: waypoints.map(({ x, y }) => [x, y]) });
+    this.changed();
+  }
+
   takeGone({ robot }) {
-    this.robots.delete(robot);
+    for (const of of [this.robots, this.goals, this.ways]) of.delete(robot);
     this.changed();
   }
 

@@ -4,12 +4,13 @@
 import { edgesOf } from "./map_store.js";
 import { Pen } from "./pen.js";
 
-export function drawStill(context, view, store, { colours, layers }) {
+export function drawStill(context, view, store, { colours, layers, plan }) {
   const pen = new Pen(context, view, colours);
   const shown = store.shown();
   context.fillStyle = colours.ground;
   context.fillRect(0, 0, view.width, view.height);
-  rectangles(pen, shown.nodes.values(), layers.outlines);
+  if (plan) floorPlan(pen, plan);
+  rectangles(pen, shown.nodes.values(), layers.outlines, plan ? 0.5 : 1);
   if (layers.walls) walls(pen, shown.walls);
   if (layers.graph) {
     edges(pen, shown.nodes);
@@ -20,10 +21,23 @@ export function drawStill(context, view, store, { colours, layers }) {
   for (const place of shown.rules.places) drawPlace(pen, place, layers.names);
 }
 
-function rectangles(pen, nodes, withOutlines) {
+// An image whose lower left corner lies somewhere, and which is turned about it.
+function floorPlan(pen, { image, placing: { x, y, scale, turn, shade } }) {
+  const { context, view } = pen;
+  const side = scale * view.scale;
+  context.save();
+  context.translate(...view.toPixels(x, y));
+  context.rotate((-turn * Math.PI) / 180);
+  context.globalAlpha = Math.min(1, Math.max(0, shade));
+  context.drawImage(image, 0, -image.naturalHeight * side, image.naturalWidth * side, image.naturalHeight * side);
+  context.restore();
+}
+
+function rectangles(pen, nodes, withOutlines, alpha) {
   const { context, view, colours } = pen;
   const [west, south, east, north] = pen.box;
   context.fillStyle = colours.free;
+  context.globalAlpha = alpha;
   const shown = [];
   for (const { free_space: rect } of nodes) {
     if (!rect || rect[2] < west || rect[0] > east || rect[3] < south || rect[1] > north) continue;
@@ -32,6 +46,7 @@ function rectangles(pen, nodes, withOutlines) {
     context.fillRect(x, y, w, h);
     shown.push([x, y, w, h]);
   }
+  context.globalAlpha = 1;
   if (view.scale < 12 || !withOutlines) return;
   context.strokeStyle = colours["free-line"];
   context.lineWidth = 1;

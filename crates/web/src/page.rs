@@ -40,6 +40,7 @@ const FILES: &[(&str, &str, &[u8])] = files! {
     "release_panel.js": SCRIPT,
     "time_panel.js": SCRIPT,
     "about_panels.js": SCRIPT,
+    "plan_panel.js": SCRIPT,
 };
 
 fn file_with(kind: &'static str, bytes: &'static [u8]) -> Response {

@@ -89,6 +89,11 @@ async function robots_come_and_go_with_their_state({ browser, url, foreign }) {
     await say("tug-1", pose("tug-1", { candidates: [[3, 0.5, 0], [8, 0.5, 3.14]] }));
     return (await robots.textContent()).includes("2 candidates, the likeliest 62 %");
   });
+  await until("where it is sent, and the way there", async () => {
+    await say("amr-7", pose("amr-7", { localized: true, state: "LOCALIZED", confidence: 0.97, map_from_base: [2, 0.5, 0] }));
+    await foreign.put("fht/museum/robots/amr-7/goal/status", { robot: "amr-7", state: "DRIVING", id: "1", goal: [13, 0.5], to_go_m: 11 });
+    return (await robots.textContent()).includes("drives: 11 m to go");
+  });
   await ada.press("The whole map");
   await until("a candidate is drawn", async () => {
     const [red, green, blue] = await ada.colourAt(8, 0.5);

@@ -194,6 +194,29 @@ async function the_map_is_seen_as_it_was({ browser, url }) {
   await ada.end();
 }
 
+async function a_floor_plan_lies_under_the_map_and_is_kept({ browser, url }) {
+  const ada = await Person.at(browser, `${url}#/museum`);
+  await ada.isLive();
+  await until("the map is there", async () => (await ada.side("Map").textContent()).includes("main"));
+  const isRed = async () => {
+    const [red, green] = await ada.colourAt(5.5, 3);
+    return red > green + 80;
+  };
+  const svg = '<svg xmlns="http://www.w3.org/2000/svg" width="100" height="100"><rect width="100" height="100" fill="#f00"/></svg>';
+  const plan = ada.side("Floor plan");
+  await plan.getByLabel("image of the floor plan").setInputFiles({ name: "plan.svg", mimeType: "image/svg+xml", buffer: Buffer.from(svg) });
+  for (const [label, value] of [["metres a pixel", "0.1"], ["lower left y, m", "2"], ["strength, 0 to 1", "1"]]) {
+    await plan.getByLabel(label).fill(value);
+  }
+  await until("it is drawn", isRed);
+  await ada.isAccessible("a floor plan");
+  await ada.page.reload();
+  await until("it is there again", isRed);
+  await ada.side("Floor plan").getByRole("button", { name: "Take it away" }).click();
+  await until("and gone", async () => !(await isRed()));
+  await ada.end();
+}
+
 // In this order: the map grows on the way.
 export default [
   a_path_is_asked_by_two_clicks_and_its_line_copied,
@@ -204,4 +227,5 @@ export default [
   nodes_are_erased_and_come_back,
   a_release_is_made_enabled_and_compared,
   the_map_is_seen_as_it_was,
+  a_floor_plan_lies_under_the_map_and_is_kept,
 ];
