@@ -17,8 +17,14 @@ export function drawRobots(box, store, showAt) {
   const fleet = [...store.fleet].sort((a, b) => worth(a) - worth(b)).slice(0, MOST_ROBOTS);
   const rows = fleet.map(({ status, alive, behind, late, seen_s: seen }) => ({
     name: status.robot,
-    isThere: alive && Boolean(store.robots.get(status.robot)?.map_from_base ?? store.robots.get(status.robot)?.candidates?.length),
-    state: (status.role === "explorer" && alive ? "explores, " : "") + (alive ? stateOf(store.robots.get(status.robot) ?? status) + sentTo(store.goals.get(status.robot)) : `away for ${ago(seen)}`),
+    isThere:
+      alive &&
+      Boolean(store.robots.get(status.robot)?.map_from_base ?? store.robots.get(status.robot)?.candidates?.length),
+    state:
+      (status.role === "explorer" && alive ? "explores, " : "") +
+      (alive
+        ? stateOf(store.robots.get(status.robot) ?? status) + sentTo(store.goals.get(status.robot))
+        : `away for ${ago(seen)}`),
     has: late ? `${behind} behind, late` : behind ? `${behind} behind` : "up to date",
     late: late && alive,
     runs: status.release ?? "newest",
@@ -28,13 +34,26 @@ export function drawRobots(box, store, showAt) {
     const at = robot?.map_from_base ?? robot?.candidates?.[0];
     if (at) showAt(at);
   };
-  fillIfNew(box, [rows, store.fleet.length], () => (rows.length
-    ? table(`${store.fleet.filter(({ alive }) => alive).length} here, ${store.fleet.length} heard of`, ["name", "state", "map", "runs"],
-      rows.map((row) => [
-        row.isThere ? el("button", { type: "button", class: "plain", title: "show it", onclick: () => find(row.name) }, row.name) : row.name,
-        row.state, [row.has, row.late ? "bad" : ""], row.runs,
-      ]))
-    : el("p", { class: "soft" }, "none was heard of")));
+  fillIfNew(box, [rows, store.fleet.length], () =>
+    rows.length
+      ? table(
+          `${store.fleet.filter(({ alive }) => alive).length} here, ${store.fleet.length} heard of`,
+          ["name", "state", "map", "runs"],
+          rows.map((row) => [
+            row.isThere
+              ? el(
+                  "button",
+                  { type: "button", class: "plain", title: "show it", onclick: () => find(row.name) },
+                  row.name,
+                )
+              : row.name,
+            row.state,
+            [row.has, row.late ? "bad" : ""],
+            row.runs,
+          ]),
+        )
+      : el("p", { class: "soft" }, "none was heard of"),
+  );
 }
 
 function stateOf({ state, candidates = [], confidence = 0, lost_because: why }) {
@@ -57,16 +76,27 @@ export function drawAbout(box, store) {
   const { head, nodes, truncated } = store;
   if (!head) return;
   const key = [head.version, head.refused, head.read_only, head.deletion, head.enabled, truncated, nodes.size];
-  fillIfNew(box, key, () => el("div", {},
-    table("", ["figure", "value"], [
-      ["version", String(head.version)],
-      ["nodes", `${head.main_nodes} main, ${head.support_nodes} support`],
-      ["edges", String(head.edges)],
-      ["size", size(head.bytes)],
-      ["refused increments", [String(head.refused), head.refused ? "warn" : ""]],
-      ["robots use", head.enabled ?? "the newest state"],
-    ]),
-    truncated ? el("p", { class: "warn" }, `the ${nodes.size} nodes nearest to where it was opened are shown`) : null,
-    head.read_only ? el("p", { class: "bad" }, "the server's disk takes nothing in") : null,
-    head.deletion ? el("p", { class: "bad" }, `will be deleted at ${head.deletion.at}: ${head.deletion.reason}`) : null));
+  fillIfNew(box, key, () =>
+    el(
+      "div",
+      {},
+      table(
+        "",
+        ["figure", "value"],
+        [
+          ["version", String(head.version)],
+          ["nodes", `${head.main_nodes} main, ${head.support_nodes} support`],
+          ["edges", String(head.edges)],
+          ["size", size(head.bytes)],
+          ["refused increments", [String(head.refused), head.refused ? "warn" : ""]],
+          ["robots use", head.enabled ?? "the newest state"],
+        ],
+      ),
+      truncated ? el("p", { class: "warn" }, `the ${nodes.size} nodes nearest to where it was opened are shown`) : null,
+      head.read_only ? el("p", { class: "bad" }, "the server's disk takes nothing in") : null,
+      head.deletion
+        ? el("p", { class: "bad" }, `will be deleted at ${head.deletion.at}: ${head.deletion.reason}`)
+        : null,
+    ),
+  );
 }

@@ -46,7 +46,10 @@ export class ChangePanel {
 
   note(text) {
     this.journal = [text, ...this.journal].slice(0, MOST_REMEMBERED);
-    fill(this.notes, this.journal.map((line) => el("li", { class: "soft" }, line)));
+    fill(
+      this.notes,
+      this.journal.map((line) => el("li", { class: "soft" }, line)),
+    );
   }
 
   // What a click has come to.
@@ -87,8 +90,14 @@ export class ChangePanel {
   }
 
   item(text, ...actions) {
-    const button = ([action, does]) => el("button", { type: "button", "aria-label": `${action}: ${text}`, onclick: does }, action);
-    return el("li", {}, el("span", {}, text), this.mayChange ? el("span", { class: "actions" }, actions.map(button)) : null);
+    const button = ([action, does]) =>
+      el("button", { type: "button", "aria-label": `${action}: ${text}`, onclick: does }, action);
+    return el(
+      "li",
+      {},
+      el("span", {}, text),
+      this.mayChange ? el("span", { class: "actions" }, actions.map(button)) : null,
+    );
   }
 
   draw() {
@@ -97,15 +106,39 @@ export class ChangePanel {
     const now = JSON.stringify([places, zones, closed, blocked.map(({ robot }) => robot)]);
     if (now === this.drawn) return;
     this.drawn = now;
-    const remove = (op, field, name) => ["Remove", () => this.send({ op, name, [field]: null }, `${field === "pose" ? "place" : "zone"} ${name} is taken away`)];
+    const remove = (op, field, name) => [
+      "Remove",
+      () => this.send({ op, name, [field]: null }, `${field === "pose" ? "place" : "zone"} ${name} is taken away`),
+    ];
     const rule = (of) => (of === "keep_out" ? "keep out" : `${of.speed_limit} m/s at most`);
     const none = places.length + zones.length + closed.length + blocked.length === 0;
-    fill(this.list, none ? el("p", { class: "soft" }, "none") : el("ul", {},
-      places.map(({ name, pose }) => this.item(`place ${name} at ${point(pose, 2)}`, remove("set_place", "pose", name))),
-      zones.map((zone) => this.item(`zone ${zone.name}: ${rule(zone.rule)}`, ["Edit", () => this.edit(zone)], remove("set_zone", "zone", zone.name))),
-      closed.map((edge) => this.item(`closed: ${edge.join(" – ")}`,
-        ["Open", () => this.send({ op: "set_closed", edge, closed: false }, "the edge is open")])),
-      blocked.map(({ robot, for_s: seconds }) => el("li", { class: "warn" },
-        `${robot} found its way blocked; for another ${Math.round(seconds)} s`))));
+    fill(
+      this.list,
+      none
+        ? el("p", { class: "soft" }, "none")
+        : el(
+            "ul",
+            {},
+            places.map(({ name, pose }) =>
+              this.item(`place ${name} at ${point(pose, 2)}`, remove("set_place", "pose", name)),
+            ),
+            zones.map((zone) =>
+              this.item(
+                `zone ${zone.name}: ${rule(zone.rule)}`,
+                ["Edit", () => this.edit(zone)],
+                remove("set_zone", "zone", zone.name),
+              ),
+            ),
+            closed.map((edge) =>
+              this.item(`closed: ${edge.join(" – ")}`, [
+                "Open",
+                () => this.send({ op: "set_closed", edge, closed: false }, "the edge is open"),
+              ]),
+            ),
+            blocked.map(({ robot, for_s: seconds }) =>
+              el("li", { class: "warn" }, `${robot} found its way blocked; for another ${Math.round(seconds)} s`),
+            ),
+          ),
+    );
   }
 }

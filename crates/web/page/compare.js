@@ -16,7 +16,13 @@ export function compare(before, now) {
 
 export function inWords({ added, gone, moved }) {
   const farthest = moved.reduce((most, [was, node]) => Math.max(most, Math.hypot(node.x - was.x, node.y - was.y)), 0);
-  const parts = [[added.length, "added"], [gone.length, "gone"], [moved.length, `moved by up to ${farthest.toFixed(2)} m`]];
-  const said = parts.filter(([count]) => count).map(([count, what]) => `${count} ${count === 1 ? "node" : "nodes"} ${what}`);
+  const parts = [
+    [added.length, "added"],
+    [gone.length, "gone"],
+    [moved.length, `moved by up to ${farthest.toFixed(2)} m`],
+  ];
+  const said = parts
+    .filter(([count]) => count)
+    .map(([count, what]) => `${count} ${count === 1 ? "node" : "nodes"} ${what}`);
   return said.join(", ") || "no node is another";
 }

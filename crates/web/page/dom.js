@@ -21,10 +21,29 @@ export function fill(parent, ...children) {
 export function table(caption, heads, rows) {
   const pair = (value) => (Array.isArray(value) ? value : [value, ""]);
   const cell = ([content, kind]) => el("td", { class: kind || null }, content);
-  return el("div", { class: "scrolls" }, el("table", {},
-    caption ? el("caption", {}, caption) : null,
-    el("thead", {}, el("tr", {}, heads.map(pair).map(([text, kind]) => el("th", { scope: "col", class: kind || null }, text)))),
-    el("tbody", {}, rows.map((row) => el("tr", {}, row.map(pair).map(cell))))));
+  return el(
+    "div",
+    { class: "scrolls" },
+    el(
+      "table",
+      {},
+      caption ? el("caption", {}, caption) : null,
+      el(
+        "thead",
+        {},
+        el(
+          "tr",
+          {},
+          heads.map(pair).map(([text, kind]) => el("th", { scope: "col", class: kind || null }, text)),
+        ),
+      ),
+      el(
+        "tbody",
+        {},
+        rows.map((row) => el("tr", {}, row.map(pair).map(cell))),
+      ),
+    ),
+  );
 }
 
 export function labelled(text, input) {

@@ -57,7 +57,15 @@ export class Drawing {
 
 function drawBlocked(pen, { robot, for_s: seconds, edges = [], places = [] }, store) {
   for (const [a, b] of edges.map((edge) => edge.map((id) => store.nodes.get(id)))) {
-    if (a && b) pen.line([[a.x, a.y], [b.x, b.y]], pen.colours.blocked, 4);
+    if (a && b)
+      pen.line(
+        [
+          [a.x, a.y],
+          [b.x, b.y],
+        ],
+        pen.colours.blocked,
+        4,
+      );
   }
   for (const [x, y] of places) {
     pen.dot(x, y, Math.max(5, (0.3 * pen.view.scale) / pen.unit), pen.colours.blocked);
@@ -74,7 +82,8 @@ function way(pen, corners) {
 
 function robots(pen, all) {
   const seen = all.filter(({ map_from_base: pose, candidates = [] }) =>
-    [pose, ...candidates].some((at) => at && pen.sees(at[0], at[1], 1)));
+    [pose, ...candidates].some((at) => at && pen.sees(at[0], at[1], 1)),
+  );
   const withNames = seen.length <= MOST_NAMES;
   for (const robot of seen) drawRobot(pen, robot, withNames);
 }
@@ -98,7 +107,9 @@ function drawRobot(pen, { robot, state, map_from_base: pose, candidates = [], co
 function chance(index, count, confidence = 0) {
   const percent = (share) => `${Math.round(100 * share)} %`;
   if (index === 0) return percent(confidence);
-  return count === 2 ? `at most ${percent(1 - confidence)}` : `number ${index + 1}, at most ${percent(Math.min(confidence, 1 - confidence))}`;
+  return count === 2
+    ? `at most ${percent(1 - confidence)}`
+    : `number ${index + 1}, at most ${percent(Math.min(confidence, 1 - confidence))}`;
 }
 
 // What is asked and drawn just now.
@@ -136,14 +147,30 @@ function differences(pen, { added, gone, moved }) {
     const rect = node.free_space;
     if (!rect) return;
     const [west, south, east, north] = rect;
-    pen.area([[west, south], [east, south], [east, north], [west, north]], colour, alpha);
+    pen.area(
+      [
+        [west, south],
+        [east, south],
+        [east, north],
+        [west, north],
+      ],
+      colour,
+      alpha,
+    );
   };
   for (const node of gone) outline(node, colours.gone, 0.12);
   for (const node of added) outline(node, colours.added, 0.12);
   for (const node of gone) pen.dot(node.x, node.y, 5, colours.gone);
   for (const node of added) pen.dot(node.x, node.y, 5, colours.added);
   for (const [was, node] of moved) {
-    pen.line([[was.x, was.y], [node.x, node.y]], colours.moved, 3);
+    pen.line(
+      [
+        [was.x, was.y],
+        [node.x, node.y],
+      ],
+      colours.moved,
+      3,
+    );
     pen.ring(node.x, node.y, 5, colours.moved);
   }
 }
@@ -156,7 +183,11 @@ function scaleBar(pen) {
   const [left, base] = [12 * unit, view.height - 14 * unit];
   context.fillStyle = colours.ink;
   context.fillRect(left, base, metres * view.scale, 3 * unit);
-  context.fillText(metres >= 0.01 ? `${metres >= 1 ? metres : metres.toFixed(2)} m` : `${metres * 1000} mm`, left, base - 5 * unit);
+  context.fillText(
+    metres >= 0.01 ? `${metres >= 1 ? metres : metres.toFixed(2)} m` : `${metres * 1000} mm`,
+    left,
+    base - 5 * unit,
+  );
 }
 
 // An earlier state must not be taken for the newest.
@@ -170,7 +201,10 @@ function stamp(pen, text) {
 function cross(pen) {
   const { context, view, colours, unit } = pen;
   const [x, y] = [view.width / 2, view.height / 2];
-  for (const [colour, width] of [[colours.ground, 4], [colours.ink, 1.5]]) {
+  for (const [colour, width] of [
+    [colours.ground, 4],
+    [colours.ink, 1.5],
+  ]) {
     context.strokeStyle = colour;
     context.lineWidth = width * unit;
     context.beginPath();

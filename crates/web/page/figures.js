@@ -22,14 +22,20 @@ export function figure(figures, name, labels = {}) {
 
 // Values by one label.
 export function byLabel(figures, name, label) {
-  return new Map(figures.filter((of) => of.name === name && label in of.labels).map((of) => [of.labels[label], of.value]));
+  return new Map(
+    figures.filter((of) => of.name === name && label in of.labels).map((of) => [of.labels[label], of.value]),
+  );
 }
 
 // Buckets of a histogram, each for itself: upper ends and counts.
 export function buckets(figures, name, labels) {
-  const of = figures.filter((line) => line.name === `${name}_bucket`
-    && Object.entries(labels).every(([label, value]) => line.labels[label] === value));
-  const ends = of.map((line) => [Number(line.labels.le.replace("+Inf", "Infinity")), line.value]).sort((a, b) => a[0] - b[0]);
+  const of = figures.filter(
+    (line) =>
+      line.name === `${name}_bucket` && Object.entries(labels).every(([label, value]) => line.labels[label] === value),
+  );
+  const ends = of
+    .map((line) => [Number(line.labels.le.replace("+Inf", "Infinity")), line.value])
+    .sort((a, b) => a[0] - b[0]);
   return ends.map(([upto, count], index) => ({ upto, count: count - (index ? ends[index - 1][1] : 0) }));
 }
 

@@ -39,7 +39,10 @@ export function nearest(things, far, within) {
 
 // Lines of `x,y` as people type them; null if one is none.
 export function readPoints(text) {
-  const lines = text.split("\n").map((line) => line.trim()).filter((line) => line);
+  const lines = text
+    .split("\n")
+    .map((line) => line.trim())
+    .filter((line) => line);
   const points = lines.map((line) => line.split(/[\s,;]+/).map(Number));
   return points.every((point) => point.length === 2 && point.every(Number.isFinite)) ? points : null;
 }

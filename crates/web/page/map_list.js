@@ -15,13 +15,24 @@ export function showList(main) {
   const count = el("p", { class: "soft", role: "status" });
   const list = el("div", {});
   const notice = el("p", { role: "status" });
-  fill(main, el("section", { class: "page" },
-    el("h1", {}, "Maps"),
-    el("p", {}, el("label", { for: "search" }, "Search "), search), notice, count, list));
+  fill(
+    main,
+    el(
+      "section",
+      { class: "page" },
+      el("h1", {}, "Maps"),
+      el("p", {}, el("label", { for: "search" }, "Search "), search),
+      notice,
+      count,
+      list,
+    ),
+  );
 
   function shown() {
     const wanted = search.value.trim().toLowerCase();
-    return [...heads.values()].filter((head) => head.map.toLowerCase().includes(wanted)).sort((a, b) => (a.map < b.map ? -1 : 1));
+    return [...heads.values()]
+      .filter((head) => head.map.toLowerCase().includes(wanted))
+      .sort((a, b) => (a.map < b.map ? -1 : 1));
   }
 
   const columns = [
@@ -31,8 +42,21 @@ export function showList(main) {
     [["size", "number"], (head) => [size(head.bytes), "number"]],
     ["robots use", (head) => head.enabled?.split("@")[0] ?? "the newest state"],
     [["robots", "number"], (head) => [String(here(head).length), "number"]],
-    ["explored now by", (head) => here(head).filter((robot) => robot.status.role === "explorer").map((robot) => robot.status.robot).join(", ")],
-    ["notes", (head) => [head.damaged ? "damaged" : head.deletion ? "will be deleted" : head.read_only ? "read only" : "", "bad"]],
+    [
+      "explored now by",
+      (head) =>
+        here(head)
+          .filter((robot) => robot.status.role === "explorer")
+          .map((robot) => robot.status.robot)
+          .join(", "),
+    ],
+    [
+      "notes",
+      (head) => [
+        head.damaged ? "damaged" : head.deletion ? "will be deleted" : head.read_only ? "read only" : "",
+        "bad",
+      ],
+    ],
   ];
   const here = (head) => (robots.get(head.map) ?? []).filter((robot) => robot.alive);
 
@@ -46,8 +70,16 @@ export function showList(main) {
     // The link that had the focus keeps it.
     const focused = list.contains(document.activeElement) ? document.activeElement.textContent : null;
     for (const row of rows) row[0] = el("a", { href: `#/${encodeURIComponent(row[0])}` }, row[0]);
-    fill(list, heads.size ? table("", columns.map(([title]) => title), rows)
-      : el("p", {}, "There is no map yet: the first explorer begins one (mapper explore)."));
+    fill(
+      list,
+      heads.size
+        ? table(
+            "",
+            columns.map(([title]) => title),
+            rows,
+          )
+        : el("p", {}, "There is no map yet: the first explorer begins one (mapper explore)."),
+    );
     [...list.querySelectorAll("a")].find((link) => link.textContent === focused)?.focus();
   }
 
@@ -56,7 +88,7 @@ export function showList(main) {
       const reply = await askMaps();
       heads.clear();
       for (const head of reply.maps) heads.set(head.map, head);
-      notice.textContent = reply.read_only ? `nothing is taken in: ${reply.read_only}` : reply.warning ?? "";
+      notice.textContent = reply.read_only ? `nothing is taken in: ${reply.read_only}` : (reply.warning ?? "");
       notice.className = reply.read_only ? "bad" : "warn";
       draw();
       await askRobots();
@@ -79,10 +111,7 @@ export function showList(main) {
     draw();
   };
   const live = new Live("/api/events", { head: onHead }, load);
-  const timers = [
-    setInterval(() => askRobots().catch(() => {}), ROBOTS_EVERY_MS),
-    setInterval(load, ALL_EVERY_MS),
-  ];
+  const timers = [setInterval(() => askRobots().catch(() => {}), ROBOTS_EVERY_MS), setInterval(load, ALL_EVERY_MS)];
   return () => {
     live.end();
     timers.forEach(clearInterval);

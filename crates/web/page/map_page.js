@@ -15,157 +15,209 @@ import { View } from "./view.js";
 
 const FLEET_EVERY_MS = 2000;
 const RULES_EVERY_MS = 10000; // what is blocked ends by itself
-const PANELS_EVERY_MS = 300;
+const PANELS_EVERY_MS = 150;
 
-const LAYERS = [["graph", "nodes and edges"], ["walls", "walls"], ["outlines", "rectangles"], ["names", "names"]];
-const PARTS = [["path", "Path"], ["changes", "Places, zones, closures"], ["releases", "Releases"], ["time", "Time"],
-  ["robots", "Robots"], ["about", "Map"], ["plan", "Floor plan"]];
+const LAYERS = [
+  ["graph", "nodes and edges"],
+  ["walls", "walls"],
+  ["outlines", "rectangles"],
+  ["names", "names"],
+];
+const PARTS = [
+  ["path", "Path"],
+  ["changes", "Places, zones, closures"],
+  ["releases", "Releases"],
+  ["time", "Time"],
+  ["robots", "Robots"],
+  ["about", "Map"],
+  ["plan", "Floor plan"],
+];
 
 function layout(main, map) {
   const canvas = el("canvas", {
-    tabindex: 0, role: "application",
+    tabindex: 0,
+    role: "application",
     "aria-label": `Map ${map}. Arrow keys move it, plus and minus zoom, Enter clicks in the middle.`,
   });
   const boxes = Object.fromEntries(PARTS.map(([name]) => [name, el("div", {})]));
-  const tools = el("div", { class: "tools", role: "toolbar", "aria-label": "What a click does" });
+  const toolBox = el("div", { class: "tools", role: "toolbar", "aria-label": "What a click does" });
   const [said, under] = [el("span", { role: "status" }), el("span", { class: "soft" })];
   const corner = el("div", { class: "corner" });
   const isNarrow = matchMedia("(max-width: 52rem)").matches;
-  fill(main, el("div", { class: "map" },
-    el("h1", { class: "unseen" }, `Map ${map}`),
-    el("section", { class: "stage", "aria-label": "Map" }, tools, el("div", { class: "canvas-box" }, canvas, corner),
-      el("div", { class: "under" }, said, under)),
-    el("section", { class: "side", "aria-label": "About the map", tabindex: 0 },
-      PARTS.map(([name, title]) => section(title, !isNarrow || name === "path", boxes[name])))));
-  return { canvas, boxes, tools, said, under, corner };
+  fill(
+    main,
+    el(
+      "div",
+      { class: "map" },
+      el("h1", { class: "unseen" }, `Map ${map}`),
+      el(
+        "section",
+        { class: "stage", "aria-label": "Map" },
+        toolBox,
+        el("div", { class: "canvas-box" }, canvas, corner),
+        el("div", { class: "under" }, said, under),
+      ),
+      el(
+        "section",
+        { class: "side", "aria-label": "About the map", tabindex: 0 },
+        PARTS.map(([name, title]) => section(title, !isNarrow || name === "path", boxes[name])),
+      ),
+    ),
+  );
+  return { canvas, boxes, toolBox, said, under, corner };
 }
 
 export function showMap(main, map, me) {
-  const { canvas, boxes, tools: toolBox, said, under, corner } = layout(main, map);
-  const drawing = new Drawing(canvas);
-  let [isDue, isDrawn, hasEnded, differs, panelsTimer, panelsAt] = [false, false, false, null, undefined, 0];
-  const say = (text, kind = "") => {
-    said.textContent = text;
-    said.className = kind;
-  };
+  const page = new MapPage(layout(main, map), map, me);
+  return () => page.end();
+}
 
-  function frame() {
-    isDue = false;
-    if (!hasEnded) drawing.frame(view, store, { ...tools.overlay, differs });
+class MapPage {
+  constructor(made, map, me) {
+    Object.assign(this, made, { hasEnded: false, isDue: false, isDrawn: false, differs: null, panelsAt: 0 });
+    this.drawing = new Drawing(this.canvas);
+    this.store = new MapStore(map, () => this.changed());
+    this.view = new View(this.canvas, {
+      moved: () => this.soon(),
+      clicked: (at) => this.tools.click(at, this.store, this.view),
+      pointed: ([x, y]) => (this.under.textContent = `x ${x.toFixed(2)} m, y ${y.toFixed(2)} m`),
+      grabbed: (at) => this.tools.grab(at, this.view),
+    });
+    this.fillPanels(map, me);
+    fillCorner(this);
+    this.drawPanels();
+    this.follow(map);
   }
+
+  say(text, kind = "") {
+    this.said.textContent = text;
+    this.said.className = kind;
+  }
+
+  fillPanels(map, me) {
+    const { boxes, store } = this;
+    const say = (text, kind) => this.say(text, kind);
+    // What is drawn over the map, or under it, is another.
+    const draws = (set) => (found) => {
+      set(found);
+      this.soon();
+    };
+    this.path = new PathPanel(boxes.path, store, me, {
+      say,
+      found: draws((found) => (this.tools.overlay.path = found)),
+    });
+    this.changes = new ChangePanel(boxes.changes, store, me, {
+      say,
+      done: draws(() => this.tools.clear()),
+      tools: () => this.tools,
+      look: () => [this.view.x, this.view.y],
+    });
+    const { mayChange } = this.changes;
+    this.releases = new ReleasePanel(boxes.releases, store, {
+      mayChange,
+      say,
+      send: (order, words) => this.changes.send(order, words),
+      compared: draws((found) => (this.differs = found)),
+    });
+    this.time = new TimePanel(boxes.time, store, { say });
+    new PlanPanel(boxes.plan, map, { say, changed: draws((plan) => this.drawing.setPlan(plan)) });
+    this.tools = new Tools(this.toolBox, mayChange, {
+      say,
+      changed: () => this.soon(),
+      chosen: (chosen) => (chosen.kind === "ends" ? this.path.take(chosen.ends) : this.changes.take(chosen)),
+    });
+  }
+
+  follow(map) {
+    const { store } = this;
+    const failed = (refused) => this.say(refused.message, "bad");
+    const handlers = {
+      head: (head) => store.takeHead(head),
+      grown: (grown) => store.takeGrown(grown),
+      robots: (moved) => store.takeRobots(moved),
+      goals: (goals) => store.takeGoals(goals),
+      gone: (gone) => store.takeGone(gone),
+      blocked: () => store.loadRules().catch(failed),
+    };
+    const opened = () =>
+      store
+        .load(store.near)
+        .then(() => store.loadFleet())
+        .catch(failed);
+    this.live = new Live(`/api/events/${encodeURIComponent(map)}`, handlers, opened);
+    this.timers = [
+      setInterval(() => store.loadFleet().catch(() => {}), FLEET_EVERY_MS),
+      setInterval(() => store.loadRules().catch(() => {}), RULES_EVERY_MS),
+    ];
+    this.dark = matchMedia("(prefers-color-scheme: dark)");
+    this.recolour = () => {
+      this.drawing.recolour();
+      this.soon();
+    };
+    this.dark.addEventListener("change", this.recolour);
+    for (const name of ["focus", "blur"]) this.canvas.addEventListener(name, () => this.soon());
+  }
+
   // Many changes are one frame.
-  function soon() {
-    if (isDue || hasEnded) return;
-    isDue = true;
-    requestAnimationFrame(frame);
+  soon() {
+    if (this.isDue || this.hasEnded) return;
+    this.isDue = true;
+    requestAnimationFrame(() => {
+      this.isDue = false;
+      if (!this.hasEnded) this.drawing.frame(this.view, this.store, { ...this.tools.overlay, differs: this.differs });
+    });
   }
-  function changed() {
-    if (hasEnded) return;
+
+  changed() {
+    if (this.hasEnded) return;
+    const { store, view } = this;
     // For those who measure how long it took.
-    if (store.nodes.size && !isDrawn) requestAnimationFrame(() => performance.mark("map drawn"));
-    isDrawn ||= store.nodes.size > 0;
+    if (store.nodes.size && !this.isDrawn) requestAnimationFrame(() => performance.mark("map drawn"));
+    this.isDrawn ||= store.nodes.size > 0;
     // A map that grows stays in sight until somebody moves it.
     if (!view.isMoved && !store.past && store.nodes.size) view.fit(store.bounds());
-    soon();
+    this.soon();
     // What comes after a while is shown at once, and what comes often not each time.
-    panelsTimer ??= setTimeout(drawPanels, Math.max(0, panelsAt + PANELS_EVERY_MS - performance.now()));
-  }
-  function drawPanels() {
-    panelsTimer = undefined;
-    panelsAt = performance.now();
-    if (hasEnded) return;
-    drawRobots(boxes.robots, store, (at) => view.show(at));
-    drawAbout(boxes.about, store);
-    for (const panel of [path, changes, releases, time]) panel.draw();
+    const wait = Math.max(0, this.panelsAt + PANELS_EVERY_MS - performance.now());
+    this.panelsTimer ??= setTimeout(() => this.drawPanels(), wait);
   }
 
-  const store = new MapStore(map, changed);
-  const view = new View(canvas, {
-    moved: soon,
-    clicked: (at) => tools.click(at, store, view),
-    pointed: ([x, y]) => (under.textContent = `x ${x.toFixed(2)} m, y ${y.toFixed(2)} m`),
-    grabbed: (at) => tools.grab(at, view),
-  });
-  const path = new PathPanel(boxes.path, store, me, {
-    say,
-    found: (found) => {
-      tools.overlay.path = found;
-      soon();
-    },
-  });
-  const done = () => {
-    tools.clear();
-    soon();
-  };
-  const changes = new ChangePanel(boxes.changes, store, me, { say, done, tools: () => tools, look: () => [view.x, view.y] });
-  const releases = new ReleasePanel(boxes.releases, store, {
-    mayChange: changes.mayChange, say,
-    send: (order, words) => changes.send(order, words),
-    compared: (found) => {
-      differs = found;
-      soon();
-    },
-  });
-  const time = new TimePanel(boxes.time, store, { say });
-  new PlanPanel(boxes.plan, map, {
-    say,
-    changed: (plan) => {
-      drawing.setPlan(plan);
-      soon();
-    },
-  });
-  const tools = new Tools(toolBox, changes.mayChange, {
-    say, changed: soon,
-    chosen: (chosen) => (chosen.kind === "ends" ? path.take(chosen.ends) : changes.take(chosen)),
-  });
-  fillCorner(corner, view, drawing, () => view.fit(store.bounds()), soon);
-  drawPanels();
+  drawPanels() {
+    this.panelsTimer = undefined;
+    this.panelsAt = performance.now();
+    if (this.hasEnded) return;
+    drawRobots(this.boxes.robots, this.store, (at) => this.view.show(at));
+    drawAbout(this.boxes.about, this.store);
+    for (const panel of [this.path, this.changes, this.releases, this.time]) panel.draw();
+  }
 
-  const failed = (refused) => say(refused.message, "bad");
-  const live = new Live(`/api/events/${encodeURIComponent(map)}`, {
-    head: (head) => store.takeHead(head),
-    grown: (grown) => store.takeGrown(grown),
-    robots: (moved) => store.takeRobots(moved),
-    goals: (goals) => store.takeGoals(goals),
-    gone: (gone) => store.takeGone(gone),
-    blocked: () => store.loadRules().catch(failed),
-  }, () => store.load(store.near).then(() => store.loadFleet()).catch(failed));
-  const timers = [
-    setInterval(() => store.loadFleet().catch(() => {}), FLEET_EVERY_MS),
-    setInterval(() => store.loadRules().catch(() => {}), RULES_EVERY_MS),
-  ];
-  const dark = matchMedia("(prefers-color-scheme: dark)");
-  const recolour = () => {
-    drawing.recolour();
-    soon();
-  };
-  dark.addEventListener("change", recolour);
-  for (const name of ["focus", "blur"]) canvas.addEventListener(name, soon);
-
-  return () => {
-    hasEnded = true;
-    live.end();
-    store.end();
-    view.end();
-    time.end();
-    timers.forEach(clearInterval);
-    clearTimeout(panelsTimer);
-    dark.removeEventListener("change", recolour);
-  };
+  end() {
+    this.hasEnded = true;
+    for (const part of [this.live, this.store, this.view, this.time]) part.end();
+    this.timers.forEach(clearInterval);
+    clearTimeout(this.panelsTimer);
+    this.dark.removeEventListener("change", this.recolour);
+  }
 }
 
 // Zoom for those without a wheel, and what is drawn.
-function fillCorner(corner, view, drawing, fit, soon) {
-  const button = (sign, label, does) => el("button", { type: "button", "aria-label": label, title: label, onclick: does }, sign);
+function fillCorner(page) {
+  const { corner, view, drawing, store } = page;
+  const button = (sign, label, does) =>
+    el("button", { type: "button", "aria-label": label, title: label, onclick: does }, sign);
   const layer = ([name, words]) => {
     const box = el("input", { type: "checkbox", checked: drawing.layers[name] });
     box.addEventListener("change", () => {
       drawing.setLayer(name, box.checked);
-      soon();
+      page.soon();
     });
     return el("label", {}, box, words);
   };
-  fill(corner, button("+", "Zoom in", () => view.zoom(1.4)), button("−", "Zoom out", () => view.zoom(1 / 1.4)),
-    button("⤢", "The whole map", fit),
-    el("details", { class: "layers" }, el("summary", {}, "Layers"), LAYERS.map(layer)));
+  fill(
+    corner,
+    button("+", "Zoom in", () => view.zoom(1.4)),
+    button("−", "Zoom out", () => view.zoom(1 / 1.4)),
+    button("⤢", "The whole map", () => view.fit(store.bounds())),
+    el("details", { class: "layers" }, el("summary", {}, "Layers"), LAYERS.map(layer)),
+  );
 }

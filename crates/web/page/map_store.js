@@ -77,7 +77,11 @@ export class MapStore {
     // A status tells where a robot is before its first pose comes.
     for (const { alive, status } of this.fleet) {
       if (alive && !this.robots.has(status.robot)) {
-        this.robots.set(status.robot, { robot: status.robot, state: status.state, map_from_base: status.map_from_base });
+        this.robots.set(status.robot, {
+          robot: status.robot,
+          state: status.state,
+          map_from_base: status.map_from_base,
+        });
       }
     }
     this.changed();
@@ -131,9 +135,15 @@ export class MapStore {
     if (!pose || !goal || (known && performance.now() - known.at < WAY_EVERY_MS)) return;
     if (!known && this.ways.size >= MOST_WAYS) return;
     this.ways.set(robot, { at: performance.now(), corners: known?.corners ?? [] });
-    const [from, to] = [pose, goal].map((at) => at.slice(0, 2).map((metres) => metres.toFixed(3)).join(","));
+    const [from, to] = [pose, goal].map((at) =>
+      at
+        .slice(0, 2)
+        .map((metres) => metres.toFixed(3))
+        .join(","),
+    );
     const { waypoints } = await ask(this.map, "path", { from, to, to_nearest: true });
-    if (this.ways.has(robot)) this.ways.set(robot, { at: performance.now(), corners: waypoints.map(({ x, y }) => [x, y]) });
+    if (this.ways.has(robot))
+      this.ways.set(robot, { at: performance.now(), corners: waypoints.map(({ x, y }) => [x, y]) });
     this.changed();
   }
 

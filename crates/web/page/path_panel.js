@@ -11,8 +11,14 @@ export class PathPanel {
     this.to = el("input", { required: true, placeholder: "dock", list: "ends" });
     this.ends = el("datalist", { id: "ends" });
     this.answer = el("div", { role: "status" });
-    const form = el("form", { onsubmit: (event) => this.submit(event) },
-      labelled("from", this.from), labelled("to", this.to), el("button", {}, "Find the path"), this.ends);
+    const form = el(
+      "form",
+      { onsubmit: (event) => this.submit(event) },
+      labelled("from", this.from),
+      labelled("to", this.to),
+      el("button", {}, "Find the path"),
+      this.ends,
+    );
     fill(box, form, el("p", { class: "soft" }, "x,y in metres, a node, a place or a robot"), this.answer);
   }
 
@@ -32,7 +38,11 @@ export class PathPanel {
   draw() {
     const names = [...this.store.rules.places.map(({ name }) => name), ...this.store.robots.keys()];
     const now = names.join("\n");
-    if (now !== this.drawn) fill(this.ends, names.slice(0, 200).map((value) => el("option", { value })));
+    if (now !== this.drawn)
+      fill(
+        this.ends,
+        names.slice(0, 200).map((value) => el("option", { value })),
+      );
     this.drawn = now;
   }
 
@@ -57,14 +67,21 @@ export class PathPanel {
   show(path, took, line) {
     this.found(path);
     const limits = (path.speed_limits ?? []).map((limit) => `${limit.zone}: ${limit.max_mps} m/s`);
-    fill(this.answer,
-      el("p", {}, el("strong", {}, metres(path.length_m)), `, answered in ${took.toFixed(0)} ms`,
-        path.release ? `, on release ${path.release}` : ""),
+    fill(
+      this.answer,
+      el(
+        "p",
+        {},
+        el("strong", {}, metres(path.length_m)),
+        `, answered in ${took.toFixed(0)} ms`,
+        path.release ? `, on release ${path.release}` : "",
+      ),
       path.goal_moved_m ? el("p", { class: "warn" }, `the goal was moved by ${metres(path.goal_moved_m)}`) : null,
       path.unmapped_m ? el("p", { class: "warn" }, `${metres(path.unmapped_m)} over unmapped ground`) : null,
       path.obeyed?.length ? el("p", {}, `obeys ${path.obeyed.map(ruleInWords).join(", ")}`) : null,
       limits.length ? el("p", {}, `slower in ${limits.join(", ")}`) : null,
-      el("div", { class: "line" }, el("code", {}, line), copyButton(line, this.say)));
+      el("div", { class: "line" }, el("code", {}, line), copyButton(line, this.say)),
+    );
   }
 }
 

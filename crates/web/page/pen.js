@@ -1,8 +1,23 @@
 // Shapes in metres on a canvas in pixels. Sizes of dots and letters follow the page's letters.
 
 const COLOURS = [
-  "free", "free-line", "edge", "main", "support", "wall", "place", "keep-out", "slow", "closed", "blocked", "path",
-  "robot", "candidate", "added", "gone", "moved",
+  "free",
+  "free-line",
+  "edge",
+  "main",
+  "support",
+  "wall",
+  "place",
+  "keep-out",
+  "slow",
+  "closed",
+  "blocked",
+  "path",
+  "robot",
+  "candidate",
+  "added",
+  "gone",
+  "moved",
 ];
 
 export function readColours() {
@@ -80,7 +95,14 @@ export class Pen {
   // A dot with a nose.
   heading(x, y, yaw, colour, radius = 6) {
     const far = (2.2 * radius * this.unit) / this.view.scale;
-    this.line([[x, y], [x + far * Math.cos(yaw), y + far * Math.sin(yaw)]], colour, 2.5);
+    this.line(
+      [
+        [x, y],
+        [x + far * Math.cos(yaw), y + far * Math.sin(yaw)],
+      ],
+      colour,
+      2.5,
+    );
     this.dot(x, y, radius, colour);
   }
 }

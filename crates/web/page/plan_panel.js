@@ -4,19 +4,52 @@ import { el, fill, labelled } from "./dom.js";
 
 const MOST_BYTES = 20e6;
 const START = { scale: 0.05, x: 0, y: 0, turn: 0, shade: 0.5 };
-const FIELDS = [["scale", "metres a pixel", 0.001], ["x", "lower left x, m", 0.05], ["y", "lower left y, m", 0.05],
-  ["turn", "turned by, °", 0.5], ["shade", "strength, 0 to 1", 0.1]];
+const FIELDS = [
+  ["scale", "metres a pixel", 0.001],
+  ["x", "lower left x, m", 0.05],
+  ["y", "lower left y, m", 0.05],
+  ["turn", "turned by, °", 0.5],
+  ["shade", "strength, 0 to 1", 0.1],
+];
 
 export class PlanPanel {
   constructor(box, map, { say, changed }) {
     Object.assign(this, { map, say, changed, plan: null });
-    const file = el("input", { type: "file", accept: "image/png,image/jpeg,image/webp,image/svg+xml", onchange: () => this.take(file.files[0]) });
-    this.inputs = new Map(FIELDS.map(([name, , step]) => [name, el("input", { type: "number", step: "any", min: name === "scale" ? step : null, value: START[name], class: "short", oninput: () => this.move() })]));
+    const file = el("input", {
+      type: "file",
+      accept: "image/png,image/jpeg,image/webp,image/svg+xml",
+      onchange: () => this.take(file.files[0]),
+    });
+    this.inputs = new Map(
+      FIELDS.map(([name, , step]) => [
+        name,
+        el("input", {
+          type: "number",
+          step: "any",
+          min: name === "scale" ? step : null,
+          value: START[name],
+          class: "short",
+          oninput: () => this.move(),
+        }),
+      ]),
+    );
     const remove = el("button", { type: "button", onclick: () => this.remove() }, "Take it away");
-    this.fields = el("div", { hidden: true }, el("form", { onsubmit: (event) => event.preventDefault() },
-      FIELDS.map(([name, words]) => labelled(words, this.inputs.get(name))), remove));
-    fill(box, labelled("image of the floor plan", file), this.fields,
-      el("p", { class: "soft" }, "It is kept in this browser, and nowhere else."));
+    this.fields = el(
+      "div",
+      { hidden: true },
+      el(
+        "form",
+        { onsubmit: (event) => event.preventDefault() },
+        FIELDS.map(([name, words]) => labelled(words, this.inputs.get(name))),
+        remove,
+      ),
+    );
+    fill(
+      box,
+      labelled("image of the floor plan", file),
+      this.fields,
+      el("p", { class: "soft" }, "It is kept in this browser, and nowhere else."),
+    );
     this.load().catch(() => {});
   }
 

@@ -15,13 +15,23 @@ export class ReleasePanel {
   }
 
   form() {
-    this.name = el("input", { required: true, maxlength: 64, autocomplete: "off", value: `${new Date().toISOString().slice(0, 10)}.1` });
+    this.name = el("input", {
+      required: true,
+      maxlength: 64,
+      autocomplete: "off",
+      value: `${new Date().toISOString().slice(0, 10)}.1`,
+    });
     const submit = async (event) => {
       event.preventDefault();
       const name = this.name.value.trim();
       if (await this.send({ op: "put_release", name }, `release ${name} is made`)) this.name.value = next(name);
     };
-    return el("form", { onsubmit: submit }, labelled("name of the release", this.name), el("button", {}, "Make a release"));
+    return el(
+      "form",
+      { onsubmit: submit },
+      labelled("name of the release", this.name),
+      el("button", {}, "Make a release"),
+    );
   }
 
   async compare(release) {
@@ -44,13 +54,25 @@ export class ReleasePanel {
 
   item(release) {
     const id = `${release.name}@${release.author}`;
-    const button = (action, does) => el("button", { type: "button", "aria-label": `${action}: ${release.name}`, onclick: does }, action);
+    const button = (action, does) =>
+      el("button", { type: "button", "aria-label": `${action}: ${release.name}`, onclick: does }, action);
     const enable = button("Enable", () => this.send({ op: "enable", release: id }, `robots use ${release.name}`));
-    return el("li", {},
-      el("span", {}, `${release.name}, version ${release.version}`, release.enabled ? el("strong", {}, ", in use") : ""),
-      el("span", { class: "actions" },
+    return el(
+      "li",
+      {},
+      el(
+        "span",
+        {},
+        `${release.name}, version ${release.version}`,
+        release.enabled ? el("strong", {}, ", in use") : "",
+      ),
+      el(
+        "span",
+        { class: "actions" },
         release.available ? button("Compare", () => this.compare(id)) : "not all here",
-        this.mayChange && release.available && !release.enabled ? enable : null));
+        this.mayChange && release.available && !release.enabled ? enable : null,
+      ),
+    );
   }
 
   draw() {
@@ -58,13 +80,24 @@ export class ReleasePanel {
     const now = JSON.stringify(releases);
     if (now === this.drawn) return;
     this.drawn = now;
-    const newest = el("button", { type: "button", onclick: () => this.send({ op: "enable", release: null }, "robots use the newest state") },
-      "Enable the newest state");
+    const newest = el(
+      "button",
+      { type: "button", onclick: () => this.send({ op: "enable", release: null }, "robots use the newest state") },
+      "Enable the newest state",
+    );
     const isAny = releases.some((release) => release.enabled);
-    fill(this.list,
+    fill(
+      this.list,
       el("p", { class: "soft" }, isAny ? "Robots use the release that is in use." : "Robots use the newest state."),
-      releases.length ? el("ul", {}, releases.map((release) => this.item(release))) : null,
-      isAny && this.mayChange ? newest : null);
+      releases.length
+        ? el(
+            "ul",
+            {},
+            releases.map((release) => this.item(release)),
+          )
+        : null,
+      isAny && this.mayChange ? newest : null,
+    );
   }
 }
 

@@ -104,12 +104,22 @@ export function drawZone(pen, { name, rule, corners }, withName = true) {
 function closed(pen, a, b) {
   if (!a || !b) return;
   const colour = pen.colours.closed;
-  pen.line([[a.x, a.y], [b.x, b.y]], colour, 4);
+  pen.line(
+    [
+      [a.x, a.y],
+      [b.x, b.y],
+    ],
+    colour,
+    4,
+  );
   const { context, view, unit } = pen;
   const [px, py] = view.toPixels((a.x + b.x) / 2, (a.y + b.y) / 2);
   context.lineWidth = 3 * unit;
   context.beginPath();
-  for (const [dx, dy] of [[7, 7], [7, -7]]) {
+  for (const [dx, dy] of [
+    [7, 7],
+    [7, -7],
+  ]) {
     context.moveTo(px - dx * unit, py - dy * unit);
     context.lineTo(px + dx * unit, py + dy * unit);
   }

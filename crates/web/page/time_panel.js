@@ -12,9 +12,18 @@ export class TimePanel {
     Object.assign(this, { store, say, playing: false, oldest: 1, wanted: null, isAsking: false });
     this.slider = el("input", { type: "range", min: 1, max: 1, value: 1, oninput: () => this.move() });
     this.shows = el("output", {}, "the newest state");
-    this.play = el("button", { type: "button", onclick: () => (this.playing ? this.stop() : this.run()) }, "Play its growth");
+    this.play = el(
+      "button",
+      { type: "button", onclick: () => (this.playing ? this.stop() : this.run()) },
+      "Play its growth",
+    );
     this.now = el("button", { type: "button", onclick: () => this.back(), disabled: true }, "Back to now");
-    fill(box, labelled("version", this.slider), el("p", {}, "shows ", this.shows), el("p", {}, this.play, " ", this.now));
+    fill(
+      box,
+      labelled("version", this.slider),
+      el("p", {}, "shows ", this.shows),
+      el("p", {}, this.play, " ", this.now),
+    );
   }
 
   get newest() {

@@ -9,9 +9,19 @@ const TOOLS = [
   { id: "path", label: "Path", hint: "Click the start, then the goal." },
   { id: "measure", label: "Measure", hint: "Click points; the distance along them is shown." },
   { id: "place", label: "Name a place", hint: "Click where the place is, then name it.", changes: true },
-  { id: "zone", label: "Draw a zone", hint: "Click the corners in turn; drag one to move it. Then name the zone.", changes: true },
+  {
+    id: "zone",
+    label: "Draw a zone",
+    hint: "Click the corners in turn; drag one to move it. Then name the zone.",
+    changes: true,
+  },
   { id: "edge", label: "Close an edge", hint: "Click an edge, then close or open it.", changes: true },
-  { id: "erase", label: "Erase", hint: "Click the corners of the part that is to go, then erase its nodes.", changes: true },
+  {
+    id: "erase",
+    label: "Erase",
+    hint: "Click the corners of the part that is to go, then erase its nodes.",
+    changes: true,
+  },
 ];
 
 const NEAR_PX = 14;
@@ -22,8 +32,14 @@ export class Tools {
     Object.assign(this, { box, chosen, changed, say, active: "look" });
     this.tools = TOOLS.filter((tool) => mayChange || !tool.changes);
     this.clear();
-    this.buttons = new Map(this.tools.map(({ id, label }) => [id, el("button", { type: "button", onclick: () => this.use(id) }, label)]));
-    fill(box, [...this.buttons.values()], el("button", { type: "button", onclick: () => this.use(this.active) }, "Clear"));
+    this.buttons = new Map(
+      this.tools.map(({ id, label }) => [id, el("button", { type: "button", onclick: () => this.use(id) }, label)]),
+    );
+    fill(
+      box,
+      [...this.buttons.values()],
+      el("button", { type: "button", onclick: () => this.use(this.active) }, "Clear"),
+    );
     this.press();
     this.say(TOOLS[0].hint);
   }
@@ -96,7 +112,11 @@ export class Tools {
 }
 
 function whatIsAt(at, store, within) {
-  const robot = nearest(store.robots.values(), ({ map_from_base: pose }) => (pose ? distance(at, pose) : Infinity), within);
+  const robot = nearest(
+    store.robots.values(),
+    ({ map_from_base: pose }) => (pose ? distance(at, pose) : Infinity),
+    within,
+  );
   if (robot) return `robot ${robot.robot}, ${robot.state}`;
   const place = nearest(store.rules.places, ({ pose }) => distance(at, pose), within);
   if (place) return `place ${place.name}`;

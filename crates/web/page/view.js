@@ -107,7 +107,8 @@ export class View {
     const held = this.pointers.get(event.pointerId);
     this.pointers.delete(event.pointerId);
     // A finger is less steady than a mouse.
-    if (held && held.travelled < (event.pointerType === "mouse" ? 5 : 12)) this.clicked(this.toMetres(...this.at(event)));
+    if (held && held.travelled < (event.pointerType === "mouse" ? 5 : 12))
+      this.clicked(this.toMetres(...this.at(event)));
   }
 
   wheel(event) {

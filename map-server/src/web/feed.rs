@@ -23,7 +23,7 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Sample, SampleKind};
 
 /// Events are made so often.
-const EVERY: Duration = Duration::from_millis(200);
+const EVERY: Duration = Duration::from_millis(100);
 /// Longest message of a robot that is read.
 const MAX_BYTES: usize = 4096;
 /// So many robots of all maps may move within a moment; more are not shown in it.

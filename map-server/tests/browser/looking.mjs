@@ -75,23 +75,48 @@ async function robots_come_and_go_with_their_state({ browser, url, foreign }) {
   await ada.isLive();
   const status = { role: "client", map: "museum", version: 3, vector: { "0000000a": 3 } };
   const say = async (robot, message) => {
-    await foreign.put(`fht/museum/robots/${robot}/status`, { ...status, robot, state: message.state, map_from_base: message.map_from_base });
+    await foreign.put(`fht/museum/robots/${robot}/status`, {
+      ...status,
+      robot,
+      state: message.state,
+      map_from_base: message.map_from_base,
+    });
     await foreign.put(`fht/museum/robots/${robot}/pose`, message);
   };
   for (const robot of ["amr-7", "tug-1"]) await foreign.order({ token: `fht/museum/robots/${robot}` });
   const robots = ada.side("Robots");
   await until("a robot that knows where it is, and is behind", async () => {
-    await say("amr-7", pose("amr-7", { localized: true, state: "LOCALIZED", confidence: 0.97, map_from_base: [2, 0.5, 0] }));
+    await say(
+      "amr-7",
+      pose("amr-7", { localized: true, state: "LOCALIZED", confidence: 0.97, map_from_base: [2, 0.5, 0] }),
+    );
     const text = await robots.textContent();
     return text.includes("amr-7") && text.includes("LOCALIZED") && text.includes("13 behind");
   });
   await until("candidates with their probability", async () => {
-    await say("tug-1", pose("tug-1", { candidates: [[3, 0.5, 0], [8, 0.5, 3.14]] }));
+    await say(
+      "tug-1",
+      pose("tug-1", {
+        candidates: [
+          [3, 0.5, 0],
+          [8, 0.5, 3.14],
+        ],
+      }),
+    );
     return (await robots.textContent()).includes("2 candidates, the likeliest 62 %");
   });
   await until("where it is sent, and the way there", async () => {
-    await say("amr-7", pose("amr-7", { localized: true, state: "LOCALIZED", confidence: 0.97, map_from_base: [2, 0.5, 0] }));
-    await foreign.put("fht/museum/robots/amr-7/goal/status", { robot: "amr-7", state: "DRIVING", id: "1", goal: [13, 0.5], to_go_m: 11 });
+    await say(
+      "amr-7",
+      pose("amr-7", { localized: true, state: "LOCALIZED", confidence: 0.97, map_from_base: [2, 0.5, 0] }),
+    );
+    await foreign.put("fht/museum/robots/amr-7/goal/status", {
+      robot: "amr-7",
+      state: "DRIVING",
+      id: "1",
+      goal: [13, 0.5],
+      to_go_m: 11,
+    });
     return (await robots.textContent()).includes("drives: 11 m to go");
   });
   await ada.press("The whole map");

@@ -26,14 +26,25 @@ await view("path", "#/museum", {}, async (ada) => {
 });
 await view("zone", "#/museum", { colorScheme: "dark" }, async (ada) => {
   await ada.press("Draw a zone");
-  for (const corner of [[6.8, 5.7], [9.6, 5.7], [10.2, 1.5], [6.8, 1.5]]) await ada.clickAt(...corner);
+  for (const corner of [
+    [6.8, 5.7],
+    [9.6, 5.7],
+    [10.2, 1.5],
+    [6.8, 1.5],
+  ])
+    await ada.clickAt(...corner);
   await ada.page.getByLabel("name of the zone").fill("stairs");
   await ada.press("What would change?");
-  await until("it is told", async () => (await ada.side("Places, zones, closures").textContent()).includes("would change"));
+  await until("it is told", async () =>
+    (await ada.side("Places, zones, closures").textContent()).includes("would change"),
+  );
 });
 await view("compare", "#/museum", {}, async (ada) => {
   await ada.side("Path").locator("summary").click();
-  await ada.page.getByRole("button", { name: /^Compare: / }).first().click();
+  await ada.page
+    .getByRole("button", { name: /^Compare: / })
+    .first()
+    .click();
 });
 await view("time", "#/museum", {}, async (ada) => {
   for (const part of ["Path", "Places, zones, closures"]) await ada.side(part).locator("summary").click();
@@ -43,7 +54,8 @@ await view("time", "#/museum", {}, async (ada) => {
   });
 });
 await view("robots", "#/museum", { colorScheme: "dark" }, async (ada) => {
-  for (const part of ["Path", "Places, zones, closures", "Releases", "Time"]) await ada.side(part).locator("summary").click();
+  for (const part of ["Path", "Places, zones, closures", "Releases", "Time"])
+    await ada.side(part).locator("summary").click();
 });
 await view("health", "#health", { viewport: { width: 1180, height: 900 } }, (ada) => ada.page.waitForTimeout(6000));
 await view("phone", "#/museum", { viewport: { width: 390, height: 780 }, hasTouch: true, isMobile: true });

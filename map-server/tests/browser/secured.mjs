@@ -11,7 +11,9 @@ const browser = await launch(config.chromium);
 const origin = `https://localhost:${config.address.split(":").at(-1)}`;
 
 function shows(name) {
-  const clientCertificates = [{ origin, certPath: `${config.folder}/${name}.pem`, keyPath: `${config.folder}/${name}.key` }];
+  const clientCertificates = [
+    { origin, certPath: `${config.folder}/${name}.pem`, keyPath: `${config.folder}/${name}.key` },
+  ];
   return { clientCertificates, ignoreHTTPSErrors: true };
 }
 
@@ -20,13 +22,19 @@ try {
   await foreign.write(config.begin);
 
   const stranger = await Person.at(browser, origin, { ignoreHTTPSErrors: true });
-  check((await stranger.page.locator("body").textContent()).includes("show a certificate of this site"), "a stranger is told why");
+  check(
+    (await stranger.page.locator("body").textContent()).includes("show a certificate of this site"),
+    "a stranger is told why",
+  );
   check((await stranger.page.goto(`${origin}/page/main.js`)).status() === 401, "and gets nothing else");
   await stranger.end();
 
   const tug = await Person.at(browser, `${origin}/#/lab`, shows("client-tug"));
   await tug.isLive();
-  await until("it is shown who looks", async () => (await tug.page.locator("#me").textContent()) === "tug (client), may look");
+  await until(
+    "it is shown who looks",
+    async () => (await tug.page.locator("#me").textContent()) === "tug (client), may look",
+  );
   await until("the map is there", async () => (await tug.side("Map").textContent()).includes("main"));
   const tools = await tug.page.getByRole("toolbar").getByRole("button").allTextContents();
   check(tools.join() === "Look,Path,Measure,Clear", `only what it may do is offered: ${tools}`);

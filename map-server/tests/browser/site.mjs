@@ -9,8 +9,16 @@ import { setTimeout as pause } from "node:timers/promises";
 import { chromium } from "playwright-core";
 
 export const PATIENCE_MS = 60_000;
-const FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-  "--disable-background-networking", "--disable-component-update", "--disable-sync"];
+const FLAGS = [
+  "--headless",
+  "--no-sandbox",
+  "--disable-gpu",
+  "--disable-quic",
+  "--no-first-run",
+  "--disable-background-networking",
+  "--disable-component-update",
+  "--disable-sync",
+];
 
 const axe = await readFile(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 
@@ -46,7 +54,10 @@ export class Server {
     this.said = "";
     this.process.stderr.on("data", (bytes) => (this.said = (this.said + bytes).slice(-4000)));
     this.process.on("error", (error) => (this.said += error.message));
-    await until("the server says where the page is", () => this.said.includes("the page is at") || this.process.exitCode !== null);
+    await until(
+      "the server says where the page is",
+      () => this.said.includes("the page is at") || this.process.exitCode !== null,
+    );
     check(this.process.exitCode === null, `the server ended: ${this.said}`);
   }
 
@@ -173,19 +184,29 @@ export class Person {
   // The colour of the canvas at a place, as red, green, blue.
   async colourAt(x, y) {
     const [px, py] = await this.pixelsOf(x, y);
-    return this.page.evaluate(([left, top]) => {
-      const canvas = document.querySelector("canvas");
-      const box = canvas.getBoundingClientRect();
-      const ratio = canvas.width / box.width;
-      return [...canvas.getContext("2d").getImageData((left - box.left) * ratio, (top - box.top) * ratio, 1, 1).data.slice(0, 3)];
-    }, [px, py]);
+    return this.page.evaluate(
+      ([left, top]) => {
+        const canvas = document.querySelector("canvas");
+        const box = canvas.getBoundingClientRect();
+        const ratio = canvas.width / box.width;
+        return [
+          ...canvas
+            .getContext("2d")
+            .getImageData((left - box.left) * ratio, (top - box.top) * ratio, 1, 1)
+            .data.slice(0, 3),
+        ];
+      },
+      [px, py],
+    );
   }
 
   // What keeps people with other senses out: nothing serious may.
   async isAccessible(where) {
     // The page's policy forbids scripts of others: axe is run by the browser's debugger.
     await this.page.evaluate(axe);
-    const { violations } = await this.page.evaluate(() => globalThis.axe.run(document, { resultTypes: ["violations"] }));
+    const { violations } = await this.page.evaluate(() =>
+      globalThis.axe.run(document, { resultTypes: ["violations"] }),
+    );
     const serious = violations.filter(({ impact }) => impact === "serious" || impact === "critical");
     const words = serious.map(({ id, nodes }) => `${id}: ${nodes.map(({ html }) => html).join(" ")}`);
     check(serious.length === 0, `${where}: ${words.join("\n")}`);

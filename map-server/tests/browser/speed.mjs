@@ -27,24 +27,31 @@ async function bytesOf(person) {
 // Frames a second while a person drags the map about.
 async function frames(person) {
   const box = await person.page.locator("canvas").boundingBox();
-  const counted = person.page.evaluate((ms) => new Promise((tell) => {
-    const begun = performance.now();
-    const took = [];
-    let last = begun;
-    const frame = (now) => {
-      took.push(now - last);
-      last = now;
-      if (now - begun < ms) return requestAnimationFrame(frame);
-      took.sort((a, b) => a - b);
-      tell({ frames: took.length / ((now - begun) / 1000), worst: took[Math.floor(0.99 * took.length)] });
-    };
-    requestAnimationFrame(frame);
-  }), 8000);
+  const counted = person.page.evaluate(
+    (ms) =>
+      new Promise((tell) => {
+        const begun = performance.now();
+        const took = [];
+        let last = begun;
+        const frame = (now) => {
+          took.push(now - last);
+          last = now;
+          if (now - begun < ms) return requestAnimationFrame(frame);
+          took.sort((a, b) => a - b);
+          tell({ frames: took.length / ((now - begun) / 1000), worst: took[Math.floor(0.99 * took.length)] });
+        };
+        requestAnimationFrame(frame);
+      }),
+    8000,
+  );
   await person.page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
   await person.page.mouse.down();
   for (let turn = 0; turn < 200; turn += 1) {
     const angle = turn / 6;
-    await person.page.mouse.move(box.x + box.width / 2 + 90 * Math.cos(angle), box.y + box.height / 2 + 90 * Math.sin(angle));
+    await person.page.mouse.move(
+      box.x + box.width / 2 + 90 * Math.cos(angle),
+      box.y + box.height / 2 + 90 * Math.sin(angle),
+    );
     await pause(20);
   }
   await person.page.mouse.up();
@@ -58,16 +65,24 @@ try {
   const ada = await Person.at(browser, "about:blank");
   const count = await bytesOf(ada);
   await ada.page.goto(`http://${config.address}/#/hall`);
-  const drawn = await until("it is drawn", () => ada.page.evaluate(() => performance.getEntriesByName("map drawn")[0]?.startTime));
+  const drawn = await until("it is drawn", () =>
+    ada.page.evaluate(() => performance.getEntriesByName("map drawn")[0]?.startTime),
+  );
   await ada.isLive();
   await pause(1000);
   console.log(`joining: ${(count.bytes / 1e6).toFixed(2)} MB, drawn after ${drawn.toFixed(0)} ms`);
   const alone = await frames(ada);
   await foreign.order({ swarm: "hall", robots: 200, hz: 5, for_s: 90 });
-  await until("all robots are there", async () => (await ada.side("Map").textContent()) && (await foreign.get("fht/hall/head")));
+  await until(
+    "all robots are there",
+    async () => (await ada.side("Map").textContent()) && (await foreign.get("fht/hall/head")),
+  );
   await pause(3000);
   const busy = await frames(ada);
-  for (const [what, { frames: rate, worst }] of [["the map alone", alone], ["with 200 robots", busy]]) {
+  for (const [what, { frames: rate, worst }] of [
+    ["the map alone", alone],
+    ["with 200 robots", busy],
+  ]) {
     console.log(`dragging, ${what}: ${rate.toFixed(0)} frames a second, 99 % within ${worst.toFixed(0)} ms`);
   }
   count.bytes = 0;

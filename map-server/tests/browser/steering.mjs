@@ -40,7 +40,12 @@ async function a_place_is_named_by_mouse_and_by_keyboard({ browser, url, foreign
   await tool.focus();
   await ada.page.keyboard.press("Enter");
   const form = ada.side("Places, zones, closures");
-  for (const [label, text] of [["name of the place", "Küche"], ["x, m", "1.5"], ["y, m", "-0.5"], ["heading, °", "90"]]) {
+  for (const [label, text] of [
+    ["name of the place", "Küche"],
+    ["x, m", "1.5"],
+    ["y, m", "-0.5"],
+    ["heading, °", "90"],
+  ]) {
     await form.getByLabel(label).focus();
     await ada.page.keyboard.press("Control+A");
     await ada.page.keyboard.type(text);
@@ -62,7 +67,10 @@ async function the_map_goes_by_keyboard_alone({ browser, url }) {
     await ada.page.keyboard.press("Tab");
     seen.push(await focused());
   }
-  check(["To the content", "Maps", "Look", "Path", "Erase", "Clear"].every((name) => seen.includes(name)), seen.join());
+  check(
+    ["To the content", "Maps", "Look", "Path", "Erase", "Clear"].every((name) => seen.includes(name)),
+    seen.join(),
+  );
   await ada.page.keyboard.press("+");
   await ada.page.keyboard.press("ArrowRight");
   await ada.page.keyboard.press("Enter");
@@ -81,10 +89,18 @@ async function a_zone_is_previewed_drawn_changed_and_taken_back({ browser, url, 
   const form = ada.side("Places, zones, closures");
   await until("places are there", async () => (await form.textContent()).includes("dock"));
   await ada.press("Draw a zone");
-  for (const corner of [[4.5, -1.5], [5.5, -1.5], [5.5, 1.5], [4.5, 1.5]]) await ada.clickAt(...corner);
+  for (const corner of [
+    [4.5, -1.5],
+    [5.5, -1.5],
+    [5.5, 1.5],
+    [4.5, 1.5],
+  ])
+    await ada.clickAt(...corner);
   await form.getByLabel("name of the zone").fill("wet");
   await ada.press("What would change?");
-  await until("the path that would be none is told", async () => (await form.textContent()).includes("1 of 1 paths between places would change"));
+  await until("the path that would be none is told", async () =>
+    (await form.textContent()).includes("1 of 1 paths between places would change"),
+  );
   check((await form.textContent()).includes("then none"), "between the kitchen and the dock");
   check((await zones()).length === 0, "looking ahead writes nothing");
   await ada.isAccessible("a zone that is drawn");
@@ -136,7 +152,13 @@ async function nodes_are_erased_and_come_back({ browser, url, foreign }) {
   await until("the map is there", async () => (await ada.side("Map").textContent()).includes("main"));
   await ada.press("The whole map");
   await ada.press("Erase");
-  for (const corner of [[13.5, -0.9], [15.5, -0.9], [15.5, 0.9], [13.5, 0.9]]) await ada.clickAt(...corner);
+  for (const corner of [
+    [13.5, -0.9],
+    [15.5, -0.9],
+    [15.5, 0.9],
+    [13.5, 0.9],
+  ])
+    await ada.clickAt(...corner);
   await ada.press("Erase 2 nodes");
   await until("they have gone", async () => (await count()) === 14);
   await ada.press("Undo my last change");
@@ -202,10 +224,17 @@ async function a_floor_plan_lies_under_the_map_and_is_kept({ browser, url }) {
     const [red, green] = await ada.colourAt(5.5, 3);
     return red > green + 80;
   };
-  const svg = '<svg xmlns="http://www.w3.org/2000/svg" width="100" height="100"><rect width="100" height="100" fill="#f00"/></svg>';
+  const svg =
+    '<svg xmlns="http://www.w3.org/2000/svg" width="100" height="100"><rect width="100" height="100" fill="#f00"/></svg>';
   const plan = ada.side("Floor plan");
-  await plan.getByLabel("image of the floor plan").setInputFiles({ name: "plan.svg", mimeType: "image/svg+xml", buffer: Buffer.from(svg) });
-  for (const [label, value] of [["metres a pixel", "0.1"], ["lower left y, m", "2"], ["strength, 0 to 1", "1"]]) {
+  await plan
+    .getByLabel("image of the floor plan")
+    .setInputFiles({ name: "plan.svg", mimeType: "image/svg+xml", buffer: Buffer.from(svg) });
+  for (const [label, value] of [
+    ["metres a pixel", "0.1"],
+    ["lower left y, m", "2"],
+    ["strength, 0 to 1", "1"],
+  ]) {
     await plan.getByLabel(label).fill(value);
   }
   await until("it is drawn", isRed);
