@@ -206,7 +206,8 @@ async fn earlier_states_are_shown_and_changes_looked_at_in_advance() {
     assert!(longer["after_m"].as_f64() > longer["before_m"].as_f64(), "it leads around: {beside}");
     let closed = &across["paths"][0];
     assert!(closed["after_m"].is_null() && closed["message"].is_string(), "there is none: {across}");
-    let (_, elsewhere) = site.post("preview", r#"{"op":"set_closed","edge":["0000000a.10","0000000a.11"],"closed":true}"#);
+    let (_, elsewhere) =
+        site.post("preview", r#"{"op":"set_closed","edge":["0000000a.10","0000000a.11"],"closed":true}"#);
     assert_eq!(elsewhere["paths"].as_array().map(Vec::len), Some(0));
     assert_eq!(head_when(&site.session, |_| true).await.version, before, "nothing is written");
 

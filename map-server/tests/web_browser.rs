@@ -54,7 +54,9 @@ fn hall() -> Vec<Value> {
             ops.push(Op::PutNode { id, kind: NodeKind::Support, pose });
             ops.push(Op::SetFreeSpace { id, rect: Some(rect) });
             let before = [(index % 100 > 0).then(|| index - 1), index.checked_sub(100)];
-            ops.extend(before.into_iter().flatten().map(|other| Op::PutEdge { edge: EdgeKey::new(node(ANA, other), id) }));
+            ops.extend(
+                before.into_iter().flatten().map(|other| Op::PutEdge { edge: EdgeKey::new(node(ANA, other), id) }),
+            );
         }
         Increment { author: ANA, number: u64::from(number), hlc_us: 1_000_000 + u64::from(number), ops }
     };

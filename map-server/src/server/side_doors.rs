@@ -32,8 +32,7 @@ impl SideDoors {
     /// # Errors
     /// [`ServerError::Web`].
     pub(super) fn open(config: &ServerConfig) -> Result<Self, ServerError> {
-        let with_zenoh =
-            |web: &WebConfig| WebConfig { zenoh: config.link.listen.first().cloned(), ..web.clone() };
+        let with_zenoh = |web: &WebConfig| WebConfig { zenoh: config.link.listen.first().cloned(), ..web.clone() };
         let web = config.web.as_ref().map(with_zenoh);
         let web = web.as_ref().map(WebListener::bind).transpose()?;
         Ok(Self { web: web.map(Arc::new) })

@@ -8,7 +8,8 @@ use fht_map::{DoubtfulWords, MapState, check_place, check_zone};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Series, known_names};
 use fht_proto::api::request::bad_request;
 use fht_proto::{
-    AuthorId, EdgeKey, FixedPose, Increment, Label, NodeId, Op, Release, ReleaseId, ReleaseName, VersionVector, Zone, decode,
+    AuthorId, EdgeKey, FixedPose, Increment, Label, NodeId, Op, Release, ReleaseId, ReleaseName, VersionVector, Zone,
+    decode,
 };
 use fht_web::{MapChange, MapChangeOrder};
 use std::collections::BTreeSet;

@@ -30,8 +30,7 @@ pub(crate) struct LastWarnings {
 }
 
 /// A process has one log.
-static LAST: Mutex<LastWarnings> =
-    Mutex::new(LastWarnings { warnings: 0, errors: 0, lines: VecDeque::new() });
+static LAST: Mutex<LastWarnings> = Mutex::new(LastWarnings { warnings: 0, errors: 0, lines: VecDeque::new() });
 
 fn last() -> MutexGuard<'static, LastWarnings> {
     LAST.lock().unwrap_or_else(PoisonError::into_inner)

@@ -15,8 +15,8 @@ use fht_proto::api::reply::{ErrorCode, ErrorReply, Head};
 use fht_proto::api::request::{Request, bad_request};
 use fht_proto::{AuthorId, MapName, Op, RobotName};
 use fht_web::{
-    Answering, MapChange, MapChangeOrder, MapGauges, MapPort, MemberRole, PastQuestion, QueryFigures, Rights, ServerFigures,
-    WallsQuestion, WebAnswer,
+    Answering, MapChange, MapChangeOrder, MapGauges, MapPort, MemberRole, PastQuestion, QueryFigures, Rights,
+    ServerFigures, WallsQuestion, WebAnswer,
 };
 use serde::Serialize;
 use std::sync::Arc;

@@ -160,10 +160,12 @@ mod tests {
     #[test]
     fn paths_that_stay_as_they_are_are_not_told() {
         let way = |length_m: f64| Ok((length_m, vec![[0.0, 0.0], [length_m, 0.0]]));
-        let none = || Err(PlanError::GoalKeptOut {
-            goal: FixedPoint::default(),
-            zone: "wet".parse().unwrap_or_else(|error| panic!("{error}")),
-        });
+        let none = || {
+            Err(PlanError::GoalKeptOut {
+                goal: FixedPoint::default(),
+                zone: "wet".parse().unwrap_or_else(|error| panic!("{error}")),
+            })
+        };
         assert!(compare(way(3.0), way(3.001)).is_none());
         assert!(compare(none(), none()).is_none());
         let longer = compare(way(3.0), way(4.0));

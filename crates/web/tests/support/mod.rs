@@ -5,8 +5,8 @@ use fht_proto::RobotName;
 use fht_proto::api::reply::{ErrorCode, ErrorReply};
 use fht_proto::api::request::{Format, Request};
 use fht_web::{
-    Answering, EventHub, MapChangeOrder, MapGauges, MapPort, MemberRole, QueryFigures, Rights, ServerFigures,
-    PastQuestion, WallsQuestion, WebAnswer, WebConfig, WebListener,
+    Answering, EventHub, MapChangeOrder, MapGauges, MapPort, MemberRole, PastQuestion, QueryFigures, Rights,
+    ServerFigures, WallsQuestion, WebAnswer, WebConfig, WebListener,
 };
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};

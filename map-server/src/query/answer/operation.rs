@@ -5,8 +5,8 @@ use crate::query::active_rules::ActiveRules;
 use crate::query::answer::reply::{Answer, json};
 use crate::query::fleet::Fleet;
 use fht_map::MapState;
-use fht_proto::{MapName, RobotName};
 use fht_proto::api::reply::{ErrorReply, PlaceView, RulesReply, ZoneView};
+use fht_proto::{MapName, RobotName};
 
 pub(super) fn rules(view: &MapView, active: &ActiveRules, now_us: u64) -> Result<Answer, ErrorReply> {
     let map = &view.head.map;
