@@ -204,6 +204,11 @@ pub trait IncrementLog: Send + Sync + Debug {
         None
     }
 
+    /// Room left on its disk, bytes; none: that is not known.
+    fn free_bytes(&self) -> Option<u64> {
+        None
+    }
+
     /// What will keep it from being written if nobody sees to it: little room on its disk.
     fn warning(&self) -> Option<String> {
         None

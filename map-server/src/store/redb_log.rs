@@ -196,6 +196,10 @@ impl IncrementLog for RedbLog {
         self.opened().fault()
     }
 
+    fn free_bytes(&self) -> Option<u64> {
+        self.disk.free_bytes()
+    }
+
     fn warning(&self) -> Option<String> {
         let free = self.disk.free_bytes().filter(|free| *free < self.min_free_bytes)?;
         let mib = |bytes: u64| bytes >> 20;
