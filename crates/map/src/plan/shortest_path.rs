@@ -187,7 +187,8 @@ fn checked(space: &FreeSpace, route: NodeRoute, config: &NodeRouteConfig) -> Opt
             })
     };
     let (begin_mm, end_mm) = (space.unmapped_mm(begin), space.unmapped_mm(&end));
-    let is_hidden = !space.views.is_empty() && end_mm > space.approach.unseen_goal_mm;
+    let is_hidden = !space.views.is_empty() && end_mm > space.approach.unseen_goal_mm
+        || length_mm(begin) > space.approach.start_mm && space.hides_start(begin);
     let is_walled = is_hidden || is_walled(begin, *start, PathEnd::Start) || is_walled(&end, *goal, PathEnd::Goal);
     if is_walled && config.ends != PathEnds::Known {
         return None;
