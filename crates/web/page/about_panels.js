@@ -92,7 +92,7 @@ export function drawAbout(box, store) {
           ["robots use", head.enabled ?? "the newest state"],
         ],
       ),
-      truncated ? el("p", { class: "warn" }, `the ${nodes.size} nodes nearest to where it was opened are shown`) : null,
+      truncated ? el("p", { class: "warn" }, `the ${nodes.size} nodes nearest to where you look are shown`) : null,
       head.read_only ? el("p", { class: "bad" }, "the server's disk takes nothing in") : null,
       head.deletion
         ? el("p", { class: "bad" }, `will be deleted at ${head.deletion.at}: ${head.deletion.reason}`)

@@ -78,7 +78,10 @@ class MapPage {
     this.drawing = new Drawing(this.canvas);
     this.store = new MapStore(map, () => this.changed());
     this.view = new View(this.canvas, {
-      moved: () => this.soon(),
+      moved: () => {
+        this.soon();
+        if (this.view?.isMoved) this.store.looksAt([this.view.x, this.view.y]);
+      },
       clicked: (at) => this.tools.click(at, this.store, this.view),
       pointed: ([x, y]) => (this.under.textContent = `x ${x.toFixed(2)} m, y ${y.toFixed(2)} m`),
       grabbed: (at) => this.tools.grab(at, this.view),

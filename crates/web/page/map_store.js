@@ -3,10 +3,11 @@
 
 import { ask, askWalls } from "./api.js";
 
-const MOST_NODES = 20000; // of a larger map those nearest to where it was opened are shown
+const MOST_NODES = 20000; // of a larger map those nearest to where somebody looks are shown
 const PAGE = 1000;
 const GAP_MS = 1500;
 const WALLS_EVERY_MS = 3000;
+const ELSEWHERE_MS = 500;
 const WAY_EVERY_MS = 3000;
 const MOST_WAYS = 20; // robots whose ways are asked for
 
@@ -52,10 +53,19 @@ export class MapStore {
       after = page.next ?? "";
     } while (after && nodes.size < MOST_NODES);
     if (turn !== this.loading) return; // a newer one is under way
-    Object.assign(this, { nodes, version, truncated: after !== "", near });
+    // They come nearest first.
+    const { x, y } = [...nodes.values()].at(-1) ?? { x: near[0], y: near[1] };
+    Object.assign(this, { nodes, version, truncated: after !== "", near, reach: Math.hypot(x - near[0], y - near[1]) });
     this.redraw();
     this.head = await ask(this.map, "head");
     await Promise.all([this.loadRules(), this.loadWalls()]);
+  }
+
+  // Somebody looks elsewhere: of a large map other nodes are near then.
+  looksAt([x, y]) {
+    clearTimeout(this.elsewhere);
+    if (!this.truncated || Math.hypot(x - this.near[0], y - this.near[1]) < this.reach / 2) return;
+    this.elsewhere = setTimeout(() => this.load([x, y]).catch(() => {}), ELSEWHERE_MS);
   }
 
   async loadRules() {
@@ -172,8 +182,7 @@ export class MapStore {
   }
 
   end() {
-    clearTimeout(this.gap);
-    clearTimeout(this.wallsTimer);
+    for (const timer of [this.gap, this.wallsTimer, this.elsewhere]) clearTimeout(timer);
     this.loading = -1;
   }
 }
