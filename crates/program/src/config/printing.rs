@@ -22,7 +22,8 @@ pub(super) fn print<T: Configuration>(config: &T) -> Result<String, PrintError> 
     Ok(text)
 }
 
-/// `usual` is what the keys are where nothing says otherwise. Values go first: what follows a section's heading belongs to that section.
+/// `usual` is what the keys are where nothing says otherwise. Values go first: what follows a
+/// section's heading belongs to that section.
 fn print_table(
     text: &mut String,
     (keys, usual): (&[(String, Tree)], Option<&[(String, Tree)]>),
