@@ -22,11 +22,14 @@ pub(super) fn print<T: Configuration>(config: &T) -> Result<String, PrintError> 
     Ok(text)
 }
 
+/// A table's keys, in the order of the fields.
+type Keys = [(String, Tree)];
+
 /// `usual` is what the keys are where nothing says otherwise. Values go first: what follows a
 /// section's heading belongs to that section.
 fn print_table(
     text: &mut String,
-    (keys, usual): (&[(String, Tree)], Option<&[(String, Tree)]>),
+    (keys, usual): (&Keys, Option<&Keys>),
     schema: KeySchema<'_>,
     above: &str,
 ) -> Result<(), PrintError> {
@@ -63,7 +66,7 @@ fn print_table(
     Ok(())
 }
 
-fn key_of<'a>(keys: &'a [(String, Tree)], name: &str) -> Option<&'a Tree> {
+fn key_of<'a>(keys: &'a Keys, name: &str) -> Option<&'a Tree> {
     keys.iter().find(|(key, _)| key == name).map(|(_, tree)| tree)
 }
 
