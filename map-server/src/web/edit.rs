@@ -110,7 +110,7 @@ fn erase(state: &MapState, nodes: &[NodeId]) -> Result<PlannedEdit, ErrorReply> 
         return Err(ErrorReply::new(ErrorCode::UnknownNode, "the map has none of these nodes"));
     }
     let ops = known.into_iter().map(|id| Op::RemoveNode { id }).collect();
-    Ok(PlannedEdit { ops, undone: None })
+    Ok(PlannedEdit { ops, ..PlannedEdit::default() })
 }
 
 fn release(view: &MapView, author: AuthorId, name: &ReleaseName) -> Result<PlannedEdit, ErrorReply> {
