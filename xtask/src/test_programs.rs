@@ -18,6 +18,17 @@ const AT_ONCE_PER_PROCESSOR: f64 = 1.5;
 /// Longest time of one program, seconds: five times what the longest takes on two cores.
 const LIMIT: Duration = Duration::from_secs(900);
 const POLL: Duration = Duration::from_millis(50);
+/// With the operators' page: what the tests build once serves those of the page, too.
+const BUILD: [&str; 6] = [
+    "test",
+    "--release",
+    "--workspace",
+    "--features=map-server/web",
+    "--no-run",
+    "--message-format=json-render-diagnostics",
+];
+/// The test program that needs a browser, and the browsers that it looks for.
+const IN_A_BROWSER: (&str, [&str; 3]) = ("web_browser.rs", ["chromium", "chromium-browser", "google-chrome"]);
 /// Zenoh's TLS may crash where two threads are at one connection (`docs/upstream.md`).
 const ONE_THREAD: (&str, &str) =
     ("ZENOH_RUNTIME", "(rx: (worker_threads: 1), tx: (handover: rx), acc: (handover: rx), net: (handover: rx))");
@@ -89,7 +100,16 @@ struct Ended {
 /// [`TestError`].
 pub(crate) fn run(root: &Path) -> Result<Vec<PathBuf>, TestError> {
     let root = &root.canonicalize().map_err(system(root.display().to_string()))?;
-    let programs = build(root)?;
+    let mut programs = build(root)?;
+    if !is_installed(&IN_A_BROWSER.1) {
+        programs.retain(|program| {
+            let needs_browser = program.source.file_name().is_some_and(|name| name == IN_A_BROWSER.0);
+            if needs_browser {
+                println!("     Left out {}: needs a browser ({})", program.source.display(), IN_A_BROWSER.1.join(", "));
+            }
+            !needs_browser
+        });
+    }
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let at_once = (processors as f64 * AT_ONCE_PER_PROCESSOR).ceil() as usize;
     let waiting = Mutex::new(programs);
@@ -120,6 +140,12 @@ pub(crate) fn run(root: &Path) -> Result<Vec<PathBuf>, TestError> {
     Ok(failed.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
 }
 
+/// Whether one of these programs is installed.
+fn is_installed(names: &[&str]) -> bool {
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&folders).any(|folder| names.iter().any(|name| folder.join(name).is_file()))
+}
+
 /// Cargo, without what the Cargo that runs this program tells it of itself: the build script of
 /// `ring` looks at that, and it and all of Zenoh's TLS would be built again, now and at the next
 /// direct call.
@@ -137,8 +163,6 @@ fn cargo(root: &Path) -> Command {
 }
 
 fn build(root: &Path) -> Result<VecDeque<Program>, TestError> {
-    const BUILD: [&str; 5] =
-        ["test", "--release", "--workspace", "--no-run", "--message-format=json-render-diagnostics"];
     let mut building = cargo(root).args(BUILD).stdout(Stdio::piped()).spawn().map_err(system("cargo"))?;
     let mut said = String::new();
     if let Some(mut stdout) = building.stdout.take() {

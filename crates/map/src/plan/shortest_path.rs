@@ -68,22 +68,12 @@ pub fn plan(
         (_, PathEnds::ToNearest) if is_goal_far => {}
         _ => return Err(refusal),
     }
-    match (ways.nearest(), config.ends) {
+    let spot = ways.nearest();
+    if config.ends == PathEnds::ToNearest {
         // If there is none, nothing leads away from the start.
-        (spot, PathEnds::ToNearest) => {
-            let route = spot.and_then(|spot| ways.shortest_to_spot(spot));
-            route.ok_or(RouteError::NoPath { from, to, nearest: None, is_shut_in: ways.starts.is_empty() })
-        }
-        (Some(spot), _) => {
-            Err(RouteError::NoPath { from, to, nearest: Some(fixed_point(spot.place)), is_shut_in: false })
-        }
-        (None, _) => Err(match refusal {
-            RouteError::NoPath { .. } => {
-                RouteError::NoPath { from, to, nearest: None, is_shut_in: ways.starts.is_empty() }
-            }
-            other => other,
-        }),
+        return spot.and_then(|spot| ways.shortest_to_spot(spot)).ok_or_else(|| ways.no_path(None));
     }
+    Err(ways.no_path(spot))
 }
 
 /// How two places can be joined through the mesh.
@@ -117,6 +107,12 @@ impl<'a> Ways<'a> {
         let goals = self.space.approaches(self.to, self.config.max_detour_m * 1000.0, goal);
         let (way, unmapped_mm) = self.shortest_to(&goals)?;
         Some(NodeRoute { unmapped_m: unmapped_mm * 1e-3, ..route_over(self.from, &way, Some(self.to)) })
+    }
+
+    /// That nothing joins the two; `spot` is what can be reached nearest to the goal.
+    fn no_path(&self, spot: Option<Spot>) -> RouteError {
+        let nearest = spot.map(|spot| fixed_point(spot.place));
+        RouteError::NoPath { from: self.from, to: self.to, nearest, is_shut_in: self.starts.is_empty() }
     }
 
     /// Where what can be reached is nearest to the goal.

@@ -30,15 +30,14 @@ pub(super) async fn rename(session: &Session, old: &MapName, order: DeletionOrde
     let meanwhile = DeletionOrder { grace_s: order.grace_s.max(UNTIL_SEEN_S), ..order.clone() };
     let mut last = delete(session, old, &meanwhile).await?;
     let copied = match head(session, &new).await {
-        Ok(copied) if (&copied.vector, copied.digest) == (&last.vector, last.digest) => copied,
-        // An older server only notes where a map has moved to.
-        Err(OperatorError::Refused(_)) => {
+        // Robots may write to it already.
+        Ok(copied) if copied.vector.covers(&last.vector) => copied,
+        // An older server only notes where a map has moved to; a map of that name is another one.
+        Ok(_) | Err(OperatorError::Refused(_)) => {
             undelete(session, old).await?;
             let reason = OperatorError::Answer(format!("the server made no map {new}: it is too old for this program"));
             return Err(OperatorError::NotRenamed { old: old.clone(), reason: Box::new(reason) });
         }
-        // Robots write to it already.
-        Ok(copied) => copied,
         Err(error) => return Err(error),
     };
     if order.grace_s < meanwhile.grace_s {

@@ -5,8 +5,10 @@ use crate::store::log::DeletionRecord;
 use crate::store::redb_log::tables::{COMPACTED, FLOOR_VERSIONS, FLOORS, INCREMENTS, LOG, reading, writing};
 use crate::store::redb_log::{RedbLog, ends};
 use fht_proto::{MapName, VersionVector};
-use redb::{ReadableTable, TableDefinition, TableError, WriteTransaction};
+use redb::{Key, ReadableTable, Table, TableDefinition, TableError, Value, WriteTransaction};
+use std::borrow::Borrow;
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 /// About how much of a map is copied at one time, bytes.
 const PART_BYTES: usize = 4 << 20;
@@ -24,6 +26,25 @@ fn put(write: &WriteTransaction, map: &MapName, record: Option<&DeletionRecord>)
         }
     }
     Ok(())
+}
+
+/// What `row` makes of a range's entries: they are copied into the same table.
+fn rows<'a, K, V, Bound, Row>(
+    table: &Table<'_, K, V>,
+    range: RangeInclusive<Bound>,
+    row: impl Fn(K::SelfType<'_>, V::SelfType<'_>) -> Row,
+) -> Result<Vec<Row>, StoreError>
+where
+    K: Key + 'static,
+    V: Value + 'static,
+    Bound: Borrow<K::SelfType<'a>> + 'a,
+{
+    let mut rows = Vec::new();
+    for entry in table.range(range).map_err(writing)? {
+        let (key, value) = entry.map_err(writing)?;
+        rows.push(row(key.value(), value.value()));
+    }
+    Ok(rows)
 }
 
 /// Copies a map's increments, a part at a time: a map may be larger than memory should be.
@@ -52,22 +73,14 @@ fn copy_increments(write: &WriteTransaction, from: &str, to: &str) -> Result<(),
 /// Copies how far a map is folded, and what is left of that: no larger than its state.
 fn copy_folded(write: &WriteTransaction, from: &str, to: &str) -> Result<(), StoreError> {
     let mut compacted = write.open_table(COMPACTED).map_err(writing)?;
-    let mut rows = Vec::new();
-    for entry in compacted.range((from, 0, 0)..=(from, u32::MAX, u64::MAX)).map_err(writing)? {
-        let (key, value) = entry.map_err(writing)?;
-        let ((_, author, last), (first, bytes)) = (key.value(), value.value());
-        rows.push((author, last, first, bytes.to_vec()));
-    }
-    for (author, last, first, bytes) in rows {
+    let folds = rows(&compacted, (from, 0, 0)..=(from, u32::MAX, u64::MAX), |(_, author, last), (first, bytes)| {
+        (author, last, first, bytes.to_vec())
+    })?;
+    for (author, last, first, bytes) in folds {
         compacted.insert((to, author, last), (first, bytes.as_slice())).map_err(writing)?;
     }
     let mut floors = write.open_table(FLOORS).map_err(writing)?;
-    let mut rows = Vec::new();
-    for entry in floors.range((from, 0)..=(from, u32::MAX)).map_err(writing)? {
-        let (key, number) = entry.map_err(writing)?;
-        rows.push((key.value().1, number.value()));
-    }
-    for (author, number) in rows {
+    for (author, number) in rows(&floors, (from, 0)..=(from, u32::MAX), |(_, author), number| (author, number))? {
         floors.insert((to, author), number).map_err(writing)?;
     }
     let mut versions = write.open_table(FLOOR_VERSIONS).map_err(writing)?;
@@ -81,12 +94,7 @@ fn copy_folded(write: &WriteTransaction, from: &str, to: &str) -> Result<(), Sto
 /// Copies the order in which a map's increments were stored: 20 bytes each.
 fn copy_order(write: &WriteTransaction, from: &str, to: &str) -> Result<(), StoreError> {
     let mut log = write.open_table(LOG).map_err(writing)?;
-    let mut rows = Vec::new();
-    for entry in log.range((from, 0)..=(from, u64::MAX)).map_err(writing)? {
-        let (key, place) = entry.map_err(writing)?;
-        rows.push((key.value().1, place.value()));
-    }
-    for (sequence, place) in rows {
+    for (sequence, place) in rows(&log, (from, 0)..=(from, u64::MAX), |(_, sequence), place| (sequence, place))? {
         log.insert((to, sequence), place).map_err(writing)?;
     }
     Ok(())
