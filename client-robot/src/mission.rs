@@ -16,7 +16,10 @@ use fht_worker::Taking;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::ops::ControlFlow;
+use std::pin::pin;
 use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::timeout;
 
 /// A map that may change while it is used.
 pub trait MapSource {
@@ -140,6 +143,11 @@ pub trait MissionObserver {
         let _ = goal;
     }
 
+    /// Asked now and then while no frame comes: whether the mission ends.
+    fn is_over(&mut self) -> bool {
+        false
+    }
+
     /// Asked before each frame is worked on: where somebody says that the robot is, map frame, if
     /// that was said since. It may be wrong.
     fn pointed_at(&mut self) -> Option<Pose2> {
@@ -167,6 +175,10 @@ impl<A: MissionObserver, B: MissionObserver> MissionObserver for (A, B) {
         self.1.on_goal(goal);
     }
 
+    fn is_over(&mut self) -> bool {
+        self.0.is_over() || self.1.is_over()
+    }
+
     fn pointed_at(&mut self) -> Option<Pose2> {
         let first = self.0.pointed_at();
         let second = self.1.pointed_at();
@@ -186,6 +198,10 @@ impl<O: MissionObserver> MissionObserver for Option<O> {
         }
     }
 
+    fn is_over(&mut self) -> bool {
+        self.as_mut().is_some_and(MissionObserver::is_over)
+    }
+
     fn pointed_at(&mut self) -> Option<Pose2> {
         self.as_mut().and_then(MissionObserver::pointed_at)
     }
@@ -198,6 +214,10 @@ impl<O: MissionObserver> MissionObserver for &mut O {
 
     fn on_goal(&mut self, goal: DriveGoal) {
         (**self).on_goal(goal);
+    }
+
+    fn is_over(&mut self) -> bool {
+        (**self).is_over()
     }
 
     fn pointed_at(&mut self) -> Option<Pose2> {
@@ -240,6 +260,11 @@ pub async fn run<R: Robot>(
 
 /// Says what the robot is to do, frame by frame.
 pub(crate) trait Director {
+    /// Now and then while no frame comes: whoever waits for an answer gets one.
+    fn meanwhile(&mut self, map: &dyn MapSource) {
+        let _ = map;
+    }
+
     /// Before a frame is worked on: another task, if there is one.
     fn before(&mut self, map: &dyn MapSource) -> Option<Task>;
 
@@ -274,6 +299,25 @@ impl Director for OneGoal<'_> {
     }
 }
 
+/// The next frame. While none comes, the mission can be ended, and questions are answered.
+async fn next_frame<R: Robot>(
+    robot: &mut Supervised<R>,
+    director: &mut impl Director,
+    map: &(dyn MapSource + Sync),
+    observer: &mut impl MissionObserver,
+) -> Result<SensorFrame, MissionError> {
+    /// Between two looks.
+    const MEANWHILE: Duration = Duration::from_millis(100);
+    let mut sensing = pin!(robot.sense());
+    loop {
+        match timeout(MEANWHILE, &mut sensing).await {
+            Ok(frame) => return Ok(frame?),
+            Err(_) if observer.is_over() => return Err(MissionError::Interrupted),
+            Err(_) => director.meanwhile(map),
+        }
+    }
+}
+
 /// The robot's loop: sense, think, drive.
 pub(crate) async fn direct<R: Robot>(
     robot: &mut Supervised<R>,
@@ -287,7 +331,7 @@ pub(crate) async fn direct<R: Robot>(
     let mut preparation = Preparation::start(walls);
     let mut seen_changes = None;
     loop {
-        let frame = robot.sense().await?;
+        let frame = next_frame(robot, director, services.map, observer).await?;
         let changes = services.map.changes();
         if seen_changes != Some(changes) {
             seen_changes = Some(changes);

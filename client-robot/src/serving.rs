@@ -16,7 +16,7 @@ use std::ops::ControlFlow;
 
 /// Where goals come from, and who is told what becomes of them.
 pub trait GoalDesk {
-    /// Once a frame, before it is worked on, and at the end: passes on what has come to `goals`,
+    /// Once a frame, before it is worked on, now and then while none comes, and at the end: passes on what has come to `goals`,
     /// and tells what is new there. Never waits.
     fn exchange(&mut self, goals: &mut GoalQueue, map: &dyn MapSource);
 }
@@ -89,6 +89,10 @@ struct Serving<'a, D> {
 }
 
 impl<D: GoalDesk> Director for Serving<'_, D> {
+    fn meanwhile(&mut self, map: &dyn MapSource) {
+        self.desk.exchange(&mut self.goals, map);
+    }
+
     fn before(&mut self, map: &dyn MapSource) -> Option<Task> {
         self.desk.exchange(&mut self.goals, map);
         self.goals.next_task()

@@ -218,6 +218,43 @@ fn who_watches_may_end_it_and_the_robot_stops() {
     assert!(commands.last().is_some_and(is_stop));
 }
 
+/// Ends a mission after so many looks at a silence.
+struct EndsInSilence(u32);
+
+impl MissionObserver for EndsInSilence {
+    fn on_frame(&mut self, _: &SensorFrame, _: &PilotStep, _: &Pilot) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    fn is_over(&mut self) -> bool {
+        self.0 = self.0.saturating_sub(1);
+        self.0 == 0
+    }
+}
+
+/// Counts how often it is asked.
+struct Counting(usize);
+
+impl GoalDesk for Counting {
+    fn exchange(&mut self, _: &mut GoalQueue, _: &dyn MapSource) {
+        self.0 += 1;
+    }
+}
+
+#[test]
+fn while_the_sensors_are_silent_questions_are_answered_and_it_can_be_ended() {
+    let toy = Toy::new(Some((15, Duration::from_secs(3600))));
+    let (map, log) = (map(&toy.walls), toy.log.clone());
+    let mut services = Services { map: &map, paths: &mut OwnPaths(&map, PathEnds::Unknown), describe: &mut |_| None };
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let (mut desk, mut observer, config) = (Counting(0), EndsInSilence(8), MissionConfig::default());
+    let serving = serve(toy, config, "toy", &mut desk, &mut services, &mut observer);
+    let ended = runtime.block_on(async { tokio::time::timeout(Duration::from_secs(30), serving).await });
+    assert!(matches!(ended, Ok(Err(ServeError::Mission(MissionError::Interrupted)))), "{ended:?}");
+    assert_eq!(desk.0, 15 + 7 + 1, "with each frame, in the silence, and at the end");
+    assert!(log.0.lock().unwrap().0.last().is_some_and(is_stop));
+}
+
 /// Sends the robot: stage by stage, as its word comes.
 struct Dispatcher {
     log: Log,

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 #[must_use]
 pub fn run_role(role: Role, args: Vec<OsString>) -> ExitCode {
     if let Err(error) = end_with_parent(role.name()) {
-        eprintln!("{}: {error}", role.name());
+        fht_program::tell_line!("{}: {error}", role.name());
         return ExitCode::FAILURE;
     }
     let args = std::iter::once(OsString::from(role.name())).chain(args).collect();

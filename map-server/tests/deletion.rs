@@ -214,13 +214,64 @@ async fn a_renamed_map_has_everything_and_the_old_one_says_where_it_went() {
 }
 
 fn move_order(new: &str) -> Vec<u8> {
+    move_order_within(60, new)
+}
+
+fn move_order_within(grace_s: u64, new: &str) -> Vec<u8> {
     let order = DeletionOrder {
-        grace_s: 60,
+        grace_s,
         reason: "letters".to_owned(),
         by: "desk".parse().unwrap(),
         moved_to: Some(new.parse().unwrap()),
     };
     serde_json::to_vec(&order).unwrap()
+}
+
+/// A rename that is given again finds that the copy is gone, is to go, or is another map by now.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_rename_given_again_never_deletes_the_last_copy() {
+    let site = Site::with(20).await;
+    let whole = head(&site.session).await.unwrap();
+    let give = async |map: &str, grace_s: u64, new: &str| {
+        let key = format!("fht/{map}/admin/delete");
+        let reply = ask_with(&site.session, &key, move_order_within(grace_s, new)).await.remove(0);
+        reply.map(|bytes| serde_json::from_slice::<Head>(&bytes).unwrap())
+    };
+    let names = |heads: &[Head]| heads.iter().map(|head| head.map.to_string()).collect::<Vec<_>>();
+    give("museum", 60, "hall").await.unwrap();
+    site.run(&["delete", "hall", "--reason", "a slip", "--grace", "0s"]);
+    assert_eq!(head(&site.session).await.unwrap().deletion.unwrap().moved_to, None, "it is nowhere else any more");
+    give("museum", 0, "hall").await.unwrap();
+    let heads = maps(&site.session).await;
+    assert_eq!((names(&heads), heads[0].digest), (vec!["hall".to_owned()], whole.digest));
+
+    // What has moved on is found where it is.
+    give("hall", 60, "foyer").await.unwrap();
+    give("foyer", 0, "annex").await.unwrap();
+    let of = |map: &str, heads: &[Head]| heads.iter().find(|head| head.map.as_str() == map).unwrap().clone();
+    let hall = of("hall", &maps(&site.session).await);
+    assert_eq!(hall.deletion.unwrap().moved_to, Some("annex".parse().unwrap()));
+    // Another map takes the name that was given up.
+    let file = site.dir.path().join("annex.fht");
+    site.run(&["export", "annex", file.to_str().unwrap()]);
+    site.run(&["import", file.to_str().unwrap(), "--map", "foyer"]);
+    assert_eq!(give("hall", 0, "foyer").await.unwrap_err().code, ErrorCode::Conflict);
+    // A copy that will be deleted itself is none.
+    site.run(&["delete", "annex", "--reason", "a slip", "--grace", "1h"]);
+    let refused = give("hall", 0, "annex").await.unwrap_err();
+    assert!(refused.code == ErrorCode::Conflict && refused.message.contains("map-server undelete annex"), "{refused}");
+    assert_eq!(names(&maps(&site.session).await), ["annex", "foyer", "hall"]);
+
+    // When the old one is deleted can be said anew; where it went stays.
+    site.run(&["undelete", "annex"]);
+    site.run(&["delete", "hall", "--reason", "letters", "--grace", "2h"]);
+    assert!(of("hall", &maps(&site.session).await).deletion.unwrap().moved_to.is_some());
+    give("hall", 0, "annex").await.unwrap();
+    assert_eq!(names(&maps(&site.session).await), ["annex", "foyer"]);
+    // A reason that turns the sentence round is none.
+    let turned = r#"{"grace_s": 1, "reason": "a\u202eb", "by": "desk"}"#;
+    let reply = ask_with(&site.session, "fht/foyer/admin/delete", turned.as_bytes().to_vec()).await.remove(0);
+    assert_eq!(reply.unwrap_err().code, ErrorCode::BadRequest);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -28,6 +28,25 @@ async fn write(session: &Session, author: AuthorId, mut acknowledged: u64, enoug
     acknowledged
 }
 
+/// Its log lies on the disk that is full, as the maps may: it starts and answers all the same.
+#[cfg(target_os = "linux")]
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_full_log_keeps_nobody_from_serving_or_from_failing_in_order() {
+    let full = std::path::Path::new("/dev/full");
+    let dir = tempfile::tempdir().unwrap();
+    let endpoint = free_endpoint();
+    let mut server = Server::with(dir.path(), &endpoint, &["-v"], full);
+    let session = client(&endpoint).await;
+    until_up(&session).await;
+    write(&session, ANA, 0, 5).await;
+    let wrong = std::process::Command::new(env!("CARGO_BIN_EXE_map-server"))
+        .args(["place", "louvre", "dock", "5,0", "--connect", &endpoint])
+        .stderr(std::fs::OpenOptions::new().write(true).open(full).unwrap())
+        .status();
+    assert!(wrong.unwrap().code().is_some_and(|code| [1, 2].contains(&code)), "not a panic");
+    assert_eq!(server.terminate(), Some(0));
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn kill_9_in_the_middle_loses_nothing_acknowledged() {
     let dir = tempfile::tempdir().unwrap();

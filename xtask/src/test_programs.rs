@@ -27,8 +27,11 @@ const BUILD: [&str; 6] = [
     "--no-run",
     "--message-format=json-render-diagnostics",
 ];
-/// The test program that needs a browser, and the browsers that it looks for.
-const IN_A_BROWSER: (&str, [&str; 3]) = ("web_browser.rs", ["chromium", "chromium-browser", "google-chrome"]);
+/// Test programs that need what not everybody has installed: one program of each list.
+const NEEDS: [(&str, &[&[&str]]); 2] = [
+    ("ros_rclpy.rs", &[&["cmake"], &["python3.11"]]),
+    ("web_browser.rs", &[&["chromium", "chromium-browser", "google-chrome"], &["npm"]]),
+];
 /// Zenoh's TLS may crash where two threads are at one connection (`docs/upstream.md`).
 const ONE_THREAD: (&str, &str) =
     ("ZENOH_RUNTIME", "(rx: (worker_threads: 1), tx: (handover: rx), acc: (handover: rx), net: (handover: rx))");
@@ -100,15 +103,11 @@ struct Ended {
 /// [`TestError`].
 pub(crate) fn run(root: &Path) -> Result<Vec<PathBuf>, TestError> {
     let root = &root.canonicalize().map_err(system(root.display().to_string()))?;
-    let mut programs = build(root)?;
-    if !is_installed(&IN_A_BROWSER.1) {
-        programs.retain(|program| {
-            let needs_browser = program.source.file_name().is_some_and(|name| name == IN_A_BROWSER.0);
-            if needs_browser {
-                println!("     Left out {}: needs a browser ({})", program.source.display(), IN_A_BROWSER.1.join(", "));
-            }
-            !needs_browser
-        });
+    let (programs, left_out): (VecDeque<_>, VecDeque<_>) =
+        build(root)?.into_iter().partition(|program| program.missing().is_none());
+    for program in &left_out {
+        let missing = program.missing().unwrap_or_default().join(" or ");
+        println!("    Left out {}: {missing} is not installed", program.source.display());
     }
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let at_once = (processors as f64 * AT_ONCE_PER_PROCESSOR).ceil() as usize;
@@ -181,6 +180,13 @@ fn build(root: &Path) -> Result<VecDeque<Program>, TestError> {
 }
 
 impl Program {
+    /// What it needs and is not installed: one of these.
+    fn missing(&self) -> Option<&'static [&'static str]> {
+        let name = self.source.file_name()?;
+        let (_, needs) = NEEDS.iter().find(|(file, _)| name == *file)?;
+        needs.iter().find(|programs| !is_installed(programs)).copied()
+    }
+
     /// Whether it opens sessions with TLS itself.
     fn is_of_a_secured_site(&self) -> bool {
         std::fs::read_to_string(&self.source).is_ok_and(|text| text.lines().any(|line| line == "mod site;"))

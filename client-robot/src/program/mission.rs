@@ -74,7 +74,7 @@ pub(super) fn mission(
     let outcome = match outcome {
         Err(MissionError::Interrupted) => {
             recorded?;
-            eprintln!("client-robot: interrupted on the way: the robot stands");
+            fht_program::tell_line!("client-robot: interrupted on the way: the robot stands");
             return Ok(stop.exit_code().unwrap_or(ExitCode::FAILURE));
         }
         outcome => outcome?,
@@ -121,6 +121,10 @@ pub(super) struct UntilAsked(pub(super) Stop);
 impl MissionObserver for UntilAsked {
     fn on_frame(&mut self, _: &SensorFrame, _: &PilotStep, _: &Pilot) -> ControlFlow<()> {
         if self.0.is_set() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    fn is_over(&mut self) -> bool {
+        self.0.is_set()
     }
 }
 

@@ -138,7 +138,7 @@ pub(super) fn tell<R: Serialize>(
     };
     args.report.give(report, in_words).map_err(CliError::Report)?;
     if let Some(failure) = failure {
-        eprintln!("client-robot: failed: {failure}");
+        fht_program::tell_line!("client-robot: failed: {failure}");
     }
     Ok(recorded?)
 }

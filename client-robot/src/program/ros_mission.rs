@@ -83,7 +83,7 @@ pub(super) fn ros_mission(
     let outcome = match outcome {
         Err(MissionError::Interrupted) => {
             recorded?;
-            eprintln!("client-robot: interrupted on the way: the robot stands");
+            fht_program::tell_line!("client-robot: interrupted on the way: the robot stands");
             return Ok(stop.exit_code().unwrap_or(ExitCode::FAILURE));
         }
         Err(MissionError::Robot(error)) => return Err(CliError::Robot { error, trouble: robot.robot().trouble() }),

@@ -176,11 +176,11 @@ impl Service<'_> {
         match ended {
             Ok(()) => Ok(ExitCode::SUCCESS),
             Err(ServeError::Mission(MissionError::Interrupted)) => {
-                eprintln!("client-robot: the robot stands and takes no more goals");
+                fht_program::tell_line!("client-robot: the robot stands and takes no more goals");
                 Ok(ExitCode::SUCCESS)
             }
             Err(lost @ ServeError::Lost(_)) => {
-                eprintln!("client-robot: {lost}");
+                fht_program::tell_line!("client-robot: {lost}");
                 Ok(ExitCode::from(1))
             }
             Err(ServeError::Mission(error)) => Err(error.into()),

@@ -21,13 +21,13 @@ pub enum RobotError {
     #[error("the sensors have ended")]
     Ended,
     /// No frame came in time.
-    #[error("the sensors have been silent for {} s", waited.as_secs_f64())]
+    #[error("the sensors have been silent for {:.1} s", waited.as_secs_f64())]
     Silent {
         /// How long the caller has waited.
         waited: Duration,
     },
     /// The robot took no command in time.
-    #[error("the robot has taken no command for {} s", waited.as_secs_f64())]
+    #[error("the robot has taken no command for {:.1} s", waited.as_secs_f64())]
     Unresponsive {
         /// How long the caller has tried.
         waited: Duration,

@@ -32,7 +32,7 @@ impl ProgramFailure {
     /// Says it on standard error, as `program`; returns the code to exit with.
     #[must_use]
     pub fn tell(&self, program: &str) -> ExitCode {
-        eprintln!("{program}: {}", self.sentence);
+        crate::tell_line!("{program}: {}", self.sentence);
         if self.is_input { ExitCode::from(2) } else { ExitCode::FAILURE }
     }
 }

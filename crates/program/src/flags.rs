@@ -96,7 +96,7 @@ impl ConfigArgs {
     /// The code to exit with: 0 when it was printed; 2 when it is wrong, which was said.
     pub fn settle<T: Configuration>(&self, program: &str, read: Result<T, ConfigError>) -> Result<T, ExitCode> {
         let wrong = |error: &dyn std::fmt::Display| {
-            eprintln!("{program}: {error}");
+            crate::tell_line!("{program}: {error}");
             ExitCode::from(2)
         };
         let config = read.map_err(|error| wrong(&error))?;

@@ -7,6 +7,7 @@
 //! | `flags` | `cli` | flags that several programs have, and what a wrong one ends in |
 //! | `logging` | `cli` | logs on standard error |
 //! | [`print_line!`] | – | lines for readers that may stop reading |
+//! | [`tell_line!`] | – | lines for people, where standard error may be full |
 //! | [`write_output`] | – | files that are whole or not there |
 //! | [`exit_code`] | – | a program whose output is lost has failed |
 //! | [`ProgramFailure`] | – | how a program ends that does not what it was told |
@@ -67,7 +68,7 @@ pub use config::{
     ConfigError, Configuration, PrintError, Problem, SECTIONS, load, load_over, parse, parse_over, print,
 };
 pub use failure::ProgramFailure;
-pub use output::{exit_code, write_line, write_output};
+pub use output::{exit_code, write_error_line, write_line, write_output};
 #[cfg(feature = "cli")]
 pub use sections::RobotConfig;
 pub use stop::{Order, Stop, StopSignal};

@@ -28,7 +28,9 @@ pub fn lines<S>(default: &str) -> impl Layer<S> + Send + Sync + 'static
 where
     S: Subscriber + for<'a> LookupSpan<'a>,
 {
-    tracing_subscriber::fmt::layer().with_ansi(has_colours()).with_writer(|| Plain).with_filter(filter(default))
+    let lines = tracing_subscriber::fmt::layer().with_ansi(has_colours()).with_writer(|| Plain);
+    // What the layer has to say of a line that is lost could not be written either.
+    lines.log_internal_errors(false).with_filter(filter(default))
 }
 
 /// Sets up logs, as `RUST_LOG` says, else as `default`. A process that has a subscriber already

@@ -17,6 +17,13 @@ pub fn write_line(line: Arguments<'_>) {
     written(writeln!(io::stdout().lock(), "{line}"));
 }
 
+/// Writes a line to standard error, if it takes one. Where it does not, such as a log on a full
+/// disk, nobody is left to tell, and the program goes on.
+pub fn write_error_line(line: Arguments<'_>) {
+    // In one piece, for a log that several programs write.
+    let _ = io::stderr().lock().write_all(format!("{line}\n").as_bytes());
+}
+
 /// What came of writing to standard output, as [`write_line`] has it.
 pub(crate) fn written(outcome: io::Result<()>) {
     if let Err(error) = outcome
@@ -58,6 +65,13 @@ pub fn write_output(file: &Path, bytes: &[u8]) -> io::Result<()> {
 #[macro_export]
 macro_rules! print_line {
     ($($line:tt)*) => { $crate::write_line(::core::format_args!($($line)*)) };
+}
+
+/// Prints a line as [`eprintln!`](std::eprintln) does, but goes on where standard error cannot be
+/// written ([`write_error_line`]).
+#[macro_export]
+macro_rules! tell_line {
+    ($($line:tt)*) => { $crate::write_error_line(::core::format_args!($($line)*)) };
 }
 
 #[cfg(test)]

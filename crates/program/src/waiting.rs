@@ -95,7 +95,7 @@ impl Patience {
             // Not counted from now: who asks now and then comes late each time.
             self.remark_at = (self.remark_at + REMARK_EVERY).max(now);
             let left = self.until.map(|until| format!(" (for {:.0} s more)", (until - now).as_secs_f64()));
-            eprintln!("{}: waiting for {what}{}", self.program, left.unwrap_or_default());
+            crate::tell_line!("{}: waiting for {what}{}", self.program, left.unwrap_or_default());
         }
         true
     }

@@ -31,7 +31,7 @@ pub fn one_thread(args: impl IntoIterator<Item = OsString>) {
         return;
     }
     if let Err(error) = start_again(args.into_iter().skip(1)) {
-        eprintln!("Set {VARIABLE}='{ONE_THREAD}': with TLS, Zenoh may crash on more threads ({error})");
+        crate::tell_line!("Set {VARIABLE}='{ONE_THREAD}': with TLS, Zenoh may crash on more threads ({error})");
     }
 }
 

@@ -44,7 +44,7 @@ struct Denials {
 /// error.
 pub(crate) fn layer<S: Subscriber + for<'a> LookupSpan<'a>>() -> impl Layer<S> {
     // Not as a log line: a layer cannot write log lines.
-    reporting(|text| eprintln!("map-server: {text}"))
+    reporting(|text| fht_program::tell_line!("map-server: {text}"))
 }
 
 fn reporting<S: Subscriber + for<'a> LookupSpan<'a>>(report: fn(&str)) -> impl Layer<S> {

@@ -20,6 +20,16 @@ impl Catalog {
         deletions.iter().filter(|(_, record)| is_due(record)).map(|(map, _)| map.clone()).collect()
     }
 
+    /// The maps that are there and have moved to `new`.
+    #[must_use]
+    pub fn moved_to(&self, new: &MapName) -> Vec<(MapName, DeletionRecord)> {
+        let deletions = self.deletions.read().unwrap_or_else(PoisonError::into_inner);
+        let has_moved =
+            |record: &DeletionRecord| record.last.is_none() && record.deletion.moved_to.as_ref() == Some(new);
+        let moved = deletions.iter().filter(|(_, record)| has_moved(record));
+        moved.map(|(map, record)| (map.clone(), record.clone())).collect()
+    }
+
     /// Shows everything of a map under another name, too. For one thread at a time.
     pub fn add_copy(&self, of: &MapName, name: &MapName) {
         if let Some(view) = self.view(of) {

@@ -39,7 +39,10 @@ impl Ingest {
         now_us: u64,
     ) -> Result<Option<Arc<Head>>, StoreError> {
         let Some(view) = self.catalog.view(map) else { return Ok(None) };
-        let deletion = deletion_at(&order, now_us);
+        let mut deletion = deletion_at(&order, now_us);
+        // Where it goes on does not change by when it is deleted.
+        let before = self.catalog.deletion(map).and_then(|record| record.deletion.moved_to);
+        deletion.moved_to = deletion.moved_to.or(before);
         if order.grace_s == 0 {
             return self.finish_deletion(view, deletion).map(Some);
         }
@@ -87,6 +90,8 @@ impl Ingest {
         let map = head.map.clone();
         let deletion = MapDeletion { done: true, ..deletion };
         let record = DeletionRecord { deletion: deletion.clone(), last: Some(head.vector.clone()) };
+        // First: interrupted between the two, nothing is gone.
+        self.forget_copy(&map, deletion.moved_to.as_ref())?;
         self.log.delete_map(&map, &record)?;
         self.catalog.set_deletion(&map, Some(record));
         self.maps.remove(&map);

@@ -7,7 +7,7 @@ use crate::ingest::intake::Intake;
 use crate::ingest::pipeline::Ingest;
 use crate::store::{DeletionRecord, StoreError};
 use fht_map::crdt::reorder_buffer::ReorderBuffer;
-use fht_proto::api::deletion::DeletionOrder;
+use fht_proto::api::deletion::{DeletionOrder, MapDeletion};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Head};
 use fht_proto::api::request::bad_request;
 use fht_proto::{AuthorId, MapName};
@@ -15,11 +15,15 @@ use std::sync::Arc;
 
 /// Room is asked for a whole map, and not for one author.
 const NOBODY: AuthorId = AuthorId(0);
+/// A copy takes so many times what its increments do, with its tables, at most…
+const ROOM_FACTOR: u64 = 2;
+/// … and so much more, bytes.
+const ROOM_BYTES: u64 = 1 << 20;
 
 impl Ingest {
     /// Has a map go on as `new`, and deletes it as `order` says. Given once more for the same two
-    /// names it changes when and why the old one is deleted. Returns the old map's head; `None` if
-    /// there is no such map.
+    /// names it changes when and why the old one is deleted, or makes a copy that is gone once
+    /// more. Returns the old map's head; `None` if there is no such map.
     ///
     /// # Errors
     /// [`StoreError`]: nothing has changed. The inner error says why it cannot have that name.
@@ -32,10 +36,15 @@ impl Ingest {
     ) -> Result<Result<Option<Arc<Head>>, ErrorReply>, StoreError> {
         let Some(view) = self.catalog.view(old) else { return Ok(Ok(None)) };
         let moved_to = self.catalog.deletion(old).and_then(|record| record.deletion.moved_to);
-        if moved_to.as_ref() == Some(new) {
-            return self.delete(old, order, now_us).map(Ok);
+        if moved_to.as_ref() == Some(new)
+            && let Some(copy) = self.catalog.view(new)
+        {
+            return match check_copy(&view.head, &copy.head) {
+                Ok(()) => self.delete(old, order, now_us).map(Ok),
+                Err(refusal) => Ok(Err(refusal)),
+            };
         }
-        if let Err(refusal) = self.check_name(old, new, moved_to) {
+        if let Err(refusal) = self.check_name(old, new, moved_to.filter(|elsewhere| elsewhere != new)) {
             return Ok(Err(refusal));
         }
         let record = DeletionRecord { deletion: deletion_at(&order, now_us), last: None };
@@ -77,6 +86,51 @@ impl Ingest {
         }
         let Some(intake) = self.maps.get(old) else { return Ok(()) };
         // Both are there until the grace period is over.
-        self.check_room(new, NOBODY, intake.bytes, intake.elements).map_err(|refusal| refusal.reply())
+        self.check_room(new, NOBODY, intake.bytes, intake.elements).map_err(|refusal| refusal.reply())?;
+        // A copy that breaks off for want of room has used it up.
+        let needed = intake.bytes.saturating_mul(ROOM_FACTOR).saturating_add(ROOM_BYTES);
+        match self.log.free_bytes() {
+            Some(free) if free < needed => Err(ErrorReply::new(
+                ErrorCode::Full,
+                &format!(
+                    "a second copy of {old} needs {} MiB of room on the disk until the grace period is over, and {} MiB \
+                     are left",
+                    needed.div_ceil(1 << 20),
+                    free >> 20
+                ),
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// What has moved to a map that is deleted now has moved to where that one has, or nowhere: a
+    /// map that begins under its name is another one.
+    pub(super) fn forget_copy(&self, gone: &MapName, gone_to: Option<&MapName>) -> Result<(), StoreError> {
+        for (old, record) in self.catalog.moved_to(gone) {
+            let onward = gone_to.filter(|onward| **onward != old).cloned();
+            let record =
+                DeletionRecord { deletion: MapDeletion { moved_to: onward, ..record.deletion }, last: record.last };
+            self.log.set_deletion(&old, Some(&record))?;
+            self.catalog.set_deletion(&old, Some(record));
+        }
+        Ok(())
+    }
+}
+
+/// Whether a map that is to be deleted goes on in another one.
+fn check_copy(old: &Head, copy: &Head) -> Result<(), ErrorReply> {
+    let conflict = |text: String| Err(ErrorReply::new(ErrorCode::Conflict, &text));
+    let (old_map, map) = (&old.map, &copy.map);
+    if !copy.vector.covers(&old.vector) {
+        return conflict(format!(
+            "map {map} has not all of {old_map}: it is another one, though {old_map} had moved there; keep {old_map} with \
+             `map-server undelete {old_map}`"
+        ));
+    }
+    match &copy.deletion {
+        Some(MapDeletion { moved_to: None, .. }) => conflict(format!(
+            "map {map}, which has all of {old_map}, will be deleted, too: keep it with `map-server undelete {map}` first"
+        )),
+        _ => Ok(()),
     }
 }

@@ -16,6 +16,7 @@ use crate::server::side_doors::{OpenSideDoors, SideDoors};
 use crate::server::writer::{Writer, WriterThread};
 use crate::store::StoreError;
 use fht_proto::api::keys::SERVERS_QUERIES;
+use std::io::Write;
 use std::pin::{Pin, pin};
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -243,5 +244,6 @@ fn print_where(config: &ServerConfig, count: usize) {
         None => config.data.display().to_string(),
         Some(quorum) => format!("{} storages", quorum.storages),
     };
-    eprintln!("map-server: {count} map(s) in {place}, on {}", endpoints.join(", "));
+    // A server whose log is full serves all the same.
+    let _ = writeln!(std::io::stderr(), "map-server: {count} map(s) in {place}, on {}", endpoints.join(", "));
 }

@@ -53,7 +53,7 @@ impl SideDoors {
     /// Says where the page is.
     pub(super) fn print_where(&self) {
         if let Some(listener) = &self.web {
-            eprintln!("map-server: the page is at {}", listener.url());
+            let _ = writeln!(std::io::stderr(), "map-server: the page is at {}", listener.url());
         }
     }
 }

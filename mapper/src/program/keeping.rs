@@ -51,7 +51,7 @@ impl Kept {
 
     /// Whether all is there that was asked for; says why, if not.
     pub(super) fn tell(&self) -> bool {
-        self.not_kept.iter().for_each(|why| eprintln!("mapper: {why}"));
+        self.not_kept.iter().for_each(|why| fht_program::tell_line!("mapper: {why}"));
         self.not_kept.is_none()
     }
 }

@@ -140,7 +140,9 @@ pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Res
     bar.finish_and_clear();
     let given = args.run.report.give(&report, print_replay);
     if report.has_cameras && report.bag.panoramas == 0 {
-        eprintln!("mapper: none of the pictures could be used, so the map has no main nodes; try --no-cameras");
+        fht_program::tell_line!(
+            "mapper: none of the pictures could be used, so the map has no main nodes; try --no-cameras"
+        );
     }
     let end = RunEnd {
         map: &report.map,
@@ -150,7 +152,7 @@ pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Res
         spool: None,
     };
     for broken in &report.bag.broken {
-        eprintln!("mapper: the bag is broken, and the map is of what can be read: {broken}");
+        fht_program::tell_line!("mapper: the bag is broken, and the map is of what can be read: {broken}");
     }
     Ok(end.conclude(&report.kept, given)? && report.bag.broken.is_empty())
 }

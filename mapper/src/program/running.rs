@@ -170,18 +170,21 @@ impl RunEnd<'_> {
                 (_, true) => format!("the server has all of its {} increments", self.map.written),
                 _ => self.not_taken(),
             };
-            eprintln!("mapper: interrupted: the map is not complete; {stored}");
+            fht_program::tell_line!("mapper: interrupted: the map is not complete; {stored}");
         } else if !is_taken && self.is_asked_to_end {
-            eprintln!("mapper: interrupted while waiting for the server to acknowledge the map; {}", self.not_taken());
+            fht_program::tell_line!(
+                "mapper: interrupted while waiting for the server to acknowledge the map; {}",
+                self.not_taken()
+            );
         } else if !is_taken {
-            eprintln!(
+            fht_program::tell_line!(
                 "mapper: the server did not acknowledge the whole map within {} s; {}; {}",
                 self.linger_s,
                 why_not_acknowledged(self.map.refusal.as_deref(), self.map.is_unanswered),
                 self.not_taken()
             );
         } else if self.map.ending != Ending::Complete {
-            eprintln!("mapper: the map is not complete: {}", self.map.ending);
+            fht_program::tell_line!("mapper: the map is not complete: {}", self.map.ending);
         }
         is_taken && self.map.ending == Ending::Complete
     }

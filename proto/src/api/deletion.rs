@@ -79,7 +79,12 @@ fn check_text(what: &str, text: &str) -> Result<(), Invalid> {
     check(length <= DeletionOrder::MAX_REASON, || {
         format!("{what} of {length} characters is over {}", DeletionOrder::MAX_REASON)
     })?;
-    check(!text.contains(char::is_control), || format!("{what} has control characters"))
+    let turns =
+        |letter: char| matches!(letter, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    // Those that turn the direction of writing make a sentence say something else.
+    check(!text.contains(|letter: char| letter.is_control() || turns(letter)), || {
+        format!("{what} has control characters")
+    })
 }
 
 impl Validate for MapDeletion {

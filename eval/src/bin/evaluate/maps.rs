@@ -77,7 +77,7 @@ impl MapArgs {
             ..SurveyTask::usual(world)
         };
         if !Survey::is_kept(&task, &self.kept) {
-            eprintln!("evaluate: {world} is explored ({name}), once; that takes some minutes");
+            fht_program::tell_line!("evaluate: {world} is explored ({name}), once; that takes some minutes");
         }
         Survey::of(&task, &self.kept).map_err(|error| error.to_string())
     }

@@ -174,7 +174,7 @@ fn main() -> ExitCode {
     match run(&Cli::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("recall: {error}");
+            fht_program::tell_line!("recall: {error}");
             ExitCode::FAILURE
         }
     }

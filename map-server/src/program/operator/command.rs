@@ -91,7 +91,7 @@ impl Operation {
         };
         // What these two have to say is about nothing else.
         if !matches!(self, Self::Delete { .. } | Self::Undelete { .. }) {
-            eprintln!("map-server: {deletion}");
+            fht_program::tell_line!("map-server: {deletion}");
         }
         self.with(session, args, config).await.map_err(|error| match error {
             OperatorError::Refused(reply) if reply.message == deletion => OperatorError::ToBeDeleted { map },
@@ -278,7 +278,7 @@ async fn watch_robots(session: &Session, map: &MapName, json: bool) -> Result<()
             Ok(fleet) => Some(fleet),
             Err(error @ OperatorError::Silent) if has_shown => {
                 if !is_silent {
-                    eprintln!("map-server: {error}; it is asked again");
+                    fht_program::tell_line!("map-server: {error}; it is asked again");
                 }
                 None
             }

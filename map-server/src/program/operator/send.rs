@@ -114,17 +114,22 @@ pub(super) async fn arrived(session: &Session, map: &MapName, sent: GoalStatus) 
     Err(OperatorError::NotArrived { robot: status.robot, id, state: status.state, why })
 }
 
-/// Takes a goal back, or all.
+/// Takes a goal back, or all. The robot is asked first: it may drive on a map that is there no more.
 pub(super) async fn cancel(
     session: &Session,
     map: &MapName,
     robot: &str,
     id: Option<&str>,
 ) -> Result<GoalStatus, OperatorError> {
-    head(session, map).await?;
     let key = Key::goal(map, robot, GoalTopic::Cancel);
     let selector = id.map_or_else(|| key.to_string(), |id| format!("{key}?id={id}"));
-    ask(session, &selector).await
+    match ask(session, &selector).await {
+        Err(error @ (OperatorError::RobotSilent { .. } | OperatorError::Refused(_))) => {
+            head(session, map).await?; // there is such a map
+            Err(error)
+        }
+        answered => answered,
+    }
 }
 
 /// What a robot says, with the flags that mean the same, and nothing that a terminal obeys.

@@ -114,7 +114,7 @@ fn survey(args: &MergeArgs, world: &str, drawn: u64, start: u64, changes: Option
         ..SurveyTask::usual(world)
     };
     if !Survey::is_kept(&task, &args.kept) {
-        eprintln!("evaluate: {world} is explored from start {start}, once; that takes a while");
+        fht_program::tell_line!("evaluate: {world} is explored from start {start}, once; that takes a while");
     }
     let survey = Survey::of(&task, &args.kept).map_err(|error| error.to_string())?;
     let drawn = if drawn == 1 { String::new() } else { format!(" drawn {drawn}") };

@@ -113,7 +113,7 @@ pub fn run(args: &SlamArgs) -> Result<(), String> {
     bar.finish_and_clear();
     let report_of_bag = frames.report();
     if !report_of_bag.broken.is_empty() || scans.is_empty() {
-        eprintln!("{report_of_bag}");
+        fht_program::tell_line!("{report_of_bag}");
     }
     let trajectory: Vec<(u64, Pose2)> =
         scans.iter().map(|(time_us, anchored, _)| (*time_us, slam.locate(anchored))).collect();
