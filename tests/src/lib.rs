@@ -17,6 +17,7 @@
 //! | [`upload`] | puts a map on a server |
 //! | [`trial`] | why a trial on a server ends without a result |
 //! | [`python`] | other people's programs, from PyPI |
+//! | [`hiroz`] | a node of another project's ROS 2 stack |
 //!
 //! One simulated fleet, determined by its seed:
 //!
@@ -30,6 +31,7 @@
 
 pub mod corridors;
 pub mod fleet;
+pub mod hiroz;
 pub mod maps;
 pub mod museum_demo;
 pub mod python;
