@@ -101,7 +101,7 @@ pub async fn run_beside<T>(
 
 /// Ends a session when serving has ended. Returns the one to go on with, if there is one.
 async fn end(served: Result<Served, ServerError>, session: Session) -> Result<Option<Session>, ServerError> {
-    if let Ok(Served::Refused(other)) = served {
+    if let Ok(Served::Succeeded(other)) = served {
         fht_session::abandon(session).await;
         return Ok(Some(other));
     }

@@ -115,7 +115,7 @@ async fn a_robot_with_ros_is_explored_with_and_stops_when_its_lidar_is_silent() 
         RosNode::join(router, NodeConfig { namespace: "r1".to_owned(), ..NodeConfig::new("driver") }).await.unwrap();
     let mut robot = SimulatedRobot::new(&node).await;
     let flags =
-        ["explore", "--ros", &endpoint, "--namespace", "r1", "--offline", "--max-sim", "20", "--json", "--quiet"];
+        ["explore", "--ros", &endpoint, "--namespace", "r1", "--offline", "--max-sim", "40", "--json", "--quiet"];
     let mut child = mapper(&flags);
     while !robot.scans.is_heard().await.unwrap() {
         assert!(child.try_wait().unwrap().is_none(), "the mapper has ended");
@@ -128,7 +128,7 @@ async fn a_robot_with_ros_is_explored_with_and_stops_when_its_lidar_is_silent() 
         let command = robot.command(WATCHDOG).await.unwrap_or_default();
         driven += usize::from(command != Twist::default());
         // Three times while it drives.
-        if driven > 0 && driven % 25 == 0 && stops.len() < 3 && command != Twist::default() {
+        if driven > 0 && driven % 10 == 0 && stops.len() < 3 && command != Twist::default() {
             stops.push(robot.silence().await);
         }
         frame = robot.simulator.step(command);

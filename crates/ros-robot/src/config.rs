@@ -42,6 +42,9 @@ pub struct RosRobotConfig {
     pub silent_after_s: f64,
     /// How long a scan waits for its odometry, seconds; then it is late. Default 0.3.
     pub patience_s: f64,
+    /// Most frames that wait while one is worked on; beyond that the oldest are lost. Default 1:
+    /// who drives needs the newest. Who only listens loses nothing to a short delay with more.
+    pub backlog: usize,
 }
 
 impl Default for RosRobotConfig {
@@ -61,6 +64,7 @@ impl Default for RosRobotConfig {
             odom_frame: "odom".to_owned(),
             silent_after_s: 0.35,
             patience_s: 0.3,
+            backlog: 1,
         }
     }
 }

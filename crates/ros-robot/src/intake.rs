@@ -13,7 +13,7 @@ use fht_ros_messages::msg::{ClockMsg, LaserScanMsg, OdometryMsg, PointCloud2, Po
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Most scans that wait for their odometry.
+/// Most scans that wait for their odometry, beside those that may wait for their turn.
 const WAITING: usize = 8;
 /// A scanner tilted by more than this does not see a level plane of the room, radians.
 const TILT_LIMIT_RAD: f64 = 0.2;
@@ -72,6 +72,8 @@ pub(crate) struct Intake {
     track: OdometryTrack,
     base_frame: Option<String>,
     waiting: VecDeque<(f64, u64, Sight)>,
+    /// Complete frames, oldest first.
+    ready: VecDeque<SensorFrame>,
     last_ns: Option<u64>,
     scan: Heard,
     odometry: Heard,
@@ -101,6 +103,7 @@ impl Intake {
             track: OdometryTrack::new(OdometryLimits::default()),
             base_frame: config.base_frame.clone(),
             waiting: VecDeque::new(),
+            ready: VecDeque::new(),
             last_ns: None,
             scan: Heard::default(),
             odometry: Heard::default(),
@@ -230,7 +233,7 @@ impl Intake {
         }
         self.last_ns = Some(stamp_ns);
         self.waiting.push_back((arrived_s, stamp_ns, sight));
-        if self.waiting.len() > WAITING {
+        if self.waiting.len() > self.config.backlog.saturating_add(WAITING) {
             self.waiting.pop_front();
             self.report.frames_lost += 1;
         }
@@ -297,9 +300,22 @@ impl Intake {
         self.obstacle = Some(why);
     }
 
-    /// The newest frame that is complete at `now_s`; older ones are lost.
+    /// The oldest of the frames that are complete at `now_s`, of which only the newest `backlog`
+    /// are kept.
     pub(crate) fn frame(&mut self, now_s: f64) -> Option<SensorFrame> {
-        let mut newest = None;
+        self.complete(now_s);
+        while self.ready.len() > self.config.backlog.max(1) {
+            self.ready.pop_front();
+            self.report.frames_lost += 1;
+        }
+        let next = self.ready.pop_front()?;
+        self.report.frames += 1;
+        self.obstacle = None;
+        Some(next)
+    }
+
+    /// Makes frames of the scans whose odometry has come by `now_s`.
+    fn complete(&mut self, now_s: f64) {
         while let Some((arrived_s, stamp_ns, sight)) = self.waiting.pop_front() {
             let odom_from_base = match self.track.pose_at(stamp_ns) {
                 PoseLookup::Known(pose) => pose,
@@ -324,16 +340,8 @@ impl Intake {
                     continue;
                 }
             };
-            let frame = SensorFrame { time_us: stamp_ns / 1000, odom_from_base, scan, panorama: None };
-            if newest.replace(frame).is_some() {
-                self.report.frames_lost += 1;
-            }
+            self.ready.push_back(SensorFrame { time_us: stamp_ns / 1000, odom_from_base, scan, panorama: None });
         }
-        if newest.is_some() {
-            self.report.frames += 1;
-            self.obstacle = None;
-        }
-        newest
     }
 
     /// A scan in the robot's frame; or why there is none.

@@ -122,7 +122,7 @@ impl Sights {
         Ok(match &config.points {
             // They are large.
             Some(points) => Self::Points(node.subscribe(points, Qos { depth: 2, ..sensor }).await?),
-            None => Self::Scans(node.subscribe(&config.scan, sensor).await?),
+            None => Self::Scans(node.subscribe(&config.scan, deep(sensor, config.backlog)).await?),
         })
     }
 
@@ -153,6 +153,11 @@ impl Sights {
             Self::Points(points) => points.dropped(),
         }
     }
+}
+
+/// With a queue of `depth` at least.
+fn deep(qos: Qos, depth: usize) -> Qos {
+    Qos { depth: qos.depth.max(depth), ..qos }
 }
 
 /// A live robot is told to stop when no frame has come for so long, seconds: it shall stand within
@@ -198,9 +203,15 @@ impl RosRobot {
         let sights = Sights::subscribe(node, &config).await?;
         let odometry = match config.has_odometry_in_tf() {
             true => None,
-            false => Some(node.subscribe(&config.odometry, Qos { depth: 50, ..sensor }).await?),
+            // It comes several times as often as scans.
+            false => Some(
+                node.subscribe(&config.odometry, deep(Qos { depth: 50, ..sensor }, config.backlog.saturating_mul(8)))
+                    .await?,
+            ),
         };
-        let transforms = node.subscribe(&config.tf, Qos { depth: 100, ..Qos::default() }).await?;
+        let transforms = node
+            .subscribe(&config.tf, deep(Qos { depth: 100, ..Qos::default() }, config.backlog.saturating_mul(8)))
+            .await?;
         let fixed_transforms = node.subscribe(&config.tf_static, Qos::latched(100)).await?;
         let clock = match config.use_sim_time {
             true => Some(node.subscribe(&config.clock, Qos { depth: 1, ..sensor }).await?),

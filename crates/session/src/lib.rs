@@ -11,6 +11,7 @@
 //! | `credentials` | whether certificates and keys can be read and are one's own, checked before connecting |
 //! | `trouble` | why nobody answers, in words that name the remedy |
 //! | `replacement` | a new session in place of one that routers refuse ([`replacement`]) |
+//! | `homecoming` | a new session at the first router, in place of one that came elsewhere ([`homecoming`]) |
 //! | `attempt` | one attempt to open a session, off the async threads |
 //!
 //! Without options the server is looked for on this machine, at `tcp/127.0.0.1:7447`. What cannot
@@ -31,6 +32,7 @@
 mod attempt;
 mod configuration;
 mod credentials;
+mod homecoming;
 mod replacement;
 mod robot_session;
 mod trouble;
@@ -38,6 +40,7 @@ mod waiting;
 
 pub use configuration::{ConfigurationError, read_config, set, set_default, set_endpoints};
 pub use credentials::CredentialError;
+pub use homecoming::homecoming;
 pub use replacement::{abandon, replacement};
 pub use robot_session::{SessionConfig, SessionError, check_owner, open, open_within};
 pub use trouble::{in_words, without_source_paths};

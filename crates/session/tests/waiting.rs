@@ -1,6 +1,6 @@
-//! Clients that wait for their routers, on loopback.
+//! Clients that wait for their routers and go back to them, on loopback.
 
-use fht_session::{ConnectError, SessionConfig, check_owner, open_configured, without_source_paths};
+use fht_session::{ConnectError, SessionConfig, check_owner, homecoming, open_configured, without_source_paths};
 use std::net::TcpListener;
 use std::time::{Duration, Instant};
 use zenoh::Config;
@@ -36,6 +36,26 @@ async fn a_client_tries_all_its_endpoints() {
     let client = client.expect("no panic").expect("a session");
     client.close().await.expect("closed");
     router.close().await.expect("closed");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_session_goes_back_to_its_first_router() {
+    let (first, second) = (free_endpoint(), free_endpoint());
+    let router =
+        async |endpoint: &str| open_configured(config("router", &[endpoint], &[]), None).await.expect("a router");
+    let other = router(&second).await;
+    let config = config("client", &[], &[&first, &second]);
+    let session = open_configured(config.clone(), None).await.expect("a session");
+    let is_at = async |session: &zenoh::Session, router: &zenoh::Session| {
+        session.info().routers_zid().await.collect::<Vec<_>>() == [router.zid()]
+    };
+    assert!(is_at(&session, &other).await);
+
+    let home = router(&first).await;
+    let returned = tokio::time::timeout(Duration::from_secs(60), homecoming(&session, &config)).await.expect("no end");
+    assert!(is_at(&returned, &home).await);
+    // There it stays.
+    assert!(tokio::time::timeout(Duration::from_secs(12), homecoming(&returned, &config)).await.is_err());
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -171,11 +171,15 @@ pub async fn open(link: &ServerEndpoints) -> Result<Session, ServerSessionError>
     })
 }
 
-/// Waits until the routers refuse the session because of its id, and returns one that they take
-/// ([`fht_session::replacement`]).
-pub async fn replacement(session: &Session, link: &ServerEndpoints) -> Session {
+/// Waits until another session is to take the place of this one, and returns it: the routers refuse
+/// this one because of its id ([`fht_session::replacement`]), or its first router is there again
+/// ([`fht_session::homecoming`]).
+pub async fn successor(session: &Session, link: &ServerEndpoints) -> Session {
     match to_zenoh(link) {
-        Ok(config) => fht_session::replacement(session, &config).await,
+        Ok(config) => tokio::select! {
+            session = fht_session::replacement(session, &config) => session,
+            session = fht_session::homecoming(session, &config) => session,
+        },
         // The file has become unusable since the session was opened: there is nothing to open
         // another with.
         Err(_) => std::future::pending().await,

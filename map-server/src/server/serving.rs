@@ -5,8 +5,8 @@ use crate::clock::now_us;
 use crate::config::ServerConfig;
 use crate::ingest::{Ingest, WriterQueue};
 use crate::network::{
-    KnownKeys, QueryDoor, QueryService, RobotTopicSubscriptions, learn_blockages, publish_head, replacement,
-    subscribe_increments, subscribe_robot_topics, warn_of_other_servers,
+    KnownKeys, QueryDoor, QueryService, RobotTopicSubscriptions, learn_blockages, publish_head, subscribe_increments,
+    subscribe_robot_topics, successor, warn_of_other_servers,
 };
 use crate::query::AnswerSources;
 use crate::replicated::Stateless;
@@ -60,11 +60,12 @@ pub(super) struct ServingTask {
 pub(super) enum Served {
     /// It was told to.
     Ended,
-    /// The routers refuse the session; they take this one.
-    Refused(Session),
+    /// This session takes the place of the one it was served on.
+    Succeeded(Session),
 }
 
-/// Serves what is in a log until shutdown, or until the session is refused.
+/// Serves what is in a log until shutdown, or until another session takes
+/// the place of this one.
 pub(super) async fn serve(
     config: &ServerConfig,
     session: &Session,
@@ -90,13 +91,13 @@ pub(super) async fn serve(
     };
     let mut writer = writer.spawn()?;
 
-    let mut refused = pin!(replacement(session, &config.link));
+    let mut next = pin!(successor(session, &config.link));
     let mut other = None;
     // No queries before everything is read: nobody is told that a map does not exist while it is
     // being read.
     let is_ready = tokio::select! {
         () = shutdown.wait() => false,
-        session = refused.as_mut() => { other = Some(session); false }
+        session = next.as_mut() => { other = Some(session); false }
         is_ready = writer.ready() => is_ready,
     };
     let answering = match is_ready {
@@ -109,7 +110,7 @@ pub(super) async fn serve(
         Some(_) => None,
         None => tokio::select! {
             () = shutdown.wait() => None,
-            session = refused => { other = Some(session); None }
+            session = next => { other = Some(session); None }
             outcome = writer.stopped() => Some(outcome),
         },
     };
@@ -123,7 +124,7 @@ pub(super) async fn serve(
     if let Some(answering) = answering {
         answering.close().await?;
     }
-    outcome.map(|()| other.map_or(Served::Ended, Served::Refused))
+    outcome.map(|()| other.map_or(Served::Ended, Served::Succeeded))
 }
 
 /// Waits for the writer to store what is in the queue, unless it has `stopped` already.

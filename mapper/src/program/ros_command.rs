@@ -16,6 +16,9 @@ use serde::Serialize;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+/// How many frames may wait for a mapper that only listens: ten seconds of them at 10 Hz.
+const LISTENER_BACKLOG: usize = 100;
+
 fn router(endpoint: &str) -> SessionConfig {
     SessionConfig::from_options(vec![endpoint.to_owned()], None)
 }
@@ -35,10 +38,14 @@ impl ExploreArgs {
         if let Some(end_after_s) = self.end_after {
             mapping.silence.end_after_s = end_after_s;
         }
+        let mut robot = RosRobotConfig { others_drive: self.drive != Driver::Mapper, ..self.graph.robot(file.ros) };
+        if self.drive == Driver::Others {
+            robot.backlog = robot.backlog.max(LISTENER_BACKLOG);
+        }
         Ok(RosExploreTask {
             graph: router(endpoint),
             node: self.graph.node.node("mapper"),
-            robot: RosRobotConfig { others_drive: self.drive != Driver::Mapper, ..self.graph.robot(file.ros) },
+            robot,
             patience: Waiting::new("mapper", self.run.link.wait, None).for_session(),
             driver: self.drive,
             record: self.run.record.clone(),

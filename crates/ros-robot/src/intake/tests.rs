@@ -65,6 +65,21 @@ fn the_newest_of_several_is_taken() {
 }
 
 #[test]
+fn who_only_listens_gets_one_after_the_other() {
+    let mut intake =
+        Intake::new(RosRobotConfig { backlog: 20, ..RosRobotConfig::default() }, "/scan", "/odom", "/clock");
+    intake.take_transforms(&transform("base_link", "laser", 0.0, 1), 0.0, 0);
+    for step in 0..25 {
+        intake.take_odometry(&odometry((1000 + step * 100) * MS, 0.0), 0.0, 0);
+        intake.take_scan(scan((1000 + step * 100) * MS), 0.1, 0);
+    }
+    // What is more than may wait is lost, the oldest first.
+    let times: Vec<u64> = std::iter::from_fn(|| intake.frame(0.1)).map(|frame| frame.time_us / MS).collect();
+    assert_eq!(times, (5..25).map(|step| 1000 + step * 100).collect::<Vec<u64>>());
+    assert_eq!((intake.report().frames, intake.report().frames_lost), (20, 5));
+}
+
+#[test]
 fn odometry_may_come_in_transforms() {
     let config = RosRobotConfig { odometry: "/tf".to_owned(), ..RosRobotConfig::default() };
     let mut intake = Intake::new(config, "/scan", "/tf", "/clock");
