@@ -3,13 +3,14 @@
 
 use crate::clock::{Reference, StampWatch, ToldTime};
 use crate::config::RosRobotConfig;
+use crate::pictures::Pictures;
 use fht_perception::frame::{LaserScan, SensorFrame};
 use fht_perception::pose::pose;
 use fht_ros_frames::{
     Mount, OdometryLimits, OdometryTrack, PoseLookup, PoseRefused, ScanConfig, TransformTree, frame_name, scan_of,
     scan_of_points, yaw_of,
 };
-use fht_ros_messages::msg::{ClockMsg, LaserScanMsg, OdometryMsg, PointCloud2, Pose, TfMessage, Time};
+use fht_ros_messages::msg::{CameraInfoMsg, ClockMsg, LaserScanMsg, OdometryMsg, PointCloud2, Pose, TfMessage, Time};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -29,6 +30,8 @@ pub struct IntakeReport {
     pub scans: u64,
     /// Frames that came of them.
     pub frames: u64,
+    /// Frames with a panorama of the cameras' pictures.
+    pub panoramas: u64,
     /// Scans whose odometry did not come in time.
     pub frames_late: u64,
     /// Scans that were lost: dropped from a full queue, of no sense, without a transform, or older
@@ -81,6 +84,8 @@ pub(crate) struct Intake {
     time: Option<SimTime>,
     scan_stamps: StampWatch,
     odometry_stamps: StampWatch,
+    /// None: the robot has no cameras, or they are not used.
+    pictures: Option<Pictures>,
     /// What is odd about stamps: sentences that were not told yet.
     doubts: Vec<String>,
     /// What keeps scans from becoming frames.
@@ -96,6 +101,7 @@ impl Intake {
             time,
             scan_stamps: StampWatch::default(),
             odometry_stamps: StampWatch::default(),
+            pictures: None,
             doubts: Vec::new(),
             scan_topic: scan_topic.to_owned(),
             odometry_topic: odometry_topic.to_owned(),
@@ -111,6 +117,11 @@ impl Intake {
             report: IntakeReport::default(),
             config,
         }
+    }
+
+    /// With the pictures of four cameras.
+    pub(crate) fn with_pictures(self, pictures: Pictures) -> Self {
+        Self { pictures: Some(pictures), ..self }
     }
 
     pub(crate) fn report(&self) -> IntakeReport {
@@ -290,6 +301,21 @@ impl Intake {
         }
     }
 
+    /// A picture of a camera, in CDR.
+    pub(crate) fn take_picture(&mut self, camera: usize, bytes: Vec<u8>, arrived_s: f64, wall_ns: u64) {
+        let now = self.now(wall_ns).map(|(Reference::Clock(ns) | Reference::Machine(ns))| ns);
+        if let Some(pictures) = &mut self.pictures {
+            pictures.take_picture(camera, bytes, arrived_s, now);
+        }
+    }
+
+    /// How a camera looks.
+    pub(crate) fn take_camera_info(&mut self, camera: usize, info: CameraInfoMsg) {
+        if let Some(pictures) = &mut self.pictures {
+            pictures.take_info(camera, info);
+        }
+    }
+
     /// `count` scans were dropped before they came here.
     pub(crate) fn lose_scans(&mut self, count: u64) {
         self.report.frames_lost += count;
@@ -308,9 +334,17 @@ impl Intake {
             self.ready.pop_front();
             self.report.frames_lost += 1;
         }
-        let next = self.ready.pop_front()?;
+        let mut next = self.ready.pop_front()?;
         self.report.frames += 1;
         self.obstacle = None;
+        let base = self.base_frame();
+        if let Some(pictures) = &mut self.pictures {
+            let stamp_ns = next.time_us.saturating_mul(1000);
+            next.panorama = pictures.panorama(stamp_ns, now_s, &self.tree, &base, &self.scan_topic);
+            self.report.panoramas += u64::from(next.panorama.is_some());
+            let doubts = pictures.take_doubts();
+            self.doubts.extend(doubts);
+        }
         Some(next)
     }
 

@@ -1,12 +1,15 @@
 //! The robot behind the port: its topics as [`Sensors`] and [`Robot`].
 
+use crate::camera_topics::chosen;
 use crate::check::{Finding, Readiness, check};
 use crate::config::RosRobotConfig;
 use crate::intake::{Intake, IntakeReport};
+use crate::picture_topics::PictureTopics;
+use crate::pictures::Pictures;
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::robot::{Robot, RobotError, Sensors, SilenceConfig};
 use fht_ros::{
-    EndpointKind, NodeConfig, Publisher, Qos, QosDurability, QosReliability, Received, RosError, RosNode, Subscription,
+    Endpoint, EndpointKind, NodeConfig, Publisher, Qos, QosDurability, QosReliability, Received, RosError, RosNode, Subscription,
     resolve,
 };
 use fht_ros_frames::frame_name;
@@ -178,6 +181,7 @@ pub struct RosRobot {
     transforms: Subscription<TfMessage>,
     fixed_transforms: Subscription<TfMessage>,
     clock: Option<Subscription<ClockMsg>>,
+    pictures: Option<PictureTopics>,
     commands: Commands,
     odom_frame: OdomFrame,
     began: Instant,
@@ -198,7 +202,10 @@ impl RosRobot {
     /// # Errors
     /// [`RosError`] when a name cannot be one, or the session is closed.
     pub async fn connect(node: &RosNode, config: RosRobotConfig) -> Result<Self, RosError> {
-        tell_findings(node, &config).await?;
+        let there = others(node).await?;
+        tell_findings(node, &there, &config)?;
+        let NodeConfig { name: own, namespace, .. } = node.config();
+        let cameras = chosen(&config, &there, |name| resolve(name, namespace, own))?;
         let sensor = Qos::sensor_data();
         let sights = Sights::subscribe(node, &config).await?;
         let odometry = match config.has_odometry_in_tf() {
@@ -222,8 +229,18 @@ impl RosRobot {
         let odometry_topic = node.resolve(&config.odometry)?;
         let odom_frame = OdomFrame { said: Arc::default(), usual: config.odom_frame.clone() };
         let began = Instant::now();
+        let mut intake = Intake::new(config, sights.topic(), &odometry_topic, &clock_topic);
+        let pictures = match cameras {
+            Some(topics) => {
+                let subscribed = PictureTopics::subscribe(node, &topics).await?;
+                intake = intake.with_pictures(Pictures::new(topics));
+                Some(subscribed)
+            }
+            None => None,
+        };
         Ok(Self {
-            intake: Intake::new(config, sights.topic(), &odometry_topic, &clock_topic),
+            intake,
+            pictures,
             clock,
             sights,
             odometry,
@@ -243,6 +260,12 @@ impl RosRobot {
     #[must_use]
     pub fn odom_frame(&self) -> OdomFrame {
         self.odom_frame.clone()
+    }
+
+    /// Whether pictures of four cameras are read.
+    #[must_use]
+    pub fn has_cameras(&self) -> bool {
+        self.pictures.is_some()
     }
 
     /// What became of the sensors' messages.
@@ -275,6 +298,7 @@ impl RosRobot {
         while let Some(received) = self.odometry.as_ref().and_then(Subscription::take_raw) {
             self.take_odometry(&received);
         }
+        self.take_pictures();
         while let Some(received) = self.sights.take_raw() {
             self.take_sight(&received);
         }
@@ -289,6 +313,18 @@ impl RosRobot {
             if let Some(message) = read::<ClockMsg>(topic, received.decode()) {
                 self.intake.take_clock(&message, arrived_s);
             }
+        }
+    }
+
+    fn take_pictures(&mut self) {
+        let Some(topics) = &self.pictures else { return };
+        for (camera, info) in topics.take_infos() {
+            self.intake.take_camera_info(camera, info);
+        }
+        for (camera, received) in topics.take_pictures() {
+            let arrived_s = received.arrived.saturating_duration_since(self.began).as_secs_f64();
+            let wall_ns = wall_ns(&received);
+            self.intake.take_picture(camera, received.bytes, arrived_s, wall_ns);
         }
     }
 
@@ -373,14 +409,18 @@ impl RosRobot {
     }
 }
 
-/// Says who else is on the graph that should not be, and what does not fit. What is missing may
-/// come.
-async fn tell_findings(node: &RosNode, config: &RosRobotConfig) -> Result<(), RosError> {
+/// Who else is on the graph.
+async fn others(node: &RosNode) -> Result<Vec<Endpoint>, RosError> {
     let NodeConfig { name, namespace, .. } = node.config();
     let own = resolve(name, namespace, name)?;
     let mut there = node.endpoints(ROLL_CALL).await?;
     there.retain(|end| end.node != own);
-    for Finding { topic, readiness, sentence } in check(&there, config, namespace)? {
+    Ok(there)
+}
+
+/// Says who is on the graph that should not be, and what does not fit. What is missing may come.
+fn tell_findings(node: &RosNode, there: &[Endpoint], config: &RosRobotConfig) -> Result<(), RosError> {
+    for Finding { topic, readiness, sentence } in check(there, config, &node.config().namespace)? {
         if readiness == Readiness::Doubtful {
             tracing::warn!("{topic}: {sentence}");
         }
