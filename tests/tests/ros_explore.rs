@@ -208,8 +208,9 @@ async fn a_robot_behind_a_bridge_is_checked_and_explored_with() {
     let (endpoint, router) = graph().await;
     let _tokens = bridge_tokens(&router).await;
     let form = KeyForm::Bridge;
-    let node =
-        RosNode::join(router, NodeConfig { namespace: "r1".to_owned(), form, ..NodeConfig::new("driver") }).await.unwrap();
+    let node = RosNode::join(router, NodeConfig { namespace: "r1".to_owned(), form, ..NodeConfig::new("driver") })
+        .await
+        .unwrap();
     let mut robot = SimulatedRobot::new(&node).await;
     let of_robot = ["--namespace", "r1", "--ros-keys", "bridge"];
     let output = tokio::task::block_in_place(|| {

@@ -71,7 +71,9 @@ fn routes_over_nodes_keep_off_what_is_closed() {
         let route = rules.plan_between_nodes(&square, &space, [id(from), id(to)])?;
         let (a, b) = (square.node(id(from)).unwrap().pose.position, square.node(id(to)).unwrap().pose.position);
         let of_places = rules.plan_over_nodes(&square, &space, a, b, &NodeRouteConfig::default())?;
-        assert_eq!((of_places.length_m, nodes_of(&of_places.waypoints)), (route.length_m, nodes_of(&route.waypoints)));
+        // Between places of one rectangle there are no nodes.
+        let nodes = if from == to { Vec::new() } else { nodes_of(&route.waypoints) };
+        assert_eq!((of_places.length_m, nodes_of(&of_places.waypoints)), (route.length_m, nodes));
         Ok::<_, PlanError>((nodes_of(&route.waypoints), route.length_m))
     };
     let mut rules = Rules::default();

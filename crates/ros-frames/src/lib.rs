@@ -36,8 +36,8 @@ mod track;
 mod yaw;
 
 pub use cameras::{
-    CAMERAS, Compression, Lens, LensRefused, PanoramaCameras, PanoramaRefused, PictureMessage, PictureRefused, compress,
-    optical_rotation, picture_of,
+    CAMERAS, Compression, Lens, LensRefused, PanoramaCameras, PanoramaRefused, PictureMessage, PictureRefused,
+    compress, optical_rotation, picture_of,
 };
 pub use floor::{FloorGrid, grid_message, update_message};
 pub use plane::{header_message, pose_message};

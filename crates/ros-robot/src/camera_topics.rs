@@ -102,7 +102,10 @@ mod tests {
         let cameras = found(&RosRobotConfig::default(), &endpoints).expect("they are there");
         assert_eq!(cameras[0], CameraTopic::new(names[0].clone(), false));
         assert_eq!(cameras[0].info, "/r1/camera_front/camera_info");
-        assert_eq!((cameras[1].pictures.as_str(), cameras[1].is_compressed), ("/r1/camera_left/image/compressed", true));
+        assert_eq!(
+            (cameras[1].pictures.as_str(), cameras[1].is_compressed),
+            ("/r1/camera_left/image/compressed", true)
+        );
         assert_eq!(cameras[1].info, "/r1/camera_left/camera_info");
         assert_eq!(found(&RosRobotConfig::default(), &endpoints[1..]), None);
         let blind = RosRobotConfig { without_cameras: true, ..RosRobotConfig::default() };

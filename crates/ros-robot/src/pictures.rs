@@ -214,7 +214,8 @@ mod tests {
 
     fn picture(stamp_us: u64) -> Vec<u8> {
         let (header, encoding, data) = (header_message(stamp_us, "camera"), "mono8".to_owned(), &[7; 64][..]);
-        cdr::encode(&Image { header, height: 8, width: 8, encoding, is_bigendian: 0, step: 8, data }).expect("a message")
+        cdr::encode(&Image { header, height: 8, width: 8, encoding, is_bigendian: 0, step: 8, data })
+            .expect("a message")
     }
 
     fn all_four(pictures: &mut Pictures, stamp_us: u64, arrived_s: f64) {

@@ -9,8 +9,8 @@ use crate::pictures::Pictures;
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::robot::{Robot, RobotError, Sensors, SilenceConfig};
 use fht_ros::{
-    Endpoint, EndpointKind, NodeConfig, Publisher, Qos, QosDurability, QosReliability, Received, RosError, RosNode, Subscription,
-    resolve,
+    Endpoint, EndpointKind, NodeConfig, Publisher, Qos, QosDurability, QosReliability, Received, RosError, RosNode,
+    Subscription, resolve,
 };
 use fht_ros_frames::frame_name;
 use fht_ros_messages::msg::{

@@ -67,7 +67,9 @@ impl SimCameras {
             let pictures = match kind {
                 PictureKind::Raw => PicturePublisher::Whole(node.publisher(&topic, qos).await?),
                 PictureKind::Png => PicturePublisher::Compressed(node.publisher(&below, qos).await?, Compression::Png),
-                PictureKind::Jpeg => PicturePublisher::Compressed(node.publisher(&below, qos).await?, Compression::Jpeg),
+                PictureKind::Jpeg => {
+                    PicturePublisher::Compressed(node.publisher(&below, qos).await?, Compression::Jpeg)
+                }
             };
             let info = node.publisher(&format!("camera_{name}/camera_info"), qos).await?;
             cameras.push(SimCamera { frame: optical_frame(camera), pictures, info });

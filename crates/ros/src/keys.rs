@@ -227,7 +227,10 @@ mod tests {
         assert_eq!((service.kind, service.name.as_str()), (EndpointKind::Server, "/set"));
         let action = parse_token("@/c0ffee/@ros2_lv/AS/r1§navigate_to_pose/nav2_msgs§action§NavigateToPose");
         let action = action.expect("a server");
-        assert_eq!((action.kind, action.name.as_str()), (EndpointKind::Server, "/r1/navigate_to_pose/_action/send_goal"));
+        assert_eq!(
+            (action.kind, action.name.as_str()),
+            (EndpointKind::Server, "/r1/navigate_to_pose/_action/send_goal")
+        );
         assert_eq!(action.ros_type, "nav2_msgs/action/NavigateToPose_SendGoal");
     }
 

@@ -150,10 +150,7 @@ impl Frames {
             messages: Messages::of_files(info.files.clone()),
             tree: TransformTree::default(),
             track: OdometryTrack::new(config.odometry.clone()),
-            cameras: chosen
-                .cameras
-                .is_some()
-                .then(|| PanoramaCameras::new(config.picture_tolerance_s, PICTURES)),
+            cameras: chosen.cameras.is_some().then(|| PanoramaCameras::new(config.picture_tolerance_s, PICTURES)),
             pending: VecDeque::new(),
             base_frame: config.base_frame.clone(),
             last_stamp_ns: None,

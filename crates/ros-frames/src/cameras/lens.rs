@@ -88,13 +88,14 @@ impl Lens {
         width == height && self.focal.into_iter().chain(self.middle).all(is_near) && turn <= ALIKE.1
     }
 
-    /// The side of a view with about as many pixels as its pictures have.
-    pub(super) fn side(&self, camera: usize) -> u32 {
-        if self.is_view(camera) {
-            return self.size[0];
+    /// The side of a view with about as many pixels as a picture of it has.
+    pub(super) fn side(&self, picture: &RgbImage, camera: usize) -> u32 {
+        let [width, height] = self.size;
+        if self.is_view(camera) && picture.dimensions() == (width, height) {
+            return width;
         }
-        let side = (2.0 * self.focal[0].min(self.focal[1])).round();
-        (side.min(f64::from(SIDE.1)) as u32).max(SIDE.0)
+        let side = 2.0 * self.focal[0] * f64::from(picture.width()) / f64::from(width);
+        (side.round().min(f64::from(SIDE.1)) as u32).max(SIDE.0)
     }
 
     /// What it sees of the quarter of camera `camera` (0 ahead, 1 left, 2 behind, 3 right): a view
@@ -182,7 +183,7 @@ mod tests {
         let wide = info(400, 300, 150.0);
         for camera in 0..4 {
             let lens = Lens::of(&wide, optical(yaw_of_camera(camera))).expect("a lens");
-            let side = lens.side(camera);
+            let side = lens.side(&slopes(&wide), camera);
             let view = lens.view(&slopes(&wide), camera, side).expect("it sees its quarter");
             assert_eq!((side, view.dimensions()), (300, (300, 300)));
             // 90°: slopes from -1 to 1.
@@ -218,7 +219,10 @@ mod tests {
         let square = info(64, 64, 32.0);
         let lens = Lens::of(&square, optical(FRAC_PI_2)).expect("a lens");
         let picture = slopes(&square);
-        assert_eq!(lens.side(1), 64);
+        assert_eq!(lens.side(&picture, 1), 64);
+        // What camera_info claims costs nothing.
+        let vast = Lens::of(&info(u32::MAX, u32::MAX, f64::from(u32::MAX) / 2.0), optical(0.0)).expect("a lens");
+        assert_eq!(vast.side(&picture, 0), 64);
         assert_eq!(lens.view(&picture, 1, 64), Ok(picture));
         for (bad, word) in [
             (CameraInfoMsg { k: [0.0; 9], ..square.clone() }, "no focal length"),

@@ -132,14 +132,14 @@ impl PanoramaCameras {
         };
         let pictures = [picture(0)?, picture(1)?, picture(2)?, picture(3)?];
         let sides = self.lenses.iter().enumerate().zip(&pictures).map(|((camera, lens), picture)| match lens {
-            Some(lens) => lens.side(camera),
+            Some(lens) => lens.side(picture, camera),
             None => picture.width(),
         });
         let side = sides.min().unwrap_or_default();
         let view = |camera: usize| match &self.lenses[camera] {
-            Some(lens) => lens
-                .view(&pictures[camera], camera, side)
-                .map_err(|refusal| PanoramaRefused::Lens { camera, refusal }),
+            Some(lens) => {
+                lens.view(&pictures[camera], camera, side).map_err(|refusal| PanoramaRefused::Lens { camera, refusal })
+            }
             None => square(&pictures[camera], side),
         };
         Ok(Panorama { views: [view(0)?, view(1)?, view(2)?, view(3)?] })

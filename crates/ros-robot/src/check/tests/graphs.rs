@@ -5,7 +5,9 @@ use crate::check::Readiness;
 use crate::config::RosRobotConfig;
 use fht_ros::{Endpoint, EndpointKind, Qos};
 use fht_ros_messages::RosMessage;
-use fht_ros_messages::msg::{ClockMsg, CompressedImage, Image, OccupancyGridMsg, PointCloud2, PoseStamped, TfMessage, TwistMsg, TwistStamped};
+use fht_ros_messages::msg::{
+    ClockMsg, CompressedImage, Image, OccupancyGridMsg, PointCloud2, PoseStamped, TfMessage, TwistMsg, TwistStamped,
+};
 
 /// Adds a second endpoint like that of this index, of another node.
 fn again(all: &mut Vec<Endpoint>, index: usize) {
@@ -64,7 +66,12 @@ fn cameras() -> Vec<GraphCase> {
             Doubtful,
             &["/other publish it: two cameras with the same names", "namespace"],
         ),
-        (|_, config| name_cameras(config), "/b/image_raw", Missing, &["nobody publishes it", "start the camera's driver"]),
+        (
+            |_, config| name_cameras(config),
+            "/b/image_raw",
+            Missing,
+            &["nobody publishes it", "start the camera's driver"],
+        ),
         (
             |all, config| {
                 name_cameras(config);
