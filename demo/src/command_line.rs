@@ -80,7 +80,7 @@ pub struct HandoffArgs {
 /// Something else than the demo.
 #[derive(Debug, Subcommand)]
 pub enum HandoffCommand {
-    /// Runs one of the programs: map-server, mapper or client-robot.
+    /// Runs one of the programs: map-server, mapper, client-robot or sim.
     #[command(after_help = "Examples:
   handoff role map-server -- --data maps
   handoff role mapper -- explore --world museum")]

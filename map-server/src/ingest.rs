@@ -20,6 +20,7 @@
 //! | `refusals` | what writers are told about refused increments |
 //! | `retention` | compacts old increments |
 //! | `deletion` | deletes maps after a grace period |
+//! | `renaming` | a map goes on under another name |
 //! | `standstill` | what is refused while nothing can be stored, and how the writer goes on |
 
 mod admission;
@@ -33,6 +34,7 @@ mod pending_maps;
 mod pipeline;
 mod queue;
 mod refusals;
+mod renaming;
 mod retention;
 mod standstill;
 

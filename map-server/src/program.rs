@@ -5,6 +5,7 @@
 //! | `allocator` | where the memory of a program that serves comes from |
 //! | `serve_arguments` | the flags for serving |
 //! | `web_arguments` | … the operators' page |
+//! | `warning_layer` | … of which the log's warnings are shown there |
 //! | `settings` | what the program reads from the configuration file |
 //! | `role_reload` | the list of roles, read anew while the server serves |
 //! | `repair` | what can be done with a damaged store |
@@ -16,6 +17,8 @@ mod repair;
 mod role_reload;
 mod serve_arguments;
 mod settings;
+#[cfg(feature = "web")]
+mod warning_layer;
 #[cfg(feature = "web")]
 mod web_arguments;
 
@@ -219,7 +222,10 @@ fn log(verbose: u8) {
     };
     // Fails only if the calling program has set up its own.
     let lines = tracing_subscriber::registry().with(logging::lines(default));
-    let _ = lines.with(denials_layer()).with(door_layer()).try_init();
+    let lines = lines.with(denials_layer()).with(door_layer());
+    #[cfg(feature = "web")]
+    let lines = lines.with(self::warning_layer::warning_layer());
+    let _ = lines.try_init();
 }
 
 /// Runs a server on threads of its own until it is told to end (SIGTERM, Ctrl-C); `beside` as for

@@ -13,6 +13,6 @@ mod fleet;
 pub use active_rules::{ActiveRules, OtherState};
 pub use answer::{Answer, AnswerSources, answer, answer_at_once};
 #[cfg(feature = "web")]
-pub(crate) use answer::{find_release, node_view};
+pub(crate) use answer::{find_release, node_view, state_of, written_rules};
 pub(crate) use answer::{internal, json, unknown_map};
 pub use fleet::Fleet;

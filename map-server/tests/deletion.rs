@@ -196,7 +196,7 @@ async fn a_renamed_map_has_everything_and_the_old_one_says_where_it_went() {
     let refused = refusal(&site.session, BEN, 1).await;
     assert!(refused.message.contains("it has moved to hall"), "{refused}");
 
-    // Given again, it goes on where it was interrupted; another map is not overwritten.
+    // Given again, nothing else is done; another map is not overwritten.
     site.run(&["rename", "museum", "hall", "--reason", "mistyped"]);
     assert!(site.complaint(&["rename", "hall", "museum", "--reason", "x"]).contains("there is a map museum already"));
     assert!(site.complaint(&["rename", "hall", "hall", "--reason", "x"]).contains("is its name already"));
@@ -211,4 +211,73 @@ async fn a_renamed_map_has_everything_and_the_old_one_says_where_it_went() {
     assert_eq!(renamed["old"]["deletion"]["done"], true);
     assert_eq!(path_on("foyer").await.unwrap().length_m, path.length_m);
     assert!(path_on("hall").await.unwrap_err().message.contains("it has moved to foyer"));
+}
+
+fn move_order(new: &str) -> Vec<u8> {
+    let order = DeletionOrder {
+        grace_s: 60,
+        reason: "letters".to_owned(),
+        by: "desk".parse().unwrap(),
+        moved_to: Some(new.parse().unwrap()),
+    };
+    serde_json::to_vec(&order).unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn two_maps_do_not_become_one_and_one_does_not_become_two() {
+    let site = Site::with(20).await;
+    let file = site.dir.path().join("museum.fht");
+    site.run(&["export", "museum", file.to_str().unwrap()]);
+    site.run(&["import", file.to_str().unwrap(), "--map", "annex"]);
+    site.run(&["place", "annex", "desk", "5,0"]);
+    let give = async |map: &str, new: &str| {
+        let key = format!("fht/{map}/admin/delete");
+        let reply = ask_with(&site.session, &key, move_order(new)).await.remove(0);
+        reply.map(|_| ()).map_err(|refused| refused.code)
+    };
+    // Both at once: the second one is refused, and stays as it is.
+    let both = tokio::join!(give("museum", "hall"), give("annex", "hall"));
+    let kept = match both {
+        (Ok(()), Err(ErrorCode::Conflict)) => "annex",
+        (Err(ErrorCode::Conflict), Ok(())) => "museum",
+        other => panic!("{other:?}"),
+    };
+    let digest = |map: &str, heads: &[Head]| heads.iter().find(|head| head.map.as_str() == map).unwrap().digest;
+    let heads = maps(&site.session).await;
+    let moved = if kept == "annex" { "museum" } else { "annex" };
+    assert_eq!(digest("hall", &heads), digest(moved, &heads));
+    assert!(heads.iter().all(|head| head.deletion.is_some() == (head.map.as_str() == moved)), "{heads:?}");
+    // To two names.
+    assert_eq!(give(moved, "foyer").await, Err(ErrorCode::Conflict));
+    assert_eq!(give(kept, "foyer").await, Ok(()));
+    assert_eq!(maps(&site.session).await.len(), 4);
+}
+
+/// Half a map under a new name would be worse than none: the old one is deleted some day.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_rename_is_whole_or_nothing_when_the_server_is_killed() {
+    let mut site = Site::with(300).await;
+    let data = site.dir.path().join("data");
+    let whole = head(&site.session).await.unwrap();
+    let mut moved = 0;
+    for wait_ms in [0, 1, 2, 4, 7, 12, 20, 50] {
+        let session = site.session.clone();
+        let asked =
+            tokio::spawn(async move { ask_with(&session, "fht/museum/admin/delete", move_order("hall")).await });
+        tokio::time::sleep(Duration::from_millis(wait_ms)).await;
+        site.server.kill();
+        site.server = Server::start(&data, &site.endpoint);
+        until_up(&site.session).await;
+        asked.abort();
+        let heads = maps(&site.session).await;
+        assert!(heads.iter().all(|head| (head.version, head.digest) == (whole.version, whole.digest)), "{heads:?}");
+        let is_moved = heads.len() == 2;
+        assert_eq!(head(&site.session).await.unwrap().deletion.is_some(), is_moved, "after {wait_ms} ms");
+        if is_moved {
+            moved += 1;
+            site.run(&["undelete", "museum"]);
+            site.run(&["delete", "hall", "--reason", "once more", "--grace", "0s"]);
+        }
+    }
+    println!("moved {moved} of 8 times");
 }

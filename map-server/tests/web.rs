@@ -75,8 +75,12 @@ impl Paged {
     }
 
     fn change(&self, body: &str) -> (u16, Value) {
+        self.post("change", body)
+    }
+
+    fn post(&self, what: &str, body: &str) -> (u16, Value) {
         let (status, body) = self.exchange(&format!(
-            "POST /api/change/museum HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nContent-Type: \
+            "POST /api/{what}/museum HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nContent-Type: \
              application/json\r\nContent-Length: {}\r\n\r\n{body}",
             body.len()
         ));
@@ -174,6 +178,45 @@ async fn what_an_operator_changes_over_http_is_seen_over_zenoh() {
         assert!(got == status && reply["message"].as_str().unwrap().contains(said), "{body}: {got} {reply}");
     }
     assert_eq!(head_when(&site.session, |_| true).await.version, head.version);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn earlier_states_are_shown_and_changes_looked_at_in_advance() {
+    let site = Paged::start(&["--web-operator", "ada"]).await;
+    let past = |query: &str| {
+        let (status, body) = site.get(&format!("/api/past/museum?{query}"));
+        (status, serde_json::from_slice::<Value>(&body).unwrap())
+    };
+    let (status, third) = past("version=3");
+    assert!(status == 200 && third["version"] == 3 && third["oldest"] == 0, "{third}");
+    assert_eq!(third["nodes"].as_array().unwrap().len(), 3);
+    assert_eq!((past("version=99").0, past("release=spring").0, past("").0), (404, 404, 400));
+
+    assert_eq!(site.change(r#"{"op":"set_place","name":"dock","pose":[9,0,0]}"#).0, 200);
+    assert_eq!(site.change(r#"{"op":"set_place","name":"gate","pose":[1,0,0]}"#).0, 200);
+    let before = head_when(&site.session, |_| true).await.version;
+    let zone = |y: f64| {
+        let corners = format!("[[4,{}],[6,{}],[6,{y}],[4,{y}]]", -y, -y);
+        format!(r#"{{"op":"set_zone","name":"wet","zone":{{"rule":"keep_out","corners":{corners}}}}}"#)
+    };
+    let (status, beside) = site.post("preview", &zone(0.5));
+    let (_, across) = site.post("preview", &zone(1.5));
+    assert!(status == 200 && beside["asked"] == 1, "{beside}");
+    let longer = &beside["paths"][0];
+    assert!(longer["after_m"].as_f64() > longer["before_m"].as_f64(), "it leads around: {beside}");
+    let closed = &across["paths"][0];
+    assert!(closed["after_m"].is_null() && closed["message"].is_string(), "there is none: {across}");
+    let (_, elsewhere) =
+        site.post("preview", r#"{"op":"set_closed","edge":["0000000a.10","0000000a.11"],"closed":true}"#);
+    assert_eq!(elsewhere["paths"].as_array().map(Vec::len), Some(0));
+    assert_eq!(head_when(&site.session, |_| true).await.version, before, "nothing is written");
+
+    let erased = r#"{"op":"remove_nodes","nodes":["0000000a.10","0000000a.11"]}"#;
+    assert_eq!((site.change(erased).0, site.change(erased).0), (200, 404));
+    let (_, now) = past(&format!("version={}", before + 1));
+    assert_eq!(now["nodes"].as_array().unwrap().len(), 10);
+    assert_eq!(site.change(r#"{"op":"undo"}"#).0, 200);
+    head_when(&site.session, |head| head.main_nodes + head.support_nodes == 12).await;
 }
 
 /// Reads a stream of events until there is one that is wanted; its data.

@@ -80,5 +80,7 @@ fn what_a_killed_recorder_leaves_is_mapped_up_to_there() {
     let replayed = mapper(&["replay", &bag, "--map", "cut", "--offline", "--json", "-q"]);
     let report: ReplayReport = serde_json::from_slice(&replayed.stdout).unwrap();
     assert!(!report.bag.broken.is_empty(), "the cut is not told: {report:?}");
+    let said = String::from_utf8_lossy(&replayed.stderr).into_owned();
+    assert!(replayed.status.code() == Some(1) && said.contains("the bag is broken"), "{said}");
     assert!(report.bag_s > 30.0 && report.map.main_nodes >= 2 && report.free_area_m2 > 20.0, "{report:?}");
 }

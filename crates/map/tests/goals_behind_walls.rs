@@ -109,6 +109,10 @@ fn a_robot_leaves_the_place_where_it_stands() {
     // And not through a wall from well behind it.
     let behind = plan(&map, at(3.0, -1.0), at(5.0, 3.0), PathEnds::Unknown);
     assert!(matches!(behind, Err(RouteError::NoPath { .. })), "{behind:?}");
+    // Nor from far beyond the gap, where nobody saw anything.
+    let hidden = plan(&map, at(7.5, -1.2), at(5.0, 3.0), PathEnds::Unknown);
+    assert!(matches!(hidden, Err(RouteError::NoPath { is_shut_in: true, .. })), "{hidden:?}");
+    assert!(hidden.unwrap_err().to_string().contains("nothing leads away from the start"));
     // Nodes are known to be reachable.
     assert!(plan(&map, at(5.0, 3.0), at(4.0, -0.15), PathEnds::Known).is_ok());
 }

@@ -49,7 +49,7 @@ impl Waiting {
     pub fn for_answer(&self) -> Patience {
         let until = match self.given {
             Some(given) => self.began.checked_add(given),
-            None => Some(Instant::now() + Self::USUAL),
+            None => Some(Instant::now() + self.usual.map_or(Self::USUAL, |usual| usual.min(Self::USUAL))),
         };
         Patience::until(self.program, until)
     }
@@ -77,6 +77,12 @@ pub struct Patience {
 impl Patience {
     fn until(program: &'static str, until: Option<Instant>) -> Self {
         Self { program, until, remark_at: Instant::now() + REMARK_EVERY }
+    }
+
+    /// How much of it is left; none: for ever.
+    #[must_use]
+    pub fn left(&self) -> Option<Duration> {
+        self.until.map(|until| until.saturating_duration_since(Instant::now()))
     }
 
     /// Whether to look again, soon. Says every five seconds `what` is waited for.
@@ -111,6 +117,8 @@ mod tests {
         assert!(given.for_content().goes_on("a map"));
         let never = Waiting::new("p", Some(0.0), None);
         assert!(!never.for_answer().goes_on("an answer") && never.for_session() == Some(Duration::ZERO));
+        let brief = Waiting::new("p", None, Some(Duration::from_secs(1)));
+        assert!(brief.for_answer().left().is_some_and(|left| left <= Duration::from_secs(1)));
         let for_ever = Waiting::new("p", Some(f64::INFINITY), Some(Waiting::USUAL));
         assert!(for_ever.for_session().is_none() && for_ever.for_content().goes_on("a place"));
     }

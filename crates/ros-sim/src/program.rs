@@ -181,6 +181,10 @@ enum SimError {
     Configuration(#[from] ConfigurationError),
     #[error("no router: {}", in_words(.0))]
     Router(zenoh::Error),
+    #[error("the robot's router is gone: of the {played} frames played, nobody heard the last ones")]
+    Unheard { played: u64 },
+    #[error("played {played} frames; then the bag is broken: {broken}")]
+    Broken { played: u64, broken: String },
 }
 
 impl SimError {
@@ -194,7 +198,7 @@ impl SimError {
             | Self::Graph(RosError::Name(_)) => true,
             Self::SharedWorld(error) => error.is_input(),
             Self::Session(error) => error.is_input(),
-            Self::Graph(_) | Self::Live(_) | Self::Router(_) => false,
+            Self::Graph(_) | Self::Live(_) | Self::Router(_) | Self::Unheard { .. } | Self::Broken { .. } => false,
         }
     }
 }
@@ -304,7 +308,13 @@ async fn play_bag(args: &PlayArgs, stop: &Stop) -> Result<u64, SimError> {
         tokio::time::sleep(LISTENER_EVERY).await;
     }
     topics.publish(&first, None)?;
-    Ok(play(&mut topics, Paced::new(frames, Some(args.rate)), stop.requested()).await?)
+    let mut paced = Paced::new(frames, Some(args.rate));
+    let played = play(&mut topics, &mut paced, stop.requested()).await?;
+    if !node.is_connected().await {
+        return Err(SimError::Unheard { played });
+    }
+    let broken: Vec<String> = paced.into_inner().report().broken.iter().map(ToString::to_string).collect();
+    if broken.is_empty() { Ok(played) } else { Err(SimError::Broken { played, broken: broken.join("; ") }) }
 }
 
 /// Microseconds since the epoch.

@@ -101,6 +101,12 @@ impl RosNode {
         &self.inner.config
     }
 
+    /// Whether a router or another session is there.
+    pub async fn is_connected(&self) -> bool {
+        let info = self.inner.session.info();
+        info.routers_zid().await.next().is_some() || info.peers_zid().await.next().is_some()
+    }
+
     pub(crate) fn session(&self) -> &Session {
         &self.inner.session
     }

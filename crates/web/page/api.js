@@ -14,14 +14,21 @@ async function read(response) {
   throw new Refused(response.status, reply.code ?? "UNKNOWN", reply.message ?? `the server answers ${response.status}`);
 }
 
-async function send(address, options) {
-  let response;
+async function reach(address, options) {
   try {
-    response = await fetch(address, { cache: "no-store", ...options });
+    return await fetch(address, { cache: "no-store", ...options });
   } catch {
     throw new Refused(0, "AWAY", "the server does not answer");
   }
-  return read(response);
+}
+
+async function send(address, options) {
+  return read(await reach(address, options));
+}
+
+function post(address, body) {
+  const headers = { "Content-Type": "application/json" };
+  return send(address, { method: "POST", headers, body: JSON.stringify(body) });
 }
 
 // The selector as Zenoh has it, with values as people write them.
@@ -36,19 +43,34 @@ export function ask(map, topic, parameters = {}) {
 }
 
 export const askMaps = () => send("/fht/maps");
+export const askWarnings = () => send("/api/warnings");
 export const askMe = () => send("/api/me");
 
 export function askWalls(map, [x, y], radius) {
   return send(`/api/walls/${encodeURIComponent(map)}?near=${x},${y}&radius=${radius}`);
 }
 
-export function change(map, order) {
-  const headers = { "Content-Type": "application/json" };
-  return send(`/api/change/${encodeURIComponent(map)}`, { method: "POST", headers, body: JSON.stringify(order) });
+// An earlier state: of a `version`, or of a `release`.
+export function askPast(map, state) {
+  const pairs = Object.entries(state).map(([name, value]) => `${name}=${encodeURIComponent(value)}`);
+  return send(`/api/past/${encodeURIComponent(map)}?${pairs.join("&")}`);
 }
 
-// What asks the same with zenoh-cli. An apostrophe ends a shell's quotes.
-export function zenohLine(asked) {
+export async function askFigures() {
+  const response = await reach("/metrics");
+  if (!response.ok) return read(response);
+  return response.text();
+}
+
+export const change = (map, order) => post(`/api/change/${encodeURIComponent(map)}`, order);
+
+// Which paths between places would be others.
+export const preview = (map, order) => post(`/api/preview/${encodeURIComponent(map)}`, order);
+
+// What asks the same with zenoh-cli. An apostrophe ends a shell's quotes. A server that listens
+// everywhere is reached by the name that the page is.
+export function zenohLine(asked, endpoint = "tcp/[::]:7447", host = location.hostname) {
+  const reached = endpoint.replace(/^(\w+)\/(0\.0\.0\.0|\[::\]):/, `$1/${host}:`);
   const quoted = asked.replaceAll("'", "'\\''");
-  return `zenoh --connect tcp/${location.hostname}:7447 get -s '${quoted}' --decoder json`;
+  return `zenoh --connect ${reached} get -s '${quoted}' --decoder json`;
 }

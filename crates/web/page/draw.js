@@ -1,232 +1,217 @@
-// One frame: what the map has, what is asked, what robots do. What lies outside is left out, and
-// details that would be smaller than a pixel or two, too.
+// One frame: what the map has, kept as a picture while it stays the same, and over it what moves:
+// robots, what is asked and drawn just now, what differs.
 
-const COLOURS = [
-  "free", "free-line", "edge", "main", "support", "wall", "place", "keep-out", "slow", "closed", "blocked", "path",
-  "robot", "candidate",
-];
+import { Pen, readColours } from "./pen.js";
+import { drawStill } from "./still.js";
 
-export function readColours() {
-  const style = getComputedStyle(document.documentElement);
-  const colours = Object.fromEntries(COLOURS.map((name) => [name, style.getPropertyValue(`--map-${name}`).trim()]));
-  return { ...colours, ink: style.getPropertyValue("--ink").trim(), ground: style.getPropertyValue("--ground").trim() };
+const MOST_NAMES = 60; // of more robots only the dots are drawn
+
+export class Drawing {
+  constructor(canvas) {
+    this.context = canvas.getContext("2d", { alpha: false });
+    this.still = document.createElement("canvas");
+    this.layers = { graph: true, walls: true, outlines: true, names: true };
+    this.recolour();
+  }
+
+  recolour() {
+    this.colours = readColours();
+    this.drawn = "";
+  }
+
+  // A floor plan under the map; null: none.
+  setPlan(plan) {
+    this.plan = plan;
+    this.drawn = "";
+  }
+
+  setLayer(name, isOn) {
+    this.layers[name] = isOn;
+    this.drawn = "";
+  }
+
+  frame(view, store, overlay) {
+    const { context, still } = this;
+    if (!view.width || !view.height) return;
+    const now = [view.x, view.y, view.scale, view.width, view.height, view.ratio, store.drawing].join();
+    if (now !== this.drawn) {
+      this.drawn = now;
+      [still.width, still.height] = [view.canvas.width, view.canvas.height];
+      drawStill(still.getContext("2d", { alpha: false }), view, store, this);
+    }
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.drawImage(still, 0, 0);
+    const pen = new Pen(context, view, this.colours);
+    if (overlay.differs) differences(pen, overlay.differs);
+    if (!store.past) for (const blocked of store.rules.blocked) drawBlocked(pen, blocked, store);
+    asked(pen, overlay);
+    if (!store.past) {
+      for (const { corners } of store.ways.values()) way(pen, corners);
+      robots(pen, [...store.robots.values()]);
+    }
+    scaleBar(pen);
+    if (store.past) stamp(pen, `as it was at version ${store.past.version}`);
+    if (view.canvas.matches(":focus-visible")) cross(pen);
+  }
 }
 
-export function draw(context, view, store, overlay, colours) {
-  const pen = new Pen(context, view, colours);
-  pen.clear();
-  pen.rectangles(store.nodes.values());
-  pen.walls(store.walls);
-  pen.edges(store);
-  pen.nodes(store.nodes.values());
-  for (const zone of store.rules.zones) pen.zone(zone);
-  for (const [a, b] of store.rules.closed_edges) pen.edge(store.nodes.get(a), store.nodes.get(b), "closed", 4);
-  for (const blocked of store.rules.blocked) pen.blocked(blocked, store);
-  for (const place of store.rules.places) pen.place(place);
-  pen.overlay(overlay);
-  for (const robot of store.robots.values()) pen.robot(robot);
-  pen.scaleBar();
-  if (document.activeElement === view.canvas) pen.cross();
+function drawBlocked(pen, { robot, for_s: seconds, edges = [], places = [] }, store) {
+  for (const [a, b] of edges.map((edge) => edge.map((id) => store.nodes.get(id)))) {
+    if (a && b)
+      pen.line(
+        [
+          [a.x, a.y],
+          [b.x, b.y],
+        ],
+        pen.colours.blocked,
+        4,
+      );
+  }
+  for (const [x, y] of places) {
+    pen.dot(x, y, Math.max(5, (0.3 * pen.view.scale) / pen.unit), pen.colours.blocked);
+    pen.text(x, y, `${robot}: blocked for ${Math.round(seconds)} s more`, pen.colours.blocked);
+  }
 }
 
-class Pen {
-  constructor(context, view, colours) {
-    Object.assign(this, { context, view, colours });
-    const [west, north] = view.toMetres(0, 0);
-    const [east, south] = view.toMetres(view.width, view.height);
-    this.box = [west, south, east, north];
-  }
+// Where a robot that was sent drives.
+function way(pen, corners) {
+  if (!corners.length) return;
+  pen.line(corners, pen.colours.robot, 3, [7, 5]);
+  pen.ring(...corners.at(-1), 6, pen.colours.robot);
+}
 
-  clear() {
-    const { context, view } = this;
-    context.setTransform(view.ratio, 0, 0, view.ratio, 0, 0);
-    context.fillStyle = this.colours.ground;
-    context.fillRect(0, 0, view.width, view.height);
-    context.font = "13px system-ui, sans-serif";
-  }
+function robots(pen, all) {
+  const seen = all.filter(({ map_from_base: pose, candidates = [] }) =>
+    [pose, ...candidates].some((at) => at && pen.sees(at[0], at[1], 1)),
+  );
+  const withNames = seen.length <= MOST_NAMES;
+  for (const robot of seen) drawRobot(pen, robot, withNames);
+}
 
-  sees(x, y, around = 0) {
-    const [west, south, east, north] = this.box;
-    return x >= west - around && x <= east + around && y >= south - around && y <= north + around;
-  }
-
-  rectangles(nodes) {
-    const { context, view, colours } = this;
-    const [west, south, east, north] = this.box;
-    context.fillStyle = colours.free;
-    context.strokeStyle = colours["free-line"];
-    context.lineWidth = 1;
+function drawRobot(pen, { robot, state, map_from_base: pose, candidates = [], confidence }, withName) {
+  const { colours, context } = pen;
+  for (const [index, [x, y, yaw]] of candidates.entries()) {
+    context.globalAlpha = index ? 0.6 : 1;
+    pen.heading(x, y, yaw, colours.candidate, index ? 4 : 6);
+    pen.ring(x, y, 9, colours.candidate);
     context.globalAlpha = 1;
-    const shown = [];
-    for (const { free_space: rect } of nodes) {
-      if (!rect || rect[2] < west || rect[0] > east || rect[3] < south || rect[1] > north) continue;
-      const [x, y] = view.toPixels(rect[0], rect[3]);
-      const [w, h] = [(rect[2] - rect[0]) * view.scale, (rect[3] - rect[1]) * view.scale];
-      context.fillRect(x, y, w, h);
-      shown.push([x, y, w, h]);
-    }
-    if (view.scale < 12) return;
-    context.globalAlpha = 0.45;
-    for (const rect of shown) context.strokeRect(...rect);
-    context.globalAlpha = 1;
+    if (withName) pen.text(x, y, `${robot}? ${chance(index, candidates.length, confidence)}`, colours.candidate);
   }
+  if (!pose) return;
+  const isSure = state === "LOCALIZED";
+  pen.heading(pose[0], pose[1], pose[2], isSure ? colours.robot : colours.blocked, 7);
+  if (withName || !isSure) pen.text(pose[0], pose[1], isSure ? robot : `${robot} (${state})`, colours.robot);
+}
 
-  walls(points) {
-    const { context, view } = this;
-    context.fillStyle = this.colours.wall;
-    const side = Math.max(1, 0.05 * view.scale);
-    for (let index = 0; index + 1 < points.length; index += 2) {
-      const [x, y] = [points[index] / 100, points[index + 1] / 100];
-      if (!this.sees(x, y)) continue;
-      const [px, py] = view.toPixels(x, y);
-      context.fillRect(px - side / 2, py - side / 2, side, side);
-    }
+// A robot says how probable the likeliest place is; the others share the rest.
+function chance(index, count, confidence = 0) {
+  const percent = (share) => `${Math.round(100 * share)} %`;
+  if (index === 0) return percent(confidence);
+  return count === 2
+    ? `at most ${percent(1 - confidence)}`
+    : `number ${index + 1}, at most ${percent(Math.min(confidence, 1 - confidence))}`;
+}
+
+// What is asked and drawn just now.
+function asked(pen, { path, ends = [], measured = [], corners = [], edge, preview = [] }) {
+  const { colours } = pen;
+  for (const { before, after } of preview) {
+    if (before) pen.line(before, colours.gone, 3, [3, 5]);
+    if (after) pen.line(after, colours.added, 4);
   }
-
-  edges(store) {
-    if (this.view.scale < 6) return;
-    const { context, view } = this;
-    context.strokeStyle = this.colours.edge;
-    context.lineWidth = 1;
-    context.globalAlpha = 0.6;
-    context.beginPath();
-    for (const [a, b] of store.edges()) {
-      if (!this.sees(a.x, a.y, 10) && !this.sees(b.x, b.y, 10)) continue;
-      context.moveTo(...view.toPixels(a.x, a.y));
-      context.lineTo(...view.toPixels(b.x, b.y));
-    }
-    context.stroke();
-    context.globalAlpha = 1;
+  if (path) {
+    const way = path.waypoints.map(({ x, y }) => [x, y]);
+    pen.line(way, colours.ground, 7);
+    pen.line(way, colours.path, 4);
   }
-
-  nodes(nodes) {
-    const { context, view, colours } = this;
-    if (view.scale < 6) return;
-    for (const node of nodes) {
-      if (!this.sees(node.x, node.y)) continue;
-      const isMain = node.kind === "main";
-      this.dot(node.x, node.y, isMain ? 4 : 2, colours[isMain ? "main" : "support"]);
-    }
-    context.globalAlpha = 1;
+  for (const [index, [x, y]] of ends.entries()) {
+    pen.dot(x, y, 6, colours.path);
+    if (ends.length === 2) pen.text(x, y, index ? "goal" : "start", colours.path);
   }
-
-  dot(x, y, radius, colour) {
-    const { context, view } = this;
-    context.fillStyle = colour;
-    context.beginPath();
-    context.arc(...view.toPixels(x, y), radius, 0, 2 * Math.PI);
-    context.fill();
+  if (measured.length) pen.line(measured, colours.ink, 2, [4, 3]);
+  for (const [x, y] of measured) pen.dot(x, y, 4, colours.ink);
+  if (edge) pen.line(edge, colours.path, 5);
+  if (corners.length) {
+    pen.area(corners, colours["keep-out"], 0.12);
+    pen.line([...corners, corners[0]], colours["keep-out"], 2, [4, 3]);
   }
+  for (const [x, y] of corners) {
+    pen.dot(x, y, 7, colours["keep-out"]);
+    pen.dot(x, y, 4, colours.ground);
+  }
+}
 
-  line(points, colour, width, dashes = []) {
-    const { context, view } = this;
+function differences(pen, { added, gone, moved }) {
+  const { colours } = pen;
+  const outline = (node, colour, alpha) => {
+    const rect = node.free_space;
+    if (!rect) return;
+    const [west, south, east, north] = rect;
+    pen.area(
+      [
+        [west, south],
+        [east, south],
+        [east, north],
+        [west, north],
+      ],
+      colour,
+      alpha,
+    );
+  };
+  for (const node of gone) outline(node, colours.gone, 0.12);
+  for (const node of added) outline(node, colours.added, 0.12);
+  for (const node of gone) pen.dot(node.x, node.y, 5, colours.gone);
+  for (const node of added) pen.dot(node.x, node.y, 5, colours.added);
+  for (const [was, node] of moved) {
+    pen.line(
+      [
+        [was.x, was.y],
+        [node.x, node.y],
+      ],
+      colours.moved,
+      3,
+    );
+    pen.ring(node.x, node.y, 5, colours.moved);
+  }
+}
+
+function scaleBar(pen) {
+  const { context, view, colours, unit } = pen;
+  const wanted = (100 * unit) / view.scale;
+  const power = 10 ** Math.floor(Math.log10(wanted));
+  const metres = [5, 2, 1].map((step) => step * power).find((length) => length <= wanted) ?? power;
+  const [left, base] = [12 * unit, view.height - 14 * unit];
+  context.fillStyle = colours.ink;
+  context.fillRect(left, base, metres * view.scale, 3 * unit);
+  context.fillText(
+    metres >= 0.01 ? `${metres >= 1 ? metres : metres.toFixed(2)} m` : `${metres * 1000} mm`,
+    left,
+    base - 5 * unit,
+  );
+}
+
+// An earlier state must not be taken for the newest.
+function stamp(pen, text) {
+  const { context, colours, unit } = pen;
+  context.font = `600 ${15 * unit}px system-ui, sans-serif`;
+  context.fillStyle = colours.moved;
+  context.fillText(text, 12 * unit, 24 * unit);
+}
+
+function cross(pen) {
+  const { context, view, colours, unit } = pen;
+  const [x, y] = [view.width / 2, view.height / 2];
+  for (const [colour, width] of [
+    [colours.ground, 4],
+    [colours.ink, 1.5],
+  ]) {
     context.strokeStyle = colour;
-    context.lineWidth = width;
-    context.setLineDash(dashes);
+    context.lineWidth = width * unit;
     context.beginPath();
-    for (const [index, [x, y]] of points.entries()) {
-      const at = view.toPixels(x, y);
-      if (index) context.lineTo(...at);
-      else context.moveTo(...at);
-    }
-    context.stroke();
-    context.setLineDash([]);
-  }
-
-  text(x, y, text, colour) {
-    const { context, view, colours } = this;
-    const [px, py] = view.toPixels(x, y);
-    context.lineWidth = 3;
-    context.strokeStyle = colours.ground;
-    context.strokeText(text, px + 8, py - 6);
-    context.fillStyle = colour;
-    context.fillText(text, px + 8, py - 6);
-  }
-
-  zone({ name, rule, corners }) {
-    if (!corners.length) return;
-    const { context, view, colours } = this;
-    const isClosed = rule === "keep_out";
-    const colour = colours[isClosed ? "keep-out" : "slow"];
-    context.beginPath();
-    for (const [x, y] of corners) context.lineTo(...view.toPixels(x, y));
-    context.closePath();
-    context.fillStyle = colour;
-    context.globalAlpha = 0.18;
-    context.fill("evenodd");
-    context.globalAlpha = 1;
-    this.line([...corners, corners[0]], colour, 2, isClosed ? [] : [6, 4]);
-    const says = isClosed ? name : `${name}, ${rule.speed_limit} m/s at most`;
-    this.text(...corners[0], says, colour);
-  }
-
-  edge(a, b, colour, width) {
-    if (a && b) this.line([[a.x, a.y], [b.x, b.y]], this.colours[colour], width);
-  }
-
-  blocked({ robot, for_s: seconds, edges = [], places = [] }, store) {
-    for (const [a, b] of edges) this.edge(store.nodes.get(a), store.nodes.get(b), "blocked", 4);
-    for (const [x, y] of places) {
-      this.dot(x, y, Math.max(5, 0.3 * this.view.scale), this.colours.blocked);
-      this.text(x, y, `${robot}: blocked, ${Math.round(seconds)} s`, this.colours.blocked);
-    }
-  }
-
-  place({ name, pose: [x, y, yaw] }) {
-    this.heading(x, y, yaw, this.colours.place);
-    this.text(x, y, name, this.colours.place);
-  }
-
-  heading(x, y, yaw, colour, radius = 6) {
-    const far = (2.2 * radius) / this.view.scale;
-    this.line([[x, y], [x + far * Math.cos(yaw), y + far * Math.sin(yaw)]], colour, 2);
-    this.dot(x, y, radius, colour);
-  }
-
-  robot({ robot, state, map_from_base: pose, candidates = [], confidence }) {
-    const { colours } = this;
-    for (const [index, [x, y, yaw]] of candidates.entries()) {
-      this.heading(x, y, yaw, colours.candidate, 4);
-      const sure = index === 0 && confidence !== undefined ? ` ${Math.round(100 * confidence)} %` : "";
-      this.text(x, y, `${robot}?${sure}`, colours.candidate);
-    }
-    if (!pose) return;
-    this.heading(pose[0], pose[1], pose[2], colours.robot, 7);
-    this.text(pose[0], pose[1], state === "LOCALIZED" ? robot : `${robot} (${state})`, colours.robot);
-  }
-
-  // What is asked and drawn just now.
-  overlay({ path, ends = [], measured = [], corners = [] }) {
-    const { colours } = this;
-    if (path) this.line(path.waypoints.map(({ x, y }) => [x, y]), colours.path, 4);
-    for (const [x, y] of ends) this.dot(x, y, 6, colours.path);
-    if (measured.length) this.line(measured, colours.ink, 2, [4, 3]);
-    for (const [x, y] of measured) this.dot(x, y, 4, colours.ink);
-    if (corners.length) this.line([...corners, corners[0]], colours["keep-out"], 2, [4, 3]);
-    for (const [x, y] of corners) this.dot(x, y, 4, colours["keep-out"]);
-  }
-
-  scaleBar() {
-    const { context, view, colours } = this;
-    const wanted = 100 / view.scale;
-    const power = 10 ** Math.floor(Math.log10(wanted));
-    const metres = [5, 2, 1].map((step) => step * power).find((length) => length <= wanted) ?? power;
-    const [left, base] = [12, view.height - 14];
-    context.fillStyle = colours.ink;
-    context.fillRect(left, base, metres * view.scale, 3);
-    context.fillText(`${metres} m`, left, base - 5);
-  }
-
-  cross() {
-    const { context, view } = this;
-    const [x, y] = [view.width / 2, view.height / 2];
-    context.strokeStyle = this.colours.ink;
-    context.lineWidth = 1;
-    context.beginPath();
-    context.moveTo(x - 9, y);
-    context.lineTo(x + 9, y);
-    context.moveTo(x, y - 9);
-    context.lineTo(x, y + 9);
+    context.moveTo(x - 9 * unit, y);
+    context.lineTo(x + 9 * unit, y);
+    context.moveTo(x, y - 9 * unit);
+    context.lineTo(x, y + 9 * unit);
     context.stroke();
   }
 }

@@ -1,17 +1,19 @@
-// Which page is shown: `#/` is the list of maps, `#/NAME` a map.
+// Which page is shown: `#/` is the list of maps, `#/NAME` a map, `#health` the server.
 
 import { askMe } from "./api.js";
 import { el, fill } from "./dom.js";
+import { showHealth } from "./health.js";
 import { showList } from "./map_list.js";
 import { showMap } from "./map_page.js";
 
 const main = document.getElementById("main");
 const where = document.getElementById("where");
 let end = () => {};
+let turn = 0;
 
 function whoAmI(me) {
   const may = me.rights === "change" ? "may change maps" : "may look";
-  return me.name ? `${me.role ?? ""} ${me.name}, ${may}` : may;
+  return me.name ? `${me.name} (${me.role ?? "guest"}), ${may}` : may;
 }
 
 function mapAsked() {
@@ -22,18 +24,28 @@ function mapAsked() {
   }
 }
 
+function shows(map, me) {
+  if (location.hash === "#health") return showHealth(main);
+  return map ? showMap(main, map, me) : showList(main);
+}
+
 async function show() {
+  turn += 1;
+  const mine = turn;
   end();
   end = () => {};
   const map = mapAsked();
-  where.textContent = map ? `/ ${map}` : "";
-  document.title = map ? `${map} · Maps` : "Maps";
+  const title = location.hash === "#health" ? "Health" : map;
+  where.textContent = title ? `/ ${title}` : "";
+  document.title = title ? `${title} · Maps` : "Maps";
   fill(main, el("p", { class: "page soft" }, "loading …"));
   try {
     const me = await askMe();
+    if (mine !== turn) return; // somebody was faster
     document.getElementById("me").textContent = whoAmI(me);
-    end = map ? showMap(main, map, me) : showList(main);
+    end = shows(map, me);
   } catch (refused) {
+    if (mine !== turn) return;
     fill(main, el("p", { class: "page bad", role: "alert" }, refused.message));
     // The server may come back.
     const again = setTimeout(show, 3000);
@@ -41,6 +53,9 @@ async function show() {
   }
 }
 
-// The link to the content changes the address, too.
-addEventListener("hashchange", () => location.hash === "#main" || show());
+document.querySelector(".skip").addEventListener("click", (event) => {
+  event.preventDefault();
+  main.focus();
+});
+addEventListener("hashchange", show);
 show();

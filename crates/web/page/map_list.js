@@ -11,37 +11,76 @@ const MOST_ASKED = 20; // robots are asked for of so many maps
 export function showList(main) {
   const heads = new Map();
   const robots = new Map();
-  const search = el("input", { type: "search", id: "search", oninput: () => draw() });
-  const list = el("div", { "aria-live": "off" });
+  const search = el("input", { type: "search", id: "search", oninput: () => draw(), autocomplete: "off" });
+  const count = el("p", { class: "soft", role: "status" });
+  const list = el("div", {});
   const notice = el("p", { role: "status" });
-  fill(main, el("section", { class: "page" },
-    el("h1", {}, "Maps"),
-    el("p", {}, el("label", { for: "search" }, "Search "), search), notice, list));
+  fill(
+    main,
+    el(
+      "section",
+      { class: "page" },
+      el("h1", {}, "Maps"),
+      el("p", {}, el("label", { for: "search" }, "Search "), search),
+      notice,
+      count,
+      list,
+    ),
+  );
 
   function shown() {
-    const wanted = search.value.toLowerCase();
-    return [...heads.values()].filter((head) => head.map.toLowerCase().includes(wanted));
+    const wanted = search.value.trim().toLowerCase();
+    return [...heads.values()]
+      .filter((head) => head.map.toLowerCase().includes(wanted))
+      .sort((a, b) => (a.map < b.map ? -1 : 1));
   }
 
+  const columns = [
+    ["map", (head) => head.map],
+    [["version", "number"], (head) => [String(head.version), "number"]],
+    [["nodes", "number"], (head) => [String(head.main_nodes + head.support_nodes), "number"]],
+    [["size", "number"], (head) => [size(head.bytes), "number"]],
+    ["robots use", (head) => head.enabled?.split("@")[0] ?? "the newest state"],
+    [["robots", "number"], (head) => [String(here(head).length), "number"]],
+    [
+      "explored now by",
+      (head) =>
+        here(head)
+          .filter((robot) => robot.status.role === "explorer")
+          .map((robot) => robot.status.robot)
+          .join(", "),
+    ],
+    [
+      "notes",
+      (head) => [
+        head.damaged ? "damaged" : head.deletion ? "will be deleted" : head.read_only ? "read only" : "",
+        "bad",
+      ],
+    ],
+  ];
+  const here = (head) => (robots.get(head.map) ?? []).filter((robot) => robot.alive);
+
   function draw() {
-    const rows = shown().map((head) => {
-      const here = (robots.get(head.map) ?? []).filter((robot) => robot.alive);
-      const explorers = here.filter((robot) => robot.status.role === "explorer").map((robot) => robot.status.robot);
-      const state = head.damaged ? "damaged" : head.deletion ? "will be deleted" : head.read_only ? "read only" : "";
-      return [
-        el("a", { href: `#/${encodeURIComponent(head.map)}` }, head.map),
-        [String(head.version), "number"],
-        [String(head.main_nodes + head.support_nodes), "number"],
-        [size(head.bytes), "number"],
-        head.enabled ?? "newest state",
-        [String(here.length), "number"],
-        explorers.join(", "),
-        [state, "bad"],
-      ];
-    });
-    const number = (text) => [text, "number"];
-    const titles = ["map", number("version"), number("nodes"), number("size"), "robots use", number("robots"), "explored by", ""];
-    fill(list, table(`${rows.length} of ${heads.size} maps`, titles, rows));
+    const found = shown();
+    const rows = found.map((head) => columns.map(([, cell]) => cell(head)));
+    const now = JSON.stringify(rows);
+    fill(count, `${found.length} of ${heads.size} maps`);
+    if (now === draw.drawn) return;
+    draw.drawn = now;
+    // The link that had the focus keeps it.
+    const focused = list.contains(document.activeElement) ? document.activeElement.textContent : null;
+    for (const row of rows) row[0] = el("a", { href: `#/${encodeURIComponent(row[0])}` }, row[0]);
+    fill(
+      list,
+      heads.size
+        ? table(
+            "",
+            columns.map(([title]) => title),
+            rows,
+          )
+        : el("p", {}, "There is no map yet: the first explorer begins one (mapper explore)."),
+    );
+    [...list.querySelectorAll("a")].find((link) => link.textContent === focused)?.focus();
   }
 
   async function load() {
@@ -49,7 +88,7 @@ export function showList(main) {
       const reply = await askMaps();
       heads.clear();
       for (const head of reply.maps) heads.set(head.map, head);
-      notice.textContent = reply.read_only ? `nothing is taken in: ${reply.read_only}` : reply.warning ?? "";
+      notice.textContent = reply.read_only ? `nothing is taken in: ${reply.read_only}` : (reply.warning ?? "");
       notice.className = reply.read_only ? "bad" : "warn";
       draw();
       await askRobots();
@@ -72,10 +111,7 @@ export function showList(main) {
     draw();
   };
   const live = new Live("/api/events", { head: onHead }, load);
-  const timers = [
-    setInterval(() => askRobots().catch(() => {}), ROBOTS_EVERY_MS),
-    setInterval(load, ALL_EVERY_MS),
-  ];
+  const timers = [setInterval(() => askRobots().catch(() => {}), ROBOTS_EVERY_MS), setInterval(load, ALL_EVERY_MS)];
   return () => {
     live.end();
     timers.forEach(clearInterval);

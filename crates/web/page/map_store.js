@@ -3,16 +3,21 @@
 
 import { ask, askWalls } from "./api.js";
 
-const MOST_NODES = 20000; // of a larger map those nearest to where it was opened are shown
+const MOST_NODES = 20000; // of a larger map those nearest to where somebody looks are shown
 const PAGE = 1000;
 const GAP_MS = 1500;
 const WALLS_EVERY_MS = 3000;
+const ELSEWHERE_MS = 500;
+const WAY_EVERY_MS = 3000;
+const MOST_WAYS = 20; // robots whose ways are asked for
 
 export class MapStore {
   constructor(map, changed) {
     Object.assign(this, { map, changed });
     this.nodes = new Map();
     this.robots = new Map();
+    this.goals = new Map();
+    this.ways = new Map();
     this.fleet = [];
     this.head = null;
     this.version = -1;
@@ -20,6 +25,19 @@ export class MapStore {
     this.walls = [];
     this.rules = { places: [], zones: [], closed_edges: [], blocked: [] };
     this.releases = [];
+    // An earlier state that is shown in place of the newest; and a count of what is drawn.
+    this.past = null;
+    this.drawing = 0;
+  }
+
+  // What is shown: the newest state, or an earlier one.
+  shown() {
+    return this.past ?? this;
+  }
+
+  redraw() {
+    this.drawing += 1;
+    this.changed();
   }
 
   async load(near = [0, 0]) {
@@ -35,22 +53,31 @@ export class MapStore {
       after = page.next ?? "";
     } while (after && nodes.size < MOST_NODES);
     if (turn !== this.loading) return; // a newer one is under way
-    Object.assign(this, { nodes, version, truncated: after !== "", near });
+    // They come nearest first.
+    const { x, y } = [...nodes.values()].at(-1) ?? { x: near[0], y: near[1] };
+    Object.assign(this, { nodes, version, truncated: after !== "", near, reach: Math.hypot(x - near[0], y - near[1]) });
+    this.redraw();
     this.head = await ask(this.map, "head");
-    await this.loadRules();
-    await this.loadWalls();
+    await Promise.all([this.loadRules(), this.loadWalls()]);
+  }
+
+  // Somebody looks elsewhere: of a large map other nodes are near then.
+  looksAt([x, y]) {
+    clearTimeout(this.elsewhere);
+    if (!this.truncated || Math.hypot(x - this.near[0], y - this.near[1]) < this.reach / 2) return;
+    this.elsewhere = setTimeout(() => this.load([x, y]).catch(() => {}), ELSEWHERE_MS);
   }
 
   async loadRules() {
-    this.rules = await ask(this.map, "rules");
-    this.releases = (await ask(this.map, "releases")).releases;
-    this.changed();
+    const [rules, { releases }] = await Promise.all([ask(this.map, "rules"), ask(this.map, "releases")]);
+    Object.assign(this, { rules, releases });
+    this.redraw();
   }
 
   async loadWalls() {
     const seen = await askWalls(this.map, this.near ?? [0, 0], 100000);
     this.walls = seen.points;
-    this.changed();
+    this.redraw();
   }
 
   async loadFleet() {
@@ -60,7 +87,11 @@ export class MapStore {
     // A status tells where a robot is before its first pose comes.
     for (const { alive, status } of this.fleet) {
       if (alive && !this.robots.has(status.robot)) {
-        this.robots.set(status.robot, { robot: status.robot, state: status.state, map_from_base: status.map_from_base });
+        this.robots.set(status.robot, {
+          robot: status.robot,
+          state: status.state,
+          map_from_base: status.map_from_base,
+        });
       }
     }
     this.changed();
@@ -81,8 +112,8 @@ export class MapStore {
     for (const node of grown.nodes) if (this.nodes.has(node.id) || !this.truncated) this.nodes.set(node.id, node);
     this.version = Math.max(this.version, grown.version);
     if (grown.rules) this.loadRules().catch(() => {});
-    if (grown.nodes.some((node) => node.kind === "main")) this.wallsSoon();
-    this.changed();
+    if (grown.gone.length || grown.nodes.some((node) => node.kind === "main")) this.wallsSoon();
+    this.redraw();
   }
 
   wallsSoon() {
@@ -97,23 +128,48 @@ export class MapStore {
     this.changed();
   }
 
-  takeGone({ robot }) {
-    this.robots.delete(robot);
+  // Where robots are sent.
+  takeGoals({ goals }) {
+    for (const goal of goals) {
+      this.goals.set(goal.robot, goal);
+      if (goal.state !== "DRIVING") this.ways.delete(goal.robot);
+      else this.loadWay(goal).catch(() => {});
+    }
     this.changed();
+  }
+
+  // A robot does not tell its path: this is the one that the server would plan now.
+  async loadWay({ robot, goal }) {
+    const pose = this.robots.get(robot)?.map_from_base;
+    const known = this.ways.get(robot);
+    if (!pose || !goal || (known && performance.now() - known.at < WAY_EVERY_MS)) return;
+    if (!known && this.ways.size >= MOST_WAYS) return;
+    this.ways.set(robot, { at: performance.now(), corners: known?.corners ?? [] });
+    const [from, to] = [pose, goal].map((at) =>
+      at
+        .slice(0, 2)
+        .map((metres) => metres.toFixed(3))
+        .join(","),
+    );
+    const { waypoints } = await ask(this.map, "path", { from, to, to_nearest: true });
+    if (this.ways.has(robot))
+      this.ways.set(robot, { at: performance.now(), corners: waypoints.map(({ x, y }) => [x, y]) });
+    this.changed();
+  }
+
+  takeGone({ robot }) {
+    for (const of of [this.robots, this.goals, this.ways]) of.delete(robot);
+    this.changed();
+  }
+
+  // Shows an earlier state; null: the newest again.
+  showPast(past) {
+    this.past = past;
+    this.redraw();
   }
 
   reload() {
     this.load(this.near).catch(() => {});
-  }
-
-  // All edges once: pairs of nodes.
-  *edges() {
-    for (const node of this.nodes.values()) {
-      for (const other of node.neighbours) {
-        const end = this.nodes.get(other);
-        if (end && node.id < end.id) yield [node, end];
-      }
-    }
   }
 
   bounds() {
@@ -126,8 +182,23 @@ export class MapStore {
   }
 
   end() {
-    clearTimeout(this.gap);
-    clearTimeout(this.wallsTimer);
+    for (const timer of [this.gap, this.wallsTimer, this.elsewhere]) clearTimeout(timer);
     this.loading = -1;
   }
+}
+
+// All edges once: pairs of nodes.
+export function* edgesOf(nodes) {
+  for (const node of nodes.values()) {
+    for (const other of node.neighbours) {
+      const end = nodes.get(other);
+      if (end && node.id < end.id) yield [node, end];
+    }
+  }
+}
+
+// An earlier state, as it was asked for.
+export function pastOf({ version, nodes, places, zones, closed_edges: closed, points, oldest }) {
+  const rules = { places, zones, closed_edges: closed, blocked: [] };
+  return { version, nodes: new Map(nodes.map((node) => [node.id, node])), rules, walls: points, oldest };
 }

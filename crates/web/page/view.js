@@ -5,8 +5,11 @@ const MOST_PIXELS_A_METRE = 2000;
 const LEAST_PIXELS_A_METRE = 0.02;
 
 export class View {
-  constructor(canvas, { moved, clicked, pointed }) {
-    Object.assign(this, { canvas, moved, clicked, pointed, scale: 40, x: 0, y: 0 });
+  // `grabbed` is asked when a pointer comes down: what it returns is called with the places to which
+  // it is dragged, in place of moving the map.
+  constructor(canvas, { moved, clicked, pointed, grabbed = () => null }) {
+    Object.assign(this, { canvas, moved, clicked, pointed, grabbed, scale: 40, x: 0, y: 0, width: 0, height: 0 });
+    this.isMoved = false; // by somebody
     this.pointers = new Map();
     canvas.addEventListener("pointerdown", (event) => this.down(event));
     canvas.addEventListener("pointermove", (event) => this.move(event));
@@ -41,6 +44,13 @@ export class View {
     this.scale = Math.min(this.width / wide, this.height / high) * 0.92 || 40;
     this.x = (west + east) / 2;
     this.y = (south + north) / 2;
+    this.isMoved = false;
+    this.moved();
+  }
+
+  // Brings a place into the middle.
+  show([x, y]) {
+    Object.assign(this, { x, y, scale: Math.max(this.scale, 30), isMoved: true });
     this.moved();
   }
 
@@ -50,12 +60,14 @@ export class View {
     const [nowX, nowY] = this.toMetres(px, py);
     this.x += x - nowX;
     this.y += y - nowY;
+    this.isMoved = true;
     this.moved();
   }
 
   pan(px, py) {
     this.x -= px / this.scale;
     this.y += py / this.scale;
+    this.isMoved = true;
     this.moved();
   }
 
@@ -65,8 +77,11 @@ export class View {
   }
 
   down(event) {
+    if (event.button) return;
+    const at = this.at(event);
     this.canvas.setPointerCapture(event.pointerId);
-    this.pointers.set(event.pointerId, { at: this.at(event), travelled: 0 });
+    const drags = this.pointers.size ? null : this.grabbed(this.toMetres(...at));
+    this.pointers.set(event.pointerId, { at, travelled: 0, drags });
   }
 
   move(event) {
@@ -79,6 +94,8 @@ export class View {
     if (others.length === 1) {
       const span = (at) => Math.hypot(at[0] - others[0][0], at[1] - others[0][1]) || 1;
       this.zoom(span(now) / span(held.at), others[0]);
+    } else if (held.drags) {
+      held.drags(this.toMetres(...now));
     } else {
       this.pan(dx, dy);
     }
@@ -89,7 +106,9 @@ export class View {
   up(event) {
     const held = this.pointers.get(event.pointerId);
     this.pointers.delete(event.pointerId);
-    if (held && held.travelled < 5) this.clicked(this.toMetres(...this.at(event)));
+    // A finger is less steady than a mouse.
+    if (held && held.travelled < (event.pointerType === "mouse" ? 5 : 12))
+      this.clicked(this.toMetres(...this.at(event)));
   }
 
   wheel(event) {
@@ -107,6 +126,7 @@ export class View {
       ArrowDown: () => this.pan(0, -step),
       "+": () => this.zoom(1.25),
       "-": () => this.zoom(0.8),
+      "=": () => this.zoom(1.25),
       Enter: () => this.clicked([this.x, this.y]),
     }[event.key];
     if (!does || event.ctrlKey || event.metaKey || event.altKey) return;

@@ -2,7 +2,7 @@
 
 use fht_proto::api::reply::{ErrorReply, RuleView};
 use fht_proto::api::request::{bad_request, shown};
-use fht_proto::{EdgeKey, FixedPoint, FixedPose, Label, MapName, NodeId, ReleaseName, Zone, ZoneRule};
+use fht_proto::{EdgeKey, FixedPoint, FixedPose, Increment, Label, MapName, NodeId, ReleaseName, Zone, ZoneRule};
 use serde::{Deserialize, Deserializer};
 
 /// One change of a map.
@@ -28,6 +28,11 @@ pub enum MapChange {
         edge: EdgeKey,
         /// Whether it is closed.
         closed: bool,
+    },
+    /// Erases nodes, with their edges and free space.
+    Erased {
+        /// The nodes.
+        nodes: Vec<NodeId>,
     },
     /// Makes a release of the newest state.
     Release {
@@ -78,6 +83,9 @@ enum Posted {
     SetClosed {
         edge: [String; 2],
         closed: bool,
+    },
+    RemoveNodes {
+        nodes: Vec<String>,
     },
     PutRelease {
         name: ReleaseName,
@@ -138,9 +146,12 @@ fn zone(posted: PostedZone) -> Result<Zone, ErrorReply> {
     Ok(Zone { rule, corners: posted.corners.into_iter().map(point).collect::<Result<_, _>>()? })
 }
 
+fn node(text: &str) -> Result<NodeId, ErrorReply> {
+    text.parse().map_err(|error: fht_proto::ParseIdError| bad_request(error.to_string()))
+}
+
 fn edge([a, b]: [String; 2]) -> Result<EdgeKey, ErrorReply> {
-    let node = |text: String| text.parse::<NodeId>().map_err(|error| bad_request(error.to_string()));
-    let (a, b) = (node(a)?, node(b)?);
+    let (a, b) = (node(&a)?, node(&b)?);
     if a == b { Err(bad_request("an edge has two ends".to_owned())) } else { Ok(EdgeKey::new(a, b)) }
 }
 
@@ -163,6 +174,12 @@ impl MapChangeOrder {
                 MapChange::Zone { name, zone: drawn.map(zone).transpose()? }
             }
             Posted::SetClosed { edge: ends, closed } => MapChange::Closed { edge: edge(ends)?, closed },
+            Posted::RemoveNodes { nodes } if nodes.len() > Increment::MAX_OPS => {
+                return Err(bad_request(format!("{} nodes go at a time, at most", Increment::MAX_OPS)));
+            }
+            Posted::RemoveNodes { nodes } => {
+                MapChange::Erased { nodes: nodes.iter().map(|text| node(text)).collect::<Result<_, _>>()? }
+            }
             Posted::PutRelease { name } => MapChange::Release { name },
             Posted::Enable { release } => MapChange::Enable { release },
             Posted::Undo { count } => MapChange::Undo { count },
@@ -195,6 +212,8 @@ mod tests {
             "{zone:?}"
         );
         assert!(read(r#"{"op":"set_closed","edge":["0000000a.1","0000000a.2"],"closed":true}"#).is_ok());
+        let erased = read(r#"{"op":"remove_nodes","nodes":["0000000a.1","0000000a.2"]}"#);
+        assert!(matches!(erased, Ok(MapChange::Erased { nodes }) if nodes.len() == 2));
         assert_eq!(read(r#"{"op":"undo"}"#), Ok(MapChange::Undo { count: 1 }));
         assert_eq!(read(r#"{"op":"enable","release":null}"#), Ok(MapChange::Enable { release: None }));
     }
@@ -218,6 +237,7 @@ mod tests {
             ),
             (r#"{"op":"set_closed","edge":["0000000a.1","0000000a.1"],"closed":true}"#, "two ends"),
             (r#"{"op":"set_closed","edge":["a","b"],"closed":true}"#, "a node id"),
+            (r#"{"op":"remove_nodes","nodes":["0000000a.1","7"]}"#, "a node id"),
         ] {
             let said = read(text).expect_err(text);
             assert!(said.contains(reason), "{text}: {said}");

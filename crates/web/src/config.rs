@@ -17,6 +17,9 @@ pub struct WebConfig {
     pub operator: Option<RobotName>,
     /// Certificates; none: plain HTTP, on this machine alone. Default none.
     pub tls: Option<WebTls>,
+    /// Where the same is asked over Zenoh, such as `tcp/0.0.0.0:7447`: the page shows how. Default
+    /// none.
+    pub zenoh: Option<String>,
     /// How much is taken.
     pub limits: WebLimits,
 }
@@ -25,7 +28,7 @@ impl WebConfig {
     /// At an address, with defaults for everything else.
     #[must_use]
     pub fn at(address: SocketAddr) -> Self {
-        Self { address, names: Vec::new(), operator: None, tls: None, limits: WebLimits::default() }
+        Self { address, names: Vec::new(), operator: None, tls: None, zenoh: None, limits: WebLimits::default() }
     }
 }
 

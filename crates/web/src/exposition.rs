@@ -38,6 +38,16 @@ impl Collector for Counted {
         let read_only = ConstGauge::new(i64::from(figures.is_read_only));
         let help = "Whether the server's disk takes nothing.";
         read_only.encode(encoder.encode_descriptor("fht_server_read_only", help, None, MetricType::Gauge)?)?;
+        if let Some(bytes) = figures.disk_free_bytes {
+            let free = ConstGauge::new(signed(bytes));
+            let help = "Room left on the disk that the maps are kept on.";
+            free.encode(encoder.encode_descriptor("fht_server_disk_free_bytes", help, None, MetricType::Gauge)?)?;
+        }
+        let help = "Warnings and errors in the server's log.";
+        let mut lines = encoder.encode_descriptor("fht_log_lines", help, None, MetricType::Counter)?;
+        for (level, count) in [("warning", figures.warnings), ("error", figures.errors)] {
+            ConstCounter::new(count).encode(lines.encode_family(&[("level", level)])?)?;
+        }
         encode_queries(&mut encoder, &figures.queries)
     }
 }

@@ -51,4 +51,10 @@ pub struct ServerFigures {
     pub queries: Vec<QueryFigures>,
     /// Whether it takes nothing in at present.
     pub is_read_only: bool,
+    /// Room left on its disk; none: that is not known.
+    pub disk_free_bytes: Option<u64>,
+    /// Warnings in its log since it started.
+    pub warnings: u64,
+    /// Errors in its log since it started.
+    pub errors: u64,
 }

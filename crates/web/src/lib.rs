@@ -72,5 +72,5 @@ pub use config::{WebConfig, WebError, WebLimits, WebTls};
 pub use events::{EventHub, WebEvent};
 pub use figures::{MapGauges, QueryFigures, ServerFigures};
 pub use listener::WebListener;
-pub use port::{Answering, MapPort, WallsQuestion, WebAnswer};
+pub use port::{Answering, MapPort, PastQuestion, WallsQuestion, WebAnswer};
 pub use rights::{MemberRole, Rights};

@@ -75,7 +75,8 @@ impl WebListener {
         let listener = tokio::net::TcpListener::from_std(listener).map_err(failed)?;
         let limits = self.config.limits.clone();
         let counts = Arc::clone(&self.counts);
-        let parts = SiteParts { port, hub, hosts: Arc::clone(&self.hosts), limits: limits.clone(), counts };
+        let zenoh = self.config.zenoh.clone();
+        let parts = SiteParts { port, hub, hosts: Arc::clone(&self.hosts), limits: limits.clone(), zenoh, counts };
         let router = router(Arc::new(Site::new(parts)));
         let connections = Connections {
             acceptor: self.acceptor.clone(),

@@ -4,7 +4,7 @@ use crate::change::MapChangeOrder;
 use crate::figures::ServerFigures;
 use crate::rights::{MemberRole, Rights};
 use fht_proto::api::reply::ErrorReply;
-use fht_proto::api::request::{Format, Request};
+use fht_proto::api::request::{Format, Moment, Request};
 use fht_proto::{FixedPoint, MapName, RobotName};
 use std::future::Future;
 use std::pin::Pin;
@@ -32,6 +32,15 @@ pub struct WallsQuestion {
     pub radius_m: f64,
 }
 
+/// Which earlier state is asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PastQuestion {
+    /// The map.
+    pub map: MapName,
+    /// The state.
+    pub moment: Moment,
+}
+
 /// Who has the maps. Nothing here may block: what takes time is done elsewhere.
 pub trait MapPort: Send + Sync + 'static {
     /// Answers as over Zenoh, with one reply.
@@ -39,6 +48,12 @@ pub trait MapPort: Send + Sync + 'static {
     /// The walls that nodes saw, in JSON: `points` are pairs of whole centimetres, bounded in
     /// number.
     fn walls(&self, asked: WallsQuestion) -> Answering;
+    /// An earlier state as the page draws it, in JSON, bounded in number: nodes, rules, walls.
+    fn past(&self, asked: PastQuestion) -> Answering;
+    /// Which paths between places would be others after a change, in JSON. Nothing is written.
+    fn preview(&self, by: RobotName, order: MapChangeOrder) -> Answering;
+    /// The last warnings of the server's log, in JSON.
+    fn warnings(&self) -> Answering;
     /// Writes what an operator changes, under the operator's name. The answer comes when it is
     /// durable.
     fn change(&self, by: RobotName, order: MapChangeOrder) -> Answering;

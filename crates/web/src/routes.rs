@@ -5,7 +5,7 @@ use crate::exposition::{EXPOSITION_TYPE, exposition};
 use crate::guard::guard;
 use crate::page;
 use crate::parameters::QueryText;
-use crate::port::{WallsQuestion, WebAnswer};
+use crate::port::{PastQuestion, WallsQuestion, WebAnswer};
 use crate::reply::{WebRefusal, with_type};
 use crate::rights::{MemberRole, Rights};
 use crate::site::Site;
@@ -20,7 +20,7 @@ use axum::routing::{get, post};
 use axum::{Extension, Router};
 use fht_proto::api::keys::{Key, PREFIX};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, parse_point};
-use fht_proto::api::request::{bad_request, parse, shown};
+use fht_proto::api::request::{Moment, bad_request, parse, shown};
 use fht_proto::{FixedPoint, MapName, RobotName};
 use serde::Serialize;
 use std::sync::Arc;
@@ -37,7 +37,10 @@ pub(crate) fn router(site: Arc<Site>) -> Router {
         .route("/api/walls/{map}", get(walls))
         .route("/api/events", get(list_events))
         .route("/api/events/{map}", get(map_events))
+        .route("/api/warnings", get(warnings))
+        .route("/api/past/{map}", get(past))
         .route("/api/change/{map}", post(change))
+        .route("/api/preview/{map}", post(preview))
         .route("/metrics", get(metrics))
         .fallback(nothing_there)
         .layer(from_fn_with_state(Arc::clone(&site), guard))
@@ -89,6 +92,22 @@ async fn walls(State(site): AnySite, Path(map): Path<String>, RawQuery(query): R
     Ok(site.in_time(site.port().walls(WallsQuestion { map, near, radius_m })).await?)
 }
 
+async fn past(State(site): AnySite, Path(map): Path<String>, RawQuery(query): RawQuery) -> Asked {
+    let map = map_named(&map)?;
+    let query = QueryText::parse(query.as_deref().unwrap_or_default())?;
+    let wrong = || bad_request("version=NUMBER or release=NAME says which state".to_owned());
+    let moment = match (query.get("version"), query.get("release")) {
+        (Some(version), None) => Moment::Version(version.parse().map_err(|_| wrong())?),
+        (None, Some(release)) => Moment::Release(release.to_owned()),
+        _ => return Err(wrong().into()),
+    };
+    Ok(site.in_time(site.port().past(PastQuestion { map, moment })).await?)
+}
+
+async fn warnings(State(site): AnySite) -> Asked {
+    Ok(site.in_time(site.port().warnings()).await?)
+}
+
 fn map_named(text: &str) -> Result<MapName, ErrorReply> {
     text.parse().map_err(|_| bad_request(format!("{} is no name of a map", shown(text))))
 }
@@ -101,11 +120,14 @@ struct Myself<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     role: Option<MemberRole>,
     rights: Rights,
+    /// Where the same is asked over Zenoh.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    zenoh: Option<&'a str>,
 }
 
 async fn me(State(site): AnySite, Extension(visitor): Extension<Visitor>) -> Response {
     let rights = site.rights(&visitor);
-    let myself = Myself { name: visitor.name(), role: visitor.role(), rights };
+    let myself = Myself { name: visitor.name(), role: visitor.role(), rights, zenoh: site.zenoh() };
     with_type("application/json", serde_json::to_vec(&myself).unwrap_or_default())
 }
 
@@ -131,11 +153,31 @@ async fn change(
     Path(map): Path<String>,
     request: Request,
 ) -> Asked {
-    let order = MapChangeOrder::parse(map_named(&map)?, &body_of(&site, request).await?)?;
+    let (by, order) = ordered(&site, &visitor, &map, request).await?;
+    Ok(site.in_time(site.port().change(by, order)).await?)
+}
+
+async fn preview(
+    State(site): AnySite,
+    Extension(visitor): Extension<Visitor>,
+    Path(map): Path<String>,
+    request: Request,
+) -> Asked {
+    let (by, order) = ordered(&site, &visitor, &map, request).await?;
+    Ok(site.in_time(site.port().preview(by, order)).await?)
+}
+
+/// Who orders what.
+async fn ordered(
+    site: &Site,
+    visitor: &Visitor,
+    map: &str,
+    request: Request,
+) -> Result<(RobotName, MapChangeOrder), WebRefusal> {
+    let order = MapChangeOrder::parse(map_named(map)?, &body_of(site, request).await?)?;
     // The guard has let operators through, and nobody else.
     let nobody = || WebRefusal::new(StatusCode::FORBIDDEN, ErrorCode::NotPermitted, "only operators change maps");
-    let by = visitor.name().cloned().ok_or_else(nobody)?;
-    Ok(site.in_time(site.port().change(by, order)).await?)
+    Ok((visitor.name().cloned().ok_or_else(nobody)?, order))
 }
 
 /// The body of a request, if it is short and comes in time.

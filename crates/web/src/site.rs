@@ -18,6 +18,7 @@ pub(crate) struct SiteParts {
     pub(crate) hub: EventHub,
     pub(crate) hosts: Arc<Hosts>,
     pub(crate) limits: WebLimits,
+    pub(crate) zenoh: Option<String>,
     pub(crate) counts: Arc<WebCounts>,
 }
 
@@ -47,6 +48,10 @@ impl Site {
 
     pub(crate) fn limits(&self) -> &WebLimits {
         &self.parts.limits
+    }
+
+    pub(crate) fn zenoh(&self) -> Option<&str> {
+        self.parts.zenoh.as_deref()
     }
 
     pub(crate) fn counts(&self) -> &Arc<WebCounts> {

@@ -20,6 +20,13 @@ impl Catalog {
         deletions.iter().filter(|(_, record)| is_due(record)).map(|(map, _)| map.clone()).collect()
     }
 
+    /// Shows everything of a map under another name, too. For one thread at a time.
+    pub fn add_copy(&self, of: &MapName, name: &MapName) {
+        if let Some(view) = self.view(of) {
+            self.write().insert(name.clone(), view.under(name));
+        }
+    }
+
     /// Shows that a map will be deleted, or that it will not. One that was deleted is there no
     /// more.
     pub fn set_deletion(&self, map: &MapName, record: Option<DeletionRecord>) {

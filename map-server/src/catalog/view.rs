@@ -42,6 +42,14 @@ impl MapView {
         Ok(Self { state, head: Arc::new(head), running, index, broken })
     }
 
+    /// The same under another name, of which nothing is counted yet.
+    pub(super) fn under(self, name: &MapName) -> Self {
+        let head = self.head.as_ref().clone();
+        let head = Head { map: name.clone(), deletion: None, refused: 0, reports_cleared: 0, ..head };
+        // An index follows one map.
+        Self { head: Arc::new(head), index: Arc::default(), ..self }
+    }
+
     /// The enabled release, if there is one that can be planned on; and its id if it is broken.
     fn enabled_release(
         state: &MapState,

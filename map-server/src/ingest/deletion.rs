@@ -18,6 +18,13 @@ fn in_words(us: u64) -> String {
     humantime::format_rfc3339_seconds(UNIX_EPOCH + Duration::from_micros(us)).to_string()
 }
 
+/// What everybody is told of an order that is given at `now_us` (microseconds since 1970).
+pub(super) fn deletion_at(order: &DeletionOrder, now_us: u64) -> MapDeletion {
+    let DeletionOrder { grace_s, reason, by, moved_to } = order.clone();
+    let at_us = now_us + grace_s * 1_000_000;
+    MapDeletion { at_us, at: in_words(at_us), by: by.as_str().to_owned(), reason, moved_to, done: false }
+}
+
 impl Ingest {
     /// Deletes a map when the grace period is over, which begins at `now_us` (microseconds since
     /// 1970); without one at once. Returns the map's head, which says so; `None` if there is no
@@ -32,11 +39,8 @@ impl Ingest {
         now_us: u64,
     ) -> Result<Option<Arc<Head>>, StoreError> {
         let Some(view) = self.catalog.view(map) else { return Ok(None) };
-        let DeletionOrder { grace_s, reason, by, moved_to } = order;
-        let at_us = now_us + grace_s * 1_000_000;
-        let by = by.as_str().to_owned();
-        let deletion = MapDeletion { at_us, at: in_words(at_us), by, reason, moved_to, done: false };
-        if grace_s == 0 {
+        let deletion = deletion_at(&order, now_us);
+        if order.grace_s == 0 {
             return self.finish_deletion(view, deletion).map(Some);
         }
         tracing::warn!("{}", deletion.sentence(map));

@@ -30,12 +30,13 @@ impl Ingest {
                 return Ok(Err(refusal));
             }
         }
+        let times_us = (self.newest_stamp_us(), now_us);
         let mut batch = Batch::default();
         let mut outcome = Ok(());
         for increment in series.increments {
             let key = Key::increment(map, increment.author, increment.number).to_string();
             let arrival = Arrival { key, payload: encode(&increment).map_err(Refusal::from) };
-            outcome = self.check_and_sort(arrival, now_us, &mut batch)?;
+            outcome = self.check_and_sort(arrival, times_us, &mut batch)?;
             if outcome.is_err() {
                 break;
             }

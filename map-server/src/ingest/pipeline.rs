@@ -218,15 +218,15 @@ impl Ingest {
         })
     }
 
+    /// Takes in an increment that another map had, where `newest_us` is the newest stamp of all.
     pub(super) fn check_and_sort(
         &mut self,
         arrival: Arrival,
-        now_us: u64,
+        (newest_us, now_us): (u64, u64),
         batch: &mut Batch,
     ) -> Result<Result<(), Refusal>, StoreError> {
-        let stamped = |checked: Checked| {
-            check_stamp(checked.increment.hlc_us, self.newest_stamp_us(), &self.limits, now_us).map(|()| checked)
-        };
+        let stamped =
+            |checked: Checked| check_stamp(checked.increment.hlc_us, newest_us, &self.limits, now_us).map(|()| checked);
         match check(arrival, &self.limits).and_then(stamped) {
             Ok(checked) => self.sort(checked, batch),
             Err(refusal) => Ok(Err(refusal)),

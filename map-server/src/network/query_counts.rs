@@ -67,7 +67,7 @@ pub(crate) struct CountedQueries {
 impl QueryCounts {
     /// What was counted so far.
     pub(crate) fn all(&self) -> Vec<CountedQueries> {
-        let upto_s = || UPTO_US.iter().map(|us| *us as f64 * 1e-6).chain([f64::INFINITY]);
+        let upto_s = || UPTO_US.iter().map(|us| *us as f64 / 1e6).chain([f64::INFINITY]);
         let names = ["maps"].into_iter().chain(Topic::ALL.map(Topic::as_str));
         let counted = |(topic, of): (&'static str, &OfKind)| CountedQueries {
             topic,

@@ -218,11 +218,18 @@ impl QueryService {
                     // What was sorted but not stored must not count as stored.
                     Err(cause) => (Err(not_done(ingest, &cause)), Err(cause)),
                 },
-                AdminOrder::Delete(order) => match ingest.delete(&map, order, now_us()) {
-                    Ok(Some(head)) => (json(head.as_ref()), Ok(())),
-                    Ok(None) => (Err(unknown_map(&map, &catalog)), Ok(())),
-                    Err(cause) => (Err(not_done(ingest, &cause)), Ok(())),
-                },
+                AdminOrder::Delete(order) => {
+                    let done = match order.moved_to.clone() {
+                        Some(new) => ingest.rename(&map, &new, order, now_us()),
+                        None => ingest.delete(&map, order, now_us()).map(Ok),
+                    };
+                    match done {
+                        Ok(Ok(Some(head))) => (json(head.as_ref()), Ok(())),
+                        Ok(Ok(None)) => (Err(unknown_map(&map, &catalog)), Ok(())),
+                        Ok(Err(refusal)) => (Err(refusal), Ok(())),
+                        Err(cause) => (Err(not_done(ingest, &cause)), Ok(())),
+                    }
+                }
                 AdminOrder::Quota(_) if catalog.view(&map).is_none() => (Err(unknown_map(&map, &catalog)), Ok(())),
                 AdminOrder::Quota(change) => {
                     let quotas = ingest.quotas(&map, change.as_ref());

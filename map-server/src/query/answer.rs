@@ -16,7 +16,11 @@ mod reply;
 mod sources;
 
 #[cfg(feature = "web")]
+pub(crate) use history::state_of;
+#[cfg(feature = "web")]
 pub(crate) use nodes::node_view;
+#[cfg(feature = "web")]
+pub(crate) use operation::written_rules;
 #[cfg(feature = "web")]
 pub(crate) use release_name::find_release;
 pub use reply::Answer;

@@ -147,8 +147,7 @@ struct Answering {
     /// Say that this server knows all about their keys; the first answers for them.
     _nearest: Vec<Queryable<()>>,
     gap_fill: Option<JoinHandle<()>>,
-    deleting: AbortHandle,
-    naming: AbortHandle,
+    following: AbortHandle,
     _robots: RobotTopicSubscriptions,
     _beside: OpenSideDoors,
 }
@@ -189,14 +188,13 @@ impl Answering {
         doors.print_where();
         let spawn_gap_fill = |stateless: &Stateless| stateless.spawn_gap_fill(Arc::clone(&catalog), Arc::clone(queue));
         let gap_fill = stateless.map(spawn_gap_fill).transpose().map_err(ServerError::Runtime)?;
-        let naming = tokio::spawn(keep_keys_known(session.clone(), Arc::clone(&catalog))).abort_handle();
-        let deleting = tokio::spawn(delete_when_due(catalog, Arc::clone(queue))).abort_handle();
-        Ok(Self { door, _nearest: nearest, gap_fill, deleting, naming, _robots: robots, _beside: beside })
+        let keys = KnownKeys::new(session.clone());
+        let following = tokio::spawn(follow_maps(keys, catalog, Arc::clone(queue))).abort_handle();
+        Ok(Self { door, _nearest: nearest, gap_fill, following, _robots: robots, _beside: beside })
     }
 
     async fn close(self) -> Result<(), ServerError> {
-        self.deleting.abort();
-        self.naming.abort();
+        self.following.abort();
         // The thread has ended, or panicked and said so.
         let _ = self.gap_fill.map(JoinHandle::join);
         Ok(self.door.close().await?)
@@ -218,32 +216,22 @@ fn warn_of_clocks(catalog: &Catalog, may_be_ahead_s: u64) {
     }
 }
 
-/// Makes the keys of each map known to the routers, soon after the map is there.
-async fn keep_keys_known(session: Session, catalog: Arc<Catalog>) {
+/// Sees soon which maps there are: makes the keys of new ones known to the routers, and has the
+/// writer delete those whose grace period is over.
+async fn follow_maps(mut keys: KnownKeys, catalog: Arc<Catalog>, queue: Arc<WriterQueue>) {
     const EVERY: Duration = Duration::from_millis(500);
-    let mut keys = KnownKeys::new(session);
     loop {
         let maps = catalog.heads().iter().map(|head| head.map.clone()).collect();
         if let Err(error) = keys.follow(&maps).await {
             tracing::debug!("the keys of maps cannot be declared: {error}");
-            return;
         }
-        tokio::time::sleep(EVERY).await;
-    }
-}
-
-/// Has the writer delete maps when their grace period is over.
-async fn delete_when_due(catalog: Arc<Catalog>, queue: Arc<WriterQueue>) {
-    /// How late that may be.
-    const EVERY: Duration = Duration::from_millis(500);
-    loop {
-        tokio::time::sleep(EVERY).await;
         if !catalog.due(now_us()).is_empty() {
             queue.push_job(Box::new(|ingest| {
                 ingest.delete_due(now_us());
                 Ok(())
             }));
         }
+        tokio::time::sleep(EVERY).await;
     }
 }
 

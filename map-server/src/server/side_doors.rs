@@ -6,7 +6,7 @@ use crate::server::error::ServerError;
 #[cfg(feature = "web")]
 use crate::web::WebSide;
 #[cfg(feature = "web")]
-use fht_web::WebListener;
+use fht_web::{WebConfig, WebListener};
 #[cfg(feature = "web")]
 use std::sync::Arc;
 use zenoh::Session;
@@ -32,7 +32,9 @@ impl SideDoors {
     /// # Errors
     /// [`ServerError::Web`].
     pub(super) fn open(config: &ServerConfig) -> Result<Self, ServerError> {
-        let web = config.web.as_ref().map(WebListener::bind).transpose()?;
+        let with_zenoh = |web: &WebConfig| WebConfig { zenoh: config.link.listen.first().cloned(), ..web.clone() };
+        let web = config.web.as_ref().map(with_zenoh);
+        let web = web.as_ref().map(WebListener::bind).transpose()?;
         Ok(Self { web: web.map(Arc::new) })
     }
 

@@ -183,9 +183,29 @@ pub trait IncrementLog: Send + Sync + Debug {
         Err(no_deletion())
     }
 
+    /// Copies everything of a map, of which `vector` says what it has, to a name under which there
+    /// is nothing, and notes that the map will be deleted, in one commit.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`], also where maps are not deleted.
+    fn move_map(
+        &self,
+        _: &MapName,
+        _to: &MapName,
+        _vector: &VersionVector,
+        _: &DeletionRecord,
+    ) -> Result<(), StoreError> {
+        Err(no_deletion())
+    }
+
     /// Why nothing can be written at present; none: it can, as far as anybody knows. What is stored
     /// can be read meanwhile.
     fn fault(&self) -> Option<String> {
+        None
+    }
+
+    /// Room left on its disk, bytes; none: that is not known.
+    fn free_bytes(&self) -> Option<u64> {
         None
     }
 

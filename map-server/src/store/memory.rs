@@ -106,6 +106,22 @@ impl IncrementLog for MemoryLog {
         self.lock().remove(map);
         self.set_deletion(map, Some(record))
     }
+
+    fn move_map(
+        &self,
+        map: &MapName,
+        to: &MapName,
+        _: &VersionVector,
+        record: &DeletionRecord,
+    ) -> Result<(), StoreError> {
+        let mut maps = self.lock();
+        if let Some(log) = maps.get(map).cloned() {
+            maps.insert(to.clone(), log);
+        }
+        drop(maps);
+        self.set_deletion(to, None)?;
+        self.set_deletion(map, Some(record))
+    }
 }
 
 impl LogReader for MemoryLog {

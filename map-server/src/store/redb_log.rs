@@ -182,8 +182,22 @@ impl IncrementLog for RedbLog {
         self.write_end(map, record)
     }
 
+    fn move_map(
+        &self,
+        map: &MapName,
+        to: &MapName,
+        vector: &VersionVector,
+        record: &DeletionRecord,
+    ) -> Result<(), StoreError> {
+        self.write_move(map, to, vector, record)
+    }
+
     fn fault(&self) -> Option<String> {
         self.opened().fault()
+    }
+
+    fn free_bytes(&self) -> Option<u64> {
+        self.disk.free_bytes()
     }
 
     fn warning(&self) -> Option<String> {

@@ -8,9 +8,11 @@ use fht_map::{DoubtfulWords, MapState, check_place, check_zone};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Series, known_names};
 use fht_proto::api::request::bad_request;
 use fht_proto::{
-    AuthorId, EdgeKey, FixedPose, Increment, Label, Op, Release, ReleaseId, ReleaseName, VersionVector, Zone, decode,
+    AuthorId, EdgeKey, FixedPose, Increment, Label, NodeId, Op, Release, ReleaseId, ReleaseName, VersionVector, Zone,
+    decode,
 };
 use fht_web::{MapChange, MapChangeOrder};
+use std::collections::BTreeSet;
 
 /// So many increments are taken back at a time.
 const MAX_UNDONE: u64 = 100;
@@ -19,13 +21,15 @@ const MAX_UNDONE: u64 = 100;
 #[derive(Debug, Default)]
 pub(super) struct PlannedEdit {
     pub(super) ops: Vec<Op>,
+    /// The number that the increment must have, where it stands on those before it.
+    pub(super) number: Option<u64>,
     /// Which increments that takes back, and what that does.
     pub(super) undone: Option<([u64; 2], Vec<String>)>,
 }
 
 impl From<Op> for PlannedEdit {
     fn from(op: Op) -> Self {
-        Self { ops: vec![op], undone: None }
+        Self { ops: vec![op], ..Self::default() }
     }
 }
 
@@ -44,6 +48,7 @@ pub(super) fn plan(
         MapChange::Place { name, pose } => place(&view.state, name, *pose, is_sure),
         MapChange::Zone { name, zone } => draw(&view.state, name, zone.as_ref(), is_sure),
         MapChange::Closed { edge, closed } => close(&view.state, *edge, *closed),
+        MapChange::Erased { nodes } => erase(&view.state, nodes),
         MapChange::Release { name } => release(view, author, name),
         MapChange::Enable { release } => enable(view, release.as_deref()),
         MapChange::Undo { count } => undo(view, log, author, *count),
@@ -96,6 +101,16 @@ fn close(state: &MapState, edge: EdgeKey, closed: bool) -> Result<PlannedEdit, E
         return Err(ErrorReply::new(ErrorCode::UnknownNode, &format!("no edge joins {a} and {b}")));
     }
     if is_closed == closed { Ok(PlannedEdit::default()) } else { Ok(Op::SetClosed { edge, closed }.into()) }
+}
+
+/// Nodes that are not there are as they should be.
+fn erase(state: &MapState, nodes: &[NodeId]) -> Result<PlannedEdit, ErrorReply> {
+    let known: BTreeSet<NodeId> = nodes.iter().copied().filter(|id| state.node(*id).is_some()).collect();
+    if known.is_empty() {
+        return Err(ErrorReply::new(ErrorCode::UnknownNode, "the map has none of these nodes"));
+    }
+    let ops = known.into_iter().map(|id| Op::RemoveNode { id }).collect();
+    Ok(PlannedEdit { ops, ..PlannedEdit::default() })
 }
 
 fn release(view: &MapView, author: AuthorId, name: &ReleaseName) -> Result<PlannedEdit, ErrorReply> {
@@ -159,7 +174,9 @@ fn undo(view: &MapView, log: &dyn IncrementLog, author: AuthorId, count: u64) ->
             }
         }
     }
-    Ok(PlannedEdit { ops, undone: Some(([first, last], words)) })
+    // What somebody else writes under this name meanwhile would be undone once more, or not at all.
+    let number = Some(view.head.vector.get(author) + 1);
+    Ok(PlannedEdit { ops, number, undone: Some(([first, last], words)) })
 }
 
 #[cfg(test)]
@@ -167,7 +184,7 @@ mod tests {
     use super::*;
     use crate::catalog::Catalog;
     use crate::store::MemoryLog;
-    use fht_proto::{FixedPoint, MapName, NodeId, NodeKind, Rect};
+    use fht_proto::{FixedPoint, MapName, NodeKind, Rect};
 
     const ANA: AuthorId = AuthorId(10);
 
@@ -213,6 +230,9 @@ mod tests {
         let closed = |edge, closed| planned(MapChange::Closed { edge, closed }, false);
         assert_eq!((closed(edge, true), closed(edge, false)), (Ok(1), Ok(0)));
         assert_eq!(closed(EdgeKey::new(node(0), node(7)), true), Err(ErrorCode::UnknownNode));
+        let erased = |nodes: Vec<NodeId>| planned(MapChange::Erased { nodes }, false);
+        assert_eq!(erased(vec![node(0), node(1), node(0), node(9)]), Ok(2));
+        assert_eq!(erased(vec![node(9)]), Err(ErrorCode::UnknownNode));
         assert_eq!(planned(MapChange::Enable { release: None }, false), Ok(0));
         let spring = MapChange::Enable { release: Some("spring".to_owned()) };
         assert_eq!(planned(spring, false), Err(ErrorCode::UnknownVersion));

@@ -8,9 +8,11 @@ use crate::query::AnswerSources;
 use crate::web::growth::growth;
 use fht_proto::MapName;
 use fht_proto::api::fleet::RobotPose;
-use fht_proto::api::keys::{ALL_ROBOT_TOPICS, ALL_ROBOTS, Key, PREFIX, RobotTopic, Topic};
+use fht_proto::api::goal::GoalStatus;
+use fht_proto::api::keys::{ALL_ROBOT_TOPICS, ALL_ROBOTS, GoalTopic, Key, PREFIX, RobotTopic, Topic};
 use fht_web::{EventHub, WebEvent};
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -21,11 +23,33 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Sample, SampleKind};
 
 /// Events are made so often.
-const EVERY: Duration = Duration::from_millis(200);
+const EVERY: Duration = Duration::from_millis(100);
 /// Longest message of a robot that is read.
 const MAX_BYTES: usize = 4096;
 /// So many robots of all maps may move within a moment; more are not shown in it.
 const MAX_POSES: usize = 2000;
+
+/// What robots have said last, a number of them at most.
+struct Latest<T> {
+    of: BTreeMap<MapName, BTreeMap<String, T>>,
+    count: usize,
+}
+
+impl<T> Default for Latest<T> {
+    fn default() -> Self {
+        Self { of: BTreeMap::new(), count: 0 }
+    }
+}
+
+impl<T> Latest<T> {
+    fn note(&mut self, map: MapName, robot: String, said: T) {
+        let is_known = self.of.get(&map).is_some_and(|robots| robots.contains_key(&robot));
+        if is_known || self.count < MAX_POSES {
+            self.count += usize::from(!is_known);
+            self.of.entry(map).or_default().insert(robot, said);
+        }
+    }
+}
 
 /// What was heard since events were made last.
 #[derive(Default)]
@@ -33,15 +57,15 @@ struct Heard {
     heads: BTreeSet<MapName>,
     /// Maps on which something was reported blocked.
     blocked: BTreeSet<MapName>,
-    poses: BTreeMap<MapName, BTreeMap<String, RobotPose>>,
-    /// How many robots are in `poses`.
-    robots: usize,
+    poses: Latest<RobotPose>,
+    goals: Latest<GoalStatus>,
     gone: BTreeSet<(MapName, String)>,
 }
 
 impl Heard {
     fn is_empty(&self) -> bool {
-        self.heads.is_empty() && self.blocked.is_empty() && self.poses.is_empty() && self.gone.is_empty()
+        let says_nothing = self.poses.count + self.goals.count == 0;
+        says_nothing && self.heads.is_empty() && self.blocked.is_empty() && self.gone.is_empty()
     }
 }
 
@@ -49,6 +73,12 @@ impl Heard {
 #[derive(Serialize)]
 struct Moved<'a> {
     robots: Vec<&'a RobotPose>,
+}
+
+/// Where robots are sent, and how far they are.
+#[derive(Serialize)]
+struct Sent<'a> {
+    goals: Vec<&'a GoalStatus>,
 }
 
 /// A robot that has gone.
@@ -77,12 +107,13 @@ impl Teller {
                 locked(&self.heard).heads.insert(map);
             }
             Ok(Key::RobotTopic { map, robot, topic: RobotTopic::Pose }) if self.hub.is_watched(Some(&map)) => {
-                let Some(pose) = read_pose(sample, &robot) else { return };
-                let mut heard = locked(&self.heard);
-                let is_known = heard.poses.get(&map).is_some_and(|poses| poses.contains_key(&robot));
-                if is_known || heard.robots < MAX_POSES {
-                    heard.robots += usize::from(!is_known);
-                    heard.poses.entry(map).or_default().insert(robot, pose);
+                if let Some(pose) = read(sample).filter(|pose: &RobotPose| pose.robot == robot) {
+                    locked(&self.heard).poses.note(map, robot, pose);
+                }
+            }
+            Ok(Key::Goal { map, robot, topic: GoalTopic::Status }) if self.hub.is_watched(Some(&map)) => {
+                if let Some(goal) = read(sample).filter(|goal: &GoalStatus| goal.robot == robot) {
+                    locked(&self.heard).goals.note(map, robot, goal);
                 }
             }
             Ok(Key::RobotTopic { map, topic: RobotTopic::Blocked, .. }) if self.hub.is_watched(Some(&map)) => {
@@ -106,7 +137,10 @@ impl Teller {
     /// Tells what was heard to those who watch.
     fn tell(&self) {
         let heard = std::mem::take(&mut *locked(&self.heard));
-        for (map, poses) in &heard.poses {
+        for (map, goals) in &heard.goals.of {
+            self.say(Some(map), WebEvent::new("goals", &Sent { goals: goals.values().collect() }));
+        }
+        for (map, poses) in &heard.poses.of {
             self.say(Some(map), WebEvent::new("robots", &Moved { robots: poses.values().collect() }));
         }
         for (map, robot) in &heard.gone {
@@ -152,19 +186,17 @@ impl Teller {
     }
 }
 
-/// A robot's pose that makes sense.
-fn read_pose(sample: &Sample, robot: &str) -> Option<RobotPose> {
-    if sample.kind() != SampleKind::Put || sample.payload().len() > MAX_BYTES {
-        return None;
-    }
-    let pose: RobotPose = serde_json::from_slice(&sample.payload().to_bytes()).ok()?;
-    (pose.robot == robot).then_some(pose)
+/// What a robot says, if it makes sense.
+fn read<T: DeserializeOwned>(sample: &Sample) -> Option<T> {
+    let is_short = sample.kind() == SampleKind::Put && sample.payload().len() <= MAX_BYTES;
+    is_short.then(|| serde_json::from_slice(&sample.payload().to_bytes()).ok()).flatten()
 }
 
 /// Tells until it is dropped.
 pub(super) struct Feed {
     _heads: Subscriber<()>,
     _topics: Subscriber<()>,
+    _goals: Subscriber<()>,
     _tokens: Subscriber<()>,
     telling: AbortHandle,
 }
@@ -182,13 +214,14 @@ impl Feed {
             move |sample: Sample| teller.hear(&sample)
         };
         let heads = format!("{PREFIX}/*/{}", Topic::Head.as_str());
-        let (heads, topics) = (
+        let (heads, topics, goals) = (
             session.declare_subscriber(heads).callback(hear()).await?,
             session.declare_subscriber(ALL_ROBOT_TOPICS).callback(hear()).await?,
+            session.declare_subscriber(format!("{ALL_ROBOTS}/goal/status")).callback(hear()).await?,
         );
         let tokens = session.liveliness().declare_subscriber(ALL_ROBOTS).callback(hear()).await?;
         let telling = tokio::spawn(tell_for_ever(teller)).abort_handle();
-        Ok(Self { _heads: heads, _topics: topics, _tokens: tokens, telling })
+        Ok(Self { _heads: heads, _topics: topics, _goals: goals, _tokens: tokens, telling })
     }
 }
 

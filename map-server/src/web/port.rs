@@ -4,16 +4,19 @@
 use crate::network::{CostClass, CountedQueries, QueryService};
 use crate::query::{Answer, AnswerSources, internal, json, unknown_map};
 use crate::web::edit::{PlannedEdit, plan};
-use crate::web::walls::walls;
+use crate::web::last_warnings::LastWarnings;
+use crate::web::past::past;
+use crate::web::preview::preview;
+use crate::web::walls::{WallsReply, walls};
 use fht_client::AskError;
-use fht_client::author::{Authorship, NotWritten, write};
+use fht_client::author::{Authorship, NotWritten, write, write_numbered};
 use fht_map::WriterRole;
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Head};
 use fht_proto::api::request::{Request, bad_request};
 use fht_proto::{AuthorId, MapName, Op, RobotName};
 use fht_web::{
-    Answering, MapChange, MapChangeOrder, MapGauges, MapPort, MemberRole, QueryFigures, Rights, ServerFigures,
-    WallsQuestion, WebAnswer,
+    Answering, MapChange, MapChangeOrder, MapGauges, MapPort, MemberRole, PastQuestion, QueryFigures, Rights,
+    ServerFigures, WallsQuestion, WebAnswer,
 };
 use serde::Serialize;
 use std::sync::Arc;
@@ -65,18 +68,25 @@ impl ServerPort {
             let view = catalog.view(&order.map).ok_or_else(|| unknown_map(&order.map, catalog))?;
             plan(&view, log.as_ref(), author, &order)
         });
-        let PlannedEdit { ops, undone } = planned.await?;
-        let head = if ops.is_empty() { self.head(&map)?.as_ref().clone() } else { self.put(&map, &by, ops).await? };
+        let PlannedEdit { ops, number, undone } = planned.await?;
+        let head = match ops.is_empty() {
+            true => self.head(&map)?.as_ref().clone(),
+            false => self.put(&map, &by, number, ops).await?,
+        };
         match undone {
             None => json(&head),
             Some((undone, words)) => json(&Undone { map, version: head.version, undone, words }),
         }
     }
 
-    /// Puts one increment, and waits until it is stored.
-    async fn put(&self, map: &MapName, by: &RobotName, ops: Vec<Op>) -> Result<Head, ErrorReply> {
+    /// Puts one increment, of this number if there is one, and waits until it is stored.
+    async fn put(&self, map: &MapName, by: &RobotName, number: Option<u64>, ops: Vec<Op>) -> Result<Head, ErrorReply> {
         let authorship = Authorship { name: by.as_str(), may_begin: false, timeout: ANSWER_TIMEOUT };
-        let head = write(&self.session, map, authorship, ops).await.map_err(not_written)?;
+        let written = match number {
+            Some(number) => write_numbered(&self.session, map, authorship, number, ops).await,
+            None => write(&self.session, map, authorship, ops).await,
+        };
+        let head = written.map_err(not_written)?;
         tracing::info!(%map, %by, version = head.version, "an operator has changed the map over HTTP");
         Ok(head)
     }
@@ -113,10 +123,41 @@ impl MapPort for ServerPort {
             let seen = service.work(CostClass::Short, move |sources| {
                 let catalog = &sources.catalog;
                 let view = catalog.view(&asked.map).ok_or_else(|| unknown_map(&asked.map, catalog))?;
-                json(&walls(&view, asked.near, asked.radius_m))
+                let walls = walls(&view.state, asked.near, asked.radius_m);
+                json(&WallsReply { map: asked.map, version: view.head.version, walls })
             });
             seen.await.map(as_web)
         })
+    }
+
+    fn past(&self, asked: PastQuestion) -> Answering {
+        let service = self.service.clone();
+        Box::pin(async move {
+            let seen = service.work(CostClass::Snapshot, move |sources| {
+                let catalog = &sources.catalog;
+                let view = catalog.view(&asked.map).ok_or_else(|| unknown_map(&asked.map, catalog))?;
+                json(&past(&view, sources.log.as_ref(), &asked.moment)?)
+            });
+            seen.await.map(as_web)
+        })
+    }
+
+    fn preview(&self, by: RobotName, order: MapChangeOrder) -> Answering {
+        let (service, author) = (self.service.clone(), AuthorId::of_robot(by.as_str()));
+        Box::pin(async move {
+            let seen = service.work(CostClass::Long, move |sources| {
+                let AnswerSources { catalog, log, .. } = sources;
+                let view = catalog.view(&order.map).ok_or_else(|| unknown_map(&order.map, catalog))?;
+                let PlannedEdit { ops, .. } = plan(&view, log.as_ref(), author, &order)?;
+                json(&preview(&view, sources, (author, ops), crate::clock::passed_us())?)
+            });
+            seen.await.map(as_web)
+        })
+    }
+
+    fn warnings(&self) -> Answering {
+        let last = json(&LastWarnings::now()).map(as_web);
+        Box::pin(std::future::ready(last))
     }
 
     fn change(&self, by: RobotName, order: MapChangeOrder) -> Answering {
@@ -145,8 +186,15 @@ impl MapPort for ServerPort {
             let CountedQueries { topic, answered, refused, busy, seconds, by_time } = counted;
             QueryFigures { topic, answered, refused, busy, seconds, buckets: by_time }
         });
-        let is_read_only = sources.log.fault().is_some();
-        ServerFigures { maps: maps.collect(), queries: queries.collect(), is_read_only }
+        let LastWarnings { warnings, errors, .. } = LastWarnings::now();
+        ServerFigures {
+            maps: maps.collect(),
+            queries: queries.collect(),
+            is_read_only: sources.log.fault().is_some(),
+            disk_free_bytes: sources.log.free_bytes(),
+            warnings,
+            errors,
+        }
     }
 }
 

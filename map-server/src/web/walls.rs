@@ -1,6 +1,6 @@
 //! What nodes saw, as points of walls: bounded in number, whatever the map.
 
-use crate::catalog::MapView;
+use fht_map::MapState;
 use fht_proto::{FixedPoint, FixedPose, MapName, ScanRecord};
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -15,17 +15,24 @@ const MAX_NODES: usize = 400;
 /// Walls near a place.
 #[derive(Debug, PartialEq, Serialize)]
 pub(super) struct WallsReply {
-    map: MapName,
-    version: u64,
+    pub(super) map: MapName,
+    pub(super) version: u64,
+    #[serde(flatten)]
+    pub(super) walls: Walls,
+}
+
+/// Points of walls.
+#[derive(Debug, PartialEq, Serialize)]
+pub(super) struct Walls {
     /// x and y by turns, whole centimetres in the map frame.
     points: Vec<i32>,
     /// Whether there is more.
-    truncated: bool,
+    pub(super) truncated: bool,
 }
 
 /// What the main nodes within `radius_m` of `near` saw.
-pub(super) fn walls(view: &MapView, near: FixedPoint, radius_m: f64) -> WallsReply {
-    let nodes = view.state.main_nodes().filter_map(|node| {
+pub(super) fn walls(state: &MapState, near: FixedPoint, radius_m: f64) -> Walls {
+    let nodes = state.main_nodes().filter_map(|node| {
         let distance_m = node.pose.position.distance(near);
         node.signature.filter(|_| distance_m <= radius_m).map(|signature| (distance_m, node.pose, &signature.scan))
     });
@@ -41,7 +48,7 @@ pub(super) fn walls(view: &MapView, near: FixedPoint, radius_m: f64) -> WallsRep
         }
     }
     let points = cells.into_iter().take(MAX_POINTS).flat_map(|(x, y)| [x * STEP_CM, y * STEP_CM]);
-    WallsReply { map: view.head.map.clone(), version: view.head.version, points: points.collect(), truncated }
+    Walls { points: points.collect(), truncated }
 }
 
 /// The cells in which a scan's beams have ended.

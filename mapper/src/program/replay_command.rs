@@ -116,7 +116,7 @@ impl ReplayArgs {
     }
 }
 
-/// Runs `mapper replay`; `false` if the server did not take the whole map.
+/// Runs `mapper replay`; `false` if the bag is broken, or the server did not take the whole map.
 pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Result<bool, ProgramFailure> {
     let task = args.task(file, stop.clone()).map_err(ProgramFailure::of_input)?;
     let linger_s = task.mapping.linger_s;
@@ -149,7 +149,10 @@ pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Res
         is_asked_to_end: stop.is_set(),
         spool: None,
     };
-    end.conclude(&report.kept, given)
+    for broken in &report.bag.broken {
+        eprintln!("mapper: the bag is broken, and the map is of what can be read: {broken}");
+    }
+    Ok(end.conclude(&report.kept, given)? && report.bag.broken.is_empty())
 }
 
 fn progress_bar() -> ProgressBar {

@@ -29,7 +29,7 @@ pub enum Driver {
     /// Nav2, by its action navigate_to_pose: the mapper tells it what is to be seen.
     Nav2,
     /// Somebody else, a person or Nav2: the mapper maps what the robot sees, until its sensors fall
-    /// silent for `[mapper] silence.end_after_s`.
+    /// silent for `--end-after`.
     Others,
 }
 

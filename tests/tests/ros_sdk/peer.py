@@ -23,7 +23,9 @@ SET_BOOL = "std_srvs/srv/SetBool"
 
 
 def say(*words):
-    print(*words, flush=True)
+    """Says a line in one piece: several threads speak."""
+    sys.stdout.write(" ".join(map(str, words)) + "\n")
+    sys.stdout.flush()
 
 
 def rounded(place):

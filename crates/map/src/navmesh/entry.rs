@@ -90,7 +90,12 @@ impl FreeSpace {
             }
             nearest.entry(part).and_modify(|way| way.cost_mm *= 1.0 + config.near_factor + config.unseen_factor);
         }
-        nearest.into_values().filter(|way| end != PathEnd::Goal || self.may_end(way)).collect()
+        let may_be = |way: &MeshEntry| match end {
+            PathEnd::Start => self.may_begin(place, way),
+            PathEnd::Goal => self.may_end(way),
+            PathEnd::Known => true,
+        };
+        nearest.into_values().filter(may_be).collect()
     }
 }
 

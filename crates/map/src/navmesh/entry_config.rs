@@ -31,6 +31,9 @@ pub struct EntryConfig {
     /// node saw, millimetres, on a map that has scans: what hides more of it may be a wall. Default
     /// 300.
     pub unseen_goal_mm: f64,
+    /// The same for the way from a start farther outside than `start_mm`: a robot stands there, or
+    /// thinks so. Default 750.
+    pub unseen_start_mm: f64,
     /// A robot that stands at most this far outside of the mesh gets some way into it, whatever was
     /// seen there: what stood there is gone, or the robot is not quite where it thinks it is.
     /// Millimetres. Default 400. From farther away no way leads through a wall.
@@ -58,6 +61,7 @@ impl EntryConfig {
             good_room_mm: footprint.grid_clearance_mm().into(),
             goal_room_mm: 75.0,
             unseen_goal_mm: 300.0,
+            unseen_start_mm: 750.0,
             start_mm: 400.0,
             near_factor: 10.0,
             unseen_factor: 20.0,

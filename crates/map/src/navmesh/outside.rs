@@ -88,6 +88,18 @@ impl FreeSpace {
         self.views.is_empty() || self.unmapped_mm(&way.whole()) <= self.approach.unseen_goal_mm
     }
 
+    /// Whether a path may begin with a way from `place`: a robot just outside of the mesh may leave
+    /// in any case.
+    pub(crate) fn may_begin(&self, place: Corner, way: &MeshEntry) -> bool {
+        distance(place, way.joint.place) <= self.approach.start_mm || !self.hides_start(&way.whole())
+    }
+
+    /// Whether so much of a way from a start is hidden that the start is likely in a thing, or
+    /// behind a wall.
+    pub(crate) fn hides_start(&self, way: &[Corner]) -> bool {
+        !self.views.is_empty() && self.unmapped_mm(way) > self.approach.unseen_start_mm
+    }
+
     /// Whether the straight way from an end of a path to another place leads through one of the
     /// walls around it. What was seen under a robot where it stands is not there, and a start just
     /// outside of the mesh is left in any case.

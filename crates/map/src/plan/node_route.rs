@@ -89,7 +89,8 @@ pub struct NodeRoute {
 pub enum RouteError {
     /// Nothing joins the two places.
     #[error(
-        "no path joins ({:.2}, {:.2}) and ({:.2}, {:.2}){}", from.x(), from.y(), to.x(), to.y(), how_near(*nearest, *to)
+        "no path joins ({:.2}, {:.2}) and ({:.2}, {:.2}){}{}",
+        from.x(), from.y(), to.x(), to.y(), how_near(*nearest, *to), if *is_shut_in { SHUT_IN } else { "" }
     )]
     NoPath {
         /// The start.
@@ -98,6 +99,8 @@ pub enum RouteError {
         to: FixedPoint,
         /// Where free space that can be reached is nearest to the goal; none if that is unknown.
         nearest: Option<FixedPoint>,
+        /// Whether nothing leads away from the start.
+        is_shut_in: bool,
     },
     /// A place is not in the mapped space, and not near it either.
     #[error("({:.2}, {:.2}) is not on the map: {}", point.x(), point.y(), how_far(*nearest_m, *max_detour_m, *is_goal))]
@@ -112,6 +115,16 @@ pub enum RouteError {
         is_goal: bool,
     },
 }
+
+impl RouteError {
+    /// That nothing joins two places, as far as is known.
+    pub(crate) fn no_path(from: FixedPoint, to: FixedPoint) -> Self {
+        Self::NoPath { from, to, nearest: None, is_shut_in: false }
+    }
+}
+
+/// What is wrong with a start from which nothing leads away.
+const SHUT_IN: &str = "; nothing leads away from the start: it is in or behind what the map's nodes saw";
 
 fn how_near(nearest: Option<FixedPoint>, goal: FixedPoint) -> String {
     let near = |at: FixedPoint| {
@@ -317,11 +330,7 @@ pub fn plan<G: RouteGraph>(
     let costs = |accesses: &BTreeMap<G::Node, Access>| -> Vec<(G::Node, u64)> {
         accesses.iter().map(|(node, access)| (*node, access.cost_um)).collect()
     };
-    let nodes = graph.way(&costs(&starts), &costs(&goals), &config.blocked).ok_or(RouteError::NoPath {
-        from,
-        to,
-        nearest: None,
-    })?;
+    let nodes = graph.way(&costs(&starts), &costs(&goals), &config.blocked).ok_or(RouteError::no_path(from, to))?;
     let entry = |accesses: &BTreeMap<G::Node, Access>, node: Option<&G::Node>| {
         node.and_then(|node| accesses.get(node)).and_then(|access| access.entry).map(plain)
     };
@@ -348,7 +357,7 @@ pub fn plan_between<G: RouteGraph>(
     blocked: &BTreeSet<EdgeKey>,
 ) -> Result<NodeRoute, RouteError> {
     let place = |graph: &G, node| graph.point(node).map(|at| at.point).unwrap_or_default();
-    let no_path = RouteError::NoPath { from: place(&graph, from), to: place(&graph, to), nearest: None };
+    let no_path = RouteError::no_path(place(&graph, from), place(&graph, to));
     let nodes = graph.way(&[(from, 0)], &[(to, 0)], blocked).ok_or(no_path)?;
     Ok(route_over(nodes.into_iter().filter_map(|node| graph.point(node))))
 }

@@ -59,10 +59,17 @@ pub fn plan(
         // If there is none, nothing leads away from the start.
         (spot, PathEnds::ToNearest) => {
             let route = spot.and_then(|spot| ways.shortest_to_spot(spot));
-            route.ok_or(RouteError::NoPath { from, to, nearest: None })
+            route.ok_or(RouteError::NoPath { from, to, nearest: None, is_shut_in: ways.starts.is_empty() })
         }
-        (Some(spot), _) => Err(RouteError::NoPath { from, to, nearest: Some(fixed_point(spot.place)) }),
-        (None, _) => Err(refusal),
+        (Some(spot), _) => {
+            Err(RouteError::NoPath { from, to, nearest: Some(fixed_point(spot.place)), is_shut_in: false })
+        }
+        (None, _) => Err(match refusal {
+            RouteError::NoPath { .. } => {
+                RouteError::NoPath { from, to, nearest: None, is_shut_in: ways.starts.is_empty() }
+            }
+            other => other,
+        }),
     }
 }
 
@@ -80,7 +87,7 @@ pub fn plan_over_nodes(
     to: FixedPoint,
     config: &NodeRouteConfig,
 ) -> Result<NodeRoute, RouteError> {
-    let no_path = RouteError::NoPath { from, to, nearest: None };
+    let no_path = RouteError::no_path(from, to);
     if is_closed_goal(space, to, config) {
         return Err(no_path);
     }
@@ -106,7 +113,7 @@ pub fn plan_between_nodes<G: RouteGraph>(
     let (from, to) = (route.waypoints.first(), route.waypoints.last());
     let [from, to] = [from, to].map(|end| end.map(|end| end.point).unwrap_or_default());
     let is_refused = space.is_mesh_needed || space.is_closed_goal(to);
-    if is_refused { Err(RouteError::NoPath { from, to, nearest: None }) } else { Ok(route) }
+    if is_refused { Err(RouteError::no_path(from, to)) } else { Ok(route) }
 }
 
 /// How two places can be joined through the mesh.
@@ -204,10 +211,14 @@ fn checked(space: &FreeSpace, route: NodeRoute, config: &NodeRouteConfig) -> Opt
     let is_walled = |leg: &[Corner], place: Corner, at: PathEnd| {
         let lines = space.wall_lines(place, config.max_detour_m * 1000.0);
         at == PathEnd::Goal && leg.len() > 1 && space.is_in_wall(place)
-            || leg.windows(2).any(|pair| space.crosses(&lines, [pair[0], pair[1]], at))
+            // What stood under the robot is passed by where it stands, and nowhere else.
+            || leg.windows(2).enumerate().any(|(number, pair)| {
+                space.crosses(&lines, [pair[0], pair[1]], if number == 0 { at } else { PathEnd::Goal })
+            })
     };
     let (begin_mm, end_mm) = (space.unmapped_mm(begin), space.unmapped_mm(&end));
-    let is_hidden = !space.views.is_empty() && end_mm > space.approach.unseen_goal_mm;
+    let is_hidden = !space.views.is_empty() && end_mm > space.approach.unseen_goal_mm
+        || length_mm(begin) > space.approach.start_mm && space.hides_start(begin);
     let is_walled = is_hidden || is_walled(begin, *start, PathEnd::Start) || is_walled(&end, *goal, PathEnd::Goal);
     if is_walled && config.ends != PathEnds::Known {
         return None;

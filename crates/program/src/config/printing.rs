@@ -11,20 +11,25 @@ const COLUMNS: usize = 100;
 
 pub(super) fn print<T: Configuration>(config: &T) -> Result<String, PrintError> {
     let tree = Tree::of(config).map_err(|error| PrintError(error.to_string()))?;
+    let usual = Tree::of(&T::default()).map_err(|error| PrintError(error.to_string()))?;
     let schema = schema_of::<T>();
     let mut text = String::new();
     print_comment(&mut text, KeySchema(&schema).description());
     match &tree {
-        Tree::Table(keys) => print_table(&mut text, keys, KeySchema(&schema), "")?,
+        Tree::Table(keys) => print_table(&mut text, (keys, usual.keys()), KeySchema(&schema), "")?,
         Tree::Leaf(_) => return Err(PrintError("it has no keys".to_owned())),
     }
     Ok(text)
 }
 
-/// Values go first: what follows a section's heading belongs to that section.
+/// A table's keys, in the order of the fields.
+type Keys = [(String, Tree)];
+
+/// `usual` is what the keys are where nothing says otherwise. Values go first: what follows a
+/// section's heading belongs to that section.
 fn print_table(
     text: &mut String,
-    keys: &[(String, Tree)],
+    (keys, usual): (&Keys, Option<&Keys>),
     schema: KeySchema<'_>,
     above: &str,
 ) -> Result<(), PrintError> {
@@ -33,9 +38,14 @@ fn print_table(
     };
     for (name, tree) in keys.iter().filter(|(name, tree)| !is_section(name, tree)) {
         let schema = schema.key(name).unwrap_or(KeySchema(&Value::Null));
-        print_comment(text, schema.description());
+        let value = tree.clone().into_value();
+        // A part may have another default by itself than it has in the whole.
+        let (own, whole) = (schema.usual(), usual.and_then(|usual| key_of(usual, name)));
+        let is_same = own.zip(whole).is_none_or(|(own, whole)| *own == whole.clone().into_value());
+        let description = schema.description();
+        print_comment(text, &if is_same { description.to_owned() } else { without_default(description) });
         print_range(text, schema);
-        match tree.clone().into_value() {
+        match value {
             Value::Null => {
                 let _ = writeln!(text, "# {name} = {}", example(schema));
             }
@@ -50,9 +60,14 @@ fn print_table(
         text.push('\n');
         print_comment(text, schema.description());
         let _ = writeln!(text, "[{path}]");
-        print_table(text, keys, schema, &path)?;
+        let usual = usual.and_then(|usual| key_of(usual, name)).and_then(Tree::keys);
+        print_table(text, (keys, usual), schema, &path)?;
     }
     Ok(())
+}
+
+fn key_of<'a>(keys: &'a Keys, name: &str) -> Option<&'a Tree> {
+    keys.iter().find(|(key, _)| key == name).map(|(_, tree)| tree)
 }
 
 /// Ranges that the schema states; those of an integer's type are no news.
@@ -67,7 +82,21 @@ fn print_range(text: &mut String, schema: KeySchema<'_>) {
     }
 }
 
+/// A description without the sentence that names a default.
+fn without_default(description: &str) -> String {
+    let Some(at) = description.find("Default ") else { return description.to_owned() };
+    let (before, sentence) = description.split_at(at);
+    let after = sentence.find(". ").map_or("", |end| &sentence[end + 2..]);
+    format!("{before}{after}")
+}
+
+/// What a link of the documentation says, without its brackets: `` [`Grid`] ``.
+fn without_links(description: &str) -> String {
+    description.replace("[`", "`").replace("`]", "`")
+}
+
 fn print_comment(text: &mut String, description: &str) {
+    let description = without_links(description);
     for paragraph in description.split("\n\n") {
         let mut line = String::from("#");
         for word in paragraph.split_whitespace() {

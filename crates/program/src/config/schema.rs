@@ -28,6 +28,11 @@ impl<'a> KeySchema<'a> {
         self.0.get("description").and_then(Value::as_str).unwrap_or_default()
     }
 
+    /// What the key is where nothing says otherwise, if its type says so.
+    pub fn usual(self) -> Option<&'a Value> {
+        self.0.get("default")
+    }
+
     /// Whether a value may be of the JSON type `name`. A schema that names no type says nothing
     /// about it.
     pub fn allows(self, name: &str) -> bool {

@@ -34,6 +34,14 @@ impl Tree {
         }
     }
 
+    /// The keys of a table.
+    pub fn keys(&self) -> Option<&[(String, Self)]> {
+        match self {
+            Self::Table(keys) => Some(keys),
+            Self::Leaf(_) => None,
+        }
+    }
+
     /// As plain JSON.
     pub fn into_value(self) -> Value {
         match self {

@@ -5,8 +5,8 @@ use fht_proto::RobotName;
 use fht_proto::api::reply::{ErrorCode, ErrorReply};
 use fht_proto::api::request::{Format, Request};
 use fht_web::{
-    Answering, EventHub, MapChangeOrder, MapGauges, MapPort, MemberRole, QueryFigures, Rights, ServerFigures,
-    WallsQuestion, WebAnswer, WebConfig, WebListener,
+    Answering, EventHub, MapChangeOrder, MapGauges, MapPort, MemberRole, PastQuestion, QueryFigures, Rights,
+    ServerFigures, WallsQuestion, WebAnswer, WebConfig, WebListener,
 };
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
@@ -39,6 +39,18 @@ impl MapPort for Echo {
         ready(Ok(format!("[{}]", "7,".repeat(8 << 20) + &asked.map.to_string().len().to_string())))
     }
 
+    fn warnings(&self) -> Answering {
+        ready(Ok(r#"{"lines":[]}"#.to_owned()))
+    }
+
+    fn past(&self, asked: PastQuestion) -> Answering {
+        ready(Ok(serde_json::to_string(&format!("{asked:?}")).unwrap()))
+    }
+
+    fn preview(&self, _: RobotName, _: MapChangeOrder) -> Answering {
+        ready(Ok(r#"{"paths":[]}"#.to_owned()))
+    }
+
     fn change(&self, by: RobotName, order: MapChangeOrder) -> Answering {
         self.changes.lock().unwrap().push((by.to_string(), order));
         ready(Ok(r#"{"version":2}"#.to_owned()))
@@ -66,7 +78,7 @@ impl MapPort for Echo {
         };
         let buckets = vec![(0.001, 5), (f64::INFINITY, 1)];
         let path = QueryFigures { topic: "path", answered: 4, refused: 1, busy: 1, seconds: 0.5, buckets };
-        ServerFigures { maps: vec![map], queries: vec![path], is_read_only: false }
+        ServerFigures { maps: vec![map], queries: vec![path], is_read_only: false, ..ServerFigures::default() }
     }
 }
 

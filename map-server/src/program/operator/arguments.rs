@@ -67,6 +67,7 @@ pub enum Operation {
     #[command(after_help = "Examples:
   map-server robots museum
   map-server robots museum --watch")]
+    #[command(alias = "fleet")]
     Robots {
         /// The map.
         map: MapName,
@@ -330,7 +331,7 @@ An export is the way back when the time is up. A map of the same name may be beg
   map-server rename musuem museum --reason mistyped
   map-server rename hall-2 hall-b --reason 'halls have letters' --grace 30d
 
-What was interrupted goes on when it is given again.")]
+It is done in one commit: a rename that was interrupted is done or not, and can be given again.")]
     Rename {
         /// The map.
         old: MapName,

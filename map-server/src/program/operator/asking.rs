@@ -15,6 +15,8 @@ use zenoh::Session;
 /// How long an answer may take. Compacting a large map takes a while.
 pub(super) const ANSWER_TIMEOUT: Duration = Duration::from_secs(60);
 
+/// So long one question is waited for, however little patience is left.
+const LEAST: Duration = Duration::from_secs(1);
 /// Between two questions for what is not there yet.
 const ASK_AGAIN: Duration = Duration::from_millis(200);
 
@@ -41,7 +43,8 @@ pub(super) async fn until_there(
     let (mut answer, mut content) = (waiting.for_answer(), waiting.for_content());
     let key = map.map_or(Key::Maps, |map| Key::topic(map, Topic::Head)).to_string();
     loop {
-        match fht_client::ask_until_answered(session, &key, ANSWER_TIMEOUT).await {
+        let timeout = answer.left().unwrap_or(ANSWER_TIMEOUT).clamp(LEAST, ANSWER_TIMEOUT);
+        match fht_client::ask_until_answered(session, &key, timeout).await {
             Err(AskError::Silent) if answer.goes_on("a map-server to answer") => {}
             Err(AskError::Silent) => return Err(OperatorError::Silent),
             Err(AskError::Refused(reply))

@@ -160,7 +160,7 @@ impl Operation {
             Self::Undelete { map } => show(&deletion::undelete(session, &map).await?, json, deletion::in_words),
             Self::Rename { old, new, reason, grace } => {
                 let order = deletion::order(&args.operator, reason, grace, Some(new));
-                show(&rename::rename(session, &old, order, json).await?, json, rename::in_words)
+                show(&rename::rename(session, &old, order).await?, json, rename::in_words)
             }
             Self::Export { map, file, release } => {
                 export(session, &map, &file, release.as_ref().map(ReleaseName::as_str), json).await

@@ -126,26 +126,11 @@ pub enum OperatorError {
         /// Why.
         reason: Box<OperatorError>,
     },
-    /// A map is not renamed yet.
-    #[error(
-        "{reason}; {old} is not renamed yet: give the command again, or keep it as it is with `map-server undelete {old}`"
-    )]
+    /// A map is not renamed, and nothing of it has changed.
+    #[error("{reason}; {old} is not renamed, and is kept as it was")]
     NotRenamed {
         /// The map.
         old: MapName,
-        /// Why.
-        reason: Box<OperatorError>,
-    },
-    /// A map is not renamed, and nothing of it has changed.
-    #[error(
-        "{reason}; {old} is not renamed, and is kept as it was; what there is of {new} goes with \
-         `map-server delete {new}`"
-    )]
-    KeptAsItWas {
-        /// The map.
-        old: MapName,
-        /// What it was to be called.
-        new: MapName,
         /// Why.
         reason: Box<OperatorError>,
     },
@@ -175,9 +160,7 @@ impl OperatorError {
             Self::Refused(reply) => reply.code.is_input(),
             Self::Usage(_) | Self::Archive { .. } | Self::Unsound(_) | Self::Listens { .. } => true,
             Self::File { source, .. } => is_of_name(source.kind()),
-            Self::NotRenamed { reason, .. }
-            | Self::KeptAsItWas { reason, .. }
-            | Self::PartlyImported { reason, .. } => reason.is_input(),
+            Self::NotRenamed { reason, .. } | Self::PartlyImported { reason, .. } => reason.is_input(),
             // There are no such changes, or not so many.
             Self::Undo { source, .. } => {
                 use InverseError::{NoneSuch, TooFew, Unchanged};

@@ -1,9 +1,9 @@
 //! Releases: named states that robots are told to use.
 
 use crate::clock::now_us;
-use crate::program::operator::asking::{ask_json, state_of};
+use crate::program::operator::asking::{ask_json, head, state_of};
 use crate::program::operator::error::OperatorError;
-use crate::program::operator::write::write;
+use crate::program::operator::write::{write, write_numbered};
 use clap::Subcommand;
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::{ReleaseView, ReleasesReply, known_names};
@@ -115,7 +115,8 @@ fn next_name(releases: &ReleasesReply, author: AuthorId, now_us: u64) -> Result<
     name.parse().map_err(|error| OperatorError::Usage(format!("{error}")))
 }
 
-/// Makes a release of the newest state, or of an older version.
+/// Makes a release of the newest state, or of an older version. Somebody else may make one under
+/// the same operator's name at this moment: then it is looked again which names there are.
 pub(super) async fn create(
     session: &Session,
     map: &MapName,
@@ -123,6 +124,26 @@ pub(super) async fn create(
     name: Option<ReleaseName>,
     version: Option<u64>,
 ) -> Result<ReleaseView, OperatorError> {
+    /// So often another number is tried.
+    const TRIES: usize = 30;
+    for _ in 1..TRIES {
+        match create_next(session, map, operator, name.clone(), version).await {
+            Err(OperatorError::Contended { .. }) => {}
+            outcome => return outcome,
+        }
+    }
+    create_next(session, map, operator, name, version).await
+}
+
+async fn create_next(
+    session: &Session,
+    map: &MapName,
+    operator: &str,
+    name: Option<ReleaseName>,
+    version: Option<u64>,
+) -> Result<ReleaseView, OperatorError> {
+    // Before the names are looked at, so that nobody takes one in between.
+    let number = head(session, map).await?.vector.get(AuthorId::of_robot(operator)) + 1;
     let (releases, author) = (list(session, map).await?, AuthorId::of_robot(operator));
     let name = match name {
         Some(name) => name,
@@ -141,7 +162,7 @@ pub(super) async fn create(
         return Err(OperatorError::Usage(format!("version 0 of map {map} is empty: no robot could use it")));
     }
     let release = Release { vector: state.vector, digest: state.digest };
-    write(session, map, operator, vec![Op::PutRelease { name: name.clone(), release }]).await?;
+    write_numbered(session, map, operator, number, vec![Op::PutRelease { name: name.clone(), release }]).await?;
     let made = find(&list(session, map).await?, &format!("{name}@{author}")).cloned()?;
     if made.available {
         Ok(made)

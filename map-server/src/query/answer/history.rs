@@ -169,15 +169,27 @@ fn is_intact(view: &MapView, log: &dyn IncrementLog, release: &fht_proto::Releas
     state.is_some_and(|state| state.digest() == release.digest)
 }
 
+/// The state of a map at a moment, and its vector.
+///
+/// # Errors
+/// `UNKNOWN_VERSION` if it is not kept.
+pub(crate) fn state_of(
+    view: &MapView,
+    log: &dyn IncrementLog,
+    moment: &Moment,
+) -> Result<(Arc<MapState>, VersionVector), ErrorReply> {
+    let vector = vector_of(view, log, moment)?;
+    if vector == view.head.vector {
+        return Ok((Arc::clone(&view.state), vector));
+    }
+    let state = state_at(&view.head.map, &vector, log).map_err(internal)?;
+    let state = state.ok_or_else(|| internal(format!("the log lacks a part of {vector}")))?;
+    Ok((Arc::new(state), vector))
+}
+
 pub(super) fn diff(view: &MapView, log: &dyn IncrementLog, from: &Moment, to: &Moment) -> Result<Answer, ErrorReply> {
     let state_of = |moment: &Moment| -> Result<(Arc<MapState>, StateView), ErrorReply> {
-        let vector = vector_of(view, log, moment)?;
-        let state = if vector == view.head.vector {
-            Arc::clone(&view.state)
-        } else {
-            let state = state_at(&view.head.map, &vector, log).map_err(internal)?;
-            Arc::new(state.ok_or_else(|| internal(format!("the log lacks a part of {vector}")))?)
-        };
+        let (state, vector) = state_of(view, log, moment)?;
         let shown = StateView { version: vector.version(), vector, digest: state.digest() };
         Ok((state, shown))
     };

@@ -4,11 +4,22 @@ use crate::catalog::MapView;
 use crate::query::active_rules::ActiveRules;
 use crate::query::answer::reply::{Answer, json};
 use crate::query::fleet::Fleet;
-use fht_proto::RobotName;
+use fht_map::MapState;
 use fht_proto::api::reply::{ErrorReply, PlaceView, RulesReply, ZoneView};
+use fht_proto::{MapName, RobotName};
 
 pub(super) fn rules(view: &MapView, active: &ActiveRules, now_us: u64) -> Result<Answer, ErrorReply> {
-    let annotations = view.state.annotations();
+    let map = &view.head.map;
+    json(&RulesReply {
+        blocked: active.blocked(map, now_us),
+        ignored: active.ignored(map, now_us),
+        ..written_rules(&view.state, map, view.head.version)
+    })
+}
+
+/// What operators have written on a state of a map, without what robots report.
+pub(crate) fn written_rules(state: &MapState, map: &MapName, version: u64) -> RulesReply {
+    let annotations = state.annotations();
     let places = annotations.places().map(|(name, pose)| PlaceView {
         name: name.to_string(),
         pose: [pose.position.x(), pose.position.y(), pose.yaw()],
@@ -18,16 +29,15 @@ pub(super) fn rules(view: &MapView, active: &ActiveRules, now_us: u64) -> Result
         rule: zone.rule.into(),
         corners: zone.corners.iter().map(|corner| [corner.x(), corner.y()]).collect(),
     });
-    let closed = view.state.closed_edges().map(|edge| edge.to_texts());
-    json(&RulesReply {
-        map: view.head.map.clone(),
-        version: view.head.version,
+    RulesReply {
+        map: map.clone(),
+        version,
         places: places.collect(),
         zones: zones.collect(),
-        closed_edges: closed.collect(),
-        blocked: active.blocked(&view.head.map, now_us),
-        ignored: active.ignored(&view.head.map, now_us),
-    })
+        closed_edges: state.closed_edges().map(|edge| edge.to_texts()).collect(),
+        blocked: Vec::new(),
+        ignored: Vec::new(),
+    }
 }
 
 /// The robots after one, so many at most.
