@@ -66,14 +66,14 @@ pub(super) fn route(file: &ClientFile, args: &RouteArgs, waiting: &Waiting, stop
                     let planner = Arc::clone(&planning);
                     tokio::spawn(answer(request, move |question, began| match planner.answer(&question) {
                         Ok(path) => Ok(ComputePathToPoseResult { planning_time: since(began), ..path }),
-                        Err(refusal) => Err(ComputePathToPoseResult { planning_time: since(began), ..refusal }),
+                        Err(refusal) => Err(Box::new(ComputePathToPoseResult { planning_time: since(began), ..*refusal })),
                     }));
                 }
                 request = routes.next() => {
                     let planner = Arc::clone(&routing);
                     tokio::spawn(answer(request, move |question, began| match planner.answer(&question) {
                         Ok(route) => Ok(ComputeRouteResult { planning_time: since(began), ..route }),
-                        Err(refusal) => Err(ComputeRouteResult { planning_time: since(began), ..refusal }),
+                        Err(refusal) => Err(Box::new(ComputeRouteResult { planning_time: since(began), ..*refusal })),
                     }));
                 }
                 () = stop.requested() => return Ok(ExitCode::SUCCESS),
@@ -89,7 +89,7 @@ fn since(began: Instant) -> Time {
 /// Takes a goal, plans in a thread beside, and ends the goal with what comes of it.
 async fn answer<A>(
     request: GoalRequest<A>,
-    plan: impl FnOnce(A::Goal, Instant) -> Result<A::Result, A::Result> + Send + 'static,
+    plan: impl FnOnce(A::Goal, Instant) -> Result<A::Result, Box<A::Result>> + Send + 'static,
 ) where
     A: RosAction,
     A::Goal: Clone + 'static,
@@ -113,7 +113,7 @@ async fn answer<A>(
     };
     match planned {
         Ok(Ok(found)) => goal.succeed(found),
-        Ok(Err(refusal)) => goal.abort(refusal),
+        Ok(Err(refusal)) => goal.abort(*refusal),
         // The task is not aborted, and does not panic.
         Err(error) => tracing::error!("{error}"),
     }

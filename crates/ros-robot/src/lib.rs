@@ -12,9 +12,11 @@
 //! | --- | --- |
 //! | `config` | which topics and frames the robot has ([`RosRobotConfig`]) |
 //! | `clock` | what clock stamps are of: lag, jumps, other clocks, `/clock` |
+//! | `stamps` | by what time the sensors' stamps are judged, and what is odd about them |
 //! | `camera_topics` | which topics its four cameras have |
 //! | `pictures`, `picture_topics` | from pictures to panoramas, and where they come from |
 //! | `intake` | from messages to frames; what keeps them from coming, as a sentence |
+//! | `commands` | velocity commands, with a stamp or without |
 //! | `robot` | the topics behind the port ([`RosRobot`]) |
 //! | `nav2` | Nav2 drives where it is told to ([`Nav2Driver`], [`DrivenByNav2`]) |
 //! | `outputs` | what the graph gets back: `map → odom`, the map, the pose ([`RosOutputs`]) |
@@ -37,6 +39,7 @@
 mod camera_topics;
 mod check;
 mod clock;
+mod commands;
 mod config;
 #[cfg(feature = "cli")]
 mod flags;
@@ -46,6 +49,7 @@ mod outputs;
 mod picture_topics;
 mod pictures;
 mod robot;
+mod stamps;
 
 pub use check::{Finding, Readiness, check};
 pub use config::RosRobotConfig;

@@ -2,34 +2,23 @@
 
 use crate::camera_topics::chosen;
 use crate::check::{Finding, Readiness, check};
+use crate::commands::{Commands, ROLL_CALL};
 use crate::config::RosRobotConfig;
 use crate::intake::{Intake, IntakeReport};
 use crate::picture_topics::PictureTopics;
 use crate::pictures::Pictures;
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::robot::{Robot, RobotError, Sensors, SilenceConfig};
-use fht_ros::{
-    Endpoint, EndpointKind, NodeConfig, Publisher, Qos, QosDurability, QosReliability, Received, RosError, RosNode,
-    Subscription, resolve,
-};
+use fht_ros::{Endpoint, NodeConfig, Qos, Received, RosError, RosNode, Subscription, resolve};
 use fht_ros_frames::frame_name;
+use fht_ros_messages::cdr;
 use fht_ros_messages::msg::{
-    ClockMsg, HeaderMsg, LaserScanMsg, OdometryMsg, PointCloud2, TfMessage, TwistMsg, TwistStamped, Vector3,
+    ClockMsg, HeaderMsg, LaserScanMsg, OdometryMsg, PointCloud2, TfMessage, TwistMsg, Vector3,
 };
-use fht_ros_messages::{RosMessage, cdr};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
-use tokio::task::JoinHandle;
 
-/// How long routers may take to tell who is on the graph.
-const ROLL_CALL: Duration = Duration::from_secs(2);
-/// Only the newest command counts.
-const COMMAND_QOS: Qos = Qos { reliability: QosReliability::Reliable, durability: QosDurability::Volatile, depth: 1 };
-/// Between two looks for who takes commands.
-const LOOK_AGAIN: Duration = Duration::from_millis(250);
-/// How long who takes commands is waited for.
-const DRIVER_COMES: Duration = Duration::from_secs(10);
 /// Most kinds of doubts that are told.
 const DOUBTS: usize = 32;
 /// How often waiting scans are looked at while nothing arrives.
@@ -55,61 +44,6 @@ impl OdomFrame {
             // The first word holds.
             self.said.get_or_init(|| frame.to_owned());
         }
-    }
-}
-
-/// Velocity commands, with or without a stamp: which of the two is ROS's choice of the year.
-enum Commands {
-    Plain(Publisher<TwistMsg>),
-    Stamped(Publisher<TwistStamped>),
-    /// Nobody takes commands yet: it is looked again beside the loop.
-    Nobody(JoinHandle<Result<Self, RosError>>),
-}
-
-impl Commands {
-    /// With a stamp if who takes commands wants one.
-    async fn find(node: &RosNode, topic: &str) -> Result<Self, RosError> {
-        if let Some(found) = Self::for_takers(node, topic).await? {
-            return Ok(found);
-        }
-        let (node, topic) = (node.clone(), topic.to_owned());
-        Ok(Self::Nobody(tokio::spawn(async move { Self::wait_for_takers(&node, &topic).await })))
-    }
-
-    /// The driver may still come. After [`DRIVER_COMES`] commands are given without a stamp, in
-    /// case it cannot be seen.
-    async fn wait_for_takers(node: &RosNode, topic: &str) -> Result<Self, RosError> {
-        let began = Instant::now();
-        while began.elapsed() < DRIVER_COMES {
-            tokio::time::sleep(LOOK_AGAIN).await;
-            if let Some(found) = Self::for_takers(node, topic).await? {
-                return Ok(found);
-            }
-        }
-        Ok(Self::Plain(node.publisher(topic, COMMAND_QOS).await?))
-    }
-
-    async fn for_takers(node: &RosNode, topic: &str) -> Result<Option<Self>, RosError> {
-        let there = node.endpoints(ROLL_CALL).await?;
-        let takers = there.iter().filter(|end| end.kind == EndpointKind::Subscription && end.name == topic);
-        let types: Vec<&str> = takers.map(|end| end.ros_type.as_str()).collect();
-        Ok(match types.contains(&TwistStamped::TYPE) {
-            true => Some(Self::Stamped(node.publisher(topic, COMMAND_QOS).await?)),
-            false if types.is_empty() => None,
-            false => Some(Self::Plain(node.publisher(topic, COMMAND_QOS).await?)),
-        })
-    }
-
-    /// What has been found by now.
-    async fn settle(&mut self) -> Result<(), RosError> {
-        while let Self::Nobody(looking) = self
-            && looking.is_finished()
-        {
-            // The task is neither aborted nor does it panic; else nobody is looked for any more.
-            let Ok(found) = looking.await else { break };
-            *self = found?;
-        }
-        Ok(())
     }
 }
 
@@ -471,16 +405,8 @@ impl Robot for RosRobot {
             linear: Vector3 { x: command.linear_mps, ..Vector3::default() },
             angular: Vector3 { z: command.angular_radps, ..Vector3::default() },
         };
-        self.commands.settle().await.map_err(RobotError::driver)?;
-        let sent = match &self.commands {
-            Commands::Nobody(_) => Ok(()),
-            Commands::Plain(publisher) => publisher.publish(&twist),
-            Commands::Stamped(publisher) => {
-                // By the robot's clock, as far as its sensors tell it.
-                let header = HeaderMsg { stamp: self.intake.newest(), frame_id: self.intake.base_frame() };
-                publisher.publish(&TwistStamped { header, twist })
-            }
-        };
-        sent.map_err(RobotError::driver)
+        // By the robot's clock, as far as its sensors tell it.
+        let header = HeaderMsg { stamp: self.intake.newest(), frame_id: self.intake.base_frame() };
+        self.commands.give(twist, header).await.map_err(RobotError::driver)
     }
 }

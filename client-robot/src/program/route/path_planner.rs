@@ -51,12 +51,14 @@ impl PathPlanner {
     pub(super) fn answer(
         &self,
         question: &ComputePathToPoseGoal,
-    ) -> Result<ComputePathToPoseResult, ComputePathToPoseResult> {
+    ) -> Result<ComputePathToPoseResult, Box<ComputePathToPoseResult>> {
         match self.plan(question) {
             Ok(path) => Ok(ComputePathToPoseResult { path, ..Default::default() }),
             Err(NoPath { error, message }) => {
                 tracing::info!("no path: {message}");
-                Err(ComputePathToPoseResult { error_code: error as u16, error_msg: message, ..Default::default() })
+                let refusal =
+                    ComputePathToPoseResult { error_code: error as u16, error_msg: message, ..Default::default() };
+                Err(Box::new(refusal))
             }
         }
     }

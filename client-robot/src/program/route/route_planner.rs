@@ -72,12 +72,12 @@ impl RoutePlanner {
     }
 
     /// The answer, or the refusal.
-    pub(super) fn answer(&self, question: &ComputeRouteGoal) -> Result<ComputeRouteResult, ComputeRouteResult> {
+    pub(super) fn answer(&self, question: &ComputeRouteGoal) -> Result<ComputeRouteResult, Box<ComputeRouteResult>> {
         match self.plan(question) {
             Ok((path, route)) => Ok(ComputeRouteResult { path, route, ..Default::default() }),
             Err(NoRoute { error, message }) => {
                 tracing::info!("no route: {message}");
-                Err(ComputeRouteResult { error_code: error as u16, error_msg: message, ..Default::default() })
+                Err(Box::new(ComputeRouteResult { error_code: error as u16, error_msg: message, ..Default::default() }))
             }
         }
     }

@@ -74,7 +74,7 @@ fn pictures() -> Vec<LifeCase> {
         (
             with_cameras,
             |now| {
-                picture(now, 2, 0.5, 0, |_| {});
+                picture(now, 2, 0.5, -4000, |_| {});
                 all_but(now, 2, 4.5);
                 frame(now, 5.0);
             },
