@@ -1,7 +1,7 @@
 //! `mapper explore --ros` drives a robot that speaks ROS 2: the simulator behind `/scan`, `/odom`,
 //! `/tf_static` and `/cmd_vel`. When its LiDAR falls silent the robot is stopped, the topic is
-//! named, and all goes on when it is back. `mapper ros check` says what a robot has. So it is with a
-//! robot behind zenoh-bridge-ros2dds, by what such a bridge writes.
+//! named, and all goes on when it is back. `mapper ros check` says what a robot has. So it is with
+//! a robot behind zenoh-bridge-ros2dds, by what such a bridge writes.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 use fht_demo::{Role, free_endpoint};

@@ -143,8 +143,8 @@ struct RobotArgs {
     /// Take velocity commands without a stamp (geometry_msgs/Twist).
     #[arg(long)]
     plain_twist: bool,
-    /// Have four cameras that look all round: camera_front/image and camera_front/camera_info, and so
-    /// on with left, back, right; png and jpeg: camera_front/image/compressed.
+    /// Have four cameras that look all round: camera_front/image and camera_front/camera_info, and
+    /// so on with left, back, right; png and jpeg: camera_front/image/compressed.
     #[arg(long, value_name = "KIND")]
     cameras: Option<PictureKind>,
     /// Seed of the light in the building and of the cameras' gain: another day.

@@ -150,7 +150,8 @@ pub fn parse_token(token: &str) -> Option<Endpoint> {
         }),
         ["@", zid, "@ros2_lv", kind, key, ros_type, ref rest @ ..] => {
             let hash = rest.first().and_then(|qos| qos.split_once("typehash=")).map_or("", |(_, hash)| hash);
-            // Of an action a bridge tells as a whole; who sends goals looks for the service of goals.
+            // Of an action a bridge tells as a whole; who sends goals looks for the service of
+            // goals.
             let (kind, action) = match kind {
                 "AS" => (EndpointKind::Server, true),
                 "AC" => (EndpointKind::Client, true),

@@ -78,7 +78,8 @@ async fn ask<A: ZAction>(node: &ZNode, action: &str, takes_back: bool) -> Result
         let ended = tokio::time::timeout(10 * PATIENCE, status.wait_for(|status| status.is_terminal())).await;
         let ended = ended.map_or(0, |status| status.map_or(0, |status| *status as i8));
         let result = sent.result_with_timeout(PATIENCE).await?;
-        // What is heard of a goal may come after its end; a goal that was taken back has had its word.
+        // What is heard of a goal may come after its end; a goal that was taken back has had its
+        // word.
         while !takes_back && let Ok(Some(heard)) = tokio::time::timeout(LATE, feedback.recv()).await {
             println!("feedback {}", serde_json::to_string(&heard)?);
             if feedback.is_empty() {
