@@ -11,6 +11,7 @@ mod mission;
 mod nav2_driving;
 mod navigate;
 mod on_map;
+mod other_servers;
 mod path;
 mod pose_publisher;
 mod recording;

@@ -17,6 +17,7 @@
 //! | [`upload`] | puts a map on a server |
 //! | [`trial`] | why a trial on a server ends without a result |
 //! | [`python`] | other people's programs, from PyPI |
+//! | [`foreign_ros`] | other projects' ROS 2 programs |
 //!
 //! One simulated fleet, determined by its seed:
 //!
@@ -30,6 +31,7 @@
 
 pub mod corridors;
 pub mod fleet;
+pub mod foreign_ros;
 pub mod maps;
 pub mod museum_demo;
 pub mod python;

@@ -1,13 +1,15 @@
 //! `mapper explore --ros` drives a robot that speaks ROS 2: the simulator behind `/scan`, `/odom`,
 //! `/tf_static` and `/cmd_vel`. When its LiDAR falls silent the robot is stopped, the topic is
-//! named, and all goes on when it is back. `mapper ros check` says what a robot has.
+//! named, and all goes on when it is back. `mapper ros check` says what a robot has. So it is with
+//! a robot behind zenoh-bridge-ros2dds, by what such a bridge writes.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 use fht_demo::{Role, free_endpoint};
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::pose::{Pose2, pose};
-use fht_ros::{NodeConfig, Publisher, Qos, RosNode, Subscription};
+use fht_ros::{KeyForm, NodeConfig, Publisher, Qos, RosNode, Subscription};
 use fht_ros_frames::{header_message, pose_message, scan_message};
+use fht_ros_messages::RosMessage;
 use fht_ros_messages::msg::{LaserScanMsg, OdometryMsg, PoseWithCovariance, TfMessage, TransformStamped, TwistStamped};
 use fht_sim::{SimConfig, Simulator, load};
 use std::process::{Child, Command, Output, Stdio};
@@ -181,6 +183,59 @@ async fn a_check_says_what_a_robot_has_and_lacks() {
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("frames    "), "{said}");
     publishing.abort();
+}
+
+/// A bridge's tokens for a robot whose nodes speak DDS.
+async fn bridge_tokens(session: &zenoh::Session) -> Vec<zenoh::liveliness::LivelinessToken> {
+    let endpoint = |kind: &str, topic: &str, ros_type: &str, qos: &str| {
+        format!("@/c0ffee/@ros2_lv/{kind}/r1§{topic}/{}/{qos}", ros_type.replace('/', "§"))
+    };
+    let mut tokens = Vec::new();
+    for token in [
+        "@/c0ffee/@ros2_lv".to_owned(),
+        endpoint("MP", "scan", LaserScanMsg::TYPE, ":0:0:0,5"),
+        endpoint("MP", "odom", OdometryMsg::TYPE, ":1:0:0,10"),
+        endpoint("MP", "tf_static", TfMessage::TYPE, ":1:1:0,1"),
+        endpoint("MS", "cmd_vel", TwistStamped::TYPE, ":1:0:0,1"),
+    ] {
+        tokens.push(session.liveliness().declare_token(token).await.unwrap());
+    }
+    tokens
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_robot_behind_a_bridge_is_checked_and_explored_with() {
+    let (endpoint, router) = graph().await;
+    let _tokens = bridge_tokens(&router).await;
+    let form = KeyForm::Bridge;
+    let node = RosNode::join(router, NodeConfig { namespace: "r1".to_owned(), form, ..NodeConfig::new("driver") })
+        .await
+        .unwrap();
+    let mut robot = SimulatedRobot::new(&node).await;
+    let of_robot = ["--namespace", "r1", "--ros-keys", "bridge"];
+    let output = tokio::task::block_in_place(|| {
+        output_of(mapper(&[&["ros", "check", &endpoint, "--wait", "2"][..], &of_robot].concat()))
+    });
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(said.contains("good      /r1/scan: c0ffee publishes it (sensor_msgs/msg/LaserScan)"), "{said}");
+    assert!(said.contains("good      /r1/cmd_vel: c0ffee subscribes to it"), "{said}");
+
+    let explore = ["explore", "--ros", &endpoint, "--offline", "--max-sim", "20", "--json", "--quiet"];
+    let mut child = mapper(&[&explore[..], &of_robot].concat());
+    while !robot.scans.is_heard().await.unwrap() {
+        assert!(child.try_wait().unwrap().is_none(), "the mapper has ended");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    let (mut frame, mut driven) = (robot.simulator.sense_first(), 0);
+    while child.try_wait().unwrap().is_none() {
+        robot.publish(&frame);
+        let command = robot.command(WATCHDOG).await.unwrap_or_default();
+        driven += usize::from(command != Twist::default());
+        frame = robot.simulator.step(command);
+    }
+    let report: serde_json::Value = serde_json::from_slice(&output_of(child).stdout).unwrap();
+    assert!(report["frames"].as_u64().unwrap() > 50 && driven > 20, "{driven}: {report}");
+    assert!(report["support_nodes"].as_u64().unwrap() > 0, "{report}");
 }
 
 #[test]

@@ -109,6 +109,7 @@ pub(crate) fn run(root: &Path) -> Result<Vec<PathBuf>, TestError> {
         let missing = program.missing().unwrap_or_default().join(" or ");
         println!("    Left out {}: {missing} is not installed", program.source.display());
     }
+    build_foreign(root, &programs)?;
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let at_once = (processors as f64 * AT_ONCE_PER_PROCESSOR).ceil() as usize;
     let waiting = Mutex::new(programs);
@@ -177,6 +178,23 @@ fn build(root: &Path) -> Result<VecDeque<Program>, TestError> {
         Some(Program { executable: executable?, source: target.src_path, package })
     });
     Ok(programs.collect())
+}
+
+/// Builds the foreign ROS 2 programs of the tests, which are no part of the workspace. The tests
+/// that need them would do so themselves, for minutes, with other tests beside them.
+fn build_foreign(root: &Path, programs: &VecDeque<Program>) -> Result<(), TestError> {
+    // Programs lie in release/deps of the target folder.
+    let target = programs.iter().find_map(|program| program.executable.ancestors().nth(3));
+    let mut command = cargo(&root.join("tests/tests/foreign_ros"));
+    command.args(["build", "--locked", "--quiet"]);
+    if is_installed(&["cmake"]) {
+        command.args(["--features", "dds"]);
+    }
+    if let Some(target) = target {
+        command.env("CARGO_TARGET_DIR", target.join("tmp/foreign-ros"));
+    }
+    let status = command.status().map_err(system("cargo"))?;
+    if status.success() { Ok(()) } else { Err(TestError::Cargo("cargo build of tests/tests/foreign_ros")) }
 }
 
 impl Program {

@@ -67,8 +67,8 @@ pub(super) enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Plans for Nav2: serves the action compute_path_to_pose on a robot's ROS 2 graph with the
-    /// paths of the fleet's map, its rules and closures.
+    /// Plans for Nav2: serves the actions compute_path_to_pose and compute_route on a robot's ROS 2
+    /// graph with the paths, nodes and edges of the fleet's map, its rules and closures.
     #[command(after_help = "Examples:
   client-robot route --map lab --ros tcp/robot:7447
   client-robot route --map lab --ros tcp/robot:7447 --namespace r1 --connect tcp/server:7447
@@ -88,7 +88,8 @@ Exit code 0: it was asked to end, by Ctrl-C or SIGTERM; 1: it failed; 2: wrong u
   client-robot go --map museum --to 5,3 --to-nearest               as near as it can get
   client-robot go --map museum --to 5,3 --record drive.mcap        look at it in Foxglove
   client-robot go --map lab --to dock --ros tcp/robot:7447         a robot that speaks ROS 2
-  client-robot go --map lab --to dock --ros tcp/robot:7447 --drive nav2")]
+  client-robot go --map lab --to dock --ros tcp/robot:7447 --drive nav2
+  client-robot go --map lab --to dock --ros tcp/robot:7447 --no-cameras    though it has four")]
     Go {
         #[command(flatten)]
         link: LinkArgs,

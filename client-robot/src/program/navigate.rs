@@ -5,6 +5,7 @@
 //! sent them how each goes.
 
 use super::graph_frames::GraphFrames;
+use super::other_servers::other_server;
 use crate::goals::GoalQueue;
 use crate::mission::{MapSource, MissionObserver};
 use crate::pilot::{Pilot, PilotStep};
@@ -13,7 +14,7 @@ use fht_perception::frame::SensorFrame;
 use fht_perception::pose::Pose2;
 use fht_proto::api::goal::{GoalOrder, GoalState, GoalStatus};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, PlaceRef};
-use fht_ros::{ActionServer, ActiveGoal, EndpointKind, Qos, RosError, RosNode, Subscription};
+use fht_ros::{ActionServer, ActiveGoal, Qos, RosError, RosNode, Subscription};
 use fht_ros_frames::{header_message, pose_message};
 use fht_ros_messages::msg::{GoalUuid, PoseStamped, Time};
 use fht_ros_messages::nav2::{NavigateToPose, NavigateToPoseFeedback, NavigateToPoseResult};
@@ -33,8 +34,6 @@ const GOAL_TOPIC: &str = "goal_pose";
 const FEEDBACK_EVERY: Duration = Duration::from_millis(200);
 /// Goals that wait to be taken in: the robot takes all once a frame.
 const MAX_GOALS: usize = 16;
-/// How long routers may take to tell who is on the graph.
-const ROLL_CALL: Duration = Duration::from_secs(2);
 /// How long the end of a run waits until all senders are told.
 const LAST_WORDS: Duration = Duration::from_secs(1);
 /// A robot that gets on more slowly than this has no time of arrival, metres per second.
@@ -111,13 +110,10 @@ impl NavigateDesk {
     /// # Errors
     /// [`RosError`].
     pub(super) async fn open(node: &RosNode, ros: &RosRobotConfig) -> Result<Option<(Self, WhereNow)>, RosError> {
-        let asking = node.resolve(&format!("{ACTION}/_action/send_goal"))?;
-        let there = node.endpoints(ROLL_CALL).await?;
-        if let Some(other) = there.iter().find(|end| end.kind == EndpointKind::Server && end.name == asking) {
+        if let Some(other) = other_server(node, ACTION).await? {
             let action = node.resolve(ACTION)?;
             tracing::warn!(
-                "{} serves {action} already (Nav2?): goals for it do not come here; say --drive nav2, or end it",
-                other.node
+                "{other} serves {action} already (Nav2?): goals for it do not come here; say --drive nav2, or end it"
             );
             return Ok(None);
         }

@@ -8,7 +8,7 @@ use super::display::Display;
 use super::error::CliError;
 use super::floor::{MapTurns, known_floor};
 use super::initial_pose::InitialPose;
-use super::mission::{UntilAsked, called_random, require};
+use super::mission::{UntilAsked, called_random, describing, descriptor_net, require};
 use super::nav2_driving::{ClientDriver, Nav2Guide, Nav2Paths};
 use super::on_map::OnMap;
 use super::pose_publisher::PosePublisher;
@@ -19,7 +19,7 @@ use super::settings::{ClientFile, ClientSection};
 use crate::mission::{MissionConfig, MissionError, MissionGoal, MissionObserver, Services, run};
 use crate::pilot::{Pilot, PilotStep};
 use fht_client::{LiveReplica, ServerPaths};
-use fht_perception::frame::SensorFrame;
+use fht_perception::frame::{Panorama, SensorFrame};
 use fht_perception::pose::Pose2;
 use fht_program::{Stop, Waiting};
 use fht_ros::{RosError, RosNode};
@@ -44,15 +44,16 @@ pub(super) fn ros_mission(
     stop: &Stop,
 ) -> Result<ExitCode, CliError> {
     let began = Instant::now();
-    // The robot is live: nothing waits for work beside the loop. Its cameras are not read.
+    // The robot is live: nothing waits for work beside the loop.
     (file.client.walls, file.client.paths.taking) = (Taking::WhenThere, Taking::WhenThere);
-    file.robot.cameras = false;
     let (map, name) = (file.map(), file.name().to_owned());
     check_owner(&file.connect, "client", &name)?;
     tracing::info!(%map, robot = name, router = endpoint, "looks for its place");
     let OnGraph { runtime, node, robot } = OnGraph::join(&file, args, endpoint, waiting, stop)?;
 
-    let OnMap { session, presence, alive: _alive, replica } = OnMap::join(&file, None, waiting, stop)?;
+    file.robot.cameras &= robot.has_cameras();
+    let mut net = file.robot.cameras.then(|| descriptor_net(&mut file)).transpose()?;
+    let OnMap { session, presence, alive: _alive, replica } = OnMap::join(&file, net.as_ref(), waiting, stop)?;
     let goal = &called_random(goal, &replica);
     require(goal, &map, &replica, waiting)?;
     let mut paths =
@@ -72,7 +73,9 @@ pub(super) fn ros_mission(
     let silence = live_silence(silence);
     let config = MissionConfig { pilot, silence, footprint: asking.footprint, to_nearest, walls };
     let mut driven = Nav2Paths::new(&mut paths, nav2);
-    let mut services = Services { map: &replica, paths: &mut driven, describe: &mut |_| None };
+    let mut describe = net.as_mut().map(describing);
+    let mut describe = |panorama: &Panorama| describe.as_mut()?(panorama);
+    let mut services = Services { map: &replica, paths: &mut driven, describe: &mut describe };
     let outcome = runtime.block_on(run(&mut robot, config, goal, &mut services, &mut observer));
     let (recording, (_, ((publisher, display), (outputs, (_, score))))) = observer;
     publisher.finish();
@@ -130,7 +133,11 @@ impl OnGraph {
             let session = connect_graph(endpoint, waiting, stop).await?;
             let node = RosNode::join(session, args.graph.node.node("client_robot")).await?;
             let config = args.graph.robot(file.ros.clone());
-            let config = RosRobotConfig { others_drive: args.drive == ClientDriver::Nav2, ..config };
+            let config = RosRobotConfig {
+                others_drive: args.drive == ClientDriver::Nav2,
+                without_cameras: !file.robot.cameras,
+                ..config
+            };
             let robot = RosRobot::connect(&node, config).await?;
             Ok::<_, CliError>((node, robot))
         })?;

@@ -79,13 +79,14 @@ pub(super) fn serving(
         let robot = Paced::new(simulator, Some(args.rate.unwrap_or(1.0)));
         return service.run(&runtime()?, file, Some(net), robot, |_, _, _| Ok(None));
     };
-    file.robot.cameras = false;
     file.client.silence = live_silence(file.client.silence);
     let OnGraph { runtime, node, robot } = OnGraph::join(&file, &args.robot, endpoint, waiting, stop)?;
+    file.robot.cameras &= robot.has_cameras();
+    let net = file.robot.cameras.then(|| descriptor_net(&mut file)).transpose()?;
     let (ros, drive) = (file.ros.clone(), args.robot.drive);
     let nav2 = runtime.block_on(nav2_driver(drive, &node))?;
     let robot = DrivenByNav2::new(robot, nav2.clone());
-    service.run(&runtime, file, None, robot, |runtime, robot, replica| {
+    service.run(&runtime, file, net, robot, |runtime, robot, replica| {
         runtime.block_on(async {
             let outputs = PlaceOutputs::start(&node, robot.robot(), replica).await?;
             let navigation = match drive {

@@ -7,13 +7,11 @@
 //! | `unpacking` | how much their chunks may unpack to |
 //! | `survey` | what is in a bag |
 //! | `topics` | which topics hold what |
-//! | `picture` | four cameras make a panorama |
 //! | `frames` | all of it: [`SensorFrame`](fht_perception::frame::SensorFrame)s |
 //! | `report` | what became of the messages |
 
 pub(crate) mod files;
 pub(crate) mod frames;
-mod picture;
 pub(crate) mod report;
 pub(crate) mod stream;
 pub(crate) mod survey;

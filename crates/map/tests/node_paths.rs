@@ -4,10 +4,10 @@
 use fht_map::graph::dijkstra::{distances_from, shortest_path};
 use fht_map::index::lookup::{most_similar, nearest};
 use fht_map::plan::node_route::{RoutePoint, plan};
-use fht_map::{MapState, NodeRouteConfig, RouteError};
+use fht_map::{FreeSpace, MapState, NodeRouteConfig, PlanError, RouteError, Rules};
 use fht_proto::{
     AuthorId, Descriptor, EdgeKey, FixedPoint, FixedPose, Increment, ModelId, NodeId, NodeKind, Op, Rect, ScanRecord,
-    Signature,
+    Signature, Zone, ZoneRule,
 };
 use proptest::prelude::*;
 use std::collections::BTreeSet;
@@ -60,6 +60,35 @@ fn the_shorter_way_round_is_taken() {
         [(0, 0.0), (1, 4.0), (2, 8.0), (3, 12.0)]
     );
     assert!(distances_from(&square, id(99)).is_empty());
+}
+
+#[test]
+fn routes_over_nodes_keep_off_what_is_closed() {
+    let corners = [(0.0, 0.0, 1.0), (4.0, 0.0, 1.0), (4.0, 4.0, 1.0), (0.0, 4.0, 1.0)];
+    let square = map(&corners, &[(0, 1), (1, 2), (2, 3), (0, 3)]);
+    let between = |rules: &Rules, from: u32, to: u32| {
+        let space = FreeSpace::of(&square, &rules.space_config());
+        let route = rules.plan_between_nodes(&square, &space, [id(from), id(to)])?;
+        let (a, b) = (square.node(id(from)).unwrap().pose.position, square.node(id(to)).unwrap().pose.position);
+        let of_places = rules.plan_over_nodes(&square, &space, a, b, &NodeRouteConfig::default())?;
+        // Between places of one rectangle there are no nodes.
+        let nodes = if from == to { Vec::new() } else { nodes_of(&route.waypoints) };
+        assert_eq!((of_places.length_m, nodes_of(&of_places.waypoints)), (route.length_m, nodes));
+        Ok::<_, PlanError>((nodes_of(&route.waypoints), route.length_m))
+    };
+    let mut rules = Rules::default();
+    assert_eq!(between(&rules, 0, 1).unwrap(), (vec![0, 1], 4.0));
+    assert_eq!(between(&rules, 0, 0).unwrap(), (vec![0], 0.0));
+    rules.closed.insert(EdgeKey::new(id(0), id(1)));
+    assert_eq!(between(&rules, 0, 1).unwrap(), (vec![0, 3, 2, 1], 12.0));
+    let zone = |x: f64, y: f64| Zone {
+        rule: ZoneRule::KeepOut,
+        corners: [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(dx, dy)| at(x + dx, y + dy)).to_vec(),
+    };
+    rules.keep_out.push(("stairs".parse().unwrap(), zone(2.0, 4.0)));
+    assert!(matches!(between(&rules, 0, 1), Err(PlanError::Closed { .. })), "{:?}", between(&rules, 0, 1));
+    rules.keep_out = vec![("stairs".parse().unwrap(), zone(4.0, 0.0))];
+    assert!(matches!(between(&rules, 0, 1), Err(PlanError::GoalKeptOut { .. })), "{:?}", between(&rules, 0, 1));
 }
 
 #[test]

@@ -7,6 +7,7 @@
 //! | `floor` | what is known of a floor as a grid ([`FloorGrid`]) |
 //! | `scan` | laser scans as the robot's own and back |
 //! | `points` | clouds of points as scans of what stands in the way |
+//! | `cameras` | the pictures of four cameras as panoramas |
 //! | `tf` | the tree of coordinate frames, and how a scanner is mounted |
 //! | `track` | poses by time, interpolated; resets of the odometry |
 //!
@@ -25,6 +26,7 @@
 //! assert_eq!(Mount::of(&base_from_laser).base_from_sensor, pose(0.2, 0.0, 0.0));
 //! ```
 
+mod cameras;
 mod floor;
 mod plane;
 mod points;
@@ -33,6 +35,10 @@ mod tf;
 mod track;
 mod yaw;
 
+pub use cameras::{
+    CAMERAS, Compression, Lens, LensRefused, PanoramaCameras, PanoramaRefused, PictureMessage, PictureRefused,
+    compress, optical_rotation, picture_of,
+};
 pub use floor::{FloorGrid, grid_message, update_message};
 pub use plane::{header_message, pose_message};
 pub use points::{BandConfig, CloudRefused, scan_of_points};

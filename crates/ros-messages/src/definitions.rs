@@ -37,6 +37,15 @@ const DEFINITIONS: &[(&str, &str)] = &[
     ),
     ("sensor_msgs/CompressedImage", "std_msgs/Header header\nstring format\nuint8[] data\n"),
     (
+        "sensor_msgs/RegionOfInterest",
+        "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify\n",
+    ),
+    (
+        "sensor_msgs/CameraInfo",
+        "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\n\
+         float64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\nsensor_msgs/RegionOfInterest roi\n",
+    ),
+    (
         "sensor_msgs/Imu",
         "std_msgs/Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n\
          geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n\
@@ -124,7 +133,35 @@ const DEFINITIONS: &[(&str, &str)] = &[
         "nav_msgs/Path path\nbuiltin_interfaces/Duration planning_time\nuint16 error_code\nstring error_msg\n",
     ),
     ("nav2_msgs/action/ComputePathToPose_Feedback", ""),
+    ("nav2_msgs/RouteNode", "uint16 nodeid\ngeometry_msgs/Point position\n"),
+    ("nav2_msgs/RouteEdge", "uint16 edgeid\ngeometry_msgs/Point start\ngeometry_msgs/Point end\n"),
+    (
+        "nav2_msgs/Route",
+        "std_msgs/Header header\nfloat32 route_cost\nnav2_msgs/RouteNode[] nodes\nnav2_msgs/RouteEdge[] edges\n",
+    ),
+    (
+        "nav2_msgs/action/ComputeRoute_Goal",
+        "uint16 start_id\ngeometry_msgs/PoseStamped start\nuint16 goal_id\ngeometry_msgs/PoseStamped goal\n\
+         bool use_start\nbool use_poses\n",
+    ),
+    (
+        "nav2_msgs/action/ComputeRoute_Result",
+        "builtin_interfaces/Duration planning_time\nnav_msgs/Path path\nnav2_msgs/Route route\nuint16 error_code\n",
+    ),
+    ("nav2_msgs/action/ComputeRoute_Feedback", ""),
 ];
+
+/// Types that have other fields in Kilted than in Jazzy.
+const KILTED: &[(&str, &str)] = &[(
+    "nav2_msgs/action/ComputeRoute_Result",
+    "builtin_interfaces/Duration planning_time\nnav_msgs/Path path\nnav2_msgs/Route route\nuint16 error_code\n\
+     string error_msg\n",
+)];
+
+/// The fields in Kilted of a type that has others there; its name has no `/msg/`.
+pub(crate) fn kilted_fields(name: &str) -> Option<&'static str> {
+    KILTED.iter().find(|(known, _)| *known == name).map(|(_, fields)| *fields)
+}
 
 /// The fields of a type, whose name has no `/msg/`.
 pub(crate) fn fields(name: &str) -> Option<&'static str> {

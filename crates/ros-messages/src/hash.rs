@@ -43,7 +43,7 @@ const NO_HASH: &str = "TypeHashNotSupported";
 /// (`nav2_msgs/action/NavigateToPose_SendGoal`). `None` for other types.
 #[must_use]
 pub fn type_hash(type_name: &str, distribution: Distribution) -> Option<String> {
-    let hash = hash_of(type_name, &BTreeMap::new())?;
+    let hash = hash_of(type_name, &BTreeMap::new(), distribution)?;
     Some(if distribution == Distribution::Humble { NO_HASH.to_owned() } else { hash })
 }
 
@@ -52,12 +52,13 @@ pub fn type_hash(type_name: &str, distribution: Distribution) -> Option<String> 
 /// not defined here.
 #[must_use]
 pub fn definition_hash(type_name: &str, definition: &str) -> Option<String> {
-    hash_of(type_name, &BTreeMap::from([(type_name.to_owned(), definition.to_owned())]))
+    hash_of(type_name, &BTreeMap::from([(type_name.to_owned(), definition.to_owned())]), Distribution::default())
 }
 
-fn hash_of(type_name: &str, own: &BTreeMap<String, String>) -> Option<String> {
+fn hash_of(type_name: &str, own: &BTreeMap<String, String>, distribution: Distribution) -> Option<String> {
     let mut described = BTreeMap::new();
-    describe(type_name, own, &mut described)?;
+    let text_of = |name: &str| own.get(name).cloned().or_else(|| fields_of(name, distribution));
+    describe(type_name, &text_of, &mut described)?;
     let root = described.remove(type_name)?;
     let referenced: Vec<String> = described.into_values().collect();
     let text =
@@ -70,12 +71,16 @@ fn hash_of(type_name: &str, own: &BTreeMap<String, String>) -> Option<String> {
 }
 
 /// Adds the description of a type, and of all types in it, as JSON, by full names.
-fn describe(name: &str, own: &BTreeMap<String, String>, described: &mut BTreeMap<String, String>) -> Option<()> {
+fn describe(
+    name: &str,
+    text_of: &impl Fn(&str) -> Option<String>,
+    described: &mut BTreeMap<String, String>,
+) -> Option<()> {
     if described.contains_key(name) {
         return Some(());
     }
     described.insert(name.to_owned(), String::new());
-    let text = own.get(name).cloned().or_else(|| fields_of(name))?;
+    let text = text_of(name)?;
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.contains('='));
     let mut fields: Vec<&str> = lines.collect();
     if fields.is_empty() {
@@ -92,7 +97,7 @@ fn describe(name: &str, own: &BTreeMap<String, String>, described: &mut BTreeMap
             field_name.trim()
         ));
         if let Some(nested) = nested {
-            describe(&nested, own, described)?;
+            describe(&nested, text_of, described)?;
         }
     }
     described.insert(name.to_owned(), format!("{{\"type_name\": \"{name}\", \"fields\": [{}]}}", json.join(", ")));
@@ -100,8 +105,10 @@ fn describe(name: &str, own: &BTreeMap<String, String>, described: &mut BTreeMap
 }
 
 /// The fields of a type by its full name, also of those that ROS makes of services and actions.
-fn fields_of(name: &str) -> Option<String> {
-    if let Some(fields) = definitions::fields(&name.replacen("/msg/", "/", 1)) {
+fn fields_of(name: &str, distribution: Distribution) -> Option<String> {
+    let short = name.replacen("/msg/", "/", 1);
+    let kilted = definitions::kilted_fields(&short).filter(|_| distribution == Distribution::Kilted);
+    if let Some(fields) = kilted.or_else(|| definitions::fields(&short)) {
         return Some(fields.to_owned());
     }
     const GOAL_ID: &str = "unique_identifier_msgs/UUID goal_id\n";

@@ -8,7 +8,7 @@ pub use diagnostics::{DiagnosticArray, DiagnosticStatus, KeyValue};
 pub use goals::{
     CancelGoal, CancelGoalRequest, CancelGoalResponse, GoalInfo, GoalStatusArray, GoalStatusMsg, GoalUuid,
 };
-pub use sensors::{ImuMsg, PointCloud2, PointField};
+pub use sensors::{CameraInfoMsg, ImuMsg, PointCloud2, PointField, RegionOfInterest};
 
 use crate::interface::{RosMessage, RosService};
 use serde::{Deserialize, Serialize};
@@ -25,6 +25,7 @@ message_types! {
     LaserScanMsg => "sensor_msgs/msg/LaserScan",
     ImuMsg => "sensor_msgs/msg/Imu",
     PointCloud2<'_> => "sensor_msgs/msg/PointCloud2",
+    CameraInfoMsg => "sensor_msgs/msg/CameraInfo",
     Image<'_> => "sensor_msgs/msg/Image",
     CompressedImage<'_> => "sensor_msgs/msg/CompressedImage",
     OdometryMsg => "nav_msgs/msg/Odometry",

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)] // tests may panic
 
 use fht_ros_messages::msg::{CancelGoal, MarkerArray, OccupancyGridUpdate, SetBool};
-use fht_ros_messages::nav2::{ComputePathToPose, NavigateToPose};
+use fht_ros_messages::nav2::{ComputePathToPose, ComputeRoute, NavigateToPose};
 use fht_ros_messages::{Distribution, RosAction, RosMessage, RosService, definition_hash, type_hash};
 
 /// Name, hash in Jazzy, hash in Kilted.
@@ -40,13 +40,23 @@ fn every_message_service_and_action_has_a_hash() {
     for name in [MarkerArray::TYPE, OccupancyGridUpdate::TYPE, CancelGoal::TYPE, SetBool::TYPE] {
         assert!(type_hash(name, Distribution::Jazzy).is_some(), "{name}");
     }
-    for action in [NavigateToPose::TYPE, ComputePathToPose::TYPE] {
+    for action in [NavigateToPose::TYPE, ComputePathToPose::TYPE, ComputeRoute::TYPE] {
         for part in ["SendGoal", "GetResult", "FeedbackMessage"] {
             let name = format!("{action}_{part}");
             assert!(type_hash(&name, Distribution::Kilted).is_some(), "{name}");
         }
     }
     assert_eq!(type_hash("turtlesim/msg/Pose", Distribution::Jazzy), None);
+}
+
+/// Since Kilted the result of a route has a reason in words.
+#[test]
+fn a_type_that_changed_has_another_hash() {
+    let hash = |part: &str, distribution| type_hash(&format!("{}_{part}", ComputeRoute::TYPE), distribution);
+    let both = |part| [Distribution::Jazzy, Distribution::Kilted].map(|distribution| hash(part, distribution));
+    let ([jazzy, kilted], [goal, same]) = (both("GetResult"), both("SendGoal"));
+    assert!(jazzy.is_some() && kilted.is_some() && jazzy != kilted);
+    assert!(goal.is_some() && goal == same);
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! What a robot's graph has of what is needed, as a doctor says it. No I/O.
 
+mod cameras;
 mod company;
 mod finding;
 
@@ -54,6 +55,7 @@ pub fn check(endpoints: &[Endpoint], config: &RosRobotConfig, namespace: &str) -
     {
         (last.readiness, last.sentence) = (readiness, sentence);
     }
+    findings.extend(cameras::cameras(endpoints, config, full)?);
     findings.extend(others(endpoints, config, &commands, &full("map")?, &full(&config.clock)?));
     Ok(findings)
 }

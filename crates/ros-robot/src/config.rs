@@ -16,6 +16,15 @@ pub struct RosRobotConfig {
     pub points: Option<String>,
     /// Which of their points count.
     pub band: BandConfig,
+    /// Pictures of four cameras ahead, left, behind, right (sensor_msgs/Image or CompressedImage,
+    /// which is also looked for at `NAME/compressed`), of 90° each, or with camera_info beside them
+    /// and transforms. Default none: camera_front/image, camera_left/image, camera_back/image and
+    /// camera_right/image, if all four are there.
+    pub cameras: Option<[String; 4]>,
+    /// Whether no pictures are read.
+    // The program's own: it has a flag, and a section that all robots have.
+    #[serde(skip)]
+    pub without_cameras: bool,
     /// Odometry (nav_msgs/Odometry), or the topic of moving transforms, from which odom to base is
     /// taken then. Default odom.
     pub odometry: String,
@@ -53,6 +62,8 @@ impl Default for RosRobotConfig {
             scan: "scan".to_owned(),
             points: None,
             band: BandConfig::default(),
+            cameras: None,
+            without_cameras: false,
             odometry: "odom".to_owned(),
             tf: "tf".to_owned(),
             tf_static: "tf_static".to_owned(),

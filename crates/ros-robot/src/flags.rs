@@ -26,6 +26,11 @@ pub struct GraphArgs {
     /// Directions all round that scans of points have [default: 720].
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(8..=7200))]
     pub beams: Option<u16>,
+    /// Pictures of four cameras of 90° each (sensor_msgs/Image or CompressedImage, also at
+    /// NAME/compressed); cameras of other angles need camera_info and transforms [default:
+    /// camera_front/image and so on with left, back and right, if all four are there].
+    #[arg(long, value_name = "AHEAD,LEFT,BEHIND,RIGHT", value_parser = four)]
+    pub cameras: Option<FourTopics>,
     /// Odometry (nav_msgs/Odometry), or the topic of the transforms (tf) [default: odom].
     #[arg(long, value_name = "TOPIC")]
     pub odom_topic: Option<String>,
@@ -84,6 +89,7 @@ impl GraphArgs {
             // A topic of scans on the command line goes before clouds of the file.
             points: self.points.clone().or(file.points.filter(|_| self.scan_topic.is_none())),
             band: BandConfig { low_m, high_m, beams, ..file.band },
+            cameras: self.cameras.clone().map(|FourTopics(topics)| topics).or(file.cameras),
             scan: self.scan_topic.clone().unwrap_or(file.scan),
             odometry: self.odom_topic.clone().unwrap_or(file.odometry),
             cmd_vel: self.cmd_vel_topic.clone().unwrap_or(file.cmd_vel),
@@ -92,6 +98,17 @@ impl GraphArgs {
             ..file
         }
     }
+}
+
+/// The topics of four cameras: ahead, left, behind, right.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FourTopics(pub [String; 4]);
+
+fn four(text: &str) -> Result<FourTopics, String> {
+    let topics: Vec<String> = text.split(',').map(|topic| topic.trim().to_owned()).collect();
+    let is_named = topics.iter().all(|topic| !topic.is_empty());
+    let topics = <[String; 4]>::try_from(topics).ok().filter(|_| is_named);
+    topics.map(FourTopics).ok_or_else(|| "give four topics: ahead, left, behind, right".to_owned())
 }
 
 /// Two heights, metres, the lower one first.
@@ -104,7 +121,16 @@ fn band(text: &str) -> Result<(f64, f64), String> {
 
 #[cfg(test)]
 mod tests {
-    use super::band;
+    use super::{band, four};
+
+    #[test]
+    fn cameras_are_four() {
+        let topics = four("a/image, b/image,c,d").map(|topics| topics.0);
+        assert_eq!(topics, Ok(["a/image", "b/image", "c", "d"].map(str::to_owned)));
+        for bad in ["", "a,b,c", "a,b,,d", "a,b,c,d,e"] {
+            assert!(four(bad).is_err(), "{bad}");
+        }
+    }
 
     #[test]
     fn heights_are_in_their_order() {

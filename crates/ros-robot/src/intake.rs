@@ -1,15 +1,17 @@
 //! From messages to frames: each scan with the odometry at its stamp, in the frame of the robot's
 //! base. No I/O and no clock: times of arrival are given, seconds since any beginning.
 
-use crate::clock::{Reference, StampWatch, ToldTime};
+use crate::clock::Reference;
 use crate::config::RosRobotConfig;
+use crate::pictures::Pictures;
+use crate::stamps::{Stamped, Stamps, stamp_ns};
 use fht_perception::frame::{LaserScan, SensorFrame};
 use fht_perception::pose::pose;
 use fht_ros_frames::{
     Mount, OdometryLimits, OdometryTrack, PoseLookup, PoseRefused, ScanConfig, TransformTree, frame_name, scan_of,
     scan_of_points, yaw_of,
 };
-use fht_ros_messages::msg::{ClockMsg, LaserScanMsg, OdometryMsg, PointCloud2, Pose, TfMessage, Time};
+use fht_ros_messages::msg::{CameraInfoMsg, ClockMsg, LaserScanMsg, OdometryMsg, PointCloud2, Pose, TfMessage, Time};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -19,8 +21,6 @@ const WAITING: usize = 8;
 const TILT_LIMIT_RAD: f64 = 0.2;
 /// Stamps that differ by more than this come from different clocks, seconds.
 const OTHER_CLOCK_S: f64 = 1.0;
-/// Most doubts that wait to be told.
-const DOUBTS: usize = 16;
 
 /// What became of the messages.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -29,6 +29,8 @@ pub struct IntakeReport {
     pub scans: u64,
     /// Frames that came of them.
     pub frames: u64,
+    /// Frames with a panorama of the cameras' pictures.
+    pub panoramas: u64,
     /// Scans whose odometry did not come in time.
     pub frames_late: u64,
     /// Scans that were lost: dropped from a full queue, of no sense, without a transform, or older
@@ -55,13 +57,6 @@ enum Sight {
     Made(LaserScan),
 }
 
-/// What says what time it is, if that is not this machine's clock.
-struct SimTime {
-    /// Its topic's full name.
-    topic: String,
-    told: ToldTime,
-}
-
 /// Turns messages into frames, and knows what it lacks.
 pub(crate) struct Intake {
     config: RosRobotConfig,
@@ -77,12 +72,9 @@ pub(crate) struct Intake {
     last_ns: Option<u64>,
     scan: Heard,
     odometry: Heard,
-    /// Only with `use_sim_time`.
-    time: Option<SimTime>,
-    scan_stamps: StampWatch,
-    odometry_stamps: StampWatch,
-    /// What is odd about stamps: sentences that were not told yet.
-    doubts: Vec<String>,
+    stamps: Stamps,
+    /// None: the robot has no cameras, or they are not used.
+    pictures: Option<Pictures>,
     /// What keeps scans from becoming frames.
     obstacle: Option<String>,
     report: IntakeReport,
@@ -91,12 +83,9 @@ pub(crate) struct Intake {
 impl Intake {
     /// Of these topics, by their full names; `clock_topic` is the one that tells the time.
     pub(crate) fn new(config: RosRobotConfig, scan_topic: &str, odometry_topic: &str, clock_topic: &str) -> Self {
-        let time = config.use_sim_time.then(|| SimTime { topic: clock_topic.to_owned(), told: ToldTime::default() });
         Self {
-            time,
-            scan_stamps: StampWatch::default(),
-            odometry_stamps: StampWatch::default(),
-            doubts: Vec::new(),
+            stamps: Stamps::new(&config, scan_topic, odometry_topic, clock_topic),
+            pictures: None,
             scan_topic: scan_topic.to_owned(),
             odometry_topic: odometry_topic.to_owned(),
             tree: TransformTree::default(),
@@ -111,6 +100,11 @@ impl Intake {
             report: IntakeReport::default(),
             config,
         }
+    }
+
+    /// With the pictures of four cameras.
+    pub(crate) fn with_pictures(self, pictures: Pictures) -> Self {
+        Self { pictures: Some(pictures), ..self }
     }
 
     pub(crate) fn report(&self) -> IntakeReport {
@@ -135,42 +129,14 @@ impl Intake {
 
     /// The time is told.
     pub(crate) fn take_clock(&mut self, message: &ClockMsg, arrived_s: f64) {
-        let Some(SimTime { topic, told }) = &mut self.time else { return };
-        told.take(message.clock, arrived_s);
-        let set_back = told.take_set_back(topic);
-        self.doubts.extend(set_back);
+        self.stamps.take_clock(message, arrived_s);
     }
 
-    /// What is odd about stamps and was not told yet: sentences.
+    /// What is odd and was not told yet: sentences.
     pub(crate) fn take_doubts(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.doubts)
-    }
-
-    /// The time, nanoseconds; none where it is to be told and was not yet.
-    fn now(&self, wall_ns: u64) -> Option<Reference> {
-        match &self.time {
-            Some(time) => time.told.now_ns().map(Reference::Clock),
-            None => Some(Reference::Machine(wall_ns)),
-        }
-    }
-
-    /// Why messages with this stamp are of no use, if they are not; what is only odd is a doubt.
-    fn judge(&mut self, stamp_ns: u64, is_scan: bool, now: Reference) -> Option<String> {
-        let (watch, topic) = match is_scan {
-            true => (&mut self.scan_stamps, &self.scan_topic),
-            false => (&mut self.odometry_stamps, &self.odometry_topic),
-        };
-        let doubt = watch.judge(stamp_ns, now)?;
-        let clock = self.time.as_ref().map_or(self.config.clock.as_str(), |time| time.topic.as_str());
-        let sentence = doubt.sentence(topic, clock, now);
-        self.doubt(sentence.clone());
-        doubt.is_grave(now).then_some(sentence)
-    }
-
-    fn doubt(&mut self, sentence: String) {
-        if self.doubts.len() < DOUBTS {
-            self.doubts.push(sentence);
-        }
+        let mut doubts = self.stamps.take_doubts();
+        doubts.extend(self.pictures.as_mut().map(Pictures::take_doubts).unwrap_or_default());
+        doubts
     }
 
     pub(crate) fn take_scan(&mut self, message: LaserScanMsg, arrived_s: f64, wall_ns: u64) {
@@ -198,7 +164,7 @@ impl Intake {
 
     fn take_sight(&mut self, stamp: Time, sight: Sight, arrived_s: f64, wall_ns: u64) {
         self.report.scans += 1;
-        let now = self.now(wall_ns);
+        let now = self.stamps.now(wall_ns);
         let stamp_ns = stamp_ns(stamp, now);
         self.scan = Heard { arrived_s: Some(arrived_s), stamp_ns };
         let Some(now) = now else {
@@ -210,13 +176,13 @@ impl Intake {
             return self.lose(format!("{} has stamps that are no times", self.scan_topic));
         };
         if stamp == Time::default() {
-            self.doubt(format!(
+            self.stamps.doubt(format!(
                 "{} has stamps of zero, and the time of arrival is taken: set its driver's clock, or start what its \
                  use_sim_time waits for",
                 self.scan_topic
             ));
         }
-        if let Some(refusal) = self.judge(stamp_ns, true, now) {
+        if let Some(refusal) = self.stamps.judge(stamp_ns, Stamped::Scan, now) {
             return self.lose(refusal);
         }
         // Frames have microsecond stamps.
@@ -247,11 +213,11 @@ impl Intake {
     }
 
     fn take_pose(&mut self, stamp: Time, at: &Pose, arrived_s: f64, wall_ns: u64) {
-        let now = self.now(wall_ns);
+        let now = self.stamps.now(wall_ns);
         let stamp = stamp_ns(stamp, now);
         self.odometry = Heard { arrived_s: Some(arrived_s), stamp_ns: stamp };
         let Some(now) = now else { return };
-        if let Some(refusal) = stamp.and_then(|stamp_ns| self.judge(stamp_ns, false, now)) {
+        if let Some(refusal) = stamp.and_then(|stamp_ns| self.stamps.judge(stamp_ns, Stamped::Odometry, now)) {
             self.report.odometry_refused += 1;
             self.obstacle = Some(refusal);
             return;
@@ -264,7 +230,7 @@ impl Intake {
         };
         let jumps = self.track.jumps();
         match self.track.push(stamp, odom_from_base) {
-            Ok(()) if self.track.jumps() > jumps => self.doubt(format!(
+            Ok(()) if self.track.jumps() > jumps => self.stamps.doubt(format!(
                 "{} has jumped: it was reset, or two robots publish it (give each a namespace, or a router)",
                 self.odometry_topic
             )),
@@ -290,6 +256,21 @@ impl Intake {
         }
     }
 
+    /// A picture of a camera, in CDR.
+    pub(crate) fn take_picture(&mut self, camera: usize, bytes: Vec<u8>, arrived_s: f64, wall_ns: u64) {
+        let now = self.stamps.now(wall_ns).map(|(Reference::Clock(ns) | Reference::Machine(ns))| ns);
+        if let Some(pictures) = &mut self.pictures {
+            pictures.take_picture(camera, bytes, arrived_s, now);
+        }
+    }
+
+    /// How a camera looks.
+    pub(crate) fn take_camera_info(&mut self, camera: usize, info: CameraInfoMsg) {
+        if let Some(pictures) = &mut self.pictures {
+            pictures.take_info(camera, info);
+        }
+    }
+
     /// `count` scans were dropped before they came here.
     pub(crate) fn lose_scans(&mut self, count: u64) {
         self.report.frames_lost += count;
@@ -308,9 +289,15 @@ impl Intake {
             self.ready.pop_front();
             self.report.frames_lost += 1;
         }
-        let next = self.ready.pop_front()?;
+        let mut next = self.ready.pop_front()?;
         self.report.frames += 1;
         self.obstacle = None;
+        let base = self.base_frame();
+        if let Some(pictures) = &mut self.pictures {
+            let stamp_ns = next.time_us.saturating_mul(1000);
+            next.panorama = pictures.panorama(stamp_ns, now_s, &self.tree, &base, &self.scan_topic);
+            self.report.panoramas += u64::from(next.panorama.is_some());
+        }
         Some(next)
     }
 
@@ -407,7 +394,7 @@ impl Intake {
     pub(crate) fn trouble(&self, now_s: f64) -> Option<String> {
         let limit_s = self.config.silent_after_s;
         // Where time stands still all else does, too.
-        let time = self.time.as_ref().and_then(|SimTime { topic, told }| told.trouble(topic, now_s, limit_s));
+        let time = self.stamps.trouble(now_s, limit_s);
         if time.is_some() {
             return time;
         }
@@ -439,15 +426,6 @@ impl Intake {
             })
             .collect();
         if silent.is_empty() { self.obstacle.clone() } else { Some(silent.join("; ")) }
-    }
-}
-
-/// A stamp in nanoseconds; where it was left at zero, the time of arrival.
-fn stamp_ns(stamp: Time, now: Option<Reference>) -> Option<u64> {
-    let stamp_ns = stamp.nanoseconds()?;
-    match now {
-        Some(Reference::Clock(now_ns) | Reference::Machine(now_ns)) if stamp_ns == 0 => Some(now_ns),
-        _ => Some(stamp_ns),
     }
 }
 

@@ -2,7 +2,7 @@
 //! ([`fht_perception::robot::Robot`]).
 //!
 //! ```text
-//!  /scan  /odom  /tf  /tf_static ──→ intake ──→ SensorFrame ──→ a program that maps or drives
+//!  /scan  /odom  /tf  pictures    ──→ intake ──→ SensorFrame ──→ a program that maps or drives
 //!                                                                    │
 //!  /cmd_vel (Twist or TwistStamped) ←────────────── drive ←──────────┤
 //!  /map  /tf  /path  /amcl_pose  /diagnostics ←── outputs ←──────────┘
@@ -12,7 +12,11 @@
 //! | --- | --- |
 //! | `config` | which topics and frames the robot has ([`RosRobotConfig`]) |
 //! | `clock` | what clock stamps are of: lag, jumps, other clocks, `/clock` |
+//! | `stamps` | by what time the sensors' stamps are judged, and what is odd about them |
+//! | `camera_topics` | which topics its four cameras have |
+//! | `pictures`, `picture_topics` | from pictures to panoramas, and where they come from |
 //! | `intake` | from messages to frames; what keeps them from coming, as a sentence |
+//! | `commands` | velocity commands, with a stamp or without |
 //! | `robot` | the topics behind the port ([`RosRobot`]) |
 //! | `nav2` | Nav2 drives where it is told to ([`Nav2Driver`], [`DrivenByNav2`]) |
 //! | `outputs` | what the graph gets back: `map → odom`, the map, the pose ([`RosOutputs`]) |
@@ -32,20 +36,25 @@
 //! # Ok::<(), fht_ros::NameError>(())
 //! ```
 
+mod camera_topics;
 mod check;
 mod clock;
+mod commands;
 mod config;
 #[cfg(feature = "cli")]
 mod flags;
 mod intake;
 mod nav2;
 mod outputs;
+mod picture_topics;
+mod pictures;
 mod robot;
+mod stamps;
 
 pub use check::{Finding, Readiness, check};
 pub use config::RosRobotConfig;
 #[cfg(feature = "cli")]
-pub use flags::{GraphArgs, NodeArgs};
+pub use flags::{FourTopics, GraphArgs, NodeArgs};
 pub use intake::IntakeReport;
 pub use nav2::{DrivenByNav2, Nav2Driver, Nav2State};
 pub use outputs::{OutputRole, PlaceNow, RosOutputs};

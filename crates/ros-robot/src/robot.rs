@@ -1,32 +1,24 @@
 //! The robot behind the port: its topics as [`Sensors`] and [`Robot`].
 
+use crate::camera_topics::chosen;
 use crate::check::{Finding, Readiness, check};
+use crate::commands::{Commands, ROLL_CALL};
 use crate::config::RosRobotConfig;
 use crate::intake::{Intake, IntakeReport};
+use crate::picture_topics::PictureTopics;
+use crate::pictures::Pictures;
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::robot::{Robot, RobotError, Sensors, SilenceConfig};
-use fht_ros::{
-    EndpointKind, NodeConfig, Publisher, Qos, QosDurability, QosReliability, Received, RosError, RosNode, Subscription,
-    resolve,
-};
+use fht_ros::{Endpoint, NodeConfig, Qos, Received, RosError, RosNode, Subscription, resolve};
 use fht_ros_frames::frame_name;
+use fht_ros_messages::cdr;
 use fht_ros_messages::msg::{
-    ClockMsg, HeaderMsg, LaserScanMsg, OdometryMsg, PointCloud2, TfMessage, TwistMsg, TwistStamped, Vector3,
+    ClockMsg, HeaderMsg, LaserScanMsg, OdometryMsg, PointCloud2, TfMessage, TwistMsg, Vector3,
 };
-use fht_ros_messages::{RosMessage, cdr};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
-use tokio::task::JoinHandle;
 
-/// How long routers may take to tell who is on the graph.
-const ROLL_CALL: Duration = Duration::from_secs(2);
-/// Only the newest command counts.
-const COMMAND_QOS: Qos = Qos { reliability: QosReliability::Reliable, durability: QosDurability::Volatile, depth: 1 };
-/// Between two looks for who takes commands.
-const LOOK_AGAIN: Duration = Duration::from_millis(250);
-/// How long who takes commands is waited for.
-const DRIVER_COMES: Duration = Duration::from_secs(10);
 /// Most kinds of doubts that are told.
 const DOUBTS: usize = 32;
 /// How often waiting scans are looked at while nothing arrives.
@@ -52,61 +44,6 @@ impl OdomFrame {
             // The first word holds.
             self.said.get_or_init(|| frame.to_owned());
         }
-    }
-}
-
-/// Velocity commands, with or without a stamp: which of the two is ROS's choice of the year.
-enum Commands {
-    Plain(Publisher<TwistMsg>),
-    Stamped(Publisher<TwistStamped>),
-    /// Nobody takes commands yet: it is looked again beside the loop.
-    Nobody(JoinHandle<Result<Self, RosError>>),
-}
-
-impl Commands {
-    /// With a stamp if who takes commands wants one.
-    async fn find(node: &RosNode, topic: &str) -> Result<Self, RosError> {
-        if let Some(found) = Self::for_takers(node, topic).await? {
-            return Ok(found);
-        }
-        let (node, topic) = (node.clone(), topic.to_owned());
-        Ok(Self::Nobody(tokio::spawn(async move { Self::wait_for_takers(&node, &topic).await })))
-    }
-
-    /// The driver may still come. After [`DRIVER_COMES`] commands are given without a stamp, in
-    /// case it cannot be seen.
-    async fn wait_for_takers(node: &RosNode, topic: &str) -> Result<Self, RosError> {
-        let began = Instant::now();
-        while began.elapsed() < DRIVER_COMES {
-            tokio::time::sleep(LOOK_AGAIN).await;
-            if let Some(found) = Self::for_takers(node, topic).await? {
-                return Ok(found);
-            }
-        }
-        Ok(Self::Plain(node.publisher(topic, COMMAND_QOS).await?))
-    }
-
-    async fn for_takers(node: &RosNode, topic: &str) -> Result<Option<Self>, RosError> {
-        let there = node.endpoints(ROLL_CALL).await?;
-        let takers = there.iter().filter(|end| end.kind == EndpointKind::Subscription && end.name == topic);
-        let types: Vec<&str> = takers.map(|end| end.ros_type.as_str()).collect();
-        Ok(match types.contains(&TwistStamped::TYPE) {
-            true => Some(Self::Stamped(node.publisher(topic, COMMAND_QOS).await?)),
-            false if types.is_empty() => None,
-            false => Some(Self::Plain(node.publisher(topic, COMMAND_QOS).await?)),
-        })
-    }
-
-    /// What has been found by now.
-    async fn settle(&mut self) -> Result<(), RosError> {
-        while let Self::Nobody(looking) = self
-            && looking.is_finished()
-        {
-            // The task is neither aborted nor does it panic; else nobody is looked for any more.
-            let Ok(found) = looking.await else { break };
-            *self = found?;
-        }
-        Ok(())
     }
 }
 
@@ -178,6 +115,7 @@ pub struct RosRobot {
     transforms: Subscription<TfMessage>,
     fixed_transforms: Subscription<TfMessage>,
     clock: Option<Subscription<ClockMsg>>,
+    pictures: Option<PictureTopics>,
     commands: Commands,
     odom_frame: OdomFrame,
     began: Instant,
@@ -198,7 +136,10 @@ impl RosRobot {
     /// # Errors
     /// [`RosError`] when a name cannot be one, or the session is closed.
     pub async fn connect(node: &RosNode, config: RosRobotConfig) -> Result<Self, RosError> {
-        tell_findings(node, &config).await?;
+        let there = node.others(ROLL_CALL).await?;
+        tell_findings(node, &there, &config)?;
+        let NodeConfig { name: own, namespace, .. } = node.config();
+        let cameras = chosen(&config, &there, |name| resolve(name, namespace, own))?;
         let sensor = Qos::sensor_data();
         let sights = Sights::subscribe(node, &config).await?;
         let odometry = match config.has_odometry_in_tf() {
@@ -222,8 +163,18 @@ impl RosRobot {
         let odometry_topic = node.resolve(&config.odometry)?;
         let odom_frame = OdomFrame { said: Arc::default(), usual: config.odom_frame.clone() };
         let began = Instant::now();
+        let mut intake = Intake::new(config, sights.topic(), &odometry_topic, &clock_topic);
+        let pictures = match cameras {
+            Some(topics) => {
+                let subscribed = PictureTopics::subscribe(node, &topics).await?;
+                intake = intake.with_pictures(Pictures::new(topics));
+                Some(subscribed)
+            }
+            None => None,
+        };
         Ok(Self {
-            intake: Intake::new(config, sights.topic(), &odometry_topic, &clock_topic),
+            intake,
+            pictures,
             clock,
             sights,
             odometry,
@@ -243,6 +194,12 @@ impl RosRobot {
     #[must_use]
     pub fn odom_frame(&self) -> OdomFrame {
         self.odom_frame.clone()
+    }
+
+    /// Whether pictures of four cameras are read.
+    #[must_use]
+    pub fn has_cameras(&self) -> bool {
+        self.pictures.is_some()
     }
 
     /// What became of the sensors' messages.
@@ -275,6 +232,7 @@ impl RosRobot {
         while let Some(received) = self.odometry.as_ref().and_then(Subscription::take_raw) {
             self.take_odometry(&received);
         }
+        self.take_pictures();
         while let Some(received) = self.sights.take_raw() {
             self.take_sight(&received);
         }
@@ -289,6 +247,18 @@ impl RosRobot {
             if let Some(message) = read::<ClockMsg>(topic, received.decode()) {
                 self.intake.take_clock(&message, arrived_s);
             }
+        }
+    }
+
+    fn take_pictures(&mut self) {
+        let Some(topics) = &self.pictures else { return };
+        for (camera, info) in topics.take_infos() {
+            self.intake.take_camera_info(camera, info);
+        }
+        for (camera, received) in topics.take_pictures() {
+            let arrived_s = received.arrived.saturating_duration_since(self.began).as_secs_f64();
+            let wall_ns = wall_ns(&received);
+            self.intake.take_picture(camera, received.bytes, arrived_s, wall_ns);
         }
     }
 
@@ -373,14 +343,9 @@ impl RosRobot {
     }
 }
 
-/// Says who else is on the graph that should not be, and what does not fit. What is missing may
-/// come.
-async fn tell_findings(node: &RosNode, config: &RosRobotConfig) -> Result<(), RosError> {
-    let NodeConfig { name, namespace, .. } = node.config();
-    let own = resolve(name, namespace, name)?;
-    let mut there = node.endpoints(ROLL_CALL).await?;
-    there.retain(|end| end.node != own);
-    for Finding { topic, readiness, sentence } in check(&there, config, namespace)? {
+/// Says who is on the graph that should not be, and what does not fit. What is missing may come.
+fn tell_findings(node: &RosNode, there: &[Endpoint], config: &RosRobotConfig) -> Result<(), RosError> {
+    for Finding { topic, readiness, sentence } in check(there, config, &node.config().namespace)? {
         if readiness == Readiness::Doubtful {
             tracing::warn!("{topic}: {sentence}");
         }
@@ -431,16 +396,8 @@ impl Robot for RosRobot {
             linear: Vector3 { x: command.linear_mps, ..Vector3::default() },
             angular: Vector3 { z: command.angular_radps, ..Vector3::default() },
         };
-        self.commands.settle().await.map_err(RobotError::driver)?;
-        let sent = match &self.commands {
-            Commands::Nobody(_) => Ok(()),
-            Commands::Plain(publisher) => publisher.publish(&twist),
-            Commands::Stamped(publisher) => {
-                // By the robot's clock, as far as its sensors tell it.
-                let header = HeaderMsg { stamp: self.intake.newest(), frame_id: self.intake.base_frame() };
-                publisher.publish(&TwistStamped { header, twist })
-            }
-        };
-        sent.map_err(RobotError::driver)
+        // By the robot's clock, as far as its sensors tell it.
+        let header = HeaderMsg { stamp: self.intake.newest(), frame_id: self.intake.base_frame() };
+        self.commands.give(twist, header).await.map_err(RobotError::driver)
     }
 }

@@ -10,6 +10,18 @@ pub enum CommandType {
     Plain,
 }
 
+/// How the pictures of a simulated robot's cameras are sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "program", derive(clap::ValueEnum))]
+pub enum PictureKind {
+    /// `sensor_msgs/Image`.
+    Raw,
+    /// `sensor_msgs/CompressedImage`, without loss.
+    Png,
+    /// `sensor_msgs/CompressedImage`, as most cameras do.
+    Jpeg,
+}
+
 /// What a simulated robot calls its topics and frames. Topics without a leading slash are in the
 /// node's namespace.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +47,10 @@ pub struct SimRobotConfig {
     pub begin_us: u64,
     /// Whether `/clock` says what time it is. Default no.
     pub has_clock: bool,
+    /// How the cameras' pictures are sent. Default none: it has no cameras.
+    pub pictures: Option<PictureKind>,
+    /// Height of the cameras over the base, metres. Default 1.01.
+    pub camera_height_m: f64,
 }
 
 impl Default for SimRobotConfig {
@@ -50,6 +66,8 @@ impl Default for SimRobotConfig {
             watchdog_s: 0.5,
             begin_us: 1_000_000_000,
             has_clock: false,
+            pictures: None,
+            camera_height_m: 1.01,
         }
     }
 }

@@ -3,6 +3,7 @@
 //!
 //! ```text
 //!  fht-sim ──→ /scan  /odom  /tf (odom → base_link)  /tf_static  /clock ──→ whoever listens
+//!     ↑        /camera_front/image /camera_front/camera_info … if it has cameras
 //!     ↑        /ground_truth: where it truly is, in the world
 //!     └─────── /cmd_vel (TwistStamped or Twist) ←──────────────────────── whoever drives
 //! ```
@@ -10,6 +11,7 @@
 //! | module | idea |
 //! | --- | --- |
 //! | `config` | its topics, frames and clock ([`SimRobotConfig`]) |
+//! | `cameras` | its four cameras, if it has them |
 //! | `robot` | the topics ([`SimRobot`]), a simulated robot's life ([`live`]), a recorded one's ([`play`]) |
 //! | `program` | `sim robot`, `sim play` and `sim router` on the command line (feature `program`) |
 //!
@@ -20,10 +22,11 @@
 //! assert_eq!((config.scan.as_str(), config.base_frame.as_str()), ("scan", "base_link"));
 //! ```
 
+mod cameras;
 mod config;
 #[cfg(feature = "program")]
 pub mod program;
 mod robot;
 
-pub use config::{CommandType, SimRobotConfig};
+pub use config::{CommandType, PictureKind, SimRobotConfig};
 pub use robot::{LiveError, SimRobot, SimRobotReport, live, play};

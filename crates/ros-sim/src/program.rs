@@ -1,7 +1,7 @@
 //! `sim robot`: a simulated robot for whoever speaks ROS 2 over Zenoh; `sim play`: a recorded one;
 //! `sim router`: a router for its graph.
 
-use crate::config::{CommandType, SimRobotConfig};
+use crate::config::{CommandType, PictureKind, SimRobotConfig};
 use crate::robot::{LiveError, SimRobot, SimRobotReport, live, play};
 use clap::{Args, Parser, Subcommand};
 use fht_bag::{BagError, FrameConfig, Frames, TopicConfig};
@@ -49,12 +49,13 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// A robot like a TurtleBot: scan, odom, tf, tf_static and ground_truth out, cmd_vel in, until
-    /// it is asked to end.
+    /// A robot like a TurtleBot: scan, odom, tf, tf_static and ground_truth out, and pictures if it
+    /// has cameras, cmd_vel in, until it is asked to end.
     #[command(after_help = "Examples:
   sim robot --ros tcp/127.0.0.1:7460
   sim robot --ros tcp/127.0.0.1:7460 --world office --namespace r1 --start 3,2,90
   sim robot --ros tcp/127.0.0.1:7460 --rate 5        five times as fast, by /clock
+  sim robot --ros tcp/127.0.0.1:7460 --cameras jpeg  with four cameras
   sim robot --ros tcp/127.0.0.1:7460 --in-step       as fast as whoever drives it, by /clock
 
 Exit code 0: it was asked to end, by Ctrl-C or SIGTERM; 1: it failed; 2: wrong usage or bad input.")]
@@ -112,6 +113,9 @@ struct PlayArgs {
     /// Recorded seconds a second; other than 1, /clock says what time it is.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = |text: &str| number(text, 1e-3..=1e3))]
     rate: f64,
+    /// Send the pictures of its four cameras, too.
+    #[arg(long, value_name = "KIND")]
+    cameras: Option<PictureKind>,
     /// Begin when somebody listens to the scans.
     #[arg(long)]
     wait_for_listener: bool,
@@ -139,6 +143,13 @@ struct RobotArgs {
     /// Take velocity commands without a stamp (geometry_msgs/Twist).
     #[arg(long)]
     plain_twist: bool,
+    /// Have four cameras that look all round: camera_front/image and camera_front/camera_info, and
+    /// so on with left, back, right; png and jpeg: camera_front/image/compressed.
+    #[arg(long, value_name = "KIND")]
+    cameras: Option<PictureKind>,
+    /// Seed of the light in the building and of the cameras' gain: another day.
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    light_seed: u64,
     /// By how much more the wheels drift than usual.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = |text: &str| number(text, 0.0..=100.0))]
     drift: f64,
@@ -248,8 +259,9 @@ pub fn main_with_args(args: Vec<OsString>) -> ExitCode {
 
 async fn robot(args: &RobotArgs, stop: &Stop) -> Result<(SimRobotReport, Order), SimError> {
     let world = Arc::new(args.setup.load()?);
-    // Cameras are not read from ROS robots yet.
-    let sim = SimConfig { camera_every: 0, drift_factor: args.drift, ..SimConfig::default() };
+    let usual = SimConfig::default();
+    let camera_every = if args.cameras.is_some() { usual.camera_every } else { 0 };
+    let sim = SimConfig { camera_every, light_seed: args.light_seed, drift_factor: args.drift, ..usual };
     let usual = || match args.anywhere {
         true => world.random_free_pose(args.setup.seed, START_CLEARANCE_M),
         false => world.start(),
@@ -262,6 +274,8 @@ async fn robot(args: &RobotArgs, stop: &Stop) -> Result<(SimRobotReport, Order),
     let config = SimRobotConfig {
         command_type: if args.plain_twist { CommandType::Plain } else { CommandType::Stamped },
         has_clock,
+        pictures: args.cameras,
+        camera_height_m: sim.camera_height_m,
         // A live robot's clock is everybody's.
         begin_us: if has_clock { SimRobotConfig::default().begin_us } else { wall_us() },
         ..SimRobotConfig::default()
@@ -278,14 +292,17 @@ async fn robot(args: &RobotArgs, stop: &Stop) -> Result<(SimRobotReport, Order),
 
 /// Plays a bag; returns how many frames it had.
 async fn play_bag(args: &PlayArgs, stop: &Stop) -> Result<u64, SimError> {
-    let topics = TopicConfig { cameras: None, ..TopicConfig::default() };
+    let usual = TopicConfig::default();
+    // Pictures that are not sent need not be read.
+    let topics = TopicConfig { cameras: usual.cameras.clone().filter(|_| args.cameras.is_some()), ..usual };
     let mut frames = Frames::open(&args.bag, FrameConfig { topics, ..FrameConfig::default() })?;
     let node = args.graph.join(stop).await?;
     let _order = stop.in_order();
     let first = frames.sense().await.map_err(LiveError::from)?;
     // A bag's frames have the times that were recorded. To ROS, 0 is no time.
     let begin_us = if first.time_us == 0 { SimRobotConfig::default().begin_us } else { 0 };
-    let config = SimRobotConfig { has_clock: args.rate != 1.0, begin_us, ..SimRobotConfig::default() };
+    let pictures = args.cameras.filter(|_| frames.has_cameras());
+    let config = SimRobotConfig { has_clock: args.rate != 1.0, begin_us, pictures, ..SimRobotConfig::default() };
     let mut topics = SimRobot::join(&node, config, &first.scan.base_from_sensor, 0.0).await?;
     while args.wait_for_listener && !stop.is_set() && !topics.is_heard().await? {
         tokio::time::sleep(LISTENER_EVERY).await;

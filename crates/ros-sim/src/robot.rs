@@ -1,5 +1,6 @@
 //! The simulated robot's topics, and its life on the graph.
 
+use crate::cameras::SimCameras;
 use crate::config::{CommandType, SimRobotConfig};
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::pose::Pose2;
@@ -61,6 +62,7 @@ pub struct SimRobot {
     odometry: Publisher<OdometryMsg>,
     transforms: Publisher<TfMessage>,
     clock: Option<Publisher<ClockMsg>>,
+    cameras: Option<SimCameras>,
     truth: Publisher<OdometryMsg>,
     /// Kept for who comes later.
     _mount: Publisher<TfMessage>,
@@ -90,7 +92,15 @@ impl SimRobot {
             transform: pose_message(base_from_laser),
         };
         mount.transform.position.z = up_m;
-        fixed.publish(&TfMessage { transforms: vec![mount] })?;
+        let mut mounts = vec![mount];
+        let cameras = match config.pictures {
+            Some(kind) => {
+                mounts.extend(SimCameras::mounts(&config));
+                Some(SimCameras::join(node, kind).await?)
+            }
+            None => None,
+        };
+        fixed.publish(&TfMessage { transforms: mounts })?;
         let last = Qos { depth: 1, ..Qos::default() };
         let commands = match config.command_type {
             CommandType::Stamped => Commands::Stamped(node.subscribe(&config.cmd_vel, last).await?),
@@ -106,6 +116,7 @@ impl SimRobot {
             transforms: node.publisher("tf", Qos { depth: 100, ..Qos::default() }).await?,
             truth: node.publisher("ground_truth", Qos::sensor_data()).await?,
             clock,
+            cameras,
             _mount: fixed,
             commands,
             command: None,
@@ -132,6 +143,10 @@ impl SimRobot {
         let time_us = config.begin_us + frame.time_us;
         if let Some(clock) = &self.clock {
             clock.publish(&ClockMsg { clock: Time::from_us(time_us) })?;
+        }
+        // Before the scan, so that whoever waits for that has them.
+        if let Some((cameras, panorama)) = self.cameras.as_ref().zip(frame.panorama.as_ref()) {
+            cameras.publish(time_us, panorama)?;
         }
         let command = self.command.map(|(command, _)| command).unwrap_or_default();
         let odometry = |frame_id: &str, at: &Pose2| OdometryMsg {

@@ -135,6 +135,16 @@ pub fn endpoint_tokens(form: KeyForm, domain: u32) -> String {
     }
 }
 
+/// The Zenoh id of the session that has declared a token.
+pub(crate) fn session_of(token: &str) -> Option<&str> {
+    let mut parts = token.split('/');
+    match parts.next()? {
+        "@ros2_lv" => parts.nth(1),
+        "@" => parts.next(),
+        _ => None,
+    }
+}
+
 /// The endpoint that a token names. `None`: it is another token, such as a node's.
 #[must_use]
 pub fn parse_token(token: &str) -> Option<Endpoint> {
@@ -150,10 +160,18 @@ pub fn parse_token(token: &str) -> Option<Endpoint> {
         }),
         ["@", zid, "@ros2_lv", kind, key, ros_type, ref rest @ ..] => {
             let hash = rest.first().and_then(|qos| qos.split_once("typehash=")).map_or("", |(_, hash)| hash);
+            // Of an action a bridge tells as a whole; who sends goals looks for the service of
+            // goals.
+            let (kind, action) = match kind {
+                "AS" => (EndpointKind::Server, true),
+                "AC" => (EndpointKind::Client, true),
+                other => (EndpointKind::from_letters(other)?, false),
+            };
+            let [of_name, of_type] = if action { ["/_action/send_goal", "_SendGoal"] } else { ["", ""] };
             Some(Endpoint {
-                kind: EndpointKind::from_letters(kind)?,
-                name: format!("/{}", key.replace('§', "/")),
-                ros_type: ros_type.replace('§', "/"),
+                kind,
+                name: format!("/{}{of_name}", key.replace('§', "/")),
+                ros_type: format!("{}{of_type}", ros_type.replace('§', "/")),
                 hash: hash.split(';').next().unwrap_or_default().to_owned(),
                 qos: rest.first().map_or(Some(Qos::default()), |qos| Qos::from_bridge(qos))?,
                 node: zid.to_owned(),
@@ -218,11 +236,18 @@ mod tests {
         assert_eq!(endpoint.qos, Qos::sensor_data());
         let service = parse_token("@/c0ffee/@ros2_lv/SS/set/std_srvs§srv§SetBool").expect("a server");
         assert_eq!((service.kind, service.name.as_str()), (EndpointKind::Server, "/set"));
+        let action = parse_token("@/c0ffee/@ros2_lv/AS/r1§navigate_to_pose/nav2_msgs§action§NavigateToPose");
+        let action = action.expect("a server");
+        assert_eq!(
+            (action.kind, action.name.as_str()),
+            (EndpointKind::Server, "/r1/navigate_to_pose/_action/send_goal")
+        );
+        assert_eq!(action.ros_type, "nav2_msgs/action/NavigateToPose_SendGoal");
     }
 
     #[test]
     fn other_tokens_are_none() {
-        for token in ["@ros2_lv/0/a1b2/3/3/NN/%/%/talker", "@/c0ffee/@ros2_lv", "@/c0ffee/@ros2_lv/AS/a/b", "fht/x", ""]
+        for token in ["@ros2_lv/0/a1b2/3/3/NN/%/%/talker", "@/c0ffee/@ros2_lv", "@/c0ffee/@ros2_lv/AX/a/b", "fht/x", ""]
         {
             assert_eq!(parse_token(token), None, "{token}");
         }

@@ -3,6 +3,7 @@
 use crate::error::RosError;
 use crate::keys::{
     Endpoint, EndpointKind, KeyForm, NodeIdentity, data_key, endpoint_token, endpoint_tokens, node_token, parse_token,
+    session_of,
 };
 use crate::names::resolve;
 use crate::qos::Qos;
@@ -147,6 +148,21 @@ impl RosNode {
     /// # Errors
     /// [`RosError::Zenoh`] when the session is closed.
     pub async fn endpoints(&self, patience: Duration) -> Result<Vec<Endpoint>, RosError> {
+        self.list(patience, |_| true).await
+    }
+
+    /// The same without those of this node's own session: also nodes of the same name, if they are
+    /// others' programs.
+    ///
+    /// # Errors
+    /// [`RosError::Zenoh`] when the session is closed.
+    pub async fn others(&self, patience: Duration) -> Result<Vec<Endpoint>, RosError> {
+        let own = self.inner.identity.zid.as_str();
+        self.list(patience, |token| session_of(token) != Some(own)).await
+    }
+
+    /// The endpoints whose tokens are meant.
+    async fn list(&self, patience: Duration, is_meant: impl Fn(&str) -> bool) -> Result<Vec<Endpoint>, RosError> {
         let config = &self.inner.config;
         let tokens = endpoint_tokens(config.form, config.domain);
         let failed = RosError::zenoh("list who is on the graph");
@@ -154,7 +170,8 @@ impl RosNode {
         let mut endpoints = Vec::new();
         while let Ok(reply) = replies.recv_async().await {
             if let Ok(sample) = reply.result() {
-                endpoints.extend(parse_token(sample.key_expr().as_str()));
+                let token = sample.key_expr().as_str();
+                endpoints.extend(parse_token(token).filter(|_| is_meant(token)));
             }
         }
         endpoints.sort_by(|a, b| (&a.name, a.kind, &a.node).cmp(&(&b.name, b.kind, &b.node)));

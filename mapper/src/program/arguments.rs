@@ -51,6 +51,7 @@ pub(super) enum Command {
   mapper explore --world museum --offline --record run.mcap   # look at it in Foxglove, or replay it
   mapper explore --world museum --offline --picture     # draws the map: explore-museum-1.png
   mapper explore --ros tcp/robot:7447 --namespace r1 --map lab    # a robot with rmw_zenoh
+  mapper explore --ros tcp/robot:7447 --map lab --cameras a/image,b/image,c/image,d/image
 
 Exit code 0: the map is complete and delivered; 1: it is not, or it failed; 2: wrong usage or bad
 input; 130 or 143: it was interrupted. Ctrl-C (or SIGTERM) ends the exploration within a second,

@@ -44,7 +44,7 @@ pub struct RosExploreTask {
     pub robot: RosRobotConfig,
     /// How long to wait for the robot's router; none: for ever.
     pub patience: Option<Duration>,
-    /// What to map, and where to publish it. Cameras are not read.
+    /// What to map, and where to publish it; cameras are used if the robot has four.
     pub mapping: MappingTask,
     /// Who drives the robot.
     pub driver: Driver,
@@ -180,11 +180,13 @@ pub async fn explore_robot(
     task.stop.doing(format!("waiting for the robot's router at {}", task.graph.places()));
     let session = fht_session::open_within(&task.graph, task.patience).await?;
     let node = RosNode::join(session, task.node).await?;
-    let robot = RosRobot::connect(&node, task.robot).await?;
+    let without_cameras = task.robot.without_cameras || !task.mapping.cameras;
+    let robot = RosRobot::connect(&node, RosRobotConfig { without_cameras, ..task.robot }).await?;
     let keeper = RunKeeper::new(task.record.as_deref(), task.picture)?;
     let travel = Travel { watch, next_us: 0, last_us: 0, driven_m: 0.0, last_odom: None };
     let silence = live_silence(task.mapping.silence.clone());
-    let mapping = MappingTask { cameras: false, silence, stop: task.stop, ..task.mapping };
+    let cameras = task.mapping.cameras && robot.has_cameras();
+    let mapping = MappingTask { cameras, silence, stop: task.stop, ..task.mapping };
     let outputs = MapOutputs::new(RosOutputs::start(&node, OutputRole::Mapping, robot.odom_frame()).await?);
     let nav2 = match task.driver {
         Driver::Nav2 => Some(Nav2Driver::start(&node).await?),

@@ -9,6 +9,7 @@ pub(super) enum RosCommand {
     #[command(after_help = "Examples:
   mapper ros check tcp/robot:7447
   mapper ros check tcp/robot:7447 --namespace r1 --domain 3 --json
+  mapper ros check tcp/robot:7447 --cameras a/image,b/image,c/image,d/image
 
 Exit code 0: all is there, and frames come; 1: something is missing; 2: wrong usage.")]
     Check(CheckArgs),

@@ -8,7 +8,7 @@ use super::settings::MapperFile;
 use fht_perception::robot::Sensors;
 use fht_program::{ProgramFailure, Stop, Waiting, print_line};
 use fht_ros::{RosError, RosNode};
-use fht_ros_robot::{Finding, Readiness, RosRobot, RosRobotConfig, check};
+use fht_ros_robot::{Finding, IntakeReport, Readiness, RosRobot, RosRobotConfig, check};
 use fht_session::{SessionConfig, SessionError, open_within};
 use fht_worker::Pace;
 use indicatif::ProgressBar;
@@ -30,6 +30,7 @@ impl ExploreArgs {
         let mut mapping = self.run.over(&file, source)?;
         mapping.spool = self.spool_over(mapping.spool)?;
         mapping.max_s = self.max_sim.unwrap_or(mapping.max_s);
+        mapping.cameras &= !self.no_cameras;
         mapping.mapper.join.looks_again |= self.again;
         // Others do not wait for what the mapper does, and it need not hurry.
         if self.drive != Driver::Others {
@@ -111,9 +112,10 @@ fn print_report(report: &RosExploreReport) {
     let intake = &report.intake;
     print_line!("ended       {}", report.map.ending);
     print_line!(
-        "frames      {} of {} scans, {} late, {} lost; the odometry was reset {} times",
+        "frames      {} of {} scans, {} with pictures, {} late, {} lost; the odometry was reset {} times",
         intake.frames,
         intake.scans,
+        intake.panoramas,
         intake.frames_late,
         intake.frames_lost,
         intake.odometry_jumps
@@ -136,6 +138,8 @@ struct CheckReport {
     findings: Vec<Finding>,
     /// Frames that came while it listened.
     frames: u64,
+    /// Of these, with a panorama of four cameras.
+    panoramas: u64,
     /// What kept frames from coming, if none came.
     trouble: Option<String>,
     /// What is odd about stamps.
@@ -181,7 +185,9 @@ pub(super) fn check_robot(args: &CheckArgs, file: MapperFile) -> Result<bool, Pr
         }
         match &report.trouble {
             Some(trouble) => print_line!("no frame  {trouble}"),
-            None => print_line!("frames    {} in {} s", report.frames, args.wait),
+            None => {
+                print_line!("frames    {} in {} s, {} with pictures", report.frames, args.wait, report.panoramas);
+            }
         }
     }
     Ok(report.is_good())
@@ -200,8 +206,8 @@ async fn look(args: &CheckArgs, file: RosRobotConfig) -> Result<CheckReport, Che
     while let Some(left) = wait.checked_sub(began.elapsed())
         && tokio::time::timeout(left, robot.sense()).await.is_ok()
     {}
-    let frames = robot.report().frames;
+    let IntakeReport { frames, panoramas, .. } = robot.report();
     let trouble = if frames == 0 { robot.trouble() } else { None };
     let doubts = robot.doubts().map(str::to_owned).collect();
-    Ok(CheckReport { findings, frames, trouble, doubts })
+    Ok(CheckReport { findings, frames, panoramas, trouble, doubts })
 }

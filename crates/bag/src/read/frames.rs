@@ -1,7 +1,6 @@
 //! Sensor frames from a bag.
 
 use super::files::BagOpenError;
-use super::picture::Cameras;
 use super::report::{BagReport, Dropped};
 use super::stream::{Broken, Messages};
 use super::survey::{BagInfo, survey};
@@ -9,7 +8,10 @@ use super::topics::{Chosen, OdometrySource, TopicConfig, TopicError, choose};
 use fht_perception::frame::SensorFrame;
 use fht_perception::pose::{Pose2, pose};
 use fht_perception::robot::{RobotError, Sensors};
-use fht_ros_frames::{Mount, OdometryLimits, OdometryTrack, PoseLookup, PoseRefused, ScanConfig, TransformTree};
+use fht_ros_frames::{
+    Mount, OdometryLimits, OdometryTrack, PanoramaCameras, PanoramaRefused, PictureMessage, PoseLookup, PoseRefused,
+    ScanConfig, TransformTree,
+};
 use fht_ros_frames::{frame_name, scan_of, yaw_of};
 use fht_ros_messages::RosMessage;
 use fht_ros_messages::cdr;
@@ -18,6 +20,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::path::Path;
 
+/// Most pictures of each camera that wait for their scan.
+const PICTURES: usize = 16;
 /// Most scans that wait for odometry and pictures.
 const PENDING_LIMIT: usize = 512;
 /// A scanner tilted by more than this does not see a level plane of the room, radians.
@@ -120,7 +124,7 @@ pub struct Frames {
     messages: Messages,
     tree: TransformTree,
     track: OdometryTrack,
-    cameras: Option<Cameras>,
+    cameras: Option<PanoramaCameras>,
     pending: VecDeque<Pending>,
     base_frame: Option<String>,
     last_stamp_ns: Option<u64>,
@@ -146,7 +150,7 @@ impl Frames {
             messages: Messages::of_files(info.files.clone()),
             tree: TransformTree::default(),
             track: OdometryTrack::new(config.odometry.clone()),
-            cameras: chosen.cameras.is_some().then(|| Cameras::new(config.picture_tolerance_s)),
+            cameras: chosen.cameras.is_some().then(|| PanoramaCameras::new(config.picture_tolerance_s, PICTURES)),
             pending: VecDeque::new(),
             base_frame: config.base_frame.clone(),
             last_stamp_ns: None,
@@ -207,8 +211,9 @@ impl Frames {
         {
             self.report.pictures += 1;
             match header_of(&message.data).and_then(|header| stamp_ns(header.stamp, log_ns)) {
-                Some(stamp) => {
-                    cameras.push(camera, stamp, message.data.to_vec(), type_name == CompressedImage::TYPE);
+                Some(stamp_ns) => {
+                    let is_compressed = type_name == CompressedImage::TYPE;
+                    cameras.push(camera, PictureMessage { stamp_ns, bytes: message.data.to_vec(), is_compressed });
                 }
                 None => self.report.drop_one(Dropped::PictureBroken),
             }
@@ -325,9 +330,16 @@ impl Frames {
             .cameras
             .as_mut()
             .and_then(|cameras| cameras.take_panorama(scan.stamp_ns))
-            .and_then(|taken| taken.map_err(|reason| self.report.drop_one(reason)).ok());
+            .and_then(|taken| taken.map_err(|refusal| self.report.drop_one(dropped(&refusal))).ok());
         let scan_in_base = scan_of(&scan.message, mount, &self.config.scan).ok_or(Dropped::ScanUnusable)?;
         Ok(SensorFrame { time_us: scan.stamp_ns / 1000, odom_from_base, scan: scan_in_base, panorama })
+    }
+}
+
+fn dropped(refusal: &PanoramaRefused) -> Dropped {
+    match refusal {
+        PanoramaRefused::Picture { .. } => Dropped::PictureBroken,
+        PanoramaRefused::Lens { .. } | PanoramaRefused::Shape(..) => Dropped::PictureShape,
     }
 }
 

@@ -1,6 +1,7 @@
 //! Which topics of a bag to read.
 
 use super::survey::BagTopic;
+use fht_ros_frames::CAMERAS;
 use fht_ros_messages::RosMessage;
 use fht_ros_messages::msg::{CompressedImage, Image, LaserScanMsg, OdometryMsg, TfMessage};
 use serde::{Deserialize, Serialize};
@@ -36,9 +37,6 @@ impl Default for TopicConfig {
         }
     }
 }
-
-/// The cameras' names: ahead, left, behind, right.
-pub(crate) const CAMERAS: [&str; 4] = ["front", "left", "back", "right"];
 
 /// Why a bag's topics cannot be used.
 #[derive(Debug, thiserror::Error)]

@@ -3,14 +3,10 @@
 use super::metadata::Durability;
 use super::odometry::OdometryMessages;
 use super::writer::{BagWriter, WriteError};
-use crate::read::topics::CAMERAS;
 use fht_perception::frame::{Panorama, SensorFrame};
 use fht_perception::pose::Pose2;
-use fht_ros_frames::scan_message;
-use fht_ros_frames::{header_message, pose_message};
-use fht_ros_messages::msg::{CompressedImage, LaserScanMsg, Pose, Quaternion, TfMessage, TransformStamped};
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder, RgbImage};
+use fht_ros_frames::{CAMERAS, Compression, compress, header_message, optical_rotation, pose_message, scan_message};
+use fht_ros_messages::msg::{CompressedImage, LaserScanMsg, Pose, TfMessage, TransformStamped};
 use std::f64::consts::FRAC_PI_2;
 
 /// Writes frames: `/scan`, `/odom`, `/tf` (`odom → base_link`, and `map → odom` if it is known),
@@ -91,30 +87,14 @@ fn optical_frame(camera: usize) -> String {
     format!("camera_{}_optical_frame", CAMERAS[camera])
 }
 
-/// The optical frame of a camera that looks in direction `yaw`: z ahead, x to the right, y down
-/// (REP-103).
-fn optical_rotation(yaw: f64) -> Quaternion {
-    let body = nalgebra::UnitQuaternion::from_euler_angles(0.0, 0.0, yaw);
-    let q = body * nalgebra::UnitQuaternion::from_euler_angles(-FRAC_PI_2, 0.0, -FRAC_PI_2);
-    Quaternion { x: q.i, y: q.j, z: q.k, w: q.w }
-}
-
 fn write_panorama(bag: &mut BagWriter, time_us: u64, panorama: &Panorama) -> Result<(), WriteError> {
     for (camera, view) in panorama.views.iter().enumerate() {
-        let data = png(view)
+        let data = compress(view, Compression::Png)
             .map_err(|error| WriteError::Message { type_name: "sensor_msgs/msg/CompressedImage", reason: error })?;
         let header = header_message(time_us, &optical_frame(camera));
-        let message = CompressedImage { header, format: "rgb8; png compressed rgb8".to_owned(), data: &data };
+        let message = CompressedImage { header, format: Compression::Png.format().to_owned(), data: &data };
         let topic = format!("/camera_{}/image/compressed", CAMERAS[camera]);
         bag.write(&topic, Durability::Volatile, time_us, &message)?;
     }
     Ok(())
-}
-
-fn png(view: &RgbImage) -> Result<Vec<u8>, String> {
-    let mut bytes = Vec::new();
-    PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive)
-        .write_image(view, view.width(), view.height(), ExtendedColorType::Rgb8)
-        .map_err(|error| error.to_string())?;
-    Ok(bytes)
 }

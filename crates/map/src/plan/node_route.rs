@@ -347,6 +347,21 @@ pub fn plan<G: RouteGraph>(
     Ok(NodeRoute { unmapped_m, ..route_over(points) })
 }
 
+/// Plans from one node to another over edges that are not blocked.
+///
+/// # Errors
+/// [`RouteError::NoPath`] if nothing joins the two.
+pub fn plan_between<G: RouteGraph>(
+    mut graph: G,
+    [from, to]: [G::Node; 2],
+    blocked: &BTreeSet<EdgeKey>,
+) -> Result<NodeRoute, RouteError> {
+    let place = |graph: &G, node| graph.point(node).map(|at| at.point).unwrap_or_default();
+    let no_path = RouteError::no_path(place(&graph, from), place(&graph, to));
+    let nodes = graph.way(&[(from, 0)], &[(to, 0)], blocked).ok_or(no_path)?;
+    Ok(route_over(nodes.into_iter().filter_map(|node| graph.point(node))))
+}
+
 fn plain(point: FixedPoint) -> RoutePoint {
     RoutePoint { point, node: None }
 }

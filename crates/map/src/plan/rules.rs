@@ -176,6 +176,35 @@ impl Rules {
         self.obeyed_by(to, config.ends, || shortest_path::plan(graph, space, from, to, config))
     }
 
+    /// The same over nodes and edges alone: the route that people see on the map.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn plan_over_nodes(
+        &self,
+        graph: impl RouteGraph,
+        space: &FreeSpace,
+        from: FixedPoint,
+        to: FixedPoint,
+        config: &NodeRouteConfig,
+    ) -> Result<NodeRoute, PlanError> {
+        self.obeyed_by(to, config.ends, || shortest_path::plan_over_nodes(graph, space, from, to, config))
+    }
+
+    /// The same from one node to another.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn plan_between_nodes<G: RouteGraph>(
+        &self,
+        graph: G,
+        space: &FreeSpace,
+        ends: [G::Node; 2],
+    ) -> Result<NodeRoute, PlanError> {
+        let to = graph.point(ends[1]).map(|end| end.point).unwrap_or_default();
+        self.obeyed_by(to, PathEnds::Known, || shortest_path::plan_between_nodes(graph, space, ends))
+    }
+
     fn obeyed_by(
         &self,
         to: FixedPoint,

@@ -35,22 +35,9 @@ pub fn plan(
     if let Some(route) = ways.shortest() {
         return Ok(route);
     }
-    let over_nodes = || {
-        if is_closed_goal(space, to, config) {
-            return Err(RouteError::no_path(from, to));
-        }
-        let blocked = config.blocked.union(&space.closed).copied().collect();
-        let route = node_route::plan(graph, from, to, &NodeRouteConfig { blocked, ..config.clone() });
-        match route {
-            // A way over nodes all of whose legs lie in the mesh would have been found in it; the
-            // nodes only say whether both places are on the map at all.
-            Ok(_) if space.is_mesh_needed => Err(RouteError::no_path(from, to)),
-            // The mesh has holes where nodes have no rectangles and edges no room; of an enormous
-            // map there is none.
-            route => checked(space, route?, config).ok_or(RouteError::no_path(from, to)),
-        }
-    };
-    let refusal = match over_nodes() {
+    // The mesh has holes where nodes have no rectangles and edges no room; of an enormous map there
+    // is none.
+    let refusal = match plan_over_nodes(graph, space, from, to, config) {
         Ok(route) => return Ok(route),
         Err(refusal) => refusal,
     };
@@ -74,6 +61,49 @@ pub fn plan(
         return spot.and_then(|spot| ways.shortest_to_spot(spot)).ok_or_else(|| ways.no_path(None));
     }
     Err(ways.no_path(spot))
+}
+
+/// Plans over nodes and edges alone (the paper's equation 11), around what is closed in `space`,
+/// which must be that of `map`. For a robot larger than the explorers there is no such path: edges
+/// promise the explorers' clearance and no more.
+///
+/// # Errors
+/// [`RouteError::OutOfMap`] for a place too far from the mapped space, [`RouteError::NoPath`] if
+/// nothing joins the two.
+pub fn plan_over_nodes(
+    graph: impl RouteGraph,
+    space: &FreeSpace,
+    from: FixedPoint,
+    to: FixedPoint,
+    config: &NodeRouteConfig,
+) -> Result<NodeRoute, RouteError> {
+    let no_path = RouteError::no_path(from, to);
+    if is_closed_goal(space, to, config) {
+        return Err(no_path);
+    }
+    let blocked = config.blocked.union(&space.closed).copied().collect();
+    match node_route::plan(graph, from, to, &NodeRouteConfig { blocked, ..config.clone() }) {
+        // A way over nodes all of whose legs lie in the mesh would be found in it; the nodes only
+        // say whether both places are on the map at all.
+        Ok(_) if space.is_mesh_needed => Err(no_path),
+        route => checked(space, route?, config).ok_or(no_path),
+    }
+}
+
+/// Plans from one node to another over nodes and edges alone, in the same way.
+///
+/// # Errors
+/// [`RouteError::NoPath`] if nothing joins the two.
+pub fn plan_between_nodes<G: RouteGraph>(
+    graph: G,
+    space: &FreeSpace,
+    ends: [G::Node; 2],
+) -> Result<NodeRoute, RouteError> {
+    let route = node_route::plan_between(graph, ends, &space.closed)?;
+    let (from, to) = (route.waypoints.first(), route.waypoints.last());
+    let [from, to] = [from, to].map(|end| end.map(|end| end.point).unwrap_or_default());
+    let is_refused = space.is_mesh_needed || space.is_closed_goal(to);
+    if is_refused { Err(RouteError::no_path(from, to)) } else { Ok(route) }
 }
 
 /// How two places can be joined through the mesh.

@@ -1,4 +1,4 @@
-//! Sensors beside planar scanners and cameras.
+//! Sensors beside planar scanners, and what cameras are like.
 
 use super::{HeaderMsg, Quaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -58,4 +58,42 @@ pub struct PointCloud2<'a> {
     pub data: &'a [u8],
     /// Whether all points are finite.
     pub is_dense: bool,
+}
+
+/// `sensor_msgs/RegionOfInterest`: the part of the sensor that pictures show; 0 is all of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub struct RegionOfInterest {
+    pub x_offset: u32,
+    pub y_offset: u32,
+    pub height: u32,
+    pub width: u32,
+    pub do_rectify: bool,
+}
+
+/// `sensor_msgs/CameraInfo`: how a camera looks.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CameraInfoMsg {
+    /// Stamp and the camera's optical frame: z ahead, x to the right, y down.
+    pub header: HeaderMsg,
+    /// Rows.
+    pub height: u32,
+    /// Columns.
+    pub width: u32,
+    /// `plumb_bob`, `rational_polynomial`, `equidistant` …
+    pub distortion_model: String,
+    /// Its parameters.
+    pub d: Vec<f64>,
+    /// Row by row: `fx 0 cx 0 fy cy 0 0 1`, pixels.
+    pub k: [f64; 9],
+    /// Of stereo cameras.
+    pub r: [f64; 9],
+    /// `k` of rectified pictures, with a fourth column.
+    pub p: [f64; 12],
+    /// Pixels of the sensor that are one here; 0 is 1.
+    pub binning_x: u32,
+    /// The same along y.
+    pub binning_y: u32,
+    /// The part that is shown.
+    pub roi: RegionOfInterest,
 }

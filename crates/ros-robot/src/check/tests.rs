@@ -3,14 +3,17 @@
 
 mod graphs;
 mod lives;
+mod seen;
 
 use self::graphs::graphs;
 use self::lives::lives;
+use crate::camera_topics::chosen;
 use crate::check::{Readiness, check};
 use crate::config::RosRobotConfig;
 use crate::intake::Intake;
+use crate::pictures::Pictures;
 use fht_perception::pose::pose;
-use fht_ros::{Endpoint, EndpointKind, Qos};
+use fht_ros::{Endpoint, EndpointKind, Qos, resolve};
 use fht_ros_frames::{header_message, pose_message};
 use fht_ros_messages::RosMessage;
 use fht_ros_messages::msg::{
@@ -54,7 +57,13 @@ impl Running {
     fn of(config: RosRobotConfig) -> Self {
         let scan = if config.points.is_some() { "/r1/points" } else { "/r1/scan" };
         let odometry = if config.has_odometry_in_tf() { "/r1/tf" } else { "/r1/odom" };
-        Self { intake: Intake::new(config, scan, odometry, "/clock"), stamp_us: TODAY }
+        let cameras = chosen(&config, &[], |name| resolve(name, "r1", "mapper")).expect("names");
+        let intake = Intake::new(config, scan, odometry, "/clock");
+        let intake = match cameras {
+            Some(topics) => intake.with_pictures(Pictures::new(topics)),
+            None => intake,
+        };
+        Self { intake, stamp_us: TODAY }
     }
 
     fn link(&mut self, parent: &str, child: &str, at: Pose) {

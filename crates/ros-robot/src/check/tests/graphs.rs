@@ -2,9 +2,12 @@
 
 use super::{GraphCase, endpoint};
 use crate::check::Readiness;
+use crate::config::RosRobotConfig;
 use fht_ros::{Endpoint, EndpointKind, Qos};
 use fht_ros_messages::RosMessage;
-use fht_ros_messages::msg::{ClockMsg, OccupancyGridMsg, PointCloud2, PoseStamped, TfMessage, TwistMsg, TwistStamped};
+use fht_ros_messages::msg::{
+    ClockMsg, CompressedImage, Image, OccupancyGridMsg, PointCloud2, PoseStamped, TfMessage, TwistMsg, TwistStamped,
+};
 
 /// Adds a second endpoint like that of this index, of another node.
 fn again(all: &mut Vec<Endpoint>, index: usize) {
@@ -21,7 +24,79 @@ pub(super) fn graphs() -> Vec<GraphCase> {
     let mut all = absences();
     all.extend(twins());
     all.extend(company());
+    all.extend(cameras());
     all
+}
+
+/// Adds four cameras with these names, and forgets those of the usual ones.
+fn see(all: &mut Vec<Endpoint>, names: [&str; 4]) {
+    for name in names {
+        add(all, EndpointKind::Publisher, name, Image::TYPE);
+    }
+}
+
+/// The usual cameras, but for one.
+fn all_but_left(all: &mut Vec<Endpoint>) {
+    for name in ["front", "back", "right"] {
+        let topic = format!("/r1/camera_{name}/image/compressed");
+        add(all, EndpointKind::Publisher, &topic, CompressedImage::TYPE);
+    }
+}
+
+fn name_cameras(config: &mut RosRobotConfig) {
+    config.cameras = Some(["/a", "/b", "/c", "/d"].map(|name| format!("{name}/image_raw")));
+}
+
+fn cameras() -> Vec<GraphCase> {
+    use Readiness::{Doubtful, Missing};
+    vec![
+        (
+            |all, _| all_but_left(all),
+            "/r1/camera_left/image",
+            Doubtful,
+            &["nobody publishes it, and a panorama needs all four", "--cameras"],
+        ),
+        (
+            |all, _| {
+                all_but_left(all);
+                add(all, EndpointKind::Publisher, "/r1/camera_left/image/compressed", CompressedImage::TYPE);
+                again(all, 5);
+            },
+            "/r1/camera_front/image/compressed",
+            Doubtful,
+            &["/other publish it: two cameras with the same names", "namespace"],
+        ),
+        (
+            |_, config| name_cameras(config),
+            "/b/image_raw",
+            Missing,
+            &["nobody publishes it", "start the camera's driver"],
+        ),
+        (
+            |all, config| {
+                name_cameras(config);
+                see(all, ["/a/image_raw", "/b/image_color", "/c/image_raw", "/d/image_raw"]);
+            },
+            "/b/image_raw",
+            Missing,
+            &["there is /a/image_raw", "/b/image_color", "is that the topic"],
+        ),
+        (
+            |all, config| {
+                name_cameras(config);
+                add(all, EndpointKind::Publisher, "/d/image_raw", PointCloud2::TYPE);
+            },
+            "/d/image_raw",
+            Missing,
+            &["has sensor_msgs/msg/PointCloud2, not sensor_msgs/msg/Image or sensor_msgs/msg/CompressedImage"],
+        ),
+        (
+            |all, _| see(all, ["/a/image", "/b/image", "/c/image", "/d/image"]),
+            "/a/image",
+            Doubtful,
+            &["there are pictures on /a/image", "none of them are used", "say --cameras"],
+        ),
+    ]
 }
 
 /// What is not there, or of another name or type.

@@ -24,6 +24,7 @@ pub(super) fn lives() -> Vec<LifeCase> {
     all.extend(stamps());
     all.extend(clocks());
     all.extend(clouds());
+    all.extend(super::seen::seen());
     all
 }
 
