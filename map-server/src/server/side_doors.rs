@@ -8,8 +8,8 @@ use crate::web::WebSide;
 #[cfg(feature = "web")]
 use fht_web::{WebConfig, WebListener};
 #[cfg(feature = "web")]
-#[cfg(feature = "web")]
 use std::io::Write;
+#[cfg(feature = "web")]
 use std::sync::Arc;
 use zenoh::Session;
 
