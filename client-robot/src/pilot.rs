@@ -24,6 +24,7 @@ use crate::path_following::{FollowedPath, Target};
 use fht_client::{PathSource, PlannedPath};
 use fht_localization::landmarks::Landmarks;
 use fht_localization::localizer::{Localization, Localizer};
+use fht_navigation::disambiguation::Ambiguity;
 use fht_navigation::local_map::LocalMap;
 use fht_navigation::motion::speed_limit_ahead;
 use fht_navigation::searching::{LOOK_AROUND, Searcher};
@@ -40,6 +41,10 @@ const OBSTACLE_STEP_M: f64 = 0.1;
 fn slowed(command: Twist, map_from_base: &Pose2, paths: &dyn PathSource) -> Twist {
     let limit_mps = speed_limit_ahead(map_from_base, |place| paths.speed_limit_mps(place));
     limit_mps.map_or(command, |limit_mps| command.limited(limit_mps))
+}
+
+fn searcher(config: &PilotConfig) -> Searcher {
+    Searcher::new(config.disambiguate.clone(), config.wander.clone(), config.steering.clone(), config.seed)
 }
 
 fn went_back() -> String {
@@ -81,7 +86,7 @@ impl Pilot {
             localizer: Localizer::new(config.localize.clone()),
             local_map: LocalMap::new(config.local_map.clone()),
             people: GivingWay::new(&config),
-            searcher: Searcher::new(config.wander.clone(), config.steering.clone(), config.seed),
+            searcher: searcher(&config),
             steersman: Steersman::new(config.steering.clone()),
             route: None,
             blockages: Blockages::default(),
@@ -175,7 +180,7 @@ impl Pilot {
             (Twist::default(), Some(TaskOutcome::Failed(Failure::Timeout { seconds })))
         } else {
             match localization.map_from_odom {
-                None => self.search(frame, &localization),
+                None => self.search(landmarks, frame, &localization),
                 Some(map_from_odom) => {
                     self.search_began_m = localization.odometry.odometer_m;
                     self.searcher.end();
@@ -211,7 +216,12 @@ impl Pilot {
     }
 
     /// Moves about to see more.
-    fn search(&mut self, frame: &SensorFrame, localization: &Localization) -> (Twist, Option<TaskOutcome>) {
+    fn search(
+        &mut self,
+        landmarks: &Landmarks,
+        frame: &SensorFrame,
+        localization: &Localization,
+    ) -> (Twist, Option<TaskOutcome>) {
         self.route = None;
         self.refusal = None;
         self.progress.restart();
@@ -221,7 +231,9 @@ impl Pilot {
         if driven_m > self.config.max_search_m {
             return (Twist::default(), Some(TaskOutcome::Failed(Failure::NotLocalized { driven_m })));
         }
-        (self.searcher.step(&self.local_map, &odometry.odom_from_base, &frame.scan), None)
+        let candidates = self.localizer.relocalizer().ambiguity();
+        let ambiguity = landmarks.has_walls().then(|| Ambiguity { known: &landmarks.walls().known, candidates });
+        (self.searcher.step(ambiguity.as_ref(), &self.local_map, &odometry.odom_from_base, &frame.scan), None)
     }
 
     /// Drives along the path to the goal, and turns there.

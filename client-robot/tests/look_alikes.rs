@@ -85,6 +85,25 @@ fn map(walls: &[Wall], looks: [usize; 2]) -> Landmarks {
     landmarks
 }
 
+/// Where robots begin in the second room.
+fn start() -> Pose2 {
+    pose(APART_M - 1.5, 2.8, -1.3)
+}
+
+/// A robot in the second room that has driven 4 m.
+fn driven(walls: &[Wall], landmarks: &Landmarks) -> Relocalizer {
+    let mut relocalizer = Relocalizer::new(RelocalizationConfig::default());
+    for step in 0..10 {
+        let odom_from_base = pose(0.4 * f64::from(step), 0.0, 0.0);
+        let scan = scan(walls, &(start() * odom_from_base));
+        let odometry =
+            Odometry { odom_from_base, odometer_m: 0.4 * f64::from(step), turned_rad: 0.0, is_keyframe: true };
+        let points = scan.points_in_base();
+        relocalizer.observe(landmarks, &Sensed { odometry, scan: &scan, points: &points, descriptor: None });
+    }
+    relocalizer
+}
+
 /// Drives through the second room; what the robot believes at the end, or when it knows, and where
 /// it then is.
 fn drive(walls: &[Wall], landmarks: &Landmarks, seen: Option<usize>) -> (Belief, Pose2) {
@@ -100,7 +119,7 @@ fn drive_told(
     told: Option<(f64, f64, f64)>,
 ) -> (Belief, Pose2) {
     let mut relocalizer = Relocalizer::new(RelocalizationConfig::default());
-    let start = pose(APART_M - 1.5, 2.8, -1.3);
+    let start = start();
     let mut last = (Belief::NotLocalized, start);
     for step in 0..12 {
         let odom_from_base = pose(0.4 * f64::from(step), 0.0, 0.0);
@@ -142,6 +161,27 @@ fn a_place_that_looks_like_another_is_not_yet_known() {
             belief => panic!("{seen:?}: {belief:?}"),
         }
     }
+}
+
+#[test]
+fn two_rooms_that_are_alike_are_two_candidates_of_one_share() {
+    let walls: Vec<Wall> = room(0.0).into_iter().chain(room(APART_M)).collect();
+    let relocalizer = driven(&walls, &map(&walls, [0, 0]));
+    let places = relocalizer.ambiguity();
+    assert!((places.iter().map(|place| place.share).sum::<f64>() - 1.0).abs() < 1e-9, "{places:?}");
+    for truth in [start(), pose(-APART_M, 0.0, 0.0) * start()] {
+        let near = places.iter().find(|place| {
+            let off = truth.inverse() * place.map_from_odom;
+            off.translation.vector.norm() < 0.1 && off.rotation.angle().abs() < 0.03
+        });
+        assert!(near.is_some_and(|place| place.share > 0.3), "{truth}: {places:?}");
+    }
+    // What stands in one of them makes that one likely.
+    let walls: Vec<Wall> = walls.into_iter().chain(cupboard(APART_M)).collect();
+    let relocalizer = driven(&walls, &map(&walls, [0, 0]));
+    let places = relocalizer.ambiguity();
+    let likeliest = places.first().map(|place| (start().inverse() * place.map_from_odom, place.share));
+    assert!(likeliest.is_some_and(|(off, share)| off.translation.vector.norm() < 0.1 && share > 0.8), "{places:?}");
 }
 
 #[test]

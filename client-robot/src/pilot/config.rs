@@ -5,6 +5,7 @@ use super::progress::ProgressConfig;
 use crate::blockages::BlockageConfig;
 use crate::path_following::PathFollowingConfig;
 use fht_localization::localizer::LocalizerConfig;
+use fht_navigation::disambiguation::DisambiguationConfig;
 use fht_navigation::local_map::LocalMapConfig;
 use fht_navigation::people::{BystanderConfig, DistanceConfig};
 use fht_navigation::steering::SteeringConfig;
@@ -21,6 +22,8 @@ pub struct PilotConfig {
     pub localize: LocalizerConfig,
     /// The live grid.
     pub local_map: LocalMapConfig,
+    /// Moving to what tells places apart.
+    pub disambiguate: DisambiguationConfig,
     /// Moving about.
     pub wander: WanderingConfig,
     /// Following a path of the map.
@@ -68,6 +71,7 @@ impl PilotConfig {
         Self {
             localize: LocalizerConfig::default(),
             local_map: LocalMapConfig::default(),
+            disambiguate: DisambiguationConfig::of(footprint),
             wander: WanderingConfig::of(footprint),
             route: PathFollowingConfig::of(footprint),
             steering: SteeringConfig::of(footprint),

@@ -7,6 +7,7 @@ use fht_descriptor::DescriptorNet;
 use fht_localization::landmarks::Landmarks;
 use fht_localization::localizer::{Localization, Localizer, LocalizerConfig};
 use fht_localization::preparation::Preparation;
+use fht_navigation::disambiguation::{Ambiguity, DisambiguationConfig};
 use fht_navigation::local_map::{LocalMap, LocalMapConfig};
 use fht_navigation::searching::Searcher;
 use fht_navigation::steering::SteeringConfig;
@@ -50,7 +51,12 @@ impl Map {
             seen_changes: None,
             localizer: Localizer::new(config),
             local_map: LocalMap::new(LocalMapConfig::default()),
-            searcher: Searcher::new(WanderingConfig::of(footprint), SteeringConfig::of(footprint), 0),
+            searcher: Searcher::new(
+                DisambiguationConfig::of(footprint),
+                WanderingConfig::of(footprint),
+                SteeringConfig::of(footprint),
+                0,
+            ),
             last_us: None,
             #[cfg(feature = "descriptor")]
             cameras: None,
@@ -194,7 +200,10 @@ impl MapLocalizer {
     /// frame that was taken in last, and drive so until the next.
     pub fn search(&mut self, frame: &SensorFrame) -> Twist {
         let odom_from_base = self.localizer.current().odometry.odom_from_base;
-        self.searcher.step(&self.local_map, &odom_from_base, &frame.scan)
+        let candidates = self.localizer.relocalizer().ambiguity();
+        let landmarks = &self.landmarks;
+        let ambiguity = landmarks.has_walls().then(|| Ambiguity { known: &landmarks.walls().known, candidates });
+        self.searcher.step(ambiguity.as_ref(), &self.local_map, &odom_from_base, &frame.scan)
     }
 }
 

@@ -57,6 +57,13 @@ impl ConfidenceConfig {
         1.0 / (1.0 + (-self.slope * (self.weakest_ground(for_it) - self.even)).exp())
     }
 
+    /// How probable a place is against one that has so many more pieces of wall right: their odds,
+    /// 1 for as many.
+    #[must_use]
+    pub fn odds(&self, pieces_less: f64) -> f64 {
+        (-self.slope * (pieces_less.max(0.0) / self.distinct_pieces).sqrt()).exp()
+    }
+
     /// The weakest of a place's grounds: 1 suffices, less than 0 speaks against it.
     #[must_use]
     pub fn weakest_ground(&self, for_it: &PlaceEvidence) -> f64 {
@@ -118,6 +125,14 @@ mod tests {
     fn of_two_places_that_are_alike_either_may_be_right() {
         let tie = PlaceEvidence { over_rivals: 0.0, ..sure() };
         assert!((0.45..=0.5).contains(&ConfidenceConfig::default().probability(&tie)));
+    }
+
+    #[test]
+    fn odds_fall_with_what_a_place_has_less() {
+        let config = ConfidenceConfig::default();
+        let odds = [0.0, 2.0, 8.0, 16.0].map(|less| config.odds(less));
+        assert!((odds[0] - 1.0).abs() < 1e-12 && odds.windows(2).all(|pair| pair[1] < pair[0]), "{odds:?}");
+        assert!(odds[3] < 0.02, "{odds:?}");
     }
 
     #[test]

@@ -6,11 +6,13 @@
 //! when it is nearly certain, rests on more than one place, and the single estimations from these
 //! places agree. Otherwise the robot says that it does not know.
 
+mod ambiguity;
 mod config;
 mod pointing;
 
 pub use config::RelocalizationConfig;
 
+use self::ambiguity::not_told_apart;
 use self::pointing::best_around;
 use crate::distinction::{Grounds, PictureWord};
 use crate::hypotheses::{Hypothesis, SensedView, held};
@@ -18,6 +20,7 @@ use crate::landmarks::Landmarks;
 use crate::place_evidence::{Judged, PlaceEvidence};
 use crate::pose_fix::{Fix, fix_pose};
 use crate::wall_squares::WallSquares;
+use fht_perception::candidate::Candidate;
 use fht_perception::evidence_grid::Beams;
 use fht_perception::frame::LaserScan;
 use fht_perception::matching::{Favour, MatchConfig};
@@ -61,6 +64,7 @@ pub struct Relocalizer {
     /// Heaviest first.
     hypotheses: Vec<Hypothesis>,
     evidence: Option<PlaceEvidence>,
+    ambiguity: Vec<Candidate>,
     /// Where somebody says that the odometry frame is on the map, until it was looked there.
     pointed_at: Option<Pose2>,
 }
@@ -69,7 +73,14 @@ impl Relocalizer {
     /// Knows nothing.
     #[must_use]
     pub fn new(config: RelocalizationConfig) -> Self {
-        Self { config, views: Vec::new(), hypotheses: Vec::new(), evidence: None, pointed_at: None }
+        Self {
+            config,
+            views: Vec::new(),
+            hypotheses: Vec::new(),
+            evidence: None,
+            ambiguity: Vec::new(),
+            pointed_at: None,
+        }
     }
 
     /// The configuration.
@@ -100,8 +111,16 @@ impl Relocalizer {
         self.hypotheses.iter().take(MOST).map(|hypothesis| hypothesis.map_from_base() * since).collect()
     }
 
+    /// The places that all that was seen does not tell apart, as of the last look, most probable
+    /// first. A single one has no rival.
+    #[must_use]
+    pub fn ambiguity(&self) -> &[Candidate] {
+        &self.ambiguity
+    }
+
     /// Forgets everything, as after being carried off.
     pub fn clear(&mut self) {
+        self.ambiguity.clear();
         self.views.clear();
         self.hypotheses.clear();
         self.evidence = None;
@@ -132,6 +151,7 @@ impl Relocalizer {
         }
         self.sort();
         self.put_clearest_first();
+        self.ambiguity = not_told_apart(&self.hypotheses, &self.views, &self.config);
         self.evidence = self.hypotheses.first().map(|best| self.weigh(best, landmarks));
         self.judge(&points, landmarks)
     }

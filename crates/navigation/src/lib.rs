@@ -16,7 +16,8 @@
 //! | [`local_map`] | the robot's own live grid, in the odometry frame |
 //! | [`steering`] | driving to a point on the live grid: plan, follow, notice a dead end |
 //! | [`wandering`] | where to go while the robot does not know where it is |
-//! | [`searching`] | wandering, steering and looking around together |
+//! | [`disambiguation`] | where to go to find out at which of several places it is |
+//! | [`searching`] | both, steering and looking around together |
 //!
 //! Around a table, from a grid to the end of the path:
 //!
@@ -48,6 +49,7 @@
 //! # Ok::<(), &str>(())
 //! ```
 
+pub mod disambiguation;
 pub mod local_map;
 pub mod motion;
 pub mod people;
@@ -56,6 +58,7 @@ pub mod searching;
 pub mod steering;
 pub mod wandering;
 
+pub use disambiguation::{Ambiguity, DisambiguationConfig};
 pub use local_map::{LocalMap, LocalMapConfig};
 pub use motion::{PathFollower, PathFollowerConfig, SafetyConfig, safe_command};
 pub use planning::{DistanceField, GridPath, PlanConfig, Traversable, UnknownCells};

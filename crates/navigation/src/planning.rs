@@ -129,7 +129,13 @@ impl Traversable {
         Self::from_states(&states, region, grid.resolution_m(), config)
     }
 
-    fn from_states(states: &[CellState], region: CellBounds, resolution_m: f64, config: &PlanConfig) -> Self {
+    /// The same of states of cells, row by row.
+    pub(crate) fn from_states(
+        states: &[CellState],
+        region: CellBounds,
+        resolution_m: f64,
+        config: &PlanConfig,
+    ) -> Self {
         let cells = |metres: f64| (metres.max(0.0) / resolution_m).ceil() as usize;
         let reach_cells =
             cells(config.robot_radius_m.max(config.comfort_clearance_m)).clamp(1, clearance::MAX_REACH_CELLS);

@@ -1,6 +1,7 @@
-//! Driving about while the robot does not know where it is: wandering to places, steering there,
-//! looking around.
+//! Driving about while the robot does not know where it is: to places that tell candidates apart,
+//! else wandering; steering there, looking around.
 
+use crate::disambiguation::{Ambiguity, DisambiguationConfig, DisambiguationCourse, Surroundings};
 use crate::local_map::LocalMap;
 use crate::steering::{Steering, SteeringConfig, Steersman};
 use crate::wandering::{Wanderer, WanderingConfig};
@@ -16,6 +17,7 @@ const REACH_M: f64 = 0.4;
 
 /// Moves a robot about so that it sees more.
 pub struct Searcher {
+    course: DisambiguationCourse,
     wanderer: Wanderer,
     steersman: Steersman,
     rng: ChaCha8Rng,
@@ -26,8 +28,14 @@ pub struct Searcher {
 impl Searcher {
     /// Has been nowhere. `seed` decides where to go when nothing tells places apart.
     #[must_use]
-    pub fn new(wandering: WanderingConfig, steering: SteeringConfig, seed: u64) -> Self {
+    pub fn new(
+        disambiguation: DisambiguationConfig,
+        wandering: WanderingConfig,
+        steering: SteeringConfig,
+        seed: u64,
+    ) -> Self {
         Self {
+            course: DisambiguationCourse::new(disambiguation),
             wanderer: Wanderer::new(wandering),
             steersman: Steersman::new(steering),
             rng: ChaCha8Rng::seed_from_u64(seed),
@@ -38,13 +46,32 @@ impl Searcher {
     /// The search is over for now, as when the place is known. Where the robot has been is
     /// remembered.
     pub fn end(&mut self) {
+        self.course.end();
         self.target = None;
     }
 
-    /// How to move until the next frame.
-    pub fn step(&mut self, map: &LocalMap, odom_from_base: &Pose2, scan: &LaserScan) -> Twist {
+    /// How to move until the next frame. Where the robot may be at several places, it drives to
+    /// what tells them apart.
+    pub fn step(
+        &mut self,
+        ambiguity: Option<&Ambiguity<'_>>,
+        map: &LocalMap,
+        odom_from_base: &Pose2,
+        scan: &LaserScan,
+    ) -> Twist {
         let here = Point2::from(odom_from_base.translation.vector);
         self.wanderer.visit(here);
+        let around = Surroundings { live: map.grid(), odom_from_base, range_m: scan.range_max_m };
+        if let Some(point) = self.course.next(ambiguity, &around) {
+            self.target = None;
+            return match self.steersman.steer(map, odom_from_base, scan, point) {
+                Steering::Drive(command) => command,
+                Steering::AtEnd { .. } | Steering::NoWay => {
+                    self.course.give_up();
+                    LOOK_AROUND
+                }
+            };
+        }
         if self.target.is_some_and(|target| (target - here).norm() < REACH_M) {
             self.target = None;
         }

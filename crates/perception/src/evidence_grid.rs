@@ -42,10 +42,12 @@ pub struct Sighting {
 }
 
 /// Where a straight line leaves what is known to be free.
-#[derive(Clone, Copy, Debug)]
-struct Ray {
-    free_m: f64,
-    is_wall: bool,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sightline {
+    /// Known to be free so far, metres.
+    pub free_m: f64,
+    /// Whether a wall ends it: else nobody looked on, or it is as long as was asked for.
+    pub is_wall: bool,
 }
 
 impl EvidenceGrid {
@@ -95,6 +97,12 @@ impl EvidenceGrid {
         self.cell(place) & (FREE | WALL) == FREE
     }
 
+    /// Whether something stands at a place.
+    #[must_use]
+    pub fn is_wall(&self, place: Point2) -> bool {
+        self.cell(place) & WALL != 0
+    }
+
     /// Side of a cell, metres.
     #[must_use]
     pub fn resolution_m(&self) -> f64 {
@@ -111,6 +119,12 @@ impl EvidenceGrid {
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
+    }
+
+    /// Cells along y.
+    #[must_use]
+    pub fn height(&self) -> usize {
+        self.height
     }
 
     /// What is known of each cell, row by row from the origin.
@@ -165,19 +179,21 @@ impl EvidenceGrid {
         }
     }
 
-    fn cast(&self, from: Point2, ahead: Vector2<f64>, most_m: f64) -> Ray {
+    /// How far one can look from a place, metres at most `most_m`. `ahead` is a unit vector.
+    #[must_use]
+    pub fn sightline(&self, from: Point2, ahead: Vector2<f64>, most_m: f64) -> Sightline {
         let step_m = 0.7 * CELL_M;
         for step in 0..(most_m / step_m) as usize {
             let free_m = step as f64 * step_m;
             let cell = self.cell(from + ahead * free_m);
             if cell & WALL != 0 {
-                return Ray { free_m, is_wall: true };
+                return Sightline { free_m, is_wall: true };
             }
             if cell & FREE == 0 {
-                return Ray { free_m, is_wall: false };
+                return Sightline { free_m, is_wall: false };
             }
         }
-        Ray { free_m: most_m, is_wall: false }
+        Sightline { free_m: most_m, is_wall: false }
     }
 }
 
@@ -338,7 +354,8 @@ impl EvidenceGrid {
             Vector2::new(cos, sin)
         };
         let reach = |beam: &Beam| beam.range_m.unwrap_or(0.0) + 2.0 * config.margin_m;
-        let rays: Vec<Ray> = beams.beams.iter().map(|beam| self.cast(from, ahead(beam), reach(beam))).collect();
+        let rays: Vec<Sightline> =
+            beams.beams.iter().map(|beam| self.sightline(from, ahead(beam), reach(beam))).collect();
         let judged = |(index, beam): (usize, &Beam)| {
             let range_m = beam.range_m?;
             let around = &rays[index.saturating_sub(1)..(index + 2).min(rays.len())];

@@ -24,6 +24,7 @@
 //! | [`pose_graph`] | the most likely poses under constraints, some of which may be wrong |
 //! | [`shared_view`] | whether two scans can both be right |
 //! | [`evidence_grid`] | what a scan says for or against a pose |
+//! | [`candidate`] | a place where a robot may be |
 //! | [`reference_map`] | what all main nodes of a map saw, as one |
 //!
 //! Two scans of a room, and where the second was taken in the frame of the first:
@@ -57,6 +58,7 @@
 //! # Ok::<(), NoMatch>(())
 //! ```
 
+pub mod candidate;
 pub mod consensus;
 pub mod drift;
 pub mod drivable_line;
@@ -72,6 +74,7 @@ pub mod robot;
 pub mod scan_odometry;
 pub mod shared_view;
 
+pub use candidate::Candidate;
 pub use frame::{FrameError, LaserScan, Panorama, SensorFrame, Twist};
 pub use grid::{Cell, CellState, GridConfig, OccupancyGrid};
 pub use matching::{MatchConfig, ReferenceCloud, ScanMatch};

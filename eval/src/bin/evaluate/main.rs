@@ -6,12 +6,14 @@ mod contents;
 mod files;
 mod knobs;
 mod maps;
+mod missions;
 mod numbers;
 mod output;
 mod paths;
 mod people;
 mod recorded;
 mod relocalize;
+mod search;
 mod systems;
 mod tables;
 mod trials;
@@ -97,6 +99,13 @@ metres and radians.")]
   evaluate relocalize --worlds ../shared/data/maps/museum.yaml --starts 100
   evaluate relocalize --worlds museum --starts 20")]
     Relocalize(relocalize::RelocalizeArgs),
+    /// Robots that are set down anywhere in an explored building and drive as they like until they
+    /// know where they are: to what tells places apart that look alike, or as luck has it.
+    #[command(after_help = "Examples:
+  evaluate search --worlds ../shared/data/maps/museum.yaml --no-cameras --starts 30
+  evaluate search --worlds twins.yaml --no-cameras --json search.json
+  evaluate search --worlds twins.yaml --no-cameras --wander")]
+    Search(search::SearchArgs),
     /// Missions among people: robots dropped anywhere in an explored building find out where they
     /// are, and drive to a place far off.
     #[command(after_help = "Examples:
@@ -145,6 +154,7 @@ fn main() -> ExitCode {
         Part::Contents(args) => carry_out(args.files(), || contents::run(&args)),
         Part::Knobs(args) => carry_out(args.files(), || knobs::run(&args)),
         Part::Relocalize(args) => carry_out(args.files(), || relocalize::run(&args)),
+        Part::Search(args) => carry_out(args.files(), || search::run(&args)),
         Part::People(args) => carry_out(args.files(), || people::run(&args)),
         Part::Recorded(args) => carry_out(args.files(), || recorded::run(&args)),
         Part::Confidence(args) => carry_out(args.files(), || confidence::run(&args)),

@@ -60,6 +60,11 @@ impl MapArgs {
 
     /// The map of a world; explored now if it is not kept yet.
     pub fn survey(&self, world: &str, variant: Variant) -> Result<Survey, String> {
+        self.survey_with(world, variant, true)
+    }
+
+    /// The same, with cameras or by the scanner alone.
+    pub fn survey_with(&self, world: &str, variant: Variant, cameras: bool) -> Result<Survey, String> {
         let (name, mut mapper) = match variant {
             Variant::Ours => ("ours", MapperConfig::default()),
             Variant::MainOnly => ("main-only", MapperConfig::main_only()),
@@ -72,6 +77,7 @@ impl MapArgs {
         let task = SurveyTask {
             seed: self.seed,
             people: self.people.into(),
+            cameras,
             variant: name.clone(),
             mapper,
             ..SurveyTask::usual(world)
