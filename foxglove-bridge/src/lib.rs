@@ -1,5 +1,5 @@
-//! A map and its robots, live in Foxglove and Lichtblick: the program `foxglove-bridge`, a client of
-//! the server like any other.
+//! A map and its robots, live in Foxglove and Lichtblick: the program `foxglove-bridge`, a client
+//! of the server like any other.
 //!
 //! ```text
 //!            increments, rules                     what has changed        WebSocket
@@ -30,13 +30,15 @@
 //!
 //! let author = AuthorId::of_robot("explorer");
 //! let put = |number| {
-//!     let (id, pose) = (NodeId { author, number }, FixedPose::from_metres(f64::from(number), 0.0, 0.0));
+//!     let (id, pose) = (NodeId { author, number }, FixedPose::default());
 //!     let ops = vec![Op::PutNode { id, kind: NodeKind::Support, pose }];
 //!     Increment { author, number: u64::from(number) + 1, hlc_us: 1, ops }
 //! };
-//! let (mut state, mut progress, at) = (MapState::new(), MapProgress::default(), Timestamp::new(7, 0));
+//! let (mut state, at) = (MapState::new(), Timestamp::new(7, 0));
+//! let mut progress = MapProgress::default();
 //! state.apply(&put(0));
-//! let first = progress.next(&Arc::new(MapScene { state: state.clone(), ..MapScene::default() }), at);
+//! let begun = MapScene { state: state.clone(), ..MapScene::default() };
+//! let first = progress.next(&Arc::new(begun), at);
 //! assert_eq!(first.map(|update| update.entities.len()), Some(1));
 //!
 //! state.apply(&put(1));
