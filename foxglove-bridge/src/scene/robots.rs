@@ -12,8 +12,10 @@ use std::time::{Duration, Instant};
 const MAX_ROBOTS: usize = 1000;
 /// So many places of one that does not know where it is, as the protocol has it.
 const MAX_CANDIDATES: usize = 5;
-/// Who says nothing for so long is shown no more, unless its token is there.
+/// Who says nothing for so long is shown no more.
 const SILENT: Duration = Duration::from_secs(30);
+/// The same for one whose token is there, as far as was heard: robots speak every second.
+const SILENT_THERE: Duration = Duration::from_secs(300);
 
 /// What a robot said last.
 #[derive(Clone, Debug, PartialEq)]
@@ -117,7 +119,8 @@ impl KnownRobots {
 
     /// Forgets who has been silent for too long.
     pub(crate) fn expire(&mut self, at: Instant) {
-        let is_gone = |heard: &Heard| !heard.has_token && at.saturating_duration_since(heard.at) > SILENT;
+        let patience = |heard: &Heard| if heard.has_token { SILENT_THERE } else { SILENT };
+        let is_gone = |heard: &Heard| at.saturating_duration_since(heard.at) > patience(heard);
         let gone: Vec<String> =
             self.heard.iter().filter(|(_, heard)| is_gone(heard)).map(|(robot, _)| robot.clone()).collect();
         gone.iter().for_each(|robot| self.forget(robot));
