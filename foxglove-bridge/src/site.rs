@@ -91,6 +91,9 @@ impl LiveSite {
         let is_other = shown.changes != Some(changes) || !Arc::ptr_eq(&shown.rules, &rules);
         let map = is_other.then(|| {
             let state = self.replica.read().state().clone();
+            // Not older than the state: what it closes that the state does not have yet comes with
+            // the next one, which differs.
+            let rules = self.replica.rules();
             *shown = Shown { changes: Some(changes), rules: Arc::clone(&rules) };
             Arc::new(MapScene { state, rules })
         });

@@ -260,6 +260,7 @@ async fn without_a_certificate_nobody_is_let_in_from_elsewhere() {
     assert!(open.status.code() == Some(2) && said.contains("--certificate"), "{said}");
 
     let folder = site.dir.path().join("tls");
+    std::fs::create_dir(&folder).unwrap();
     make(&folder, &["authority"]);
     make(&folder, &["server", "maps", "localhost"]);
     make(&folder, &["client", "tug"]);

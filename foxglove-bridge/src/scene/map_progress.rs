@@ -179,7 +179,7 @@ mod tests {
         assert_eq!(site.tell(), (1, 3), "a node that moves takes its edges with it");
         site.write(vec![Op::RemoveNode { id: node(0) }]);
         assert_eq!(site.tell(), (1, 2), "a node that goes takes its edge with it");
-        let label = |text: &str| text.parse().unwrap_or_else(|error| panic!("{error}"));
+        let label = |text: &str| -> Label { text.parse().unwrap_or_else(|error| panic!("{error}")) };
         let corners = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0)].map(|(x, y)| FixedPoint::from_metres(x, y)).to_vec();
         let zone = Zone { rule: ZoneRule::KeepOut, corners };
         site.write(vec![
