@@ -6,13 +6,14 @@ use clap::{Command, CommandFactory};
 use fht_demo::HandoffArgs;
 use std::process::Command as Process;
 
-fn programs() -> [Command; 5] {
+fn programs() -> [Command; 6] {
     [
         mapper::program::command(),
         client_robot::program::command(),
         map_server::command(),
         HandoffArgs::command(),
         fht_ros_sim::program::command(),
+        foxglove_bridge::command(),
     ]
 }
 

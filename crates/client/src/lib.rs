@@ -17,6 +17,7 @@
 //! | `planned_path`, `own_paths`, `navmesh` | paths that a robot plans on its own copy |
 //! | `paths`, `path_reply` | paths from the server, checked, with the robot's own until they come |
 //! | `presence` | that a robot is here, where, and what it runs |
+//! | `robot_events` | the same of all robots, as it happens |
 //! | [`author`] | writing single increments, for operators and tools |
 //!
 //! The decisions need no network. A copy that has just begun asks for the head, then for
@@ -44,6 +45,7 @@ mod planned_path;
 mod presence;
 mod queries;
 mod replica;
+mod robot_events;
 mod staleness;
 mod sync;
 
@@ -59,5 +61,6 @@ pub use queries::{
     ask_until_answered, read_head,
 };
 pub use replica::{LiveReplica, ReplicaConfig, ReplicaError};
+pub use robot_events::{RobotEvent, RobotEvents, WatchError};
 pub use staleness::{Staleness, StalenessConfig, StalenessStep};
 pub use sync::{Running, Sync, SyncConfig, SyncQuestion};

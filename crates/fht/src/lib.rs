@@ -130,13 +130,12 @@ pub use localizer::{LocalizerState, MapLocalizer, UpdateError};
 pub use map::{Map, Node, ReportError};
 pub use path::{Path, PathError, PathRequest};
 pub use place::{NamedPlace, Place};
-pub use robots::{RobotEvent, RobotEvents, WatchError};
 
 pub use client_robot::pilot::{Failure, PilotConfig, PilotStep};
 pub use fht_client::AskError;
 pub use fht_client::ReplicaConfig;
 pub use fht_client::author::NotWritten;
-pub use fht_client::{PathPoint, Planner};
+pub use fht_client::{PathPoint, Planner, RobotEvent, RobotEvents, WatchError};
 pub use fht_localization::localizer::{Localization, LocalizerConfig};
 pub use fht_map::{MapState, Rules};
 pub use fht_perception::frame::{FrameError, LaserScan, SensorFrame, Twist};

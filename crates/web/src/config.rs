@@ -1,5 +1,6 @@
 //! Where it listens, who is let in, how much is taken.
 
+use fht_door::{DoorCertificates, DoorError, DoorLimits};
 use fht_proto::RobotName;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -16,7 +17,7 @@ pub struct WebConfig {
     /// Who changes maps from this machine, without a certificate. None: nobody. Default none.
     pub operator: Option<RobotName>,
     /// Certificates; none: plain HTTP, on this machine alone. Default none.
-    pub tls: Option<WebTls>,
+    pub tls: Option<DoorCertificates>,
     /// Where the same is asked over Zenoh, such as `tcp/0.0.0.0:7447`: the page shows how. Default
     /// none.
     pub zenoh: Option<String>,
@@ -30,17 +31,6 @@ impl WebConfig {
     pub fn at(address: SocketAddr) -> Self {
         Self { address, names: Vec::new(), operator: None, tls: None, zenoh: None, limits: WebLimits::default() }
     }
-}
-
-/// Files in PEM form.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct WebTls {
-    /// What this side shows.
-    pub certificate: PathBuf,
-    /// Its key.
-    pub key: PathBuf,
-    /// Who has signed the certificates of those who are let in.
-    pub authority: PathBuf,
 }
 
 /// How much is taken.
@@ -125,14 +115,29 @@ impl WebError {
     }
 }
 
+impl From<DoorError> for WebError {
+    fn from(error: DoorError) -> Self {
+        match error {
+            DoorError::Exposed { address } => Self::Exposed { address },
+            DoorError::Listen { address, source } => Self::Listen { address, source },
+            DoorError::File { what: option, file, reason } => Self::File { option, file, reason },
+            DoorError::Tls(reason) => Self::Tls(reason),
+        }
+    }
+}
+
 impl WebConfig {
-    /// That strangers are not let in by mistake.
+    /// That nobody has two names.
     pub(crate) fn check(&self) -> Result<(), WebError> {
-        let address = self.address;
         match (&self.tls, &self.operator) {
-            (None, _) if !address.ip().is_loopback() => Err(WebError::Exposed { address }),
             (Some(_), Some(name)) => Err(WebError::NamedTwice { name: name.clone() }),
             _ => Ok(()),
         }
+    }
+}
+
+impl WebLimits {
+    pub(crate) fn of_door(&self) -> DoorLimits {
+        DoorLimits { connections: self.connections, handshake: self.reading, writing: self.writing }
     }
 }

@@ -1,6 +1,7 @@
 //! What is counted of HTTP. Labels are those of fixed lists.
 
 use axum::http::StatusCode;
+use fht_door::DoorCounts;
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
@@ -14,6 +15,20 @@ pub(crate) struct WebCounts {
     pub(crate) streams: Gauge,
 }
 
+impl DoorCounts for WebCounts {
+    fn opened(&self) {
+        self.connections.inc();
+    }
+
+    fn closed(&self) {
+        self.connections.dec();
+    }
+
+    fn refused(&self) {
+        self.refused_connections.inc();
+    }
+}
+
 impl WebCounts {
     pub(crate) fn request(&self, route: &'static str, status: StatusCode) {
         let class = match status.as_u16() / 100 {
@@ -23,14 +38,6 @@ impl WebCounts {
             _ => "5xx",
         };
         self.requests.get_or_create(&[("route", route), ("status", class)]).inc();
-    }
-
-    pub(crate) fn connections(&self, change: i64) {
-        self.connections.inc_by(change);
-    }
-
-    pub(crate) fn connection_refused(&self) {
-        self.refused_connections.inc();
     }
 
     pub(crate) fn streams(&self, change: i64) {

@@ -5,7 +5,6 @@
 //! changes must come from the own page, or from a program that is no browser.
 
 use crate::counts::route_of;
-use crate::hosts::Hosts;
 use crate::reply::WebRefusal;
 use crate::rights::Rights;
 use crate::site::Site;
@@ -17,6 +16,7 @@ use axum::http::header::{X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use fht_door::Hosts;
 use fht_proto::api::reply::ErrorCode;
 use std::sync::Arc;
 
@@ -84,7 +84,7 @@ impl Asked<'_> {
         match *self.method {
             Method::GET | Method::HEAD => self.may_look_from_there(),
             Method::POST => {
-                self.is_from_own_page(host, hosts.scheme)?;
+                self.is_from_own_page(host, hosts.scheme())?;
                 let kind = self.field(&CONTENT_TYPE)?.unwrap_or_default();
                 let is_json = kind.split(';').next().is_some_and(|kind| kind.trim() == "application/json");
                 if !is_json {

@@ -1,9 +1,9 @@
 //! The operators' page and the HTTP interface under it, before a map server.
 //!
 //! ```text
-//! browser, curl ─→ connections ─→ guard ─→ routes ─→ MapPort ─→ the server's own rooms
-//!                  TLS, bounds    who may  /fht …
-//!                                 do what  events ←─ EventHub ←─ what the server hears
+//! browser, curl ─→ fht-door ─→ connections ─→ guard ─→ routes ─→ MapPort ─→ the server's own rooms
+//!                  TLS, bounds  HTTP          who may  /fht …
+//!                                            do what  events ←─ EventHub ←─ what the server hears
 //! ```
 //!
 //! The same selectors are asked as over Zenoh, `GET /fht/museum/path?from=0,0;to=dock`, and the
@@ -14,12 +14,9 @@
 //! | --- | --- |
 //! | `config` | where it listens, who is let in, how much is taken |
 //! | `listener` | a socket that is bound, and serving on it |
-//! | `connections` | connections, bounded in number and in how long they may keep others waiting |
-//! | `patient_io` | … of which one that takes nothing any more is given up |
-//! | `tls` | certificates of this side, and of those who come |
+//! | `connections` | HTTP on connections that were let in |
 //! | `visitor` | who is on the other end, and what that one may do |
 //! | `rights` | … in words |
-//! | `hosts` | the names by which this side is reached |
 //! | `guard` | what every request must pass before it is answered |
 //! | `site` | what all requests share |
 //! | `routes` | addresses to questions |
@@ -54,23 +51,21 @@ mod events;
 mod exposition;
 mod figures;
 mod guard;
-mod hosts;
 mod listener;
 mod page;
 mod parameters;
-mod patient_io;
 mod port;
 mod reply;
 mod rights;
 mod routes;
 mod site;
-mod tls;
 mod visitor;
 
 pub use change::{MapChange, MapChangeOrder};
-pub use config::{WebConfig, WebError, WebLimits, WebTls};
+pub use config::{WebConfig, WebError, WebLimits};
 pub use events::{EventHub, WebEvent};
+pub use fht_door::{DoorCertificates, MemberRole};
 pub use figures::{MapGauges, QueryFigures, ServerFigures};
 pub use listener::WebListener;
 pub use port::{Answering, MapPort, PastQuestion, WallsQuestion, WebAnswer};
-pub use rights::{MemberRole, Rights};
+pub use rights::Rights;

@@ -2,7 +2,8 @@
 
 use crate::change::MapChangeOrder;
 use crate::figures::ServerFigures;
-use crate::rights::{MemberRole, Rights};
+use crate::rights::Rights;
+use fht_door::MemberRole;
 use fht_proto::api::reply::ErrorReply;
 use fht_proto::api::request::{Format, Moment, Request};
 use fht_proto::{FixedPoint, MapName, RobotName};

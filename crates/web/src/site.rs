@@ -3,10 +3,10 @@
 use crate::config::WebLimits;
 use crate::counts::WebCounts;
 use crate::events::EventHub;
-use crate::hosts::Hosts;
 use crate::port::{Answering, MapPort, WebAnswer};
 use crate::rights::Rights;
 use crate::visitor::Visitor;
+use fht_door::Hosts;
 use fht_proto::api::reply::ErrorReply;
 use std::sync::Arc;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};

@@ -1,7 +1,8 @@
 //! Who is on the other end of a connection, and what that one may do.
 
 use crate::port::MapPort;
-use crate::rights::{MemberRole, Rights};
+use crate::rights::Rights;
+use fht_door::{Caller, MemberRole};
 use fht_proto::RobotName;
 
 /// Who is on the other end.
@@ -16,20 +17,13 @@ pub(crate) enum Visitor {
 }
 
 impl Visitor {
-    /// Whom a certificate (DER) names: its common name is `ROLE:NAME`.
-    pub(crate) fn of_certificate(der: &[u8]) -> Self {
-        let named = || {
-            let (_, certificate) = x509_parser::parse_x509_certificate(der).ok()?;
-            let mut names = certificate.subject().iter_common_name();
-            let name = names.next()?.as_str().ok()?.to_owned();
-            // Of two names nobody knows which one counts.
-            if names.next().is_some() {
-                return None;
-            }
-            let (role, name) = name.split_once(':')?;
-            Some(Self::Member(MemberRole::of(role)?, name.parse().ok()?))
-        };
-        named().unwrap_or(Self::Stranger)
+    /// Who calls; `operator` is who changes maps from this machine.
+    pub(crate) fn of(caller: Caller, operator: Option<&RobotName>) -> Self {
+        match caller {
+            Caller::Local => Self::Local(operator.cloned()),
+            Caller::Member(role, name) => Self::Member(role, name),
+            Caller::Stranger => Self::Stranger,
+        }
     }
 
     /// What it is called.

@@ -4,7 +4,7 @@
 
 mod support;
 
-use fht_web::{WebConfig, WebError, WebListener, WebTls};
+use fht_web::{DoorCertificates, WebConfig, WebError, WebListener};
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName};
 use rustls::{ClientConfig, RootCertStore};
@@ -21,9 +21,9 @@ fn make(folder: &Path, arguments: &[&str]) {
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
 }
 
-fn tls(folder: &Path) -> WebTls {
+fn tls(folder: &Path) -> DoorCertificates {
     let file = |name: &str| folder.join(name);
-    WebTls { certificate: file("server-maps.pem"), key: file("server-maps.key"), authority: file("ca.pem") }
+    DoorCertificates { certificate: file("server-maps.pem"), key: file("server-maps.key"), authority: file("ca.pem") }
 }
 
 /// A request over TLS; `who` shows a certificate if there is one.
@@ -96,7 +96,7 @@ fn files_that_are_of_no_use_are_named() {
     make(dir.path(), &["authority"]);
     make(dir.path(), &["server", "maps", "localhost"]);
     make(dir.path(), &["server", "spare", "localhost"]);
-    let bind = |change: &dyn Fn(&mut WebTls)| {
+    let bind = |change: &dyn Fn(&mut DoorCertificates)| {
         let mut files = tls(dir.path());
         change(&mut files);
         let config = WebConfig { tls: Some(files), ..WebConfig::at("0.0.0.0:0".parse().unwrap()) };

@@ -1,7 +1,7 @@
 //! The flags for the operators' page, and its section of the configuration file.
 
 use fht_proto::RobotName;
-use fht_web::{WebConfig, WebTls};
+use fht_web::{DoorCertificates, WebConfig};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::net::SocketAddr;
@@ -79,7 +79,7 @@ impl WebArgs {
             self.web_authority.clone().or(file.authority),
         ];
         let tls = match files {
-            [Some(certificate), Some(key), Some(authority)] => Some(WebTls { certificate, key, authority }),
+            [Some(certificate), Some(key), Some(authority)] => Some(DoorCertificates { certificate, key, authority }),
             [None, None, None] => None,
             _ => return Err("certificate, key and authority of the page go together".to_owned()),
         };

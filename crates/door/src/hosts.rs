@@ -5,14 +5,15 @@ use std::net::IpAddr;
 
 /// The names by which this side is reached.
 #[derive(Debug)]
-pub(crate) struct Hosts {
+pub struct Hosts {
     names: BTreeSet<String>,
-    pub(crate) scheme: &'static str,
+    is_secure: bool,
 }
 
 impl Hosts {
     /// Listening at `address`; `names` are further ones.
-    pub(crate) fn new(address: IpAddr, names: impl Iterator<Item = String>, is_secure: bool) -> Self {
+    #[must_use]
+    pub fn new(address: IpAddr, names: impl Iterator<Item = String>, is_secure: bool) -> Self {
         let own = match address {
             _ if address.is_unspecified() => None,
             IpAddr::V4(address) => Some(address.to_string()),
@@ -20,11 +21,18 @@ impl Hosts {
         };
         let here = ["localhost", "127.0.0.1", "[::1]"].map(str::to_owned);
         let names = here.into_iter().chain(own).chain(names).map(|name| name.to_ascii_lowercase()).collect();
-        Self { names, scheme: if is_secure { "https" } else { "http" } }
+        Self { names, is_secure }
+    }
+
+    /// `http`, or `https` with certificates.
+    #[must_use]
+    pub fn scheme(&self) -> &'static str {
+        if self.is_secure { "https" } else { "http" }
     }
 
     /// Whether an authority, `host` or `host:port`, is of this side.
-    pub(crate) fn has(&self, authority: &str) -> bool {
+    #[must_use]
+    pub fn has(&self, authority: &str) -> bool {
         self.names.contains(&without_port(authority).to_ascii_lowercase())
     }
 }

@@ -1,16 +1,27 @@
 //! Certificates of this side, and of those who come.
 
-use crate::config::{WebError, WebTls};
+use crate::error::DoorError;
 use rustls::RootCertStore;
 use rustls::crypto::ring::default_provider;
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::server::WebPkiClientVerifier;
 use std::net::IpAddr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tokio_rustls::TlsAcceptor;
 use x509_parser::extensions::GeneralName;
+
+/// Files in PEM form.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DoorCertificates {
+    /// What this side shows.
+    pub certificate: PathBuf,
+    /// Its key.
+    pub key: PathBuf,
+    /// Who has signed the certificates of those who are let in.
+    pub authority: PathBuf,
+}
 
 /// Takes TLS connections; and the names that the own certificate has.
 pub(crate) struct SecureSide {
@@ -18,21 +29,21 @@ pub(crate) struct SecureSide {
     pub(crate) names: Vec<String>,
 }
 
-fn of_no_use(option: &'static str, file: &Path, reason: impl ToString) -> WebError {
-    WebError::File { option, file: file.to_owned(), reason: reason.to_string() }
+fn of_no_use(what: &'static str, file: &Path, reason: impl ToString) -> DoorError {
+    DoorError::File { what, file: file.to_owned(), reason: reason.to_string() }
 }
 
-fn certificates(option: &'static str, file: &Path) -> Result<Vec<CertificateDer<'static>>, WebError> {
+fn certificates(what: &'static str, file: &Path) -> Result<Vec<CertificateDer<'static>>, DoorError> {
     let read = CertificateDer::pem_file_iter(file).and_then(Iterator::collect::<Result<Vec<_>, _>>);
-    let read = read.map_err(|error| of_no_use(option, file, error))?;
-    if read.is_empty() { Err(of_no_use(option, file, "it holds no certificate in PEM form")) } else { Ok(read) }
+    let read = read.map_err(|error| of_no_use(what, file, error))?;
+    if read.is_empty() { Err(of_no_use(what, file, "it holds no certificate in PEM form")) } else { Ok(read) }
 }
 
 /// Reads the files.
 ///
 /// # Errors
-/// [`WebError::File`], [`WebError::Tls`].
-pub(crate) fn secure(files: &WebTls) -> Result<SecureSide, WebError> {
+/// [`DoorError::File`], [`DoorError::Tls`].
+pub(crate) fn secure(files: &DoorCertificates) -> Result<SecureSide, DoorError> {
     let chain = certificates("certificate", &files.certificate)?;
     let key = PrivateKeyDer::from_pem_file(&files.key).map_err(|error| of_no_use("key", &files.key, error))?;
     let mut roots = RootCertStore::empty();
@@ -40,13 +51,13 @@ pub(crate) fn secure(files: &WebTls) -> Result<SecureSide, WebError> {
         roots.add(authority).map_err(|error| of_no_use("authority", &files.authority, error))?;
     }
     let names = names_in(&chain[0]);
-    let failed = |error: rustls::Error| WebError::Tls(error.to_string());
+    let failed = |error: rustls::Error| DoorError::Tls(error.to_string());
     let provider = Arc::new(default_provider());
-    // Who shows none is told so in HTTP, which people understand.
+    // Who shows none is told so in the protocol that is spoken inside.
     let verifier = WebPkiClientVerifier::builder_with_provider(Arc::new(roots), Arc::clone(&provider))
         .allow_unauthenticated()
         .build()
-        .map_err(|error| WebError::Tls(error.to_string()))?;
+        .map_err(|error| DoorError::Tls(error.to_string()))?;
     let mut config = rustls::ServerConfig::builder_with_provider(provider)
         .with_safe_default_protocol_versions()
         .map_err(failed)?

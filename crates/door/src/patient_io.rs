@@ -9,15 +9,18 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::{Sleep, sleep};
 
-/// A connection, and since when it takes nothing.
-pub(crate) struct PatientIo<T> {
+/// A connection, and since when it takes nothing. An attempt to send fails with
+/// [`TimedOut`](io::ErrorKind::TimedOut) when nothing was taken for too long.
+#[derive(Debug)]
+pub struct PatientIo<T> {
     io: T,
     patience: Duration,
     stalled: Option<Pin<Box<Sleep>>>,
 }
 
 impl<T> PatientIo<T> {
-    pub(crate) fn new(io: T, patience: Duration) -> Self {
+    /// Gives `io` up when it takes nothing for `patience`.
+    pub fn new(io: T, patience: Duration) -> Self {
         Self { io, patience, stalled: None }
     }
 

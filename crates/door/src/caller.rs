@@ -1,0 +1,63 @@
+//! Who is on the other end of a connection.
+
+use fht_proto::RobotName;
+use serde::Serialize;
+
+/// What a member of the site is, by its certificate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MemberRole {
+    /// A Zenoh router.
+    Router,
+    /// A map-server.
+    Server,
+    /// A robot that writes maps.
+    Explorer,
+    /// A robot, or a person's tool, that only uses maps.
+    Client,
+    /// A person who edits maps.
+    Operator,
+}
+
+impl MemberRole {
+    /// The role that a certificate calls so.
+    fn of(text: &str) -> Option<Self> {
+        Some(match text {
+            "router" => Self::Router,
+            "server" => Self::Server,
+            "explorer" => Self::Explorer,
+            "client" => Self::Client,
+            "operator" => Self::Operator,
+            _ => return None,
+        })
+    }
+}
+
+/// Who is on the other end.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Caller {
+    /// Somebody on this machine.
+    Local,
+    /// Somebody with a certificate of the site's authority.
+    Member(MemberRole, RobotName),
+    /// Somebody without a certificate, or with one that names nobody.
+    Stranger,
+}
+
+impl Caller {
+    /// Whom a certificate (DER) names: its common name is `ROLE:NAME`.
+    pub(crate) fn of_certificate(der: &[u8]) -> Self {
+        let named = || {
+            let (_, certificate) = x509_parser::parse_x509_certificate(der).ok()?;
+            let mut names = certificate.subject().iter_common_name();
+            let name = names.next()?.as_str().ok()?.to_owned();
+            // Of two names nobody knows which one counts.
+            if names.next().is_some() {
+                return None;
+            }
+            let (role, name) = name.split_once(':')?;
+            Some(Self::Member(MemberRole::of(role)?, name.parse().ok()?))
+        };
+        named().unwrap_or(Self::Stranger)
+    }
+}

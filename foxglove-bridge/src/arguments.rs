@@ -1,0 +1,81 @@
+//! The command line.
+
+use clap::Parser;
+use fht_door::DoorCertificates;
+use fht_program::flags::{CompletionsArgs, ConnectArgs, new_file};
+use fht_proto::MapName;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+/// A map and its robots, live in Foxglove and Lichtblick.
+#[derive(Debug, Parser)]
+#[command(
+    name = "foxglove-bridge",
+    version,
+    max_term_width = 100,
+    arg_required_else_help = true,
+    args_conflicts_with_subcommands = true,
+    after_help = "Examples:
+  foxglove-bridge --map museum                               open ws://127.0.0.1:8765 in Foxglove
+  foxglove-bridge --map museum --connect tcp/server:7447
+  foxglove-bridge --map museum --record museum.mcap          … and write what is shown
+  foxglove-bridge --map museum --origin http://viewer:8080   a Lichtblick of your own
+  foxglove-bridge --listen 0.0.0.0:8765 --certificate own.pem --key own.key --authority ca.pem
+
+Exit code 0: it was asked to end, by Ctrl-C or SIGTERM; 1: it failed, and said why; 2: wrong usage
+or bad input, such as a map that the server does not have."
+)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Option<Command>,
+    #[command(flatten)]
+    pub(crate) bridge: BridgeArgs,
+}
+
+#[derive(Debug, clap::Subcommand)]
+pub(crate) enum Command {
+    /// Writes completions for a shell to standard output.
+    Completions(CompletionsArgs),
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct BridgeArgs {
+    #[command(flatten)]
+    pub(crate) server: ConnectArgs,
+    /// The map.
+    #[arg(long, value_name = "NAME", default_value = "museum")]
+    pub(crate) map: MapName,
+    /// Where viewers connect. An address that other machines reach needs certificates.
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8765")]
+    pub(crate) listen: SocketAddr,
+    /// A page that may connect besides Foxglove's own and those of this machine, such as
+    /// http://viewer:8080 (repeatable).
+    #[arg(long, value_name = "URL")]
+    pub(crate) origin: Vec<String>,
+    /// A name by which the bridge is reached, besides those in its certificate (repeatable).
+    #[arg(long, value_name = "HOST")]
+    pub(crate) name: Vec<String>,
+    /// So many viewers at a time.
+    #[arg(long, value_name = "NUMBER", default_value = "16", value_parser = fht_program::flags::how_many)]
+    pub(crate) max_viewers: usize,
+    /// The bridge's certificate (PEM). Who comes shows one, too: its common name is ROLE:NAME.
+    #[arg(long, value_name = "FILE", requires_all = ["key", "authority"])]
+    certificate: Option<PathBuf>,
+    /// The certificate's key (PEM).
+    #[arg(long, value_name = "FILE", requires = "certificate")]
+    key: Option<PathBuf>,
+    /// Who has signed the certificates of those who are let in (PEM).
+    #[arg(long, value_name = "FILE", requires = "certificate")]
+    authority: Option<PathBuf>,
+    /// Write everything that is shown to this file (MCAP), whether anybody looks or not.
+    #[arg(long, value_name = "FILE", value_parser = new_file)]
+    pub(crate) record: Option<PathBuf>,
+}
+
+impl BridgeArgs {
+    /// The files; clap has seen to it that all are there or none.
+    pub(crate) fn certificates(&self) -> Option<DoorCertificates> {
+        let (certificate, key, authority) = (self.certificate.clone()?, self.key.clone()?, self.authority.clone()?);
+        Some(DoorCertificates { certificate, key, authority })
+    }
+}
