@@ -12,7 +12,7 @@ pub(super) enum RosCommand {
   mapper ros check tcp/robot:7447 --cameras a/image,b/image,c/image,d/image
 
 Exit code 0: all is there, and frames come; 1: something is missing; 2: wrong usage.")]
-    Check(CheckArgs),
+    Check(Box<CheckArgs>),
 }
 
 #[derive(Debug, Args)]
