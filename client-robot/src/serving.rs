@@ -16,8 +16,8 @@ use std::ops::ControlFlow;
 
 /// Where goals come from, and who is told what becomes of them.
 pub trait GoalDesk {
-    /// Once a frame, before it is worked on, now and then while none comes, and at the end: passes on what has come to `goals`,
-    /// and tells what is new there. Never waits.
+    /// Once a frame, before it is worked on, now and then while none comes, and at the end: passes
+    /// on what has come to `goals`, and tells what is new there. Never waits.
     fn exchange(&mut self, goals: &mut GoalQueue, map: &dyn MapSource);
 }
 

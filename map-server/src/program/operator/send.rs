@@ -114,7 +114,8 @@ pub(super) async fn arrived(session: &Session, map: &MapName, sent: GoalStatus) 
     Err(OperatorError::NotArrived { robot: status.robot, id, state: status.state, why })
 }
 
-/// Takes a goal back, or all. The robot is asked first: it may drive on a map that is there no more.
+/// Takes a goal back, or all. The robot is asked first: it may drive on a map that is there no
+/// more.
 pub(super) async fn cancel(
     session: &Session,
     map: &MapName,
