@@ -180,8 +180,7 @@ async fn nodes_of_rmw_zenoh_speak_and_see_each_other() {
     assert_eq!((there.len(), there[0].kind, there[0].name.as_str()), (1, EndpointKind::Publisher, "/r1/seen"));
     assert_eq!((there[0].node.as_str(), there[0].qos), ("/r1/robot", Qos::sensor_data()));
     // Another program's node is another one, whatever its name; one's own is not.
-    let name = NodeConfig { namespace: robot.config().namespace.clone(), ..NodeConfig::new("robot") };
-    let twin = RosNode::join(sessions[1].clone(), name).await.unwrap();
+    let twin = RosNode::join(sessions[1].clone(), robot.config().clone()).await.unwrap();
     assert_eq!(soon(twin.others(Duration::from_secs(2))).await.unwrap().len(), 1);
     assert_eq!(soon(robot.others(Duration::from_secs(2))).await.unwrap(), []);
     topics_work(&robot, &mapper).await;
