@@ -18,15 +18,11 @@ const AT_ONCE_PER_PROCESSOR: f64 = 1.5;
 /// Longest time of one program, seconds: five times what the longest takes on two cores.
 const LIMIT: Duration = Duration::from_secs(900);
 const POLL: Duration = Duration::from_millis(50);
-/// With the operators' page: what the tests build once serves those of the page, too.
-const BUILD: [&str; 6] = [
-    "test",
-    "--release",
-    "--workspace",
-    "--features=map-server/web",
-    "--no-run",
-    "--message-format=json-render-diagnostics",
-];
+/// With the operators' page: what is built once serves its tests, too.
+const PAGE: &str = "--features=map-server/web";
+/// Builds all tests.
+const BUILD: [&str; 6] =
+    ["test", "--release", "--workspace", PAGE, "--no-run", "--message-format=json-render-diagnostics"];
 /// Test programs that need what not everybody has installed: one program of each list.
 const NEEDS: [(&str, &[&[&str]]); 2] = [
     ("ros_rclpy.rs", &[&["cmake"], &["python3.11"]]),
@@ -133,7 +129,7 @@ pub(crate) fn run(root: &Path) -> Result<Vec<PathBuf>, TestError> {
         let workers: Vec<_> = (0..at_once).map(|_| scope.spawn(work)).collect();
         workers.into_iter().try_for_each(|worker| worker.join().unwrap_or(Err(TestError::Cargo("a test's worker"))))
     })?;
-    let documented = cargo(root).args(["test", "--release", "--workspace", "--doc"]).status();
+    let documented = cargo(root).args(["test", "--release", "--workspace", PAGE, "--doc"]).status();
     if !documented.map_err(system("cargo"))?.success() {
         return Err(TestError::Cargo("cargo test --doc"));
     }
