@@ -221,6 +221,16 @@ impl GoalQueue {
         }
     }
 
+    /// Another map has come to the name: no goal is where it was, and the robot stands.
+    pub fn map_replaced(&mut self) {
+        self.is_localized = false;
+        self.is_to_stay |= self.current.as_ref().is_some_and(|held| held.is_begun);
+        let why = Failure::MapReplaced;
+        for held in [self.waiting.take(), self.current.take()].into_iter().flatten() {
+            self.end(held, GoalState::Failed, Some((Some(code_of(&why)), why.to_string())));
+        }
+    }
+
     /// The robot ends: what has not ended is cancelled.
     pub fn close(&mut self, reason: &str) {
         for held in [self.waiting.take(), self.current.take()].into_iter().flatten() {
@@ -279,6 +289,7 @@ fn code_of(failure: &Failure) -> ErrorCode {
         Failure::NotLocalized { .. } => ErrorCode::NotLocalized,
         Failure::NoPath(refusal) => refusal.code,
         Failure::Timeout { .. } => ErrorCode::Timeout,
+        Failure::MapReplaced => ErrorCode::Conflict,
         Failure::GoalBlocked { .. }
         | Failure::NoProgress { .. }
         | Failure::WaysBlocked { .. }

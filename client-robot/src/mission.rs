@@ -25,6 +25,10 @@ use tokio::time::timeout;
 pub trait MapSource {
     /// A number that changes whenever the map does.
     fn changes(&self) -> u64;
+    /// A number that changes when it is another map, of the same name.
+    fn generation(&self) -> u64 {
+        0
+    }
     /// Looks at the map.
     fn view(&self, look: &mut dyn FnMut(&MapState));
     /// Where the place of this name is: its pose in the map frame. Names hold at once, whatever
@@ -37,6 +41,9 @@ pub trait MapSource {
 impl MapSource for LiveReplica {
     fn changes(&self) -> u64 {
         Self::changes(self)
+    }
+    fn generation(&self) -> u64 {
+        Self::generation(self)
     }
     fn view(&self, look: &mut dyn FnMut(&MapState)) {
         look(&self.running());
@@ -265,6 +272,9 @@ pub(crate) trait Director {
         let _ = map;
     }
 
+    /// The map is another one from here on: what it was to do there, or how all of it ends.
+    fn map_replaced(&mut self) -> Option<TaskOutcome>;
+
     /// Before a frame is worked on: another task, if there is one.
     fn before(&mut self, map: &dyn MapSource) -> Option<Task>;
 
@@ -281,6 +291,11 @@ struct OneGoal<'a> {
 }
 
 impl Director for OneGoal<'_> {
+    fn map_replaced(&mut self) -> Option<TaskOutcome> {
+        // Whoever only looks for the robot's place finds it on the map that is there.
+        (*self.goal != MissionGoal::None).then_some(TaskOutcome::Failed(Failure::MapReplaced))
+    }
+
     fn before(&mut self, _: &dyn MapSource) -> Option<Task> {
         None
     }
@@ -329,9 +344,19 @@ pub(crate) async fn direct<R: Robot>(
 ) -> Result<TaskOutcome, MissionError> {
     let mut landmarks = Landmarks::default();
     let mut preparation = Preparation::start(walls);
-    let mut seen_changes = None;
+    let (mut seen_changes, mut generation) = (None, services.map.generation());
     loop {
         let frame = next_frame(robot, director, services.map, observer).await?;
+        // Before the changes: the map that they are read from is this one, or a newer one.
+        let is_other = std::mem::replace(&mut generation, services.map.generation()) != generation;
+        if is_other {
+            // What is being put together is of the old one.
+            (landmarks, preparation, seen_changes) = (Landmarks::default(), Preparation::start(walls), None);
+            pilot.replace_map();
+            if let Some(outcome) = director.map_replaced() {
+                return Ok(outcome);
+            }
+        }
         let changes = services.map.changes();
         if seen_changes != Some(changes) {
             seen_changes = Some(changes);

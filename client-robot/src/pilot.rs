@@ -118,6 +118,17 @@ impl Pilot {
         self.final_turn.end();
     }
 
+    /// The landmarks from here on are those of another map: the place and the path are void.
+    pub fn replace_map(&mut self) {
+        self.localizer.replace_map();
+        self.route = None;
+        self.refusal = None;
+        self.no_way = 0;
+        self.blockages = Blockages::default();
+        self.progress = ProgressWatch::default();
+        self.final_turn.end();
+    }
+
     /// The path being driven.
     #[must_use]
     pub fn path(&self) -> Option<&PlannedPath> {
@@ -227,6 +238,11 @@ impl Pilot {
         self.progress.restart();
         self.final_turn.end();
         let odometry = &localization.odometry;
+        if landmarks.is_empty() {
+            // A map that has begun anew: there is nothing to find a place by yet.
+            self.search_began_m = odometry.odometer_m;
+            return (Twist::default(), None);
+        }
         let driven_m = odometry.odometer_m - self.search_began_m;
         if driven_m > self.config.max_search_m {
             return (Twist::default(), Some(TaskOutcome::Failed(Failure::NotLocalized { driven_m })));

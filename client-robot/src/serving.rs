@@ -89,6 +89,11 @@ struct Serving<'a, D> {
 }
 
 impl<D: GoalDesk> Director for Serving<'_, D> {
+    fn map_replaced(&mut self) -> Option<TaskOutcome> {
+        self.goals.map_replaced();
+        None
+    }
+
     fn meanwhile(&mut self, map: &dyn MapSource) {
         self.desk.exchange(&mut self.goals, map);
     }

@@ -98,7 +98,9 @@ impl Storage {
             | Op::SetZone { .. }
             | Op::PutRelease { .. }
             | Op::RemoveRelease { .. }
-            | Op::Enable { .. } => {}
+            | Op::Enable { .. }
+            | Op::SetFloorPlan { .. }
+            | Op::SetDatum { .. } => {}
         }
     }
 }

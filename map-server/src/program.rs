@@ -34,9 +34,13 @@ use crate::config::{DEFAULT_LISTEN, QuorumConfig, ServerConfig, ServerEndpoints}
 use crate::server::{ServerError, run_beside};
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
+#[cfg(feature = "web")]
+use fht_map::WriterRole;
 use fht_merge::MergeConfig;
 use fht_program::flags::{CompletionsArgs, ConfigArgs, ConnectArgs, parse_args, refuse};
 use fht_program::{ProgramFailure, Stop, Waiting, logging, print_line};
+#[cfg(feature = "web")]
+use fht_proto::AuthorId;
 use fht_session::SessionConfig;
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -182,7 +186,15 @@ impl Cli {
     /// need none.
     fn with_page(&self, config: ServerConfig, file: WebSection) -> Result<ServerConfig, clap::Error> {
         let page = self.serve.web.over(file);
-        let page = page.map_err(|text| Self::command().error(ErrorKind::ArgumentConflict, text))?;
+        let wrong = |text: String| Self::command().error(ErrorKind::ArgumentConflict, text);
+        let page = page.map_err(wrong)?;
+        let operator = page.as_ref().and_then(|page| page.operator.as_ref());
+        if let Some((name, roles)) = operator.zip(config.writers.as_ref()) {
+            let role = roles.now().role(AuthorId::of_robot(name.as_str()));
+            if role != Some(WriterRole::Operator) {
+                return Err(wrong(format!("--web-operator {name}: the list of roles has no operator of this name")));
+            }
+        }
         Ok(ServerConfig { web: page.filter(|_| self.command.is_none()), ..config })
     }
 }
@@ -246,7 +258,7 @@ fn serve<T>(
     reload: Option<RoleReload>,
     beside: impl Fn(&zenoh::Session) -> Result<T, zenoh::Error>,
 ) -> Result<(), ServerError> {
-    let stop = Stop::on_signal("map-server").map_err(ServerError::Runtime)?;
+    let stop = Stop::on_signal_of_server("map-server").map_err(ServerError::Runtime)?;
     stop.doing("starting");
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(1)
@@ -262,12 +274,10 @@ fn serve<T>(
     // Waited for once it serves: until then there is nothing to put in order.
     let shutdown = async {
         order = Some(stop.in_order());
-        if let Some(reload) = reload {
-            tokio::spawn(async move {
-                let followed = reload.follow().await;
-                followed.unwrap_or_else(|error| tracing::warn!("SIGHUP does not read the roles anew: {error}"));
-            });
-        }
+        tokio::spawn(async move {
+            let followed = role_reload::follow(reload).await;
+            followed.unwrap_or_else(|error| tracing::warn!("SIGHUP does not read the roles anew: {error}"));
+        });
         stop.requested().await;
     };
     let outcome = runtime.block_on(run_beside(config, shutdown, beside));

@@ -15,7 +15,7 @@ mod report;
 mod restore;
 
 pub use report::{RescueError, Rescued, RescuedAuthor};
-pub use restore::{RestoreError, Restored, check_archive, restore};
+pub use restore::{RestoreError, Restored, check_archive, check_archives, restore};
 
 use crate::catalog::Catalog;
 use crate::store::{FILE_NAME, LOCK_NAME, RedbLog, StoreError};

@@ -367,3 +367,36 @@ fn a_command_that_waits_for_a_server_is_interrupted_while_it_waits() {
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.code() == Some(130) && said.contains("interrupted while waiting for a map-server"), "{said}");
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_map_says_where_it_lies() {
+    let site = Site::with(12).await;
+    site.run(&["floor-plan", "museum", "ground floor.png", "--scale", "0.05", "--at=-12.5,-8,90"]);
+    site.run(&["datum", "museum", "52.5186,-13.3973,45"]);
+    let rules = async || -> Value {
+        serde_json::from_slice(&ask(&site.session, "fht/museum/rules").await.remove(0).unwrap()).unwrap()
+    };
+    let said = rules().await;
+    let plan = serde_json::json!({
+        "image": "ground floor.png", "metres_per_pixel": 0.05, "map_from_image": [-12.5, -8.0, 1.5708],
+    });
+    assert_eq!(said["floor_plan"], plan);
+    let datum = serde_json::json!({"latitude": 52.5186, "longitude": -13.3973, "yaw": 0.7854});
+    assert_eq!(said["datum"], datum);
+    let again = site.run(&["datum", "museum", "52.5186,-13.3973,45"]);
+    assert_eq!(again["version"], said["version"], "nothing to change");
+    for (args, reason) in [
+        (&["datum", "museum", "95,0"][..], "a latitude of 95°"),
+        (&["datum", "museum", "north"][..], "is not latitude,longitude"),
+        (&["floor-plan", "museum", "a.png", "--scale", "0"][..], "is not the side of a pixel"),
+        (&["floor-plan", "museum", "a\nb.png", "--scale", "1"][..], "control characters"),
+    ] {
+        let complaint = site.complaint(args);
+        assert!(complaint.contains(reason), "{args:?}: {complaint}");
+    }
+    let undone = site.run(&["undo", "museum"]).to_string();
+    assert!(undone.contains("the place of the map on earth is taken away again"), "{undone}");
+    site.run(&["floor-plan", "museum", "--remove"]);
+    let said = rules().await;
+    assert!(said.get("floor_plan").is_none() && said.get("datum").is_none(), "{said}");
+}

@@ -260,6 +260,7 @@ async fn who_watches_sees_a_map_grow_and_robots_move() {
         state: LocalizationState::Localized,
         confidence: 0.9,
         candidates: Vec::new(),
+        probabilities: Vec::new(),
         map_from_base: Some([1.0, 0.5, 0.0]),
         lost_because: None,
         stamp_us: None,

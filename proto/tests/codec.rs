@@ -1,5 +1,5 @@
 //! The codec: what is encoded decodes to itself, no bytes make a decoder panic, messages are small,
-//! and format version 2 is still read, and version 3 stays what it is.
+//! and format version 2 is still read, and versions 3 and 4 stay what they are.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 mod arbitrary;
@@ -14,9 +14,9 @@ use fht_proto::codec::envelope::{
 };
 use fht_proto::model::compaction::Rest;
 use fht_proto::{
-    AuthorId, CodecError, CompactedSeries, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose,
-    Increment, ModelId, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, Signature, VersionVector, Zone,
-    ZoneRule, decode, encode,
+    AuthorId, CodecError, CompactedSeries, Datum, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose,
+    FloorPlan, Increment, ModelId, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, Signature,
+    VersionVector, Zone, ZoneRule, decode, encode,
 };
 use proptest::prelude::*;
 
@@ -66,7 +66,7 @@ proptest! {
         let checksum = crc32fast::hash(&bytes[..end]).to_le_bytes();
         bytes[end..].copy_from_slice(&checksum);
         prop_assert_eq!(&decode::<Increment>(&bytes).unwrap(), &increment);
-        prop_assert!(is_canonical(&increment, &bytes).unwrap());
+        prop_assert_eq!(is_canonical(&increment, &bytes).unwrap(), increment.ops.iter().all(|op| op.format() == 3));
     }
 
     #[test]
@@ -334,6 +334,46 @@ fn one_of_each_since_3() -> Increment {
     }
 }
 
+/// The operations that came with format 4.
+fn one_of_each_since_4() -> Increment {
+    let map_from_image = FixedPose::from_metres(1.5, -2.0, 0.5);
+    let plan = FloorPlan { image: "plan.png".to_owned(), um_per_pixel: 50_000, map_from_image };
+    Increment {
+        ops: vec![
+            Op::SetFloorPlan { plan: Some(plan) },
+            Op::SetFloorPlan { plan: None },
+            Op::SetDatum { datum: Some(Datum::from_degrees(52.5186, -13.3973, 0.25)) },
+            Op::SetDatum { datum: None },
+        ],
+        ..one_of_each()
+    }
+}
+
+#[test]
+fn what_needs_format_4_is_written_in_it_and_nothing_else() {
+    let since = one_of_each_since_4();
+    let bytes = encode(&since).unwrap();
+    assert_eq!(hex(&since), GOLDEN_INCREMENT_SINCE_4);
+    assert_eq!(decode::<Increment>(&from_hex(GOLDEN_INCREMENT_SINCE_4)).unwrap(), since);
+    assert!(is_canonical(&since, &bytes).unwrap());
+    let rests = vec![Rest { number: 4, hlc_us: 9, ops: vec![(1, Op::SetDatum { datum: None })] }];
+    let fold = CompactedSeries { author: node(1).author, first: 3, last: 300, rests };
+    let series = Series { folds: Vec::new(), increments: vec![one_of_each(), since.clone()] };
+    let formats = [bytes[3], encode(&fold).unwrap()[3], encode(&series).unwrap()[3]];
+    assert_eq!(formats, [4, 4, 4]);
+    // Neither is what says that it is older than its operations, nor what says that it is newer.
+    let said = |increment: &Increment, version: u8| {
+        let bytes = encode(increment).unwrap();
+        let body = &bytes[6..bytes.len() - 4];
+        seal(version, Increment::KIND, body).unwrap()
+    };
+    assert!(!is_canonical(&since, &said(&since, 3)).unwrap());
+    let plain = Increment { ops: vec![Op::RemoveNode { id: node(0) }], ..one_of_each() };
+    for (version, is_so) in [(2, true), (3, true), (4, false)] {
+        assert_eq!(is_canonical(&plain, &said(&plain, version)).unwrap(), is_so, "{version}");
+    }
+}
+
 fn from_hex(hex: &str) -> Vec<u8> {
     (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap()).collect()
 }
@@ -382,6 +422,9 @@ const GOLDEN_INCREMENT_SINCE_3: &str = "\
     0101ac02030000d00f0000cf0f0b036c6162000c0c323032362d31312d32312e3101cdf8acd101ac02070707070707070707\
     07070707070707070707070707070707070707070707070d090c323032362d31312d32312e310e01090c323032362d31312d\
     32312e310e0089902467";
+const GOLDEN_INCREMENT_SINCE_4: &str = "\
+    464854040131cdf8acd10102c0843d040f0108706c616e2e706e67d08603b8179f1f904e0f00100180f5d1a58703bfccd4e8\
+    6388271000d5d03367";
 const GOLDEN_DESCRIPTOR: &str = "46485403020f030000003f0508181ffe0d2fff0a70eadf741e";
 const GOLDEN_FOLD: &str = "46485403070fcdf8acd10103ac020104090101010495335589";
 const GOLDEN_EMPTY_SERIES: &str = "46485403060200009e94640b";

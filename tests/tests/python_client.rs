@@ -10,8 +10,8 @@ use fht_proto::api::goal::{GoalState, GoalStatus};
 use fht_proto::api::keys::{GoalTopic, Key, RobotTopic};
 use fht_proto::api::reply::ErrorCode;
 use fht_proto::{
-    AuthorId, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Increment, Label, MapName, ModelId,
-    NodeId, NodeKind, Op, Release, ReleaseId, ScanRecord, Signature, VersionVector, Zone, ZoneRule,
+    AuthorId, Datum, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, FloorPlan, Increment, Label,
+    MapName, ModelId, NodeId, NodeKind, Op, Release, ReleaseId, ScanRecord, Signature, VersionVector, Zone, ZoneRule,
 };
 use fht_session::SessionConfig;
 use fht_tests::corridors::{corridors, put};
@@ -104,6 +104,7 @@ fn pose_of_robot() -> RobotPose {
         state: LocalizationState::Localized,
         confidence: 0.97,
         candidates: Vec::new(),
+        probabilities: Vec::new(),
         map_from_base: Some([1.0, 0.5, -1.25]),
         lost_because: None,
         stamp_us: None,
@@ -187,6 +188,10 @@ fn annotations() -> Increment {
         Op::PutRelease { name: release.name.clone(), release: Release { vector, digest: Digest([7; 32]) } },
         Op::RemoveRelease { id: ReleaseId { author, name: "old".parse().unwrap() } },
         Op::Enable { release: None },
+        Op::SetFloorPlan {
+            plan: Some(FloorPlan { image: "Erdgeschoß.png".to_owned(), um_per_pixel: 50_000, map_from_image: pose }),
+        },
+        Op::SetDatum { datum: Some(Datum::from_degrees(-33.856_784, 151.215_297, 0.5)) },
     ];
     Increment { author, number: 1, hlc_us: 10, ops }
 }

@@ -1,6 +1,7 @@
 //! Robots that are sent: by a person with nothing but zenoh-cli, by operators' commands and by any
 //! Zenoh client, goal after goal, over a server that is started anew; what is replaced, cancelled,
-//! wrong or too much; a second robot of the same name; and the robot's end.
+//! wrong or too much; a second robot of the same name; another map of the same name; and the
+//! robot's end.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 use fht_demo::{Process, ProcessError, Role, free_endpoint};
@@ -10,6 +11,7 @@ use fht_proto::api::goal::{GoalState, GoalStatus};
 use fht_proto::api::keys::{GoalTopic, Key, RobotTopic};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, NodesReply, PathReply};
 use fht_session::SessionConfig;
+use fht_tests::corridors::{corridors, put};
 use fht_tests::python::{ZENOH_CLI, environment, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -347,4 +349,26 @@ fn a_second_robot_of_the_name_is_refused_and_the_first_says_its_last_word() {
     assert!(last.contains(&id), "{last:?}");
     let gone = site.ask(Some(GoalTopic::Status), "").unwrap_err();
     assert!(gone.message.contains("does client-robot serve run"), "{gone}");
+}
+
+#[test]
+fn a_robot_whose_map_was_replaced_by_another_one_of_the_name_forgets_its_place_and_its_goals() {
+    let mut site = Site::start("2");
+    site.send_first("id=a;to=far");
+    site.ask(None, "id=b;to=home").unwrap();
+    site.pose();
+    site.operate(&["delete", "museum", "--reason", "begun anew", "--grace", "0s"]).unwrap();
+    put(&site.session, &museum(), &corridors());
+    for id in ["a", "b"] {
+        let id = format!("id={id}");
+        let ended = site.until("it fails", Some(GoalTopic::Status), &id, |status| status.state.is_final());
+        assert_eq!((ended.state, ended.code), (GoalState::Failed, Some(ErrorCode::Conflict)), "{ended:?}");
+    }
+    // It does not say any more that it knows where it is, and takes no goal.
+    let begin = Instant::now();
+    while site.poses.borrow_and_update().is_some() {
+        assert!(begin.elapsed() < PATIENCE, "it says where it was");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert_eq!(site.ask(None, "id=c;x=1;y=0").unwrap_err().code, ErrorCode::NotLocalized);
 }

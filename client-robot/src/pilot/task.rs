@@ -2,6 +2,7 @@
 
 use fht_client::PoseReport;
 use fht_localization::localizer::Localization;
+use fht_perception::candidate::PossiblePlace;
 use fht_perception::frame::Twist;
 use fht_perception::pose::{Point2, Pose2};
 use fht_proto::api::reply::ErrorReply;
@@ -81,6 +82,9 @@ pub enum Failure {
         /// Angle to the heading, degrees.
         left_deg: f64,
     },
+    /// The goal was one of another map.
+    #[error("another map has come to the name of the one that the goal was on")]
+    MapReplaced,
     /// The time is up.
     #[error("out of time after {}", told_s(*seconds))]
     Timeout {
@@ -118,8 +122,8 @@ pub struct PilotStep {
     pub command: Twist,
     /// Where the robot is, as far as it knows.
     pub localization: Localization,
-    /// Where it may be while it does not know, map frame, likeliest first.
-    pub candidates: Vec<Pose2>,
+    /// Where it may be while it does not know, likeliest first.
+    pub candidates: Vec<PossiblePlace>,
     /// Set once the task has ended.
     pub outcome: Option<TaskOutcome>,
 }

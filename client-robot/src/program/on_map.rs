@@ -1,6 +1,6 @@
 //! A robot of this name on a map: its session with the server, and its copy of the map.
 
-use super::connection::{TIMEOUT, connect, wait_for_map, wait_for_name};
+use super::connection::{ASK_AGAIN, TIMEOUT, connect, wait_for_map, wait_for_name};
 use super::error::CliError;
 use super::settings::ClientFile;
 use fht_client::{LiveReplica, Presence};
@@ -35,7 +35,7 @@ impl OnMap {
         wait_for_name(&presence, waiting, stop)?;
         let alive = presence.declare()?;
         let head = wait_for_map(&session, &map, waiting, stop)?;
-        let replica = copy_of_map(&session, file, net, &head)?;
+        let replica = copy_of_map(&session, file, net, &head, waiting)?;
         Ok(Self { session, presence, alive, replica })
     }
 }
@@ -46,14 +46,21 @@ fn copy_of_map(
     file: &ClientFile,
     net: Option<&DescriptorNet>,
     head: &Head,
+    waiting: &Waiting,
 ) -> Result<LiveReplica, CliError> {
     let map = file.map();
     let replica = LiveReplica::start(session, &map, file.name(), file.client.replica.clone())?;
     if !replica.wait_for(&head.vector, TIMEOUT) {
         tracing::warn!("the copy of the map is not complete yet");
     }
-    if replica.running().counts().main_nodes == 0 {
-        return Err(CliError::EmptyMap(map));
+    // An explorer may just have begun it.
+    let mut content = waiting.for_content();
+    while replica.running().counts().main_nodes == 0 {
+        let empty = CliError::EmptyMap(map.clone());
+        if !content.goes_on(&empty) {
+            return Err(empty);
+        }
+        std::thread::sleep(ASK_AGAIN);
     }
     let Some(net) = net.filter(|_| file.robot.cameras) else {
         tracing::info!("without cameras: the place is found by the scanner alone");

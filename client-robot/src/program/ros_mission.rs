@@ -176,7 +176,7 @@ impl MissionObserver for PlaceOutputs<'_> {
             confidence: report.confidence,
             odom_from_base: frame.odom_from_base,
             map_from_base: report.map_from_base,
-            candidates: report.candidates,
+            candidates: report.candidates.iter().map(|place| place.map_from_base).collect(),
             lost_because: report.lost_because,
         });
         if self.turns.is_due(frame.time_us, self.replica.changes(), false) {

@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `files` | which files make up a bag |
 //! | `stream` | their messages, as far as they can be read |
+//! | `log_order` | those that are out of order by a little, in order |
 //! | `unpacking` | how much their chunks may unpack to |
 //! | `survey` | what is in a bag |
 //! | `topics` | which topics hold what |
@@ -12,6 +13,7 @@
 
 pub(crate) mod files;
 pub(crate) mod frames;
+mod log_order;
 pub(crate) mod report;
 pub(crate) mod stream;
 pub(crate) mod survey;

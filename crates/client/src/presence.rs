@@ -1,6 +1,7 @@
 //! What a robot tells the others: that it is here, where it is, what it runs, what it could not
 //! pass.
 
+use fht_perception::candidate::PossiblePlace;
 use fht_perception::pose::{Pose2, to_fixed};
 use fht_proto::api::fleet::{BlockedReport, LocalizationState, RobotPose, RobotRole, RobotStatus};
 use fht_proto::api::keys::{Key, RobotTopic};
@@ -23,8 +24,8 @@ pub struct PoseReport {
     pub state: LocalizationState,
     /// Probability that the pose, or the likeliest candidate, is right: 0 to 1.
     pub confidence: f64,
-    /// Where it may be while it does not know, map frame, likeliest first.
-    pub candidates: Vec<Pose2>,
+    /// Where it may be while it does not know, likeliest first.
+    pub candidates: Vec<PossiblePlace>,
     /// Its pose in the map frame, if it knows.
     pub map_from_base: Option<Pose2>,
     /// Why it gave up the last place that it knew, in words; none once it knows again.
@@ -119,7 +120,8 @@ impl Presence {
             localized: map_from_base.is_some(),
             state: pose.state,
             confidence: pose.confidence,
-            candidates: pose.candidates.iter().map(x_y_yaw).collect(),
+            candidates: pose.candidates.iter().map(|place| x_y_yaw(&place.map_from_base)).collect(),
+            probabilities: pose.candidates.iter().map(|place| place.probability).collect(),
             map_from_base,
             lost_because: pose.lost_because.clone(),
             stamp_us,

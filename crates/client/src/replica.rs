@@ -117,7 +117,14 @@ impl LiveReplica {
         *self.shared.changes.borrow()
     }
 
-    /// The same number, to be waited for.
+    /// A number that changes when another map has come to the name: what a robot knew by the old
+    /// one, its place too, is void.
+    #[must_use]
+    pub fn generation(&self) -> u64 {
+        self.shared.generation.load(Ordering::Acquire)
+    }
+
+    /// The number of [`changes`](Self::changes), to be waited for.
     #[must_use]
     pub fn watch_changes(&self) -> watch::Receiver<u64> {
         self.shared.changes.subscribe()

@@ -110,6 +110,9 @@ pub struct Sync {
     release_after: Option<Instant>,
     head_asked_at: Option<Instant>,
     is_head_under_way: bool,
+    /// Whether the server has the map no more.
+    is_gone: bool,
+    generation: u64,
 }
 
 /// Whether anything was applied.
@@ -138,6 +141,8 @@ impl Sync {
             release_after: None,
             head_asked_at: None,
             is_head_under_way: false,
+            is_gone: false,
+            generation: 0,
         }
     }
 
@@ -200,6 +205,19 @@ impl Sync {
         is_due.then(|| Fetch::Release { id, release, fresh: Box::default() })
     }
 
+    /// A number that changes when the copy is that of another map, which has come to the name: what
+    /// was known by the old one, such as the robot's place, is void.
+    #[must_use]
+    pub fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// The server has the map no more. What writers put from here on is not of the map that the
+    /// copy is of.
+    pub fn map_gone(&mut self) {
+        self.is_gone = true;
+    }
+
     /// Whether the map is being fetched anew, because the copy cannot be trusted.
     #[must_use]
     pub fn is_refetching(&self) -> bool {
@@ -210,6 +228,9 @@ impl Sync {
     pub fn live(&mut self, copy: &mut Replica, increment: Increment) -> usize {
         if let Some(violation) = self.roles.as_ref().and_then(|roles| roles.check(&increment).err()) {
             tracing::debug!("an increment is left out unless the server takes it: {violation}");
+            return 0;
+        }
+        if self.is_gone {
             return 0;
         }
         let outcome = copy.accept(increment);
@@ -226,6 +247,11 @@ impl Sync {
     pub fn head_answered(&mut self, copy: &Replica, head: Option<Head>, now: Instant) {
         self.is_head_under_way = false;
         if let Some(head) = head {
+            let is_gone = head.deletion.as_ref().is_some_and(|deletion| deletion.done);
+            if std::mem::replace(&mut self.is_gone, is_gone) && !is_gone {
+                // One of its name is there: the same again, or another one.
+                self.follow.conflict();
+            }
             self.follow.answered(head, copy.vector(), now);
         }
     }
@@ -284,6 +310,11 @@ impl Sync {
             Fetch::Whole { fresh } => {
                 if part.is_complete {
                     self.follow.refetched(now);
+                    if !copy.state().shares_history(fresh.state()) {
+                        self.generation += 1;
+                        // Its releases are others, whatever they are called.
+                        self.running = None;
+                    }
                     *copy = *fresh;
                 } else {
                     self.follow.interrupted(now);

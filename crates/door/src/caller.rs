@@ -2,6 +2,7 @@
 
 use fht_proto::RobotName;
 use serde::Serialize;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// What a member of the site is, by its certificate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -60,4 +61,12 @@ impl Caller {
         };
         named().unwrap_or(Self::Stranger)
     }
+}
+
+/// How much longer a certificate (DER) holds. One that cannot be read does not.
+pub(crate) fn holds_for(der: &[u8], now: SystemTime) -> Duration {
+    let Ok((_, certificate)) = x509_parser::parse_x509_certificate(der) else { return Duration::ZERO };
+    let ends_s = certificate.validity().not_after.timestamp();
+    let now_s = now.duration_since(UNIX_EPOCH).unwrap_or_default();
+    Duration::from_secs(ends_s.try_into().unwrap_or(0)).saturating_sub(now_s)
 }

@@ -1,7 +1,7 @@
 //! A socket that is bound, and connections taken from it: bounded in number, and in how long they
 //! may keep others waiting.
 
-use crate::caller::Caller;
+use crate::caller::{Caller, holds_for};
 use crate::error::DoorError;
 use crate::hosts::Hosts;
 use crate::patient_io::PatientIo;
@@ -9,7 +9,7 @@ use crate::tls::{DoorCertificates, secure};
 use std::future::Future;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
 use tokio::sync::Semaphore;
@@ -147,8 +147,10 @@ impl Door {
             let (answer, counts) = (answer.clone(), Arc::clone(&counts));
             running.spawn(async move {
                 counts.opened();
-                if let Some((stream, caller)) = let_in(stream, acceptor, &limits).await {
-                    answer(stream, caller).await;
+                if let Some((stream, caller, holds)) = let_in(stream, acceptor, &limits).await
+                    && timeout(holds, answer(stream, caller)).await.is_err()
+                {
+                    tracing::info!("a connection is ended: its certificate is out of date");
                 }
                 counts.closed();
                 drop(place);
@@ -157,17 +159,25 @@ impl Door {
     }
 }
 
-/// Who comes in, if it is in time.
-async fn let_in(stream: TcpStream, acceptor: Option<TlsAcceptor>, limits: &DoorLimits) -> Option<(DoorStream, Caller)> {
+/// Longest that a connection lasts, whatever a certificate says: a timer has an end.
+const LONGEST: Duration = Duration::from_secs(365 * 24 * 3600);
+
+/// Who comes in, if it is in time, and how long it may stay: until its certificate is out of date.
+async fn let_in(
+    stream: TcpStream,
+    acceptor: Option<TlsAcceptor>,
+    limits: &DoorLimits,
+) -> Option<(DoorStream, Caller, Duration)> {
     // Small messages are not to wait for others.
     let _ = stream.set_nodelay(true);
     let patient = |stream: Box<dyn Duplex>| PatientIo::new(stream, limits.writing);
-    let Some(acceptor) = acceptor else { return Some((patient(Box::new(stream)), Caller::Local)) };
+    let Some(acceptor) = acceptor else { return Some((patient(Box::new(stream)), Caller::Local, LONGEST)) };
     match timeout(limits.handshake, acceptor.accept(stream)).await {
         Ok(Ok(stream)) => {
             let shown = stream.get_ref().1.peer_certificates().and_then(<[_]>::first);
             let caller = shown.map_or(Caller::Stranger, |certificate| Caller::of_certificate(certificate));
-            Some((patient(Box::new(stream)), caller))
+            let holds = shown.map_or(LONGEST, |certificate| holds_for(certificate, SystemTime::now()).min(LONGEST));
+            Some((patient(Box::new(stream)), caller, holds))
         }
         Ok(Err(error)) => {
             tracing::debug!("no TLS connection: {error}");

@@ -38,7 +38,8 @@ async fn run() -> Result<(), Box<dyn std::error::Error>> {
             println!("localized: x {:.2} m, y {:.2} m, {degrees:.1} degrees", at.x, at.y);
             return Ok(());
         }
-        let likeliest = state.candidates().first().map(|at| (at.translation.x, at.translation.y));
+        let likeliest = state.candidates().first().map(|place| place.map_from_base.translation);
+        let likeliest = likeliest.map(|at| (at.x, at.y));
         println!("{}, {:.0} %, likeliest {likeliest:?}", state.state(), 100.0 * state.confidence());
     }
     Err("the bag is over, and the place was not found".into())

@@ -12,6 +12,7 @@ use fht_navigation::local_map::{LocalMap, LocalMapConfig};
 use fht_navigation::searching::Searcher;
 use fht_navigation::steering::SteeringConfig;
 use fht_navigation::wandering::WanderingConfig;
+use fht_perception::candidate::PossiblePlace;
 #[cfg(feature = "descriptor")]
 use fht_perception::frame::Panorama;
 use fht_perception::frame::{FrameError, SensorFrame, Twist};
@@ -49,6 +50,7 @@ impl Map {
             landmarks: Landmarks::default(),
             preparation: Preparation::start(Taking::WhenThere),
             seen_changes: None,
+            generation: self.inner.replica.generation(),
             localizer: Localizer::new(config),
             local_map: LocalMap::new(LocalMapConfig::default()),
             searcher: Searcher::new(
@@ -85,7 +87,7 @@ pub enum UpdateError {
 #[derive(Clone, Debug)]
 pub struct LocalizerState {
     localization: Localization,
-    candidates: Vec<Pose2>,
+    candidates: Vec<PossiblePlace>,
 }
 
 impl LocalizerState {
@@ -95,9 +97,9 @@ impl LocalizerState {
         self.localization.map_from_base()
     }
 
-    /// Where the robot may be while it does not know, map frame, likeliest first.
+    /// Where the robot may be while it does not know, likeliest first.
     #[must_use]
-    pub fn candidates(&self) -> &[Pose2] {
+    pub fn candidates(&self) -> &[PossiblePlace] {
         &self.candidates
     }
 
@@ -139,6 +141,8 @@ pub struct MapLocalizer {
     landmarks: Landmarks,
     preparation: Preparation,
     seen_changes: Option<u64>,
+    /// Of the map that the landmarks are of.
+    generation: u64,
     localizer: Localizer,
     local_map: LocalMap,
     searcher: Searcher,
@@ -189,6 +193,13 @@ impl MapLocalizer {
 
     fn follow_map(&mut self) {
         let replica = &self.map.inner.replica;
+        let generation = replica.generation();
+        if std::mem::replace(&mut self.generation, generation) != generation {
+            // What is being put together is of the old map.
+            (self.landmarks, self.preparation) = (Landmarks::default(), Preparation::start(Taking::WhenThere));
+            self.localizer.replace_map();
+            self.seen_changes = None;
+        }
         let changes = replica.changes();
         if self.seen_changes.replace(changes) != Some(changes) {
             self.preparation.follow(&mut self.landmarks, &replica.running());

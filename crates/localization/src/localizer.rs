@@ -4,6 +4,7 @@ use crate::landmarks::Landmarks;
 use crate::pose_fix::Fix;
 use crate::relocalization::{Belief, RelocalizationConfig, Relocalizer, Sensed};
 use crate::tracking::{LostReason, Tracker, TrackingConfig};
+use fht_perception::candidate::PossiblePlace;
 use fht_perception::frame::{LaserScan, SensorFrame};
 use fht_perception::pose::{Point2, Pose2, wrap_angle};
 use fht_perception::scan_odometry::{Odometry, ScanOdometry, ScanOdometryConfig};
@@ -126,10 +127,10 @@ impl Localizer {
         self.refixes
     }
 
-    /// Where the robot may be now, map frame, likeliest first.
+    /// Where the robot may be now, likeliest first.
     #[must_use]
-    pub fn candidates(&self) -> Vec<Pose2> {
-        self.relocalizer.candidates(&self.odometry.current().odom_from_base)
+    pub fn candidates(&self) -> Vec<PossiblePlace> {
+        self.relocalizer.candidates(&self.odometry.current().odom_from_base, self.confidence)
     }
 
     /// The hypotheses kept, for people to look at.
@@ -205,15 +206,31 @@ impl Localizer {
             tracker.update(landmarks, points, scan);
         }
         if let Some(reason) = tracker.lost() {
-            tracing::warn!("lost: {reason}");
-            self.lost = Some(reason);
-            self.tracker = None;
-            self.state = LocalizationState::Lost;
-            self.confidence = 0.0;
-            self.relocalizer.clear();
+            self.give_up(reason);
             // It is lost until it looks again, a little farther on.
             self.observed_at_m = Some(odometry.odometer_m);
         }
+    }
+
+    fn give_up(&mut self, reason: LostReason) {
+        tracing::warn!("lost: {reason}");
+        self.lost = Some(reason);
+        self.tracker = None;
+        self.state = LocalizationState::Lost;
+        self.confidence = 0.0;
+        self.relocalizer.clear();
+    }
+
+    /// The landmarks from here on are those of another map: the robot's place on the old one, if it
+    /// had any, is void, and so is all that it has compared. It looks with the next frame.
+    pub fn replace_map(&mut self) {
+        if self.tracker.is_some() {
+            self.give_up(LostReason::MapReplaced);
+        } else {
+            self.relocalizer.clear();
+        }
+        self.pointed_at = None;
+        self.observed_at_m = None;
     }
 
     /// Takes over what the relocalizer says; true if the pose is new.

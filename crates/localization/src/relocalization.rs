@@ -12,7 +12,7 @@ mod pointing;
 
 pub use config::RelocalizationConfig;
 
-use self::ambiguity::not_told_apart;
+use self::ambiguity::{not_told_apart, odds_of_others, probabilities};
 use self::pointing::best_around;
 use crate::distinction::{Grounds, PictureWord};
 use crate::hypotheses::{Hypothesis, SensedView, held};
@@ -20,7 +20,7 @@ use crate::landmarks::Landmarks;
 use crate::place_evidence::{Judged, PlaceEvidence};
 use crate::pose_fix::{Fix, fix_pose};
 use crate::wall_squares::WallSquares;
-use fht_perception::candidate::Candidate;
+use fht_perception::candidate::{Candidate, PossiblePlace};
 use fht_perception::evidence_grid::Beams;
 use fht_perception::frame::LaserScan;
 use fht_perception::matching::{Favour, MatchConfig};
@@ -65,6 +65,8 @@ pub struct Relocalizer {
     hypotheses: Vec<Hypothesis>,
     evidence: Option<PlaceEvidence>,
     ambiguity: Vec<Candidate>,
+    /// Odds of the hypotheses after the first, as many as are told, as of the last look.
+    others_odds: Vec<f64>,
     /// Where somebody says that the odometry frame is on the map, until it was looked there.
     pointed_at: Option<Pose2>,
 }
@@ -79,6 +81,7 @@ impl Relocalizer {
             hypotheses: Vec::new(),
             evidence: None,
             ambiguity: Vec::new(),
+            others_odds: Vec::new(),
             pointed_at: None,
         }
     }
@@ -101,14 +104,15 @@ impl Relocalizer {
         self.evidence.as_ref()
     }
 
-    /// The likeliest places of the robot now that odometry says `odom_from_base`, map frame.
+    /// The likeliest places of the robot now that odometry says `odom_from_base`, likeliest first,
+    /// when the first one is right with `confidence`.
     #[must_use]
-    pub fn candidates(&self, odom_from_base: &Pose2) -> Vec<Pose2> {
-        /// More would tell nobody anything.
-        const MOST: usize = 5;
+    pub fn candidates(&self, odom_from_base: &Pose2, confidence: f64) -> Vec<PossiblePlace> {
         let Some(last) = self.views.last() else { return Vec::new() };
         let since = last.odometry.odom_from_base.inverse() * odom_from_base;
-        self.hypotheses.iter().take(MOST).map(|hypothesis| hypothesis.map_from_base() * since).collect()
+        let places = self.hypotheses.iter().map(|hypothesis| hypothesis.map_from_base() * since);
+        let possible = |(map_from_base, probability)| PossiblePlace { map_from_base, probability };
+        places.zip(probabilities(confidence, &self.others_odds)).map(possible).collect()
     }
 
     /// The places that all that was seen does not tell apart, as of the last look, most probable
@@ -121,6 +125,7 @@ impl Relocalizer {
     /// Forgets everything, as after being carried off.
     pub fn clear(&mut self) {
         self.ambiguity.clear();
+        self.others_odds.clear();
         self.views.clear();
         self.hypotheses.clear();
         self.evidence = None;
@@ -152,6 +157,7 @@ impl Relocalizer {
         self.sort();
         self.put_clearest_first();
         self.ambiguity = not_told_apart(&self.hypotheses, &self.views, &self.config);
+        self.others_odds = odds_of_others(&self.hypotheses, &self.views, &self.config);
         self.evidence = self.hypotheses.first().map(|best| self.weigh(best, landmarks));
         self.judge(&points, landmarks)
     }

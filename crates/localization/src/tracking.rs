@@ -74,6 +74,8 @@ pub enum LostReason {
     Contradicted(f64),
     /// Share of it that the map explains, 0 to 1.
     Unexplained(f64),
+    /// The place was one of another map.
+    MapReplaced,
 }
 
 impl std::fmt::Display for LostReason {
@@ -88,6 +90,7 @@ impl std::fmt::Display for LostReason {
             Self::Unexplained(share) => {
                 write!(formatter, "the map explains only {:.0} % of what it sees", 100.0 * share)
             }
+            Self::MapReplaced => formatter.write_str("another map has come to the name of the one that it was on"),
         }
     }
 }

@@ -88,6 +88,8 @@ pub fn may_write(role: WriterRole, author: AuthorId, op: &Op) -> Result<(), NotP
             Op::PutRelease { .. } => refused("make releases"),
             Op::RemoveRelease { .. } => refused("delete releases"),
             Op::Enable { .. } => refused("say which release robots use"),
+            Op::SetFloorPlan { .. } => refused("lay a floor plan"),
+            Op::SetDatum { .. } => refused("say where on earth the map is"),
         },
     }
 }

@@ -4,8 +4,8 @@
 
 use fht_map::{MapState, WriterRole, WriterRoles, may_write, takes_from_others};
 use fht_proto::{
-    AuthorId, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Increment, ModelId, NodeId, NodeKind, Op, Rect,
-    Release, ReleaseId, ScanRecord, Signature, VersionVector, Zone, ZoneRule,
+    AuthorId, Datum, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Increment, ModelId, NodeId, NodeKind, Op,
+    Rect, Release, ReleaseId, ScanRecord, Signature, VersionVector, Zone, ZoneRule,
 };
 use proptest::prelude::*;
 use std::fmt::Write;
@@ -60,7 +60,7 @@ fn on_edge(edge: EdgeKey, number: u32) -> [Op; 3] {
     [Op::PutEdge { edge }, Op::RemoveEdge { edge }, Op::SetClosed { edge, closed: number.is_multiple_of(2) }]
 }
 
-fn on_map(author: AuthorId, number: u32) -> [Op; 8] {
+fn on_map(author: AuthorId, number: u32) -> [Op; 10] {
     let (vector, digest) = (VersionVector::default(), Digest([number as u8; 32]));
     let enabled = Some(release(DESK, "first")).filter(|_| number.is_multiple_of(2));
     [
@@ -72,6 +72,8 @@ fn on_map(author: AuthorId, number: u32) -> [Op; 8] {
         Op::PutRelease { name: "second".parse().unwrap(), release: Release { vector, digest } },
         Op::RemoveRelease { id: release(if number.is_multiple_of(2) { DESK } else { author }, "first") },
         Op::Enable { release: enabled },
+        Op::SetFloorPlan { plan: None },
+        Op::SetDatum { datum: Some(Datum::from_degrees(52.5, 13.4, 0.0)) },
     ]
 }
 
@@ -87,7 +89,7 @@ fn table() -> String {
     for (index, name) in ["put edge", "remove edge", "set closed"].into_iter().enumerate() {
         rows.push((name.to_owned(), edges.iter().map(|edge| on_edge(*edge, 1)[index].clone()).collect()));
     }
-    let [put, place, no_place, zone, no_zone, make, remove, enable] = on_map(ANA, 1);
+    let [put, place, no_place, zone, no_zone, make, remove, enable, plan, datum] = on_map(ANA, 1);
     let rest = [
         ("put model", vec![put]),
         ("set place", vec![place, no_place]),
@@ -95,6 +97,8 @@ fn table() -> String {
         ("put release", vec![make]),
         ("remove release", vec![remove]),
         ("enable", vec![enable]),
+        ("set floor plan", vec![plan]),
+        ("set datum", vec![datum]),
     ];
     rows.extend(rest.map(|(name, ops)| (name.to_owned(), ops)));
     let mut text = String::from("| operation | explorer | client | operator |\n| --- | --- | --- | --- |\n");

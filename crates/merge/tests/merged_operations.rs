@@ -10,7 +10,7 @@ use fht_map::plan::rules::Rules;
 use fht_map::{FreeSpace, NodeRouteConfig};
 use fht_merge::{MergeConfig, MergeOptions, MergedOperations, join, lay};
 use fht_perception::pose::{Point2, pose};
-use fht_proto::{AuthorId, EdgeKey, FixedPoint, FixedPose, Increment, NodeId, Op, Zone, ZoneRule};
+use fht_proto::{AuthorId, Datum, EdgeKey, FixedPoint, FixedPose, FloorPlan, Increment, NodeId, Op, Zone, ZoneRule};
 use std::collections::BTreeSet;
 
 fn order() -> MergeOptions<'static> {
@@ -114,11 +114,19 @@ fn what_operators_wrote_comes_along() {
             dock(2.0),
             Op::SetZone { name: "wet".parse().unwrap(), zone: Some(zone) },
             Op::SetClosed { edge: closed, closed: true },
+            Op::SetFloorPlan {
+                plan: Some(FloorPlan {
+                    image: "hall.png".to_owned(),
+                    um_per_pixel: 50_000,
+                    map_from_image: FixedPose::from_metres(2.0, 0.0, 0.5),
+                }),
+            },
+            Op::SetDatum { datum: Some(Datum::from_degrees(52.5, 13.4, 0.25)) },
         ],
     );
     let (both, joined) = merged(&a, &b, &order());
     assert_eq!(joined.figures.renamed, [["dock".to_owned(), "dock-second".to_owned()]]);
-    assert_eq!((joined.figures.annotations, joined.figures.closed_edges), (2, 1), "{:?}", joined.figures);
+    assert_eq!((joined.figures.annotations, joined.figures.closed_edges), (4, 1), "{:?}", joined.figures);
     // Where it lies in the first map's frame: the frames are known.
     let a_from_b = pose(1.5, 1.0, 0.0).inverse() * pose(20.0, 1.2, 1.0);
     let truth = a_from_b * Point2::new(2.0, 0.0);
@@ -126,6 +134,13 @@ fn what_operators_wrote_comes_along() {
     assert!((found.position.x() - truth.x).hypot(found.position.y() - truth.y) < 0.05, "{found:?} {truth}");
     assert!((found.yaw() - 1.5).abs() < 0.02, "{found:?}");
     assert_eq!(both.annotations().zones().count(), 1);
+    // The plan lies where the place does, and the same point is at the same latitude and longitude.
+    assert_eq!(both.annotations().floor_plan().unwrap().map_from_image, found);
+    let [told, there] = [
+        both.annotations().datum().unwrap().locate(truth.x, truth.y),
+        b.annotations().datum().unwrap().locate(2.0, 0.0),
+    ];
+    assert!(told.iter().zip(there).all(|(a, b)| (a - b).abs() < 1e-6), "{told:?} {there:?}");
     let ends = |edge: EdgeKey| [edge.low(), edge.high()].map(|id| both.node(id).unwrap().pose.position);
     let edge = both.closed_edges().next().unwrap();
     let moved = [closed.low(), closed.high()].map(|id| {

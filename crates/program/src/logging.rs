@@ -11,7 +11,8 @@ use tracing_subscriber::{EnvFilter, Layer};
 
 /// What a robot logs: errors, why it waits for a server, that its map ends, what is wrong with its
 /// sensors, and what a simulated world lacks.
-pub const ROBOT: &str = "error,fht_session=warn,fht_client::notice=warn,fht_sim=warn,fht_ros_robot=warn";
+pub const ROBOT: &str =
+    "error,fht_session=warn,fht_client::notice=warn,mapper::notice=warn,fht_sim=warn,fht_ros_robot=warn";
 
 /// What `RUST_LOG` says, else `default`.
 fn filter(default: &str) -> EnvFilter {

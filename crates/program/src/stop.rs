@@ -27,6 +27,8 @@ pub enum StopSignal {
     Interrupt,
     /// A polite `kill` (SIGTERM), or the end of the program that has started this one.
     Terminate,
+    /// The terminal is gone (SIGHUP).
+    HangUp,
 }
 
 impl StopSignal {
@@ -36,6 +38,7 @@ impl StopSignal {
         match self {
             Self::Interrupt => 130,
             Self::Terminate => 143,
+            Self::HangUp => 129,
         }
     }
 }
@@ -92,13 +95,25 @@ impl Stop {
     /// # Errors
     /// When the system gives no thread or no signal handler.
     pub fn on_signal(program: &str) -> std::io::Result<Self> {
+        Self::on_signals(program, true)
+    }
+
+    /// The same for a server, to which SIGHUP says something else than to end.
+    ///
+    /// # Errors
+    /// As [`on_signal`](Self::on_signal).
+    pub fn on_signal_of_server(program: &str) -> std::io::Result<Self> {
+        Self::on_signals(program, false)
+    }
+
+    fn on_signals(program: &str, ends_at_hang_up: bool) -> std::io::Result<Self> {
         static MADE: OnceLock<Stop> = OnceLock::new();
         if let Some(made) = MADE.get() {
             return Ok(made.clone());
         }
         let (stop, program) = (Self::default(), program.to_owned());
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        let mut signals = runtime.block_on(async { Signals::new() })?;
+        let mut signals = runtime.block_on(async { Signals::new(ends_at_hang_up) })?;
         let watched = stop.clone();
         std::thread::Builder::new()
             .name("signals".to_owned())
@@ -217,21 +232,48 @@ struct Signals {
     interrupt: tokio::signal::unix::Signal,
     #[cfg(unix)]
     terminate: tokio::signal::unix::Signal,
+    /// None: nobody cares for the terminal.
+    #[cfg(unix)]
+    hang_up: Option<tokio::signal::unix::Signal>,
 }
 
 #[cfg(unix)]
 impl Signals {
-    fn new() -> std::io::Result<Self> {
+    fn new(ends_at_hang_up: bool) -> std::io::Result<Self> {
         use tokio::signal::unix::{SignalKind, signal};
-        Ok(Self { interrupt: signal(SignalKind::interrupt())?, terminate: signal(SignalKind::terminate())? })
+        let hang_up = (ends_at_hang_up && !is_hang_up_ignored()).then(|| signal(SignalKind::hangup())).transpose()?;
+        let (interrupt, terminate) = (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
+        Ok(Self { interrupt, terminate, hang_up })
     }
 
     async fn next(&mut self) -> StopSignal {
+        let hung_up = async {
+            match &mut self.hang_up {
+                Some(signal) => _ = signal.recv().await,
+                None => std::future::pending().await,
+            }
+        };
         tokio::select! {
             _ = self.interrupt.recv() => StopSignal::Interrupt,
             _ = self.terminate.recv() => StopSignal::Terminate,
+            () = hung_up => StopSignal::HangUp,
         }
     }
+}
+
+/// Whether whoever has started this program wants it to outlive the terminal, as `nohup` does.
+#[cfg(unix)]
+fn is_hang_up_ignored() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    ignores_hang_up(&status)
+}
+
+/// The same, given a process's status as Linux has it.
+#[cfg(unix)]
+fn ignores_hang_up(status: &str) -> bool {
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    // SIGHUP is the first of the signals.
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 1 == 1)
 }
 
 impl Signals {
@@ -249,7 +291,7 @@ impl Signals {
 
 #[cfg(not(unix))]
 impl Signals {
-    fn new() -> std::io::Result<Self> {
+    fn new(_: bool) -> std::io::Result<Self> {
         Ok(Self {})
     }
 
@@ -273,6 +315,14 @@ mod tests {
         assert_eq!((stop.is_set(), stop.asked()), (true, Some(StopSignal::Terminate)));
         let runtime = tokio::runtime::Builder::new_current_thread().build();
         runtime.unwrap_or_else(|error| panic!("{error}")).block_on(stop.requested());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn who_is_to_outlive_the_terminal_does() {
+        let status = |mask: &str| format!("Name:\tmapper\nSigIgn:\t{mask}\nSigCgt:\t0000000000000001\n");
+        assert!(ignores_hang_up(&status("0000000000001001")));
+        assert!(!ignores_hang_up(&status("0000000000001000")) && !ignores_hang_up(""));
     }
 
     #[test]

@@ -56,8 +56,10 @@ export function drawRobots(box, store, showAt) {
   );
 }
 
-function stateOf({ state, candidates = [], confidence = 0, lost_because: why }) {
-  if (candidates.length) return `${candidates.length} candidates, the likeliest ${Math.round(100 * confidence)} %`;
+function stateOf({ state, candidates = [], probabilities = [], confidence = 0, lost_because: why }) {
+  const percent = (share) => `${Math.round(100 * share)} %`;
+  if (probabilities.length > 1) return `${candidates.length} candidates: ${probabilities.map(percent).join(", ")}`;
+  if (candidates.length) return `${candidates.length} candidates, the likeliest ${percent(confidence)}`;
   return why ? `${state}: ${why}` : state;
 }
 

@@ -88,14 +88,15 @@ function robots(pen, all) {
   for (const robot of seen) drawRobot(pen, robot, withNames);
 }
 
-function drawRobot(pen, { robot, state, map_from_base: pose, candidates = [], confidence }, withName) {
+function drawRobot(pen, told, withName) {
+  const { robot, state, map_from_base: pose, candidates = [] } = told;
   const { colours, context } = pen;
   for (const [index, [x, y, yaw]] of candidates.entries()) {
     context.globalAlpha = index ? 0.6 : 1;
     pen.heading(x, y, yaw, colours.candidate, index ? 4 : 6);
     pen.ring(x, y, 9, colours.candidate);
     context.globalAlpha = 1;
-    if (withName) pen.text(x, y, `${robot}? ${chance(index, candidates.length, confidence)}`, colours.candidate);
+    if (withName) pen.text(x, y, `${robot}? ${chance(index, told)}`, colours.candidate);
   }
   if (!pose) return;
   const isSure = state === "LOCALIZED";
@@ -103,11 +104,13 @@ function drawRobot(pen, { robot, state, map_from_base: pose, candidates = [], co
   if (withName || !isSure) pen.text(pose[0], pose[1], isSure ? robot : `${robot} (${state})`, colours.robot);
 }
 
-// A robot says how probable the likeliest place is; the others share the rest.
-function chance(index, count, confidence = 0) {
+// A robot says how probable each place is. One of an earlier version says it of the likeliest: the
+// others share the rest.
+function chance(index, { candidates, probabilities = [], confidence = 0 }) {
   const percent = (share) => `${Math.round(100 * share)} %`;
+  if (index < probabilities.length) return percent(probabilities[index]);
   if (index === 0) return percent(confidence);
-  return count === 2
+  return candidates.length === 2
     ? `at most ${percent(1 - confidence)}`
     : `number ${index + 1}, at most ${percent(Math.min(confidence, 1 - confidence))}`;
 }

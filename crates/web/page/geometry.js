@@ -48,3 +48,17 @@ export function readPoints(text) {
 }
 
 export const point = ([x, y], digits = 3) => `${x.toFixed(digits)},${y.toFixed(digits)}`;
+
+// Latitude and longitude, degrees, of a point of the map, in the plane that touches the earth at the
+// map's origin. As `Datum::locate` has it (WGS 84).
+export function locate({ latitude, longitude, yaw }, [x, y]) {
+  const east = Math.cos(yaw) * x - Math.sin(yaw) * y;
+  const north = Math.sin(yaw) * x + Math.cos(yaw) * y;
+  const [axis, e2, radians] = [6378137, 6.69437999014e-3, (latitude * Math.PI) / 180];
+  const w2 = 1 - e2 * Math.sin(radians) ** 2;
+  const meridian = (axis * (1 - e2)) / (w2 * Math.sqrt(w2));
+  const parallel = (axis / Math.sqrt(w2)) * Math.cos(radians);
+  const degrees = (part) => (part * 180) / Math.PI;
+  const turned = longitude + degrees(east / parallel) + 180;
+  return [latitude + degrees(north / meridian), turned - 360 * Math.floor(turned / 360) - 180];
+}

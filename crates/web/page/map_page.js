@@ -4,6 +4,8 @@ import { drawAbout, drawRobots } from "./about_panels.js";
 import { ChangePanel } from "./change_panel.js";
 import { el, fill, section } from "./dom.js";
 import { Drawing } from "./draw.js";
+import { EarthPanel } from "./earth_panel.js";
+import { locate } from "./geometry.js";
 import { Live } from "./live.js";
 import { MapStore } from "./map_store.js";
 import { PathPanel } from "./path_panel.js";
@@ -31,6 +33,7 @@ const PARTS = [
   ["robots", "Robots"],
   ["about", "Map"],
   ["plan", "Floor plan"],
+  ["earth", "Where on earth"],
 ];
 
 function layout(main, map) {
@@ -83,10 +86,10 @@ class MapPage {
         if (this.view?.isMoved) this.store.looksAt([this.view.x, this.view.y]);
       },
       clicked: (at) => this.tools.click(at, this.store, this.view),
-      pointed: ([x, y]) => (this.under.textContent = `x ${x.toFixed(2)} m, y ${y.toFixed(2)} m`),
+      pointed: (at) => (this.under.textContent = this.coordinates(at)),
       grabbed: (at) => this.tools.grab(at, this.view),
     });
-    this.fillPanels(map, me);
+    this.fillPanels(me);
     fillCorner(this);
     this.drawPanels();
     this.follow(map);
@@ -97,7 +100,15 @@ class MapPage {
     this.said.className = kind;
   }
 
-  fillPanels(map, me) {
+  coordinates([x, y]) {
+    const here = `x ${x.toFixed(2)} m, y ${y.toFixed(2)} m`;
+    const { datum } = this.store.rules;
+    if (!datum) return here;
+    const [latitude, longitude] = locate(datum, [x, y]);
+    return `${here} · ${latitude.toFixed(7)}°, ${longitude.toFixed(7)}°`;
+  }
+
+  fillPanels(me) {
     const { boxes, store } = this;
     const say = (text, kind) => this.say(text, kind);
     // What is drawn over the map, or under it, is another.
@@ -116,14 +127,17 @@ class MapPage {
       look: () => [this.view.x, this.view.y],
     });
     const { mayChange } = this.changes;
+    const send = (order, words) => this.changes.send(order, words);
     this.releases = new ReleasePanel(boxes.releases, store, {
       mayChange,
       say,
-      send: (order, words) => this.changes.send(order, words),
+      send,
       compared: draws((found) => (this.differs = found)),
     });
     this.time = new TimePanel(boxes.time, store, { say });
-    new PlanPanel(boxes.plan, map, { say, changed: draws((plan) => this.drawing.setPlan(plan)) });
+    const changed = draws((plan) => this.drawing.setPlan(plan));
+    this.plan = new PlanPanel(boxes.plan, store, { say, changed, mayChange, send });
+    this.earth = new EarthPanel(boxes.earth, store, { mayChange, send });
     this.tools = new Tools(this.toolBox, mayChange, {
       say,
       changed: () => this.soon(),
@@ -191,7 +205,7 @@ class MapPage {
     if (this.hasEnded) return;
     drawRobots(this.boxes.robots, this.store, (at) => this.view.show(at));
     drawAbout(this.boxes.about, this.store);
-    for (const panel of [this.path, this.changes, this.releases, this.time]) panel.draw();
+    for (const panel of [this.path, this.changes, this.releases, this.time, this.plan, this.earth]) panel.draw();
   }
 
   end() {

@@ -1,4 +1,5 @@
-// A floor plan under the map: an image, its scale, turn and place. It is kept in this browser.
+// A floor plan under the map: an image, its scale, turn and place. The image is kept in this browser;
+// how it lies can be written into the map, and then holds for everybody who lays the image under it.
 
 import { el, fill, labelled } from "./dom.js";
 
@@ -12,9 +13,11 @@ const FIELDS = [
   ["shade", "strength, 0 to 1", 0.1],
 ];
 
+const toDegrees = (radians) => Number(((radians * 180) / Math.PI).toFixed(3));
+
 export class PlanPanel {
-  constructor(box, map, { say, changed }) {
-    Object.assign(this, { map, say, changed, plan: null });
+  constructor(box, store, { say, changed, mayChange, send }) {
+    Object.assign(this, { store, map: store.map, say, changed, mayChange, send, plan: null, told: null });
     const file = el("input", {
       type: "file",
       accept: "image/png,image/jpeg,image/webp,image/svg+xml",
@@ -33,7 +36,8 @@ export class PlanPanel {
         }),
       ]),
     );
-    const remove = el("button", { type: "button", onclick: () => this.remove() }, "Take it away");
+    const remove = el("button", { type: "button", onclick: () => this.remove() }, "Take the image away");
+    const write = el("button", { type: "button", onclick: () => this.write() }, "Write into the map how it lies");
     this.fields = el(
       "div",
       { hidden: true },
@@ -41,14 +45,20 @@ export class PlanPanel {
         "form",
         { onsubmit: (event) => event.preventDefault() },
         FIELDS.map(([name, words]) => labelled(words, this.inputs.get(name))),
+        mayChange ? write : null,
         remove,
       ),
     );
+    this.inMap = el("p", {});
+    const strike = () => this.send({ op: "set_floor_plan", plan: null }, "the map says of no floor plan how it lies");
+    this.strike = el("button", { type: "button", hidden: true, onclick: strike }, "Take it out of the map");
     fill(
       box,
       labelled("image of the floor plan", file),
       this.fields,
-      el("p", { class: "soft" }, "It is kept in this browser, and nowhere else."),
+      this.inMap,
+      this.strike,
+      el("p", { class: "soft" }, "The image is kept in this browser, and nowhere else."),
     );
     this.load().catch(() => {});
   }
@@ -79,9 +89,47 @@ export class PlanPanel {
       URL.revokeObjectURL(address);
     }
     this.plan = { image, file, placing };
-    for (const [name, input] of this.inputs) input.value = placing[name];
     this.fields.hidden = false;
+    this.place(this.inTheMap() ?? {});
+  }
+
+  // As the map says, of what is laid under it here.
+  inTheMap() {
+    const { floor_plan: plan } = this.store.rules;
+    if (!plan) return null;
+    const [x, y, yaw] = plan.map_from_image;
+    return { scale: plan.metres_per_pixel, x, y, turn: toDegrees(yaw) };
+  }
+
+  place(placing) {
+    this.plan.placing = { ...this.plan.placing, ...placing };
+    for (const [name, input] of this.inputs) input.value = this.plan.placing[name];
     this.changed(this.plan);
+  }
+
+  // What the map says has come, or is another.
+  draw() {
+    const { floor_plan: plan } = this.store.rules;
+    const told = JSON.stringify(plan ?? null);
+    if (told === this.told) return;
+    this.told = told;
+    this.strike.hidden = !(plan && this.mayChange);
+    const placing = this.inTheMap();
+    this.inMap.textContent = placing
+      ? `The map says: ${plan.image || "an image"}, ${placing.scale} m a pixel, lower left corner at ` +
+        `${placing.x.toFixed(2)}, ${placing.y.toFixed(2)}, turned by ${placing.turn.toFixed(1)}°.`
+      : "The map says of no floor plan how it lies.";
+    if (placing && this.plan) {
+      this.place(placing);
+      this.keep().catch(() => {});
+    }
+  }
+
+  async write() {
+    const { file, placing } = this.plan;
+    const { scale, x, y, turn } = placing;
+    const plan = { image: file.name ?? "", metres_per_pixel: scale, map_from_image: [x, y, (turn * Math.PI) / 180] };
+    await this.send({ op: "set_floor_plan", plan }, "how the floor plan lies is written");
   }
 
   move() {

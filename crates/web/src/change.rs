@@ -1,8 +1,11 @@
 //! What operators change, as it is posted. Operations are called as in increments.
 
-use fht_proto::api::reply::{ErrorReply, RuleView};
+use fht_proto::api::reply::{DatumView, ErrorReply, FloorPlanView, RuleView};
 use fht_proto::api::request::{bad_request, shown};
-use fht_proto::{EdgeKey, FixedPoint, FixedPose, Increment, Label, MapName, NodeId, ReleaseName, Zone, ZoneRule};
+use fht_proto::model::validate::Validate;
+use fht_proto::{
+    Datum, EdgeKey, FixedPoint, FixedPose, FloorPlan, Increment, Label, MapName, NodeId, ReleaseName, Zone, ZoneRule,
+};
 use serde::{Deserialize, Deserializer};
 
 /// One change of a map.
@@ -34,6 +37,10 @@ pub enum MapChange {
         /// The nodes.
         nodes: Vec<NodeId>,
     },
+    /// Says how a floor plan's image lies in the map; none: there is no plan.
+    FloorPlan(Option<FloorPlan>),
+    /// Says where on earth the map is; none: nobody knows.
+    Datum(Option<Datum>),
     /// Makes a release of the newest state.
     Release {
         /// Its name.
@@ -86,6 +93,14 @@ enum Posted {
     },
     RemoveNodes {
         nodes: Vec<String>,
+    },
+    SetFloorPlan {
+        #[serde(deserialize_with = "said")]
+        plan: Option<FloorPlanView>,
+    },
+    SetDatum {
+        #[serde(deserialize_with = "said")]
+        datum: Option<DatumView>,
     },
     PutRelease {
         name: ReleaseName,
@@ -146,6 +161,23 @@ fn zone(posted: PostedZone) -> Result<Zone, ErrorReply> {
     Ok(Zone { rule, corners: posted.corners.into_iter().map(point).collect::<Result<_, _>>()? })
 }
 
+fn floor_plan(posted: FloorPlanView) -> Result<FloorPlan, ErrorReply> {
+    let um = (posted.metres_per_pixel * 1e6).round();
+    // `as` saturates, and what is out of range is refused below.
+    let plan = FloorPlan { image: posted.image, um_per_pixel: um as u32, map_from_image: pose(posted.map_from_image)? };
+    valid(plan)
+}
+
+fn datum(posted: DatumView) -> Result<Datum, ErrorReply> {
+    let is_yaw = posted.yaw.abs() <= FixedPose::MAX_YAW_RAD;
+    let datum = Datum::from_degrees(posted.latitude, posted.longitude, posted.yaw);
+    if is_yaw { valid(datum) } else { Err(bad_request(format!("a yaw of {} rad is none", posted.yaw))) }
+}
+
+fn valid<T: Validate>(of: T) -> Result<T, ErrorReply> {
+    of.validate().map(|()| of).map_err(|reason| bad_request(reason.to_string()))
+}
+
 fn node(text: &str) -> Result<NodeId, ErrorReply> {
     text.parse().map_err(|error: fht_proto::ParseIdError| bad_request(error.to_string()))
 }
@@ -180,6 +212,8 @@ impl MapChangeOrder {
             Posted::RemoveNodes { nodes } => {
                 MapChange::Erased { nodes: nodes.iter().map(|text| node(text)).collect::<Result<_, _>>()? }
             }
+            Posted::SetFloorPlan { plan } => MapChange::FloorPlan(plan.map(floor_plan).transpose()?),
+            Posted::SetDatum { datum: place } => MapChange::Datum(place.map(datum).transpose()?),
             Posted::PutRelease { name } => MapChange::Release { name },
             Posted::Enable { release } => MapChange::Enable { release },
             Posted::Undo { count } => MapChange::Undo { count },
@@ -214,6 +248,12 @@ mod tests {
         assert!(read(r#"{"op":"set_closed","edge":["0000000a.1","0000000a.2"],"closed":true}"#).is_ok());
         let erased = read(r#"{"op":"remove_nodes","nodes":["0000000a.1","0000000a.2"]}"#);
         assert!(matches!(erased, Ok(MapChange::Erased { nodes }) if nodes.len() == 2));
+        let plan =
+            r#"{"op":"set_floor_plan","plan":{"image":"a.png","metres_per_pixel":0.05,"map_from_image":[1,2,0.5]}}"#;
+        assert!(matches!(read(plan), Ok(MapChange::FloorPlan(Some(plan))) if plan.um_per_pixel == 50_000));
+        let datum = read(r#"{"op":"set_datum","datum":{"latitude":52.5,"longitude":13.4,"yaw":0}}"#);
+        assert_eq!(datum, Ok(MapChange::Datum(Some(Datum::from_degrees(52.5, 13.4, 0.0)))));
+        assert_eq!(read(r#"{"op":"set_datum","datum":null}"#), Ok(MapChange::Datum(None)));
         assert_eq!(read(r#"{"op":"undo"}"#), Ok(MapChange::Undo { count: 1 }));
         assert_eq!(read(r#"{"op":"enable","release":null}"#), Ok(MapChange::Enable { release: None }));
     }
@@ -235,6 +275,13 @@ mod tests {
                 r#"{"op":"set_zone","name":"wet","zone":{"rule":{"speed_limit":0},"corners":[[0,0],[1,0],[1,1]]}}"#,
                 "not a speed",
             ),
+            (
+                r#"{"op":"set_floor_plan","plan":{"image":"a","metres_per_pixel":-1,"map_from_image":[0,0,0]}}"#,
+                "0 m a pixel",
+            ),
+            (r#"{"op":"set_floor_plan"}"#, "plan"),
+            (r#"{"op":"set_datum","datum":{"latitude":91,"longitude":0,"yaw":0}}"#, "a latitude of 91°"),
+            (r#"{"op":"set_datum","datum":{"latitude":1,"longitude":0}}"#, "yaw"),
             (r#"{"op":"set_closed","edge":["0000000a.1","0000000a.1"],"closed":true}"#, "two ends"),
             (r#"{"op":"set_closed","edge":["a","b"],"closed":true}"#, "a node id"),
             (r#"{"op":"remove_nodes","nodes":["0000000a.1","7"]}"#, "a node id"),

@@ -64,11 +64,22 @@ impl EventHub {
     }
 
     /// The events of a map from now on; none: of the list of maps.
-    pub(crate) fn watch(&self, map: Option<MapName>, heartbeat: Duration) -> EventStream {
+    /// They end once `may_look` says no, which is asked before each.
+    pub(crate) fn watch(
+        &self,
+        map: Option<MapName>,
+        heartbeat: Duration,
+        may_look: impl Fn() -> bool + Send + 'static,
+    ) -> EventStream {
         let mut channels = self.lock();
         channels.retain(|_, sender| sender.receiver_count() > 0);
         let events = channels.entry(map).or_insert_with(|| channel(MAX_WAITING).0).subscribe();
-        EventStream { events, heartbeat, greeting: Some(Bytes::from(format!("retry: {COME_AGAIN_MS}\n\n"))) }
+        EventStream {
+            events,
+            heartbeat,
+            may_look: Box::new(may_look),
+            greeting: Some(Bytes::from(format!("retry: {COME_AGAIN_MS}\n\n"))),
+        }
     }
 }
 
@@ -76,20 +87,22 @@ impl EventHub {
 pub(crate) struct EventStream {
     events: Receiver<WebEvent>,
     heartbeat: Duration,
+    may_look: Box<dyn Fn() -> bool + Send>,
     greeting: Option<Bytes>,
 }
 
 impl EventStream {
-    /// What is sent next; none: it has not kept up, and is dropped.
+    /// What is sent next; none: it has not kept up, or may not look any more, and is dropped.
     async fn next(&mut self) -> Option<Bytes> {
         if let Some(greeting) = self.greeting.take() {
             return Some(greeting);
         }
-        match timeout(self.heartbeat, self.events.recv()).await {
-            Ok(Ok(event)) => Some(event.0),
-            Ok(Err(_)) => None,
-            Err(_) => Some(Bytes::from_static(b"event: beat\ndata: {}\n\n")),
-        }
+        let next = match timeout(self.heartbeat, self.events.recv()).await {
+            Ok(Ok(event)) => event.0,
+            Ok(Err(_)) => return None,
+            Err(_) => Bytes::from_static(b"event: beat\ndata: {}\n\n"),
+        };
+        (self.may_look)().then_some(next)
     }
 
     /// The body of a reply, which keeps its place while it is read. `gone` is called at its end.
@@ -129,8 +142,8 @@ mod tests {
     async fn who_watches_gets_what_comes_and_who_does_not_read_is_dropped() {
         let hub = EventHub::default();
         hub.publish(Some(&museum()), event(0));
-        let mut stream = hub.watch(Some(museum()), Duration::from_secs(60));
-        let mut slow = hub.watch(Some(museum()), Duration::from_secs(60));
+        let mut stream = hub.watch(Some(museum()), Duration::from_secs(60), || true);
+        let mut slow = hub.watch(Some(museum()), Duration::from_secs(60), || true);
         assert!(hub.is_watched(Some(&museum())) && !hub.is_watched(None));
         assert_eq!(hub.watched(), [museum()]);
         assert!(stream.next().await.is_some_and(|bytes| bytes.starts_with(b"retry: ")));
@@ -146,9 +159,23 @@ mod tests {
     }
 
     #[tokio::test]
+    async fn who_may_not_look_any_more_gets_nothing_more() {
+        let (hub, may) = (EventHub::default(), Arc::new(std::sync::atomic::AtomicBool::new(true)));
+        let asked = Arc::clone(&may);
+        let may_look = move || asked.load(std::sync::atomic::Ordering::Relaxed);
+        let mut stream = hub.watch(Some(museum()), Duration::from_millis(10), may_look);
+        let _ = stream.next().await;
+        hub.publish(Some(&museum()), event(1));
+        assert!(stream.next().await.is_some());
+        hub.publish(Some(&museum()), event(2));
+        may.store(false, std::sync::atomic::Ordering::Relaxed);
+        assert_eq!(stream.next().await, None, "neither an event that waits, nor a beat");
+    }
+
+    #[tokio::test]
     async fn a_silent_stream_says_that_it_is_there_and_names_break_no_line() {
         let hub = EventHub::default();
-        let mut stream = hub.watch(None, Duration::from_millis(10));
+        let mut stream = hub.watch(None, Duration::from_millis(10), || true);
         let _ = stream.next().await;
         assert!(stream.next().await.is_some_and(|bytes| bytes.starts_with(b"event: beat")));
         let hostile = WebEvent::new("head", &"a\n\nevent: evil\ndata: x\r</script>");

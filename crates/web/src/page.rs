@@ -41,6 +41,7 @@ const FILES: &[(&str, &str, &[u8])] = files! {
     "time_panel.js": SCRIPT,
     "about_panels.js": SCRIPT,
     "plan_panel.js": SCRIPT,
+    "earth_panel.js": SCRIPT,
 };
 
 fn file_with(kind: &'static str, bytes: &'static [u8]) -> Response {

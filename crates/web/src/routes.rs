@@ -132,19 +132,25 @@ async fn me(State(site): AnySite, Extension(visitor): Extension<Visitor>) -> Res
     with_type("application/json", serde_json::to_vec(&myself).unwrap_or_default())
 }
 
-async fn list_events(State(site): AnySite) -> Result<Response, WebRefusal> {
-    events(&site, None)
+async fn list_events(State(site): AnySite, Extension(visitor): Extension<Visitor>) -> Result<Response, WebRefusal> {
+    events(&site, visitor, None)
 }
 
-async fn map_events(State(site): AnySite, Path(map): Path<String>) -> Result<Response, WebRefusal> {
-    events(&site, Some(map_named(&map)?))
+async fn map_events(
+    State(site): AnySite,
+    Extension(visitor): Extension<Visitor>,
+    Path(map): Path<String>,
+) -> Result<Response, WebRefusal> {
+    events(&site, visitor, Some(map_named(&map)?))
 }
 
-fn events(site: &Arc<Site>, map: Option<MapName>) -> Result<Response, WebRefusal> {
+fn events(site: &Arc<Site>, visitor: Visitor, map: Option<MapName>) -> Result<Response, WebRefusal> {
     let place = site.stream()?;
     let counts = Arc::clone(site.counts());
     counts.streams(1);
-    let stream = site.hub().watch(map, site.limits().heartbeat);
+    let watched = Arc::clone(site);
+    let may_look = move || watched.rights(&visitor) != Rights::Nothing;
+    let stream = site.hub().watch(map, site.limits().heartbeat, may_look);
     Ok(with_type("text/event-stream", stream.into_body(place, move || counts.streams(-1))))
 }
 

@@ -64,7 +64,7 @@ pub fn set_down(
         let localization = localizer.update(landmarks, sensed, || None);
         let stated = localization.confidence;
         let declared = localization.map_from_base();
-        let likeliest = declared.or_else(|| localizer.candidates().first().copied());
+        let likeliest = declared.or_else(|| localizer.candidates().first().map(|place| place.map_from_base));
         let Some(map_from_base) = likeliest.filter(|_| stated > 0.0) else { continue };
         let evidence = localizer.relocalizer().evidence().copied().unwrap_or_default();
         let statement = Statement { frame, driven_m, stated, map_from_base, evidence };

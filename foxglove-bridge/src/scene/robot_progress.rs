@@ -54,18 +54,15 @@ fn id(name: &str) -> String {
 fn entity(name: &str, robot: &KnownRobot, at: Timestamp) -> Option<SceneEntity> {
     let mut entity = empty(id(name), at);
     let (places, colour, words) = match robot.state {
-        LocalizationState::Localized => (vec![robot.place?], BLUE, name.to_owned()),
-        LocalizationState::Lost => (vec![robot.place?], GREY, format!("{name}: lost")),
+        LocalizationState::Localized => (vec![(robot.place?, 1.0)], BLUE, name.to_owned()),
+        LocalizationState::Lost => (vec![(robot.place?, 1.0)], GREY, format!("{name}: lost")),
         LocalizationState::Candidates | LocalizationState::NotLocalized => {
             (robot.candidates.clone(), ORANGE, format!("{name}: {:.0} %?", 100.0 * robot.confidence))
         }
     };
-    let [x, y, _] = *places.first()?;
+    let ([x, y, _], _) = *places.first()?;
     entity.texts.push(text(words, x, y, colour));
-    // The others share what the likeliest leaves.
-    let others = (1.0 - robot.confidence) / places.len().saturating_sub(1).max(1) as f64;
-    for (rank, place) in places.into_iter().enumerate() {
-        let share = if rank == 0 { robot.confidence } else { others };
+    for (place, share) in places {
         let colour = faint(colour, 0.3 + 0.7 * share);
         entity.cylinders.push(disc(place[0], place[1], 0.3, 0.15, colour));
         entity.arrows.push(arrow(place, 0.6, colour));

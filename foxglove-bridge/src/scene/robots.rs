@@ -25,7 +25,7 @@ pub(crate) struct KnownRobot {
     pub(crate) confidence: f64,
     /// Where it is, or was when it last knew: `[x, y, yaw]`.
     pub(crate) place: Option<[f64; 3]>,
-    pub(crate) candidates: Vec<[f64; 3]>,
+    pub(crate) candidates: Vec<([f64; 3], f64)>,
     /// Which change of the robots was its last.
     pub(crate) change: u64,
 }
@@ -102,7 +102,7 @@ impl KnownRobots {
             state: if knows && place.is_none() { LocalizationState::NotLocalized } else { pose.state },
             confidence: if pose.confidence.is_finite() { pose.confidence.clamp(0.0, 1.0) } else { 0.0 },
             place: place.or_else(|| known.and_then(|known| known.place)),
-            candidates: pose.candidates.iter().filter(|it| is_pose(it)).take(MAX_CANDIDATES).copied().collect(),
+            candidates: candidates(pose),
             change: now.change,
         };
         now.by_name.insert(pose.robot.clone(), robot);
@@ -127,6 +127,18 @@ impl KnownRobots {
     }
 }
 
+/// The candidates with their probabilities. Who does not say how probable they are says it of the
+/// first: the others share what that leaves.
+fn candidates(pose: &RobotPose) -> Vec<([f64; 3], f64)> {
+    let first = pose.confidence.clamp(0.0, 1.0);
+    let others = (1.0 - first) / pose.candidates.len().saturating_sub(1).max(1) as f64;
+    let of_rank = |rank: usize| if rank == 0 { first } else { others };
+    let said = |rank: usize| pose.probabilities.get(rank).map(|share| share.clamp(0.0, 1.0));
+    let shares = (0..).map(|rank| said(rank).unwrap_or_else(|| of_rank(rank)));
+    let sound = pose.candidates.iter().copied().zip(shares).filter(|(at, share)| is_pose(at) && share.is_finite());
+    sound.take(MAX_CANDIDATES).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -140,6 +152,7 @@ mod tests {
             state,
             confidence: 7.0,
             candidates,
+            probabilities: vec![0.5, 0.25],
             map_from_base,
             lost_because: None,
             stamp_us: None,
@@ -154,7 +167,8 @@ mod tests {
         robots.take(said("amr", LocalizationState::Localized, Some([f64::INFINITY, 0.0, 0.0])), begin);
         let now = robots.now();
         assert_eq!(now.by_name["tug"].pose(), Some([1.0, 2.0, 0.5]));
-        assert_eq!((now.by_name["amr"].pose(), now.by_name["amr"].candidates.len()), (None, 1));
+        assert_eq!(now.by_name["amr"].pose(), None);
+        assert_eq!(now.by_name["amr"].candidates, [([1.0, 2.0, 0.0], 0.25)]);
         robots.take(said("tug", LocalizationState::Lost, None), begin);
         let tug = robots.now().by_name["tug"].clone();
         assert_eq!((tug.pose(), tug.place, tug.confidence), (None, Some([1.0, 2.0, 0.5]), 1.0));

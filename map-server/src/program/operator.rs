@@ -12,6 +12,7 @@
 //! | `blocked` | what robots report blocked |
 //! | `quota` | what writers take of the server's room |
 //! | `rule` | named places, zones, closed edges |
+//! | `siting` | where a map lies: against a floor plan, and on earth |
 //! | `deletion` | maps deleted after a grace period |
 //! | `rename` | a map under another name |
 //! | `undo` | an operator's last changes taken back |
@@ -34,6 +35,7 @@ mod rename;
 mod robots;
 mod rule;
 mod send;
+mod siting;
 mod transfer;
 mod undo;
 mod words;

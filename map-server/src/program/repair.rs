@@ -1,7 +1,7 @@
 //! `map-server check`, `map-server rescue` and `map-server restore`: what can be done with a store
 //! whose file is damaged, or not wanted. They work on files; no server runs on these meanwhile.
 
-use crate::rescue::{RescueError, Rescued, RescuedAuthor, Restored, check, rescue, restore};
+use crate::rescue::{RescueError, Rescued, RescuedAuthor, Restored, check, check_archives, rescue, restore};
 use clap::Subcommand;
 use fht_program::{ProgramFailure, print_line};
 use std::path::{Path, PathBuf};
@@ -9,14 +9,15 @@ use std::path::{Path, PathBuf};
 /// What can be done with a store while no server uses it.
 #[derive(Clone, Debug, Subcommand)]
 pub(super) enum Repair {
-    /// Says whether a store is whole, and if not, what of it still reads and what is lost. Nothing
+    /// Says whether a store, or a backup of exported maps, is whole, and if not, what of it still reads and what is lost. Nothing
     /// is changed; a copy is looked at, which takes as much room for a moment in the folder for
     /// temporary files (TMPDIR).
     #[command(after_help = "Examples:
-  map-server check fht-data")]
+  map-server check fht-data
+  map-server check /backup/maps                  a folder of exported maps (*.fht), or one of them")]
     Check {
-        /// The data directory of a server that does not run [default: that of --config, or
-        /// fht-data].
+        /// The data directory of a server that does not run, or exported maps [default: that of
+        /// --config, or fht-data].
         source: Option<PathBuf>,
     },
     /// Copies everything that still reads of a damaged store into a new one, and says how many
@@ -63,11 +64,15 @@ impl Repair {
         match self {
             Self::Check { source } => {
                 let source = source.unwrap_or_else(|| data.to_owned());
+                let archives = check_archives(&source).map_err(|error| ProgramFailure::of(error.is_input(), error))?;
+                if let Some(authors) = archives {
+                    return print(&Rescued { damage: None, authors }, "exported map", "are whole", json);
+                }
                 let scratch = std::env::temp_dir().join(format!("map-server-check-{}", std::process::id()));
                 let found = check(&source, &scratch).map_err(not_rescued);
                 let _ = std::fs::remove_dir_all(&scratch); // it is of no more use
                 let found = found?;
-                print(&found, if found.damage.is_some() { "can be rescued" } else { "are whole" }, json)?;
+                print(&found, "store", if found.damage.is_some() { "can be rescued" } else { "are whole" }, json)?;
                 match &found.damage {
                     None => Ok(()),
                     Some(damage) => Err(ProgramFailure::of_run(format!("{} is damaged: {damage}", source.display()))),
@@ -75,7 +80,7 @@ impl Repair {
             }
             Self::Rescue { source, target } => {
                 let rescued = rescue(&source, &target).map_err(not_rescued)?;
-                print(&rescued, "rescued", json)?;
+                print(&rescued, "store", "rescued", json)?;
                 if rescued.damage.is_some() && rescued.authors.is_empty() {
                     return Err(ProgramFailure::of_run(format!("nothing of {} can be read", source.display())));
                 }
@@ -118,14 +123,14 @@ fn print_restored(restored: &Restored, json: bool) -> Result<(), ProgramFailure>
     Ok(())
 }
 
-fn print(found: &Rescued, what: &str, json: bool) -> Result<(), ProgramFailure> {
+fn print(found: &Rescued, of: &str, what: &str, json: bool) -> Result<(), ProgramFailure> {
     if json {
         print_line!("{}", serde_json::to_string(found).map_err(ProgramFailure::of_run)?);
         return Ok(());
     }
     match &found.damage {
-        None => print_line!("the store is whole"),
-        Some(damage) => print_line!("the store is damaged: {damage}"),
+        None => print_line!("the {of} is whole"),
+        Some(damage) => print_line!("the {of} is damaged: {damage}"),
     }
     for RescuedAuthor { map, author, last, lost, first_lost, .. } in &found.authors {
         let numbers: Vec<String> = first_lost.iter().map(ToString::to_string).collect();

@@ -4,6 +4,22 @@ use crate::access::{AccessCommandError, RoleList, RoleListWriter, read_roles};
 use std::path::{Path, PathBuf};
 use tokio::signal::unix::{SignalKind, signal};
 
+/// Follows the signal, for as long as the server runs; `reload` reads the list, if there is one. A
+/// server without one goes on as it is: who sends the signal does not want it to end.
+///
+/// # Errors
+/// When the system gives no signal handler.
+pub(super) async fn follow(reload: Option<RoleReload>) -> std::io::Result<()> {
+    let mut asked = signal(SignalKind::hangup())?;
+    while asked.recv().await.is_some() {
+        match &reload {
+            Some(reload) => reload.reload(),
+            None => tracing::warn!("SIGHUP reads the list of roles anew, and this server has none (--roles)"),
+        }
+    }
+    Ok(())
+}
+
 /// Reads the list of roles of a server anew.
 pub(super) struct RoleReload {
     file: PathBuf,
@@ -19,18 +35,6 @@ impl RoleReload {
     pub(super) fn of(file: &Path) -> Result<(RoleList, Self), AccessCommandError> {
         let (writer, list) = RoleList::replaceable(read_roles(file)?);
         Ok((list.clone(), Self { file: file.to_owned(), list, writer }))
-    }
-
-    /// Follows the signal, for as long as the server runs.
-    ///
-    /// # Errors
-    /// When the system gives no signal handler.
-    pub(super) async fn follow(self) -> std::io::Result<()> {
-        let mut asked = signal(SignalKind::hangup())?;
-        while asked.recv().await.is_some() {
-            self.reload();
-        }
-        Ok(())
     }
 
     fn reload(&self) {

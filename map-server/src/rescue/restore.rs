@@ -47,6 +47,17 @@ pub enum RestoreError {
          of exported maps", .0.display()
     )]
     NoBackup(PathBuf),
+    /// It is not clear which of two backups is meant.
+    #[error(
+        "{}: there is both a store ({FILE_NAME}) and {archives} exported maps (*.{ARCHIVE}): give the file of the one, or \
+         the others in a folder of their own", dir.display()
+    )]
+    Both {
+        /// The folder.
+        dir: PathBuf,
+        /// So many exported maps.
+        archives: usize,
+    },
     /// The backup is the store.
     #[error("{} is the store itself: give the backup", .0.display())]
     Itself(PathBuf),
@@ -143,18 +154,24 @@ impl Backup {
         if is_archive(backup) {
             return Ok(Self::Archives(vec![backup.to_owned()]));
         }
+        let mut archives = Vec::new();
+        if backup.is_dir() {
+            let entries = std::fs::read_dir(backup).map_err(file_error(backup))?;
+            let paths = entries.map(|entry| entry.map(|entry| entry.path())).collect::<Result<Vec<_>, _>>();
+            archives = paths.map_err(file_error(backup))?;
+            archives.retain(|path| is_archive(path));
+            archives.sort();
+        }
         match file_of(backup) {
+            Ok(file) if may_be_store(&file)? && !archives.is_empty() => {
+                return Err(RestoreError::Both { dir: backup.to_owned(), archives: archives.len() });
+            }
             Ok(file) if may_be_store(&file)? => return Ok(Self::Store(file)),
             Ok(_) => return Err(RestoreError::NoBackup(backup.to_owned())),
             Err(RescueError::Store(StoreError::InUse { dir })) => return Err(RestoreError::BackupInUse(dir)),
             // Not a store, but maybe a folder of exported maps.
             Err(_) => {}
         }
-        let entries = std::fs::read_dir(backup).map_err(|_| RestoreError::NoBackup(backup.to_owned()))?;
-        let paths = entries.map(|entry| entry.map(|entry| entry.path())).collect::<Result<Vec<_>, _>>();
-        let mut archives = paths.map_err(file_error(backup))?;
-        archives.retain(|path| is_archive(path));
-        archives.sort();
         if archives.is_empty() { Err(RestoreError::NoBackup(backup.to_owned())) } else { Ok(Self::Archives(archives)) }
     }
 }
@@ -221,7 +238,27 @@ fn make(backup: &Backup, scratch: &Path) -> Result<Vec<RescuedAuthor>, RestoreEr
 
 /// Takes exported maps into a new store.
 fn import(files: &[PathBuf], dir: &Path) -> Result<(), RestoreError> {
-    let mut intake = ArchiveIntake::into(Arc::new(RedbLog::open(dir)?))?;
+    take_all(files, Arc::new(RedbLog::open(dir)?)).map(|_| ())
+}
+
+/// What exported maps hold, if `source` is one or a folder of them, and each is whole; none:
+/// `source` is something else.
+///
+/// # Errors
+/// What is wrong with the first that is not whole.
+pub fn check_archives(source: &Path) -> Result<Option<Vec<RescuedAuthor>>, RestoreError> {
+    match Backup::find(source) {
+        Ok(Backup::Archives(files)) => {
+            let catalog = take_all(&files, Arc::new(MemoryLog::new()))?;
+            Ok(Some(rebuild::of_catalog(&catalog)))
+        }
+        _ => Ok(None),
+    }
+}
+
+/// Takes exported maps into a log.
+fn take_all(files: &[PathBuf], log: Arc<dyn IncrementLog>) -> Result<Arc<Catalog>, RestoreError> {
+    let mut intake = ArchiveIntake::into(log)?;
     let mut known = BTreeSet::new();
     for file in files {
         let bytes = std::fs::read(file).map_err(file_error(file))?;
@@ -233,7 +270,7 @@ fn import(files: &[PathBuf], dir: &Path) -> Result<(), RestoreError> {
         }
         intake.take(file, archive)?;
     }
-    Ok(())
+    Ok(intake.catalog)
 }
 
 /// Takes a map from `file` in to see whether it is what the file says it is, and keeps nothing.

@@ -49,10 +49,22 @@ pub(super) fn plan(
         MapChange::Zone { name, zone } => draw(&view.state, name, zone.as_ref(), is_sure),
         MapChange::Closed { edge, closed } => close(&view.state, *edge, *closed),
         MapChange::Erased { nodes } => erase(&view.state, nodes),
+        MapChange::FloorPlan(plan) => {
+            let is_so = view.state.annotations().floor_plan() == plan.as_ref();
+            Ok(unless(is_so, Op::SetFloorPlan { plan: plan.clone() }))
+        }
+        MapChange::Datum(datum) => {
+            let is_so = view.state.annotations().datum() == *datum;
+            Ok(unless(is_so, Op::SetDatum { datum: *datum }))
+        }
         MapChange::Release { name } => release(view, author, name),
         MapChange::Enable { release } => enable(view, release.as_deref()),
         MapChange::Undo { count } => undo(view, log, author, *count),
     }
+}
+
+fn unless(is_so: bool, op: Op) -> PlannedEdit {
+    if is_so { PlannedEdit::default() } else { op.into() }
 }
 
 fn doubted(doubt: DoubtfulWords) -> ErrorReply {

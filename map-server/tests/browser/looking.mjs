@@ -101,9 +101,10 @@ async function robots_come_and_go_with_their_state({ browser, url, foreign }) {
           [3, 0.5, 0],
           [8, 0.5, 3.14],
         ],
+        probabilities: [0.62, 0.3],
       }),
     );
-    return (await robots.textContent()).includes("2 candidates, the likeliest 62 %");
+    return (await robots.textContent()).includes("2 candidates: 62 %, 30 %");
   });
   await until("where it is sent, and the way there", async () => {
     await say(

@@ -216,7 +216,7 @@ async function the_map_is_seen_as_it_was({ browser, url }) {
   await ada.end();
 }
 
-async function a_floor_plan_lies_under_the_map_and_is_kept({ browser, url }) {
+async function a_floor_plan_lies_under_the_map_and_is_kept({ browser, url, foreign, server }) {
   const ada = await Person.at(browser, `${url}#/museum`);
   await ada.isLive();
   await until("the map is there", async () => (await ada.side("Map").textContent()).includes("main"));
@@ -241,8 +241,56 @@ async function a_floor_plan_lies_under_the_map_and_is_kept({ browser, url }) {
   await ada.isAccessible("a floor plan");
   await ada.page.reload();
   await until("it is there again", isRed);
-  await ada.side("Floor plan").getByRole("button", { name: "Take it away" }).click();
+  const floorPlan = async () => (await foreign.get("fht/museum/rules")).floor_plan;
+  check((await floorPlan()) === undefined, "it is in this browser only");
+  const side = ada.side("Floor plan");
+  await side.getByRole("button", { name: "Write into the map how it lies" }).click();
+  await until("a foreign client sees how it lies", async () => {
+    const { image, metres_per_pixel: scale, map_from_image: corner } = (await floorPlan()) ?? {};
+    return image === "plan.svg" && scale === 0.1 && JSON.stringify(corner) === "[0,2,0]";
+  });
+  // Somebody else corrects it: it moves here.
+  await server.command("floor-plan", "museum", "plan.svg", "--scale", "0.1", "--at", "0,-40");
+  await until("it lies elsewhere", async () => !(await isRed()));
+  check((await side.getByLabel("lower left y, m").inputValue()) === "-40", "the field says so");
+  await side.getByRole("button", { name: "Take it out of the map" }).click();
+  await until("the map says nothing of it", async () => (await floorPlan()) === undefined);
+  await side.getByLabel("lower left y, m").fill("2");
+  await until("it is red again", isRed);
+  await side.getByRole("button", { name: "Take the image away" }).click();
   await until("and gone", async () => !(await isRed()));
+  await ada.end();
+}
+
+async function the_map_is_put_on_earth({ browser, url, foreign, server }) {
+  const ada = await Person.at(browser, `${url}#/museum`);
+  await ada.isLive();
+  const earth = ada.side("Where on earth");
+  await until("nobody has said", async () => (await earth.textContent()).includes("Nobody has said"));
+  for (const [label, value] of [
+    ["latitude of the origin, °", "45"],
+    ["longitude of the origin, °", "9"],
+    ["x axis, ° from east", "90"],
+  ]) {
+    await earth.getByLabel(label).fill(value);
+  }
+  await earth.getByRole("button", { name: "Save where it is" }).click();
+  const datum = async () => (await foreign.get("fht/museum/rules")).datum;
+  await until("a foreign client sees it", async () => {
+    const { latitude, longitude, yaw } = (await datum()) ?? {};
+    return latitude === 45 && longitude === 9 && Math.abs(yaw - Math.PI / 2) < 1e-4;
+  });
+  await until("the pointer is somewhere on earth", async () => {
+    await ada.page.mouse.move(...(await ada.pixelsOf(5, 0.5)));
+    return /45\.0000\d+°, 8\.99999\d+°/.test(await ada.page.locator(".under").textContent());
+  });
+  await ada.isAccessible("where on earth");
+  await ada.press("Undo my last change");
+  await until("it is taken back", async () => (await datum()) === undefined);
+  await server.command("datum", "museum", "46,9.5,0");
+  await until("others' words are shown", async () => (await earth.textContent()).includes("latitude 46°"));
+  await earth.getByRole("button", { name: "Take it away" }).click();
+  await until("and it is gone", async () => (await datum()) === undefined);
   await ada.end();
 }
 
@@ -257,4 +305,5 @@ export default [
   a_release_is_made_enabled_and_compared,
   the_map_is_seen_as_it_was,
   a_floor_plan_lies_under_the_map_and_is_kept,
+  the_map_is_put_on_earth,
 ];

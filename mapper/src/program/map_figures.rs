@@ -2,6 +2,7 @@
 
 use crate::explore::Ending;
 use crate::mapping::Mapper;
+use crate::publish::ServerLoss;
 use crate::run::MappingSummary;
 use fht_program::print_line;
 use fht_proto::{Digest, VersionVector};
@@ -38,6 +39,9 @@ pub struct MapFigures {
     /// Whether nobody answered when the server was asked last.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_unanswered: bool,
+    /// What the server has lost of what it had acknowledged.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loss: Option<ServerLoss>,
     /// Digest of this robot's own map.
     pub digest: Digest,
     /// Bytes of all increments, each counted once.
@@ -66,6 +70,7 @@ impl MapFigures {
             delivered: summary.is_delivered(),
             refusal: summary.refusal(),
             is_unanswered: published.is_some_and(|published| published.is_unanswered),
+            loss: published.and_then(|published| published.loss),
             digest: mapper.map().digest(),
             map_bytes: published.map_or(0, |published| published.map_bytes),
             wire_bytes: published.map_or(0, |published| published.wire_bytes),

@@ -116,7 +116,8 @@ impl ReplayArgs {
     }
 }
 
-/// Runs `mapper replay`; `false` if the bag is broken, or the server did not take the whole map.
+/// Runs `mapper replay`; `false` if the bag is broken or hardly used, or the server did not take the
+/// whole map.
 pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Result<bool, ProgramFailure> {
     let task = args.task(file, stop.clone()).map_err(ProgramFailure::of_input)?;
     let linger_s = task.mapping.linger_s;
@@ -154,7 +155,11 @@ pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Res
     for broken in &report.bag.broken {
         fht_program::tell_line!("mapper: the bag is broken, and the map is of what can be read: {broken}");
     }
-    Ok(end.conclude(&report.kept, given)? && report.bag.broken.is_empty())
+    let hardly_used = report.bag.hardly_used();
+    if let Some(sentence) = &hardly_used {
+        fht_program::tell_line!("mapper: the map is of a small part of the bag: {sentence}");
+    }
+    Ok(end.conclude(&report.kept, given)? && report.bag.broken.is_empty() && hardly_used.is_none())
 }
 
 fn progress_bar() -> ProgressBar {

@@ -180,7 +180,7 @@ impl RunEnd<'_> {
             fht_program::tell_line!(
                 "mapper: the server did not acknowledge the whole map within {} s; {}; {}",
                 self.linger_s,
-                why_not_acknowledged(self.map.refusal.as_deref(), self.map.is_unanswered),
+                why_not_acknowledged(self.map.refusal.as_deref(), self.map.is_unanswered, self.map.loss),
                 self.not_taken()
             );
         } else if self.map.ending != Ending::Complete {

@@ -2,7 +2,7 @@
 
 use super::PublishError;
 use super::head::{ANSWER_TIMEOUT, ASK_AGAIN, Answer, ask_head};
-use super::progress::Progress;
+use super::progress::{Progress, ServerLoss};
 use super::spool::Spool;
 use super::verify::Verified;
 use super::window::{Backlog, Window, WindowConfig};
@@ -33,6 +33,8 @@ pub(super) struct Publisher {
     verified: Verified,
     spool: Option<Spool>,
     report: watch::Sender<Progress>,
+    /// So many answers in a row had less than was acknowledged.
+    short_answers: u32,
     pub(super) leave: Arc<Notify>,
 }
 
@@ -50,7 +52,7 @@ impl Publisher {
         let verified = Verified::after(author, backlog.acknowledged);
         let window = Window::of_backlog(window, backlog);
         let (report, leave) = (watch::Sender::new(begun), Arc::new(Notify::new()));
-        Self { session, map, author, window, verified, spool, report, leave }
+        Self { session, map, author, window, verified, spool, report, short_answers: 0, leave }
     }
 
     /// How far it has come.
@@ -198,6 +200,21 @@ impl Publisher {
         Ok(())
     }
 
+    /// The server was asked, and has increments up to `has`. One of several servers may lag behind
+    /// for a moment; what is still so then was lost, and is said once.
+    fn watch_for_loss(&mut self, has: u64) {
+        /// Answers in a row.
+        const ENOUGH: u32 = 3;
+        let acknowledged = self.window.acknowledged();
+        self.short_answers = if has < acknowledged { self.short_answers.saturating_add(1) } else { 0 };
+        let loss = (self.short_answers >= ENOUGH).then_some(ServerLoss { has, acknowledged });
+        if let (Some(loss), ENOUGH) = (loss, self.short_answers) {
+            // Robots show it, unlike most of what publishing has to say.
+            tracing::warn!(target: "mapper::notice", "the map server has lost increments of this robot: {loss}");
+        }
+        self.report.send_modify(|progress| progress.loss = loss);
+    }
+
     /// There is no news: the server may be new, or increments or heads were lost. Asks, and sends
     /// again from where the server is.
     async fn ask(&mut self) -> Result<(), PublishError> {
@@ -207,6 +224,7 @@ impl Publisher {
         let is_news = match answer {
             Answer::Head(head) => {
                 let deletion = head.deletion.clone();
+                self.watch_for_loss(head.vector.get(self.author));
                 let is_news = self.take_head(*head).await?;
                 self.check_deletion(deletion.as_ref())?;
                 is_news

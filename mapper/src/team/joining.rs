@@ -9,6 +9,7 @@ use fht_localization::landmarks::Landmarks;
 use fht_localization::localizer::{Localizer, LocalizerConfig};
 use fht_localization::preparation::Preparation;
 use fht_map::MapState;
+use fht_perception::candidate::PossiblePlace;
 use fht_perception::frame::SensorFrame;
 use fht_perception::pose::{Pose2, wrap_angle};
 use fht_proto::Descriptor;
@@ -89,9 +90,9 @@ impl Joining {
         self.localizer.current().state
     }
 
-    /// Where it may be, map frame, likeliest first.
+    /// Where it may be, likeliest first.
     #[must_use]
-    pub fn candidates(&self) -> Vec<Pose2> {
+    pub fn candidates(&self) -> Vec<PossiblePlace> {
         self.localizer.candidates()
     }
 

@@ -52,6 +52,10 @@ pub struct RobotPose {
     /// radians. Empty once it knows.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub candidates: Vec<[f64; 3]>,
+    /// How probable each candidate is, in their order, 0 to 1; together 1 at most. Robots of
+    /// earlier versions do not say it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub probabilities: Vec<f64>,
     /// `[x, y, yaw]` in the map frame, metres and radians.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map_from_base: Option<[f64; 3]>,

@@ -22,7 +22,7 @@ pub use nodes::{NodeView, NodesCursor, NodesReply, ParseCursorError};
 pub use path::{Obeyed, PathReply, SpeedLimit, Waypoint};
 pub use place::{PlaceRef, parse_angle, parse_point};
 pub use release::{ReleaseView, ReleasesReply};
-pub use rules::{BlockedView, IgnoredView, PlaceView, RuleView, RulesReply, ZoneView};
+pub use rules::{BlockedView, DatumView, FloorPlanView, IgnoredView, PlaceView, RuleView, RulesReply, ZoneView};
 pub use series::{
     CompactedIncrementView, CompactedOpView, CompactedSeriesView, DescriptorView, IncrementView, OpView, ScanView,
     SeriesReply, ZoneShape,

@@ -62,6 +62,12 @@ pub enum ArchiveError {
     },
 }
 
+/// Whether a file that begins so is a map that was exported, by this program or a later one.
+#[must_use]
+pub fn is_archive_begin(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"{\"format\":\"fht-map ")
+}
+
 /// A file, header read. Yields its messages, ends after the first that is damaged.
 #[derive(Clone, Debug)]
 pub struct Archive<'a> {

@@ -20,10 +20,13 @@ use serde::{Deserialize, Serialize};
 
 /// First bytes of every message.
 pub const MAGIC: [u8; 3] = *b"FHT";
-/// The format that this crate writes.
-pub const FORMAT_VERSION: u8 = 3;
-/// The oldest format that this crate reads. Increments of format 2 are those of format 3 without
-/// the operations that came with it.
+/// The newest format that this crate reads, and writes where a message needs it.
+pub const FORMAT_VERSION: u8 = 4;
+/// The format of what was there before format 4, which came with two operations: what has none of
+/// them is written as ever, and programs from before can read it.
+const COMMON_FORMAT_VERSION: u8 = 3;
+/// The oldest format that this crate reads. Increments of each format are those of the next one
+/// without the operations that came with it.
 pub const OLDEST_FORMAT_VERSION: u8 = 2;
 /// Longest body that is read, bytes. Increments are some kilobytes; snapshots travel in chunks of
 /// this at most.
@@ -84,6 +87,14 @@ pub trait Message: Sized + Validate {
     fn to_wire(&self) -> Self::Wire;
     /// From the wire form.
     fn from_wire(wire: Self::Wire) -> Self;
+    /// The oldest format that has all that is in the message, of those that are written.
+    fn format(&self) -> u8 {
+        COMMON_FORMAT_VERSION
+    }
+}
+
+fn format_of<'a>(ops: impl Iterator<Item = &'a Op>) -> u8 {
+    ops.map(Op::format).fold(COMMON_FORMAT_VERSION, u8::max)
 }
 
 /// [`Increment`] with node ids relative to its author and to each other.
@@ -109,6 +120,10 @@ impl Message for Increment {
         let mut names = Names::of(wire.author);
         let ops = wire.ops.into_iter().map(|op| op.map_ids(&mut |id| names.expand(id))).collect();
         Self { author: wire.author, number: wire.number, hlc_us: wire.hlc_us, ops }
+    }
+
+    fn format(&self) -> u8 {
+        format_of(self.ops.iter())
     }
 }
 
@@ -147,6 +162,10 @@ impl Message for CompactedSeries {
         let rests = wire.rests.into_iter().map(|rest| rest.map_ids(&mut |id| names.expand(id))).collect();
         Self { author: wire.author, first: wire.first, last: wire.last, rests }
     }
+
+    fn format(&self) -> u8 {
+        format_of(self.rests.iter().flat_map(|rest| rest.ops.iter().map(|(_, op)| op)))
+    }
 }
 
 impl Message for Series {
@@ -161,6 +180,10 @@ impl Message for Series {
             folds: folds.into_iter().map(Message::from_wire).collect(),
             increments: increments.into_iter().map(Message::from_wire).collect(),
         }
+    }
+    fn format(&self) -> u8 {
+        let folds = self.folds.iter().map(Message::format);
+        folds.chain(self.increments.iter().map(Message::format)).fold(COMMON_FORMAT_VERSION, u8::max)
     }
 }
 
@@ -181,17 +204,19 @@ impl Message for SeenArea {
 /// [`CodecError::Invalid`] if the message would be refused on arrival, [`CodecError::TooLong`] if
 /// it is too large.
 pub fn encode<M: Message>(message: &M) -> Result<Vec<u8>, CodecError> {
-    encode_as(FORMAT_VERSION, message)
+    encode_as(message.format(), message)
 }
 
 /// Whether `bytes`, which `message` was decoded from, are those that it is encoded to in their
-/// format.
+/// format, and their format is one that has all that is in the message, and not a newer one than
+/// that needs.
 ///
 /// # Errors
 /// As [`encode`].
 pub fn is_canonical<M: Message>(message: &M, bytes: &[u8]) -> Result<bool, CodecError> {
     let version = bytes.get(MAGIC.len()).copied().unwrap_or(FORMAT_VERSION);
-    Ok(encode_as(version, message)? == bytes)
+    let is_needed = version.max(COMMON_FORMAT_VERSION) == message.format();
+    Ok(is_needed && encode_as(version, message)? == bytes)
 }
 
 fn encode_as<M: Message>(version: u8, message: &M) -> Result<Vec<u8>, CodecError> {

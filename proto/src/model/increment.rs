@@ -8,6 +8,7 @@ use crate::model::annotation::{Label, Release, ReleaseId, ReleaseName, Zone};
 use crate::model::geometry::{FixedPoint, FixedPose, Rect};
 use crate::model::ids::{AuthorId, NodeId};
 use crate::model::signature::{DescriptorModel, Signature};
+use crate::model::siting::{Datum, FloorPlan};
 use serde::{Deserialize, Serialize};
 
 /// When an element was last changed: hybrid logical clock, then author, then place in the
@@ -169,6 +170,16 @@ pub enum Op<Id = NodeId> {
         /// Which release.
         release: Option<ReleaseId>,
     },
+    /// Says how a floor plan's image lies in the map, or that there is none. Since format 4.
+    SetFloorPlan {
+        /// The plan.
+        plan: Option<FloorPlan>,
+    },
+    /// Says where on earth the map is, or that nobody knows. Since format 4.
+    SetDatum {
+        /// The place of its origin, and its turn.
+        datum: Option<Datum>,
+    },
 }
 
 impl<A: Copy + Ord> Op<A> {
@@ -197,11 +208,22 @@ impl<A: Copy + Ord> Op<A> {
             Self::PutRelease { name, release } => Op::PutRelease { name, release },
             Self::RemoveRelease { id } => Op::RemoveRelease { id },
             Self::Enable { release } => Op::Enable { release },
+            Self::SetFloorPlan { plan } => Op::SetFloorPlan { plan },
+            Self::SetDatum { datum } => Op::SetDatum { datum },
         }
     }
 }
 
 impl Op {
+    /// The first format that has this operation, of those that are read.
+    #[must_use]
+    pub fn format(&self) -> u8 {
+        match self {
+            Self::SetFloorPlan { .. } | Self::SetDatum { .. } => 4,
+            _ => 3,
+        }
+    }
+
     /// What it takes up in memory, about, bytes.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
@@ -221,6 +243,7 @@ impl Op {
             }
             Self::RemoveRelease { id } => id.name.as_str().len(),
             Self::Enable { release } => release.as_ref().map_or(0, |id| id.name.as_str().len()),
+            Self::SetFloorPlan { plan } => plan.as_ref().map_or(0, |plan| plan.image.len()),
             _ => 0,
         };
         size_of::<Self>() + beyond

@@ -122,6 +122,8 @@ impl Validate for Op {
             Self::SetPlace { pose, .. } => pose.as_ref().map_or(Ok(()), Validate::validate),
             Self::SetZone { zone, .. } => zone.as_ref().map_or(Ok(()), Validate::validate),
             Self::PutRelease { release, .. } => release.vector.validate(),
+            Self::SetFloorPlan { plan } => plan.as_ref().map_or(Ok(()), Validate::validate),
+            Self::SetDatum { datum } => datum.as_ref().map_or(Ok(()), Validate::validate),
             Self::RemoveNode { .. } | Self::SetFreeSpace { .. } | Self::RemoveRelease { .. } | Self::Enable { .. } => {
                 Ok(())
             }

@@ -2,8 +2,9 @@
 
 use fht_proto::model::compaction::{CompactedSeries, Rest};
 use fht_proto::{
-    AuthorId, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Increment, Label, ModelId, NodeId,
-    NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, ScanRecord, Signature, VersionVector, Zone, ZoneRule,
+    AuthorId, Datum, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, FloorPlan, Increment, Label,
+    ModelId, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, ScanRecord, Signature, VersionVector, Zone,
+    ZoneRule,
 };
 use proptest::prelude::*;
 
@@ -78,7 +79,19 @@ fn op() -> impl Strategy<Value = Op> {
         }),
         release_id().prop_map(|id| Op::RemoveRelease { id }),
         prop::option::of(release_id()).prop_map(|release| Op::Enable { release }),
+        prop::option::of(floor_plan()).prop_map(|plan| Op::SetFloorPlan { plan }),
+        prop::option::of(datum()).prop_map(|datum| Op::SetDatum { datum }),
     ]
+}
+
+fn floor_plan() -> impl Strategy<Value = FloorPlan> {
+    ("[^\\p{Cc}]{0,20}", 1..=FloorPlan::MAX_UM_PER_PIXEL, pose())
+        .prop_map(|(image, um_per_pixel, map_from_image)| FloorPlan { image, um_per_pixel, map_from_image })
+}
+
+fn datum() -> impl Strategy<Value = Datum> {
+    (-89_899_999_999..=89_899_999_999_i64, -180_000_000_000..=180_000_000_000_i64, -31_416..=31_416_i16)
+        .prop_map(|(latitude_e9, longitude_e9, yaw_e4)| Datum { latitude_e9, longitude_e9, yaw_e4 })
 }
 
 pub fn label() -> impl Strategy<Value = Label> {

@@ -280,6 +280,22 @@ def read_release_id(reader):
     return f"{reader.text()}@{author:08x}"
 
 
+def floor_plan(value):
+    return text(value["image"]) + uint(fixed(value["metres_per_pixel"], 1e6)) + pose(value["map_from_image"])
+
+
+def read_floor_plan(reader):
+    return {"image": reader.text(), "metres_per_pixel": reader.uint() / 1e6, "map_from_image": read_pose(reader)}
+
+
+def datum(value):
+    return sint(fixed(value["latitude"], 1e9)) + sint(fixed(value["longitude"], 1e9)) + sint(fixed(value["yaw"], 10000))
+
+
+def read_datum(reader):
+    return {"latitude": reader.int() / 1e9, "longitude": reader.int() / 1e9, "yaw": reader.int() / 10000}
+
+
 def node(value):
     author, number = value.split(".")
     return int(author, 16), int(number)
@@ -330,7 +346,8 @@ class Names:
 
 
 NAMES = ["put_node", "remove_node", "set_pose", "set_free_space", "set_signature", "put_edge", "remove_edge", "put_model",
-         "set_trust", "set_closed", "set_place", "set_zone", "put_release", "remove_release", "enable"]
+         "set_trust", "set_closed", "set_place", "set_zone", "put_release", "remove_release", "enable", "set_floor_plan",
+         "set_datum"]
 KINDS = ["main", "support"]
 
 
@@ -358,6 +375,8 @@ def write_op(op, names):
         "put_release": lambda: text(op["name"]) + release(op),
         "remove_release": lambda: release_id(op["release"]),
         "enable": lambda: option(op["release"], release_id),
+        "set_floor_plan": lambda: option(op["plan"], floor_plan),
+        "set_datum": lambda: option(op["datum"], datum),
     }.get(kind, lambda: b"")()
 
 
@@ -382,6 +401,8 @@ def read_op(reader, names):
         "put_release": lambda: {"name": reader.text(), "vector": read_vector(reader), "digest": reader.take(32).hex()},
         "remove_release": lambda: {"release": read_release_id(reader)},
         "enable": lambda: {"release": reader.option(lambda: read_release_id(reader))},
+        "set_floor_plan": lambda: {"plan": reader.option(lambda: read_floor_plan(reader))},
+        "set_datum": lambda: {"datum": reader.option(lambda: read_datum(reader))},
     }.get(kind, dict)()
 
 
@@ -399,14 +420,14 @@ def read_increment(reader):
     return {"author": author, "number": number, "hlc_us": hlc_us, "ops": reader.list(lambda: read_op(reader, names))}
 
 
-def seal(kind, body):
-    message = b"FHT" + bytes([3, kind]) + uint(len(body)) + body
+def seal(kind, body, version=3):
+    message = b"FHT" + bytes([version, kind]) + uint(len(body)) + body
     return message + struct.pack("<I", zlib.crc32(message))
 
 
 def unseal(message, kind):
     reader = Reader(message)
-    assert reader.take(3) == b"FHT" and reader.take(1)[0] in (2, 3) and reader.take(1)[0] == kind
+    assert reader.take(3) == b"FHT" and reader.take(1)[0] in (2, 3, 4) and reader.take(1)[0] == kind
     body = reader.take(reader.uint())
     assert struct.unpack("<I", reader.take(4))[0] == zlib.crc32(message[:-4]) and reader.at == len(message)
     return body
@@ -459,6 +480,10 @@ def digest(increments):
                 name, author = op["release"].split("@")
                 key = (int(author, 16), name.encode())
                 removed_releases[key] = max(removed_releases.get(key, stamp), stamp)
+            elif kind == "set_floor_plan":
+                write(("plan", None), stamp, option(op["plan"], floor_plan))
+            elif kind == "set_datum":
+                write(("datum", None), stamp, option(op["datum"], datum))
             else:
                 write(("enabled", None), stamp, option(op["release"], release_id))
 
@@ -491,6 +516,8 @@ def digest(increments):
     annotations += named("place") + named("zone")
     annotations += listed([of_release(key) for key in sorted({*releases, *removed_releases})])
     annotations += option(written.get(("enabled", None)), stamped)
+    if ("plan", None) in written or ("datum", None) in written:
+        annotations += option(written.get(("plan", None)), stamped) + option(written.get(("datum", None)), stamped)
     return hashed(text("fht-map state 2") + listed(leaves) + hashed(annotations)).hex()
 
 

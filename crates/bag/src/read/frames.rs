@@ -1,6 +1,7 @@
 //! Sensor frames from a bag.
 
 use super::files::BagOpenError;
+use super::log_order::LogOrder;
 use super::report::{BagReport, Dropped};
 use super::stream::{Broken, Messages};
 use super::survey::{BagInfo, survey};
@@ -122,6 +123,7 @@ pub struct Frames {
     chosen: Chosen,
     info: BagInfo,
     messages: Messages,
+    order: LogOrder<mcap::Message<'static>>,
     tree: TransformTree,
     track: OdometryTrack,
     cameras: Option<PanoramaCameras>,
@@ -148,6 +150,7 @@ impl Frames {
         let report = BagReport { notes: std::mem::take(&mut chosen.notes), ..BagReport::default() };
         Ok(Self {
             messages: Messages::of_files(info.files.clone()),
+            order: LogOrder::new(),
             tree: TransformTree::default(),
             track: OdometryTrack::new(config.odometry.clone()),
             cameras: chosen.cameras.is_some().then(|| PanoramaCameras::new(config.picture_tolerance_s, PICTURES)),
@@ -378,7 +381,7 @@ impl Iterator for Frames {
             } else if self.is_at_end {
                 return None;
             }
-            match self.messages.next() {
+            match self.order.next(|| self.messages.next()) {
                 Some(message) => self.read_message(&message),
                 None => self.is_at_end = true,
             }

@@ -84,6 +84,35 @@ pub struct BagReport {
 }
 
 impl BagReport {
+    /// A sentence, if most of the scans were not used: why, and what may be done.
+    #[must_use]
+    pub fn hardly_used(&self) -> Option<String> {
+        /// Of fewer a bag may have been read from its middle.
+        const FEW: u64 = 20;
+        let is_of_scan = |reason: Dropped| {
+            use Dropped::{
+                ScanBroken, ScanDuplicate, ScanOdometryGap, ScanOutsideOdometry, ScanTimeBack, ScanUnusable,
+            };
+            matches!(
+                reason,
+                ScanBroken | ScanDuplicate | ScanOdometryGap | ScanOutsideOdometry | ScanTimeBack | ScanUnusable
+            )
+        };
+        let of_scans = || self.dropped.iter().filter(|(reason, _)| is_of_scan(**reason));
+        let unused: u64 = of_scans().map(|(_, count)| count).sum();
+        if unused < FEW || 2 * unused <= self.scans {
+            return None;
+        }
+        let (reason, count) = of_scans().max_by_key(|(_, count)| **count)?;
+        let remedy = match reason {
+            Dropped::ScanTimeBack | Dropped::ScanOutsideOdometry => {
+                ". Are its messages in the order of time? `mcap sort` puts them so"
+            }
+            _ => "",
+        };
+        Some(format!("{unused} of {} scans were not used, {count} of them are {reason}{remedy}", self.scans))
+    }
+
     pub(crate) fn drop_one(&mut self, reason: Dropped) {
         *self.dropped.entry(reason).or_default() += 1;
     }

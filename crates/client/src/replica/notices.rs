@@ -1,6 +1,7 @@
 //! What a robot is told of its map's end, and of its server's: each thing once, however often it is
 //! seen.
 
+use fht_proto::VersionVector;
 use fht_proto::api::deletion::MapDeletion;
 use fht_proto::api::reply::Head;
 use std::time::{Duration, Instant};
@@ -14,6 +15,8 @@ pub(super) struct Notices {
     /// Whether the server has ever had the map.
     is_known: bool,
     deletion: Option<MapDeletion>,
+    /// What the map consisted of when it was to be deleted.
+    vector: VersionVector,
     is_gone: bool,
     /// Since when the server has not answered.
     silent_since: Option<Instant>,
@@ -29,11 +32,15 @@ impl Notices {
         if self.deletion == head.deletion {
             return None;
         }
+        let vector = std::mem::replace(&mut self.vector, head.vector.clone());
         let was_to_be = self.deletion.as_ref().is_some_and(|deletion| !deletion.done);
         self.deletion.clone_from(&head.deletion);
         match &head.deletion {
             Some(deletion) if deletion.done => Some(gone(&deletion.sentence(&head.map))),
             Some(deletion) => Some(deletion.sentence(&head.map)),
+            None if was_to_be && !head.vector.covers(&vector) => {
+                Some(format!("map {} was deleted, and another one of this name is there", head.map))
+            }
             None => was_to_be.then(|| format!("map {} is not going to be deleted any more", head.map)),
         }
     }

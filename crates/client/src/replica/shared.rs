@@ -19,6 +19,8 @@ pub(super) struct Shared {
     /// Counts changes, so that a reader sees cheaply whether there is anything new, or waits for
     /// it.
     pub(super) changes: watch::Sender<u64>,
+    /// Counts the maps that have come to the name.
+    pub(super) generation: AtomicU64,
     /// Messages refused since the start.
     pub(super) refused: AtomicU64,
     /// Messages dropped since the start, for want of room.

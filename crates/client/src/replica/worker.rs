@@ -172,9 +172,10 @@ impl Worker {
 
     /// Lets the robot see what it is to run.
     fn show_running(&self) {
-        let id = |running: Option<&Running>| running.map(|running| running.id.clone());
+        // Of another map a release of the same id is another one.
+        let state = |running: Option<&Running>| running.map(|running| Arc::as_ptr(&running.state));
         let mut shown = self.shared.running.write().unwrap_or_else(PoisonError::into_inner);
-        if id(shown.as_ref()) != id(self.sync.running()) {
+        if state(shown.as_ref()) != state(self.sync.running()) {
             *shown = self.sync.running().cloned();
             drop(shown);
             self.note_changes(1);
@@ -293,6 +294,7 @@ impl Worker {
             Event::NoMap(reason) => {
                 warn(self.notices.answer(true, now));
                 warn(self.notices.no_map(reason));
+                self.sync.map_gone();
             }
             Event::Rules(payload) => self.take_rules(payload.as_deref()),
             Event::Piece(number, _) | Event::PartEnded(number) if self.part != (number, true) => {}
@@ -305,7 +307,13 @@ impl Worker {
             },
             Event::PartEnded(number) => {
                 self.part = (number, false);
-                let is_replaced = self.sync.part_ended(&mut self.shared.write(), now);
+                let is_replaced = {
+                    let mut copy = self.shared.write();
+                    let is_replaced = self.sync.part_ended(&mut copy, now);
+                    // Whoever sees the new map sees that it is another one.
+                    self.shared.generation.store(self.sync.generation(), Ordering::Release);
+                    is_replaced
+                };
                 self.note_changes(usize::from(is_replaced));
             }
         }

@@ -2,7 +2,9 @@
 //! which of them is enabled.
 
 use crate::crdt::register::{ContentHash, Register, content_hash, join_into};
-use fht_proto::{AuthorId, DescriptorModel, FixedPose, Label, ModelId, Op, Release, ReleaseId, Stamp, Zone};
+use fht_proto::{
+    AuthorId, Datum, DescriptorModel, FixedPose, FloorPlan, Label, ModelId, Op, Release, ReleaseId, Stamp, Zone,
+};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -46,6 +48,13 @@ pub struct ReleaseRef<'a> {
     pub made_us: u64,
 }
 
+/// Where the map lies.
+#[derive(Clone, Debug, Default, Serialize)]
+struct Siting {
+    floor_plan: Option<Register<Option<FloorPlan>>>,
+    datum: Option<Register<Option<Datum>>>,
+}
+
 /// All annotations of a map.
 #[derive(Clone, Debug, Default)]
 pub struct Annotations {
@@ -54,6 +63,7 @@ pub struct Annotations {
     zones: BTreeMap<Label, Register<Option<Zone>>>,
     releases: BTreeMap<ReleaseId, ReleaseState>,
     enabled: Option<Register<Option<ReleaseId>>>,
+    siting: Siting,
     digest: OnceLock<ContentHash>,
 }
 
@@ -78,6 +88,8 @@ impl Annotations {
             }
             Op::RemoveRelease { id } => self.releases.entry(id.clone()).or_default().remove(stamp),
             Op::Enable { release } => join_into(&mut self.enabled, Register::new(stamp, release.clone())),
+            Op::SetFloorPlan { plan } => join_into(&mut self.siting.floor_plan, Register::new(stamp, plan.clone())),
+            Op::SetDatum { datum } => join_into(&mut self.siting.datum, Register::new(stamp, *datum)),
             Op::PutNode { .. }
             | Op::RemoveNode { .. }
             | Op::SetPose { .. }
@@ -145,13 +157,32 @@ impl Annotations {
         self.enabled.as_ref().and_then(|register| register.value().as_ref()).and_then(|id| self.release(id))
     }
 
+    /// How a floor plan's image lies in the map.
+    #[must_use]
+    pub fn floor_plan(&self) -> Option<&FloorPlan> {
+        self.siting.floor_plan.as_ref().and_then(|register| register.value().as_ref())
+    }
+
+    /// Where on earth the map is.
+    #[must_use]
+    pub fn datum(&self) -> Option<Datum> {
+        self.siting.datum.as_ref().and_then(|register| *register.value())
+    }
+
     /// How many take up memory, removed ones included.
     pub(crate) fn count(&self) -> usize {
         self.models.len() + self.places.len() + self.zones.len() + self.releases.len()
     }
 
     pub(crate) fn digest(&self) -> ContentHash {
-        let hash = || content_hash(&(&self.models, &self.places, &self.zones, &self.releases, &self.enabled));
+        let hash = || {
+            let before = (&self.models, &self.places, &self.zones, &self.releases, &self.enabled);
+            // A map that was written before these were there has the digest that its releases name.
+            match &self.siting {
+                Siting { floor_plan: None, datum: None } => content_hash(&before),
+                siting => content_hash(&(before, siting)),
+            }
+        };
         *self.digest.get_or_init(hash)
     }
 }

@@ -30,6 +30,8 @@ enum Decision {
     Release(ReleaseId),
     Deletion(ReleaseId),
     Enabled,
+    FloorPlan,
+    Datum,
 }
 
 impl Decision {
@@ -58,6 +60,8 @@ impl Decision {
             Op::PutRelease { name, .. } => vec![Self::Release(ReleaseId { author, name: name.clone() })],
             Op::RemoveRelease { id } => vec![Self::Deletion(id.clone())],
             Op::Enable { .. } => vec![Self::Enabled],
+            Op::SetFloorPlan { .. } => vec![Self::FloorPlan],
+            Op::SetDatum { .. } => vec![Self::Datum],
         }
     }
 }

@@ -165,6 +165,10 @@ fn annotations(from: &Annotations, to: &Annotations) -> Vec<AnnotationChange> {
     );
     let enabled = |of: &Annotations| of.enabled().map(|release| release.id.clone());
     note(enabled(from) != enabled(to), [true, true], "enabled release".to_owned());
+    let plans = [from.floor_plan(), to.floor_plan()];
+    note(plans[0] != plans[1], plans.map(|plan| plan.is_some()), "floor plan".to_owned());
+    let datums = [from.datum(), to.datum()];
+    note(datums[0] != datums[1], datums.map(|datum| datum.is_some()), "place on earth".to_owned());
     changed
 }
 

@@ -66,6 +66,11 @@ impl NodeState {
         self.removed.is_none_or(|removed| stamp > removed)
     }
 
+    /// When it was taken away last.
+    pub(crate) fn removed(&self) -> Option<Stamp> {
+        self.removed
+    }
+
     pub(crate) fn remove(&mut self, stamp: Stamp) {
         let removed = self.removed.map_or(stamp, |removed| removed.max(stamp));
         self.removed = Some(removed);

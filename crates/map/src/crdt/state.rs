@@ -141,7 +141,9 @@ impl MapState {
             | Op::SetZone { .. }
             | Op::PutRelease { .. }
             | Op::RemoveRelease { .. }
-            | Op::Enable { .. } => Arc::make_mut(&mut self.annotations).apply(number, stamp, op),
+            | Op::Enable { .. }
+            | Op::SetFloorPlan { .. }
+            | Op::SetDatum { .. } => Arc::make_mut(&mut self.annotations).apply(number, stamp, op),
         }
     }
 
@@ -228,7 +230,7 @@ impl MapState {
             .unwrap_or(0)
     }
 
-    fn all_nodes(&self) -> impl Iterator<Item = (NodeId, &NodeState)> {
+    pub(crate) fn all_nodes(&self) -> impl Iterator<Item = (NodeId, &NodeState)> {
         self.leaves
             .iter()
             .flat_map(|(&(author, _), leaf)| leaf.nodes().map(move |(number, node)| (NodeId { author, number }, node)))
@@ -244,7 +246,7 @@ impl MapState {
         self.nodes().filter(|node| node.kind == NodeKind::Main)
     }
 
-    fn node_state(&self, id: NodeId) -> Option<&NodeState> {
+    pub(crate) fn node_state(&self, id: NodeId) -> Option<&NodeState> {
         self.leaves.get(&leaf_of(id)).and_then(|leaf| leaf.node(id.number))
     }
 

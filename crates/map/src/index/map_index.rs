@@ -126,7 +126,9 @@ impl MapIndex {
                 | Op::SetZone { .. }
                 | Op::PutRelease { .. }
                 | Op::RemoveRelease { .. }
-                | Op::Enable { .. } => {}
+                | Op::Enable { .. }
+                | Op::SetFloorPlan { .. }
+                | Op::SetDatum { .. } => {}
             }
         }
         for id in nodes {

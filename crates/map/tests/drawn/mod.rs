@@ -3,8 +3,9 @@
 
 use fht_map::MapState;
 use fht_proto::{
-    AuthorId, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Increment, Label, ModelId, NodeId,
-    NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, ScanRecord, Signature, VersionVector, Zone, ZoneRule,
+    AuthorId, Datum, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, FloorPlan, Increment, Label,
+    ModelId, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, ScanRecord, Signature, VersionVector, Zone,
+    ZoneRule,
 };
 use proptest::prelude::*;
 
@@ -80,6 +81,16 @@ fn annotation() -> impl Strategy<Value = Op> {
         (release_name(), release).prop_map(|(name, release)| Op::PutRelease { name, release }),
         release_id().prop_map(|id| Op::RemoveRelease { id }),
         prop::option::of(release_id()).prop_map(|release| Op::Enable { release }),
+        prop::option::of(1..3_u32).prop_map(|um_per_pixel| Op::SetFloorPlan {
+            plan: um_per_pixel.map(|um_per_pixel| FloorPlan {
+                image: "plan.png".to_owned(),
+                um_per_pixel,
+                map_from_image: FixedPose::default(),
+            }),
+        }),
+        prop::option::of(1..3_i64).prop_map(|latitude_e9| Op::SetDatum {
+            datum: latitude_e9.map(|latitude_e9| Datum { latitude_e9, longitude_e9: 0, yaw_e4: 0 }),
+        }),
     ]
 }
 

@@ -1,9 +1,9 @@
 //! What operators of the second map wrote: places and zones move with it; names that the first map
-//! has get another one.
+//! has get another one. Where it lies tells where the first one does, if nobody has said that.
 
 use fht_map::MapState;
 use fht_perception::pose::{Point2, Pose2, from_fixed, to_fixed};
-use fht_proto::{FixedPose, Label, Op, Zone};
+use fht_proto::{FixedPose, FloorPlan, Label, Op, Zone};
 use std::collections::BTreeSet;
 
 /// A place is the same as another of its name within this, metres.
@@ -13,7 +13,7 @@ const SAME_M: f64 = 0.3;
 #[derive(Debug, Default)]
 pub(crate) struct Carried {
     pub(crate) ops: Vec<Op>,
-    /// Places and zones.
+    /// Places and zones, and where the map lies.
     pub(crate) count: usize,
     /// Old and new names of those whose name the first map had.
     pub(crate) renamed: Vec<[String; 2]>,
@@ -49,6 +49,7 @@ pub(crate) fn carry(a: &MapState, b: &MapState, a_from_b: &Pose2, suffix: &str) 
             carried.ops.push(Op::SetZone { name, zone: Some(moved) });
         }
     }
+    carried.siting(a, b, a_from_b);
     carried
 }
 
@@ -58,6 +59,21 @@ fn is_same_zone(one: &Zone, other: &Zone) -> bool {
 }
 
 impl Carried {
+    /// Where the first map lies, if only the second one says so.
+    fn siting(&mut self, a: &MapState, b: &MapState, a_from_b: &Pose2) {
+        let (known, new) = (a.annotations(), b.annotations());
+        if let (None, Some(plan)) = (known.floor_plan(), new.floor_plan()) {
+            let map_from_image = to_fixed(&(a_from_b * from_fixed(plan.map_from_image)));
+            self.ops.push(Op::SetFloorPlan { plan: Some(FloorPlan { map_from_image, ..plan.clone() }) });
+            self.count += 1;
+        }
+        if let (None, Some(datum)) = (known.datum(), new.datum()) {
+            let datum = datum.of_other(to_fixed(&a_from_b.inverse()));
+            self.ops.push(Op::SetDatum { datum: Some(datum) });
+            self.count += 1;
+        }
+    }
+
     /// A name that is not taken.
     fn name(&mut self, wanted: &Label, taken: &mut BTreeSet<Label>, suffix: &str) -> Option<Label> {
         /// Longest name.

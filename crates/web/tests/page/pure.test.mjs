@@ -5,7 +5,7 @@ import { test } from "node:test";
 import { Refused, selector, zenohLine } from "../../page/api.js";
 import { compare, inWords } from "../../page/compare.js";
 import { buckets, byLabel, figure, quantile, readFigures } from "../../page/figures.js";
-import { contains, lengthOf, nearest, readPoints, toLine } from "../../page/geometry.js";
+import { contains, lengthOf, locate, nearest, readPoints, toLine } from "../../page/geometry.js";
 import { edgesOf, pastOf } from "../../page/map_store.js";
 import { View } from "../../page/view.js";
 
@@ -55,6 +55,16 @@ test("what lies in a polygon is decided by the even-odd rule", () => {
     [1, 1],
   ];
   assert.ok(contains(twice, [0.5, 0.5]) && !contains(twice, [1.5, 1.5]), "a hole");
+});
+
+test("points of the map are somewhere on earth", () => {
+  // A degree at 45° is 111 131.8 m north, and 78 846.8 m east.
+  const near = ([latitude, longitude], [north, east]) => {
+    assert.ok(Math.abs(latitude - north) < 1e-8 && Math.abs(longitude - east) < 1e-8, `${latitude} ${longitude}`);
+  };
+  near(locate({ latitude: 45, longitude: 9, yaw: 0 }, [78.8468, 111.1318]), [45.001, 9.001]);
+  near(locate({ latitude: 45, longitude: 179.9999, yaw: 0 }, [78.8468, 0]), [45, -179.9991]);
+  near(locate({ latitude: 45, longitude: 9, yaw: Math.PI / 2 }, [111.1318, 0]), [45.001, 9]);
 });
 
 test("corners are read as people type them", () => {

@@ -5,6 +5,7 @@ use crate::program::operator::deletion::{grace, reason};
 use crate::program::operator::quota::QuotaAction;
 use crate::program::operator::release::ReleaseAction;
 use crate::program::operator::rule::{Corners, parse_corners, parse_pose, parse_speed};
+use crate::program::operator::siting::{DatumArgs, FloorPlanArgs};
 use clap::{Args, Subcommand};
 use fht_program::flags::{count, wait};
 use fht_proto::{FixedPose, Label, MapName, NodeId, ReleaseName, RobotName};
@@ -201,6 +202,27 @@ pub enum Operation {
         /// Also where the map is not.
         #[arg(long, conflicts_with = "remove")]
         force: bool,
+    },
+    /// Says how the image of a floor plan lies in the map: those who look lay it under the map.
+    #[command(after_help = "Examples:
+  map-server floor-plan museum ground-floor.png --scale 0.05 --at=-12.5,-8,90
+  map-server floor-plan museum --remove")]
+    FloorPlan {
+        /// The map.
+        map: MapName,
+        #[command(flatten)]
+        plan: FloorPlanArgs,
+    },
+    /// Says where on earth the map is.
+    #[command(after_help = "Examples:
+  map-server datum museum 52.5186,13.3973        the map's x axis points east
+  map-server datum museum 52.5186,13.3973,90     … north
+  map-server datum museum --remove")]
+    Datum {
+        /// The map.
+        map: MapName,
+        #[command(flatten)]
+        datum: DatumArgs,
     },
     /// Closes an edge: no path leads over it, until it is opened.
     #[command(after_help = "Examples:
@@ -404,6 +426,8 @@ impl Operation {
             | Self::Rules { map }
             | Self::Place { map, .. }
             | Self::Zone { map, .. }
+            | Self::FloorPlan { map, .. }
+            | Self::Datum { map, .. }
             | Self::Close { map, .. }
             | Self::Open { map, .. }
             | Self::Undo { map, .. }

@@ -142,6 +142,8 @@ impl Operation {
                 };
                 change(session, args, &map, op).await
             }
+            Self::FloorPlan { map, plan } => change(session, args, &map, plan.op()).await,
+            Self::Datum { map, datum } => change(session, args, &map, datum.op()).await,
             Self::Close { map, a, b } => close_edge(session, args, &map, [a, b], true).await,
             Self::Open { map, a, b } => close_edge(session, args, &map, [a, b], false).await,
             Self::Undo { map, last, author, against_roles, .. } => {

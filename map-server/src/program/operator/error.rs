@@ -90,6 +90,9 @@ pub enum OperatorError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// A file that is there is not written over.
+    #[error("{} is there, and is no exported map: it is not written over; give another name", .0.display())]
+    NoArchive(PathBuf),
     /// A file is not a map.
     #[error("{}: {source}", path.display())]
     Archive {
@@ -126,6 +129,16 @@ pub enum OperatorError {
         /// Why.
         reason: Box<OperatorError>,
     },
+    /// A merge into a new map has ended before its end.
+    #[error(
+        "{reason}; part of map {map} is there: `map-server delete {map}` takes it away, and both maps are as they were"
+    )]
+    PartlyMerged {
+        /// The new map.
+        map: MapName,
+        /// Why.
+        reason: Box<OperatorError>,
+    },
     /// A map is not renamed, and nothing of it has changed.
     #[error("{reason}; {old} is not renamed, and is kept as it was")]
     NotRenamed {
@@ -158,9 +171,13 @@ impl OperatorError {
         match self {
             Self::Session(error) => error.is_input(),
             Self::Refused(reply) => reply.code.is_input(),
-            Self::Usage(_) | Self::Archive { .. } | Self::Unsound(_) | Self::Listens { .. } => true,
+            Self::Usage(_) | Self::NoArchive(_) | Self::Archive { .. } | Self::Unsound(_) | Self::Listens { .. } => {
+                true
+            }
             Self::File { source, .. } => is_of_name(source.kind()),
-            Self::NotRenamed { reason, .. } | Self::PartlyImported { reason, .. } => reason.is_input(),
+            Self::NotRenamed { reason, .. }
+            | Self::PartlyImported { reason, .. }
+            | Self::PartlyMerged { reason, .. } => reason.is_input(),
             // There are no such changes, or not so many.
             Self::Undo { source, .. } => {
                 use InverseError::{NoneSuch, TooFew, Unchanged};

@@ -6,8 +6,8 @@ use crate::program::operator::transfer::{fetch_state, pieces, put_series};
 use crate::program::operator::write::write;
 use fht_merge::{AlignmentFigures, MergeConfig, MergeFigures, MergeOptions, MergeRefusal, join, lay};
 use fht_proto::api::keys::Key;
-use fht_proto::api::reply::MapsReply;
-use fht_proto::{AuthorId, MapName};
+use fht_proto::api::reply::{MapsReply, Series};
+use fht_proto::{AuthorId, MapName, Op};
 use serde::{Deserialize, Serialize};
 use zenoh::Session;
 
@@ -44,6 +44,9 @@ pub struct MergeReply {
     /// The map that was written and its version then; none if nothing was written.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub written: Option<(MapName, u64)>,
+    /// So many changes that is: `undo --last` takes as many back.
+    #[serde(default)]
+    pub changes: usize,
     /// Whether it was only asked for.
     #[serde(skip)]
     is_dry_run: bool,
@@ -59,6 +62,7 @@ pub(super) fn refused(order: &MergeOrder<'_>, refusal: &MergeRefusal) -> MergeRe
         alignment: None,
         joined: None,
         written: None,
+        changes: 0,
         is_dry_run: order.dry_run,
     }
 }
@@ -90,18 +94,14 @@ pub(super) async fn merge(session: &Session, order: &MergeOrder<'_>) -> Result<M
     };
     let (alignment, joined) = tokio::task::spawn_blocking(compute).await??;
     let mut written = None;
-    let changes = into.is_some() || !joined.batches.is_empty();
-    if changes && !order.dry_run {
+    let changes = joined.batches.len();
+    if (into.is_some() || changes > 0) && !order.dry_run {
         let target = into.as_ref().unwrap_or(first);
-        if into.is_some() {
-            for piece in pieces(series) {
-                put_series(session, target, &piece).await?;
-            }
-        }
-        let mut version = head(session, target).await?.version;
-        for ops in joined.batches {
-            version = write(session, target, order.operator, ops).await?.version;
-        }
+        let begin = into.as_ref().map(|_| series);
+        let outcome = write_merged(session, target, begin, (order.operator, joined.batches)).await;
+        // Of a map that was there before, what is written is a change that undo takes back.
+        let part = |reason| OperatorError::PartlyMerged { map: target.clone(), reason: Box::new(reason) };
+        let version = if into.is_some() { outcome.map_err(part)? } else { outcome? };
         written = Some((target.clone(), version));
     }
     Ok(MergeReply {
@@ -111,9 +111,27 @@ pub(super) async fn merge(session: &Session, order: &MergeOrder<'_>) -> Result<M
         reason: None,
         alignment: Some(alignment),
         joined: Some(joined.figures),
+        changes: if written.is_some() { changes } else { 0 },
         written,
         is_dry_run: order.dry_run,
     })
+}
+
+/// Writes the joined maps to `target`, a new one with `begin`; returns its version.
+async fn write_merged(
+    session: &Session,
+    target: &MapName,
+    begin: Option<Series>,
+    (operator, batches): (&str, Vec<Vec<Op>>),
+) -> Result<u64, OperatorError> {
+    for piece in begin.into_iter().flat_map(pieces) {
+        put_series(session, target, &piece).await?;
+    }
+    let mut version = head(session, target).await?.version;
+    for ops in batches {
+        version = write(session, target, operator, ops).await?.version;
+    }
+    Ok(version)
 }
 
 pub(super) fn in_words(reply: &MergeReply) -> String {
@@ -161,7 +179,13 @@ pub(super) fn in_words(reply: &MergeReply) -> String {
         lines.extend(renamed.iter().map(|[old, new]| format!("renamed     {old} of {} is {new} now", reply.second)));
     }
     lines.push(match &reply.written {
-        Some((map, version)) => format!("written     map {map} is at version {version}"),
+        Some((map, version)) => {
+            let back = match reply.changes {
+                0 | 1 => format!("map-server undo {map}"),
+                changes => format!("map-server undo {map} --last {changes}"),
+            };
+            format!("written     map {map} is at version {version}; `{back}` takes it back")
+        }
         None if reply.is_dry_run => "written     nothing (--dry-run)".to_owned(),
         None => "written     nothing: there is nothing to change".to_owned(),
     });

@@ -5,7 +5,7 @@ use crate::program::operator::error::OperatorError;
 use crate::program::operator::transfer::fetch_state;
 use fht_map::{DoubtfulWords, check_place, check_zone};
 use fht_proto::api::keys::{Key, Topic};
-use fht_proto::api::reply::{NodesReply, RulesReply, known_names, parse_angle, parse_point};
+use fht_proto::api::reply::{DatumView, FloorPlanView, NodesReply, RulesReply, known_names, parse_angle, parse_point};
 use fht_proto::{EdgeKey, FixedPoint, FixedPose, Label, MapName, NodeId, Op, Zone};
 use std::f64::consts::TAU;
 use zenoh::Session;
@@ -183,6 +183,8 @@ pub(super) fn changes_nothing(rules: &RulesReply, op: &Op) -> bool {
             known.name == name.as_str() && known.rule == zone.rule.into() && corners.eq(zone.corners.iter().copied())
         }),
         Op::SetClosed { edge, closed } => rules.closed_edges.contains(&edge.to_texts()) == *closed,
+        Op::SetFloorPlan { plan } => rules.floor_plan == plan.as_ref().map(FloorPlanView::from),
+        Op::SetDatum { datum } => rules.datum == datum.map(DatumView::from),
         _ => false,
     }
 }

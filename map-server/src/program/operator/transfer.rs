@@ -6,11 +6,11 @@ use crate::rescue::check_archive;
 use fht_map::MapState;
 use fht_proto::api::keys::{AdminAction, Key, Topic};
 use fht_proto::api::reply::{Head, Series, StateView};
-use fht_proto::codec::archive::{Archive, ArchiveHeader, header_line};
+use fht_proto::codec::archive::{Archive, ArchiveHeader, header_line, is_archive_begin};
 use fht_proto::{MapName, VersionVector, decode, encode};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::Path;
 use zenoh::Session;
 
@@ -19,6 +19,8 @@ const SERIES_BYTES: usize = 64 << 10;
 /// About how much is asked for at one time, bytes: what a link takes in one piece. Routers drop
 /// what it cannot take at that moment.
 const PART_BYTES: usize = 48 << 10;
+/// So much of a file tells whether it is a map, bytes.
+const ARCHIVE_BEGIN: u64 = 64;
 /// The file that is standard output.
 pub(super) const STANDARD_OUTPUT: &str = "-";
 
@@ -55,6 +57,7 @@ pub(super) async fn export(
     release: Option<&str>,
     quiet: bool,
 ) -> Result<Transferred, OperatorError> {
+    check_replaceable(path)?;
     let StateView { vector, digest, .. } = state_of(session, map, release).await?;
     let bar = progress(vector.version(), "increments", quiet);
     bar.set_prefix("export");
@@ -68,6 +71,19 @@ pub(super) async fn export(
     let failed = |source| OperatorError::File { path: path.to_owned(), source };
     write_whole(path, &bytes).map_err(failed)?;
     Ok(Transferred { map: map.clone(), version: header.version, digest, bytes: bytes.len() as u64 })
+}
+
+/// Whether a map may be written to `path`: what is there and is no map in a file stays, such as a
+/// server's store.
+fn check_replaceable(path: &Path) -> Result<(), OperatorError> {
+    if path == Path::new(STANDARD_OUTPUT) || !path.is_file() {
+        return Ok(());
+    }
+    let failed = |source| OperatorError::File { path: path.to_owned(), source };
+    let mut begin = Vec::new();
+    std::fs::File::open(path).map_err(failed)?.take(ARCHIVE_BEGIN).read_to_end(&mut begin).map_err(failed)?;
+    let is_archive = begin.is_empty() || is_archive_begin(&begin);
+    if is_archive { Ok(()) } else { Err(OperatorError::NoArchive(path.to_owned())) }
 }
 
 /// The increments that a state consists of.

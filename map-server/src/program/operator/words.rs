@@ -99,13 +99,37 @@ pub(super) fn rules_in_words(reply: &RulesReply) -> String {
         let (edges, places) = (counted(edges as u64, "edge"), counted(places as u64, "place"));
         format!("{} found {edges} and {places} blocked, for {:.0} s more", by.robot, by.for_s)
     });
-    let lines: Vec<String> = places.chain(zones).chain(edges).chain(blocked).collect();
+    let plan = reply.floor_plan.iter().map(|plan| {
+        let [x, y, yaw] = plan.map_from_image;
+        let (image, scale, yaw_deg) = (&plan.image, plan.metres_per_pixel, yaw.to_degrees());
+        format!("floor plan {image}: {scale} m a pixel, lower left corner at {x:.2},{y:.2}, {yaw_deg:.1}°")
+    });
+    let datum = reply.datum.iter().map(|datum| {
+        let (latitude, longitude, yaw_deg) = (datum.latitude, datum.longitude, datum.yaw.to_degrees());
+        format!("the origin is at latitude {latitude}, longitude {longitude}; x points {yaw_deg:.1}° from east")
+    });
+    let lines: Vec<String> = places.chain(zones).chain(edges).chain(blocked).chain(plan).chain(datum).collect();
     if lines.is_empty() { format!("map {} has no places, zones or closed edges", reply.map) } else { lines.join("\n") }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn where_a_map_lies_is_told() {
+        let reply = serde_json::from_str::<RulesReply>(
+            r#"{"map": "m", "version": 1, "places": [], "zones": [], "closed_edges": [], "blocked": [],
+                "floor_plan": {"image": "a.png", "metres_per_pixel": 0.05, "map_from_image": [-12.5, -8, 1.5708]},
+                "datum": {"latitude": 52.5186, "longitude": -13.3973, "yaw": 0.7854}}"#,
+        );
+        let words = reply.map(|reply| rules_in_words(&reply)).unwrap_or_else(|error| error.to_string());
+        assert_eq!(
+            words,
+            "floor plan a.png: 0.05 m a pixel, lower left corner at -12.50,-8.00, 90.0°\n\
+             the origin is at latitude 52.5186, longitude -13.3973; x points 45.0° from east"
+        );
+    }
 
     #[test]
     fn one_is_told_as_one() {

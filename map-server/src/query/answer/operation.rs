@@ -5,7 +5,7 @@ use crate::query::active_rules::ActiveRules;
 use crate::query::answer::reply::{Answer, json};
 use crate::query::fleet::Fleet;
 use fht_map::MapState;
-use fht_proto::api::reply::{ErrorReply, PlaceView, RulesReply, ZoneView};
+use fht_proto::api::reply::{DatumView, ErrorReply, FloorPlanView, PlaceView, RulesReply, ZoneView};
 use fht_proto::{MapName, RobotName};
 
 pub(super) fn rules(view: &MapView, active: &ActiveRules, now_us: u64) -> Result<Answer, ErrorReply> {
@@ -35,6 +35,8 @@ pub(crate) fn written_rules(state: &MapState, map: &MapName, version: u64) -> Ru
         places: places.collect(),
         zones: zones.collect(),
         closed_edges: state.closed_edges().map(|edge| edge.to_texts()).collect(),
+        floor_plan: annotations.floor_plan().map(FloorPlanView::from),
+        datum: annotations.datum().map(DatumView::from),
         blocked: Vec::new(),
         ignored: Vec::new(),
     }

@@ -3,6 +3,7 @@
 use crate::api::fleet::BlockedReport;
 use crate::model::annotation::ZoneRule;
 use crate::model::ids::MapName;
+use crate::model::siting::{Datum, FloorPlan};
 use serde::{Deserialize, Serialize};
 
 /// A named place.
@@ -45,6 +46,51 @@ pub struct ZoneView {
     pub rule: RuleView,
     /// Its corners `[x, y]` in the map frame, metres.
     pub corners: Vec<[f64; 2]>,
+}
+
+/// How the image of a floor plan lies in the map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct FloorPlanView {
+    /// Which image is meant: the name of its file. The image is in no map.
+    pub image: String,
+    /// Side of a pixel, metres: 0.000001 to 10.
+    pub metres_per_pixel: f64,
+    /// Pose of its lower left corner: `[x, y, yaw]` in the map frame, metres and radians. Its lower
+    /// edge runs along x of that pose.
+    pub map_from_image: [f64; 3],
+}
+
+impl From<&FloorPlan> for FloorPlanView {
+    fn from(plan: &FloorPlan) -> Self {
+        let FloorPlan { image, um_per_pixel, map_from_image: pose } = plan;
+        Self {
+            image: image.clone(),
+            metres_per_pixel: f64::from(*um_per_pixel) / 1e6,
+            map_from_image: [pose.position.x(), pose.position.y(), pose.yaw()],
+        }
+    }
+}
+
+/// Where on earth the map is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct DatumView {
+    /// Latitude of the map's origin, WGS 84, degrees.
+    pub latitude: f64,
+    /// Longitude of the map's origin, WGS 84, degrees.
+    pub longitude: f64,
+    /// Direction of the map's x axis, counter-clockwise from east, radians.
+    pub yaw: f64,
+}
+
+impl From<Datum> for DatumView {
+    fn from(datum: Datum) -> Self {
+        // To the last digit that is kept, so that the text is short.
+        Self { latitude: datum.latitude_e9 as f64 / 1e9, longitude: datum.longitude_e9 as f64 / 1e9, yaw: datum.yaw() }
+    }
 }
 
 /// Something that a robot found blocked.
@@ -98,6 +144,12 @@ pub struct RulesReply {
     pub zones: Vec<ZoneView>,
     /// Edges that operators have closed, each by the ids of its ends.
     pub closed_edges: Vec<[String; 2]>,
+    /// How a floor plan's image lies in the map, if somebody has said so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub floor_plan: Option<FloorPlanView>,
+    /// Where on earth the map is, if somebody has said so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub datum: Option<DatumView>,
     /// What robots found blocked, and for how much longer.
     pub blocked: Vec<BlockedView>,
     /// Robots whose reports do not count now.

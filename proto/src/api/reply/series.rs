@@ -5,7 +5,7 @@
 //! mm and 1e-4 rad): `round(metres × 1000)` and `round(radians × 10000)` are the integers that
 //! travel in the binary form.
 
-use crate::api::reply::rules::RuleView;
+use crate::api::reply::rules::{DatumView, FloorPlanView, RuleView};
 use crate::model::annotation::Zone;
 use crate::model::compaction::{CompactedSeries, Rest, Series};
 use crate::model::geometry::{FixedPose, Rect};
@@ -225,6 +225,16 @@ pub enum OpView {
         /// The release, as `name@author`. Null: the newest state.
         release: Option<String>,
     },
+    /// Says how a floor plan's image lies in the map.
+    SetFloorPlan {
+        /// The plan. Null: there is none.
+        plan: Option<FloorPlanView>,
+    },
+    /// Says where on earth the map is.
+    SetDatum {
+        /// The place. Null: nobody knows.
+        datum: Option<DatumView>,
+    },
 }
 
 /// `[x, y, yaw]`, metres and radians.
@@ -267,6 +277,8 @@ impl From<&Op> for OpView {
             }
             Op::RemoveRelease { id } => Self::RemoveRelease { release: id.to_string() },
             Op::Enable { release } => Self::Enable { release: release.as_ref().map(ToString::to_string) },
+            Op::SetFloorPlan { plan } => Self::SetFloorPlan { plan: plan.as_ref().map(FloorPlanView::from) },
+            Op::SetDatum { datum } => Self::SetDatum { datum: datum.map(DatumView::from) },
         }
     }
 }

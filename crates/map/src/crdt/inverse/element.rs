@@ -96,6 +96,8 @@ pub(super) enum Element {
     // What robots use may be a release that is put back: releases come first.
     Release(ReleaseId),
     Enabled,
+    FloorPlan,
+    Datum,
 }
 
 impl Element {
@@ -115,6 +117,8 @@ impl Element {
             Op::PutRelease { name, .. } => Self::Release(ReleaseId { author, name: name.clone() }),
             Op::RemoveRelease { id } => Self::Release(id.clone()),
             Op::Enable { .. } => Self::Enabled,
+            Op::SetFloorPlan { .. } => Self::FloorPlan,
+            Op::SetDatum { .. } => Self::Datum,
         }
     }
 }
@@ -130,6 +134,8 @@ impl fmt::Display for Element {
             Self::Zone(name) => write!(f, "zone {name}"),
             Self::Release(id) => write!(f, "release {id}"),
             Self::Enabled => f.write_str("the release that robots use"),
+            Self::FloorPlan => f.write_str("how the floor plan lies"),
+            Self::Datum => f.write_str("where on earth the map is"),
         }
     }
 }

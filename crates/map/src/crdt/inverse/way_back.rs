@@ -91,6 +91,20 @@ impl WayBack {
             }
             Element::Release(id) => self.release(id),
             Element::Enabled => self.enabled(newest, was)?,
+            Element::FloorPlan => {
+                let plan = self.before.annotations().floor_plan().cloned();
+                if plan.as_ref() != self.now.annotations().floor_plan() {
+                    let state = if plan.is_some() { "lies as it did" } else { "is taken away again" };
+                    self.say(Op::SetFloorPlan { plan }, format!("the floor plan {state}"));
+                }
+            }
+            Element::Datum => {
+                let datum = self.before.annotations().datum();
+                if datum != self.now.annotations().datum() {
+                    let state = if datum.is_some() { "is as it was" } else { "is taken away again" };
+                    self.say(Op::SetDatum { datum }, format!("the place of the map on earth {state}"));
+                }
+            }
         }
         Ok(())
     }
