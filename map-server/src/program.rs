@@ -115,7 +115,7 @@ Examples:
       operate it, from any machine that reaches it (--connect)
 
 Topics of a map: head, path?from=X,Y;to=NAME, nodes?near=X,Y;radius=R, since?vector=V,
-snapshot?version=N, match, releases, diff?from=A;to=B, rules, fleet
+snapshot?version=N, match, releases, diff?from=A;to=B, rules, fleet, journal
 
 Exit code 0: done; 1: it failed; 2: wrong usage or bad input; 130 or 143: it was interrupted.";
 

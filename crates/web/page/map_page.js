@@ -4,6 +4,7 @@ import { drawAbout, drawRobots } from "./about_panels.js";
 import { ChangePanel } from "./change_panel.js";
 import { el, fill, section } from "./dom.js";
 import { Drawing } from "./draw.js";
+import { JournalPanel } from "./journal_panel.js";
 import { Live } from "./live.js";
 import { MapStore } from "./map_store.js";
 import { PathPanel } from "./path_panel.js";
@@ -26,6 +27,7 @@ const LAYERS = [
 const PARTS = [
   ["path", "Path"],
   ["changes", "Places, zones, closures"],
+  ["journal", "Changes"],
   ["releases", "Releases"],
   ["time", "Time"],
   ["robots", "Robots"],
@@ -116,6 +118,7 @@ class MapPage {
       look: () => [this.view.x, this.view.y],
     });
     const { mayChange } = this.changes;
+    this.journal = new JournalPanel(boxes.journal, store);
     this.releases = new ReleasePanel(boxes.releases, store, {
       mayChange,
       say,
@@ -151,6 +154,7 @@ class MapPage {
     this.timers = [
       setInterval(() => store.loadFleet().catch(() => {}), FLEET_EVERY_MS),
       setInterval(() => store.loadRules().catch(() => {}), RULES_EVERY_MS),
+      setInterval(() => store.loadJournal().catch(() => {}), RULES_EVERY_MS),
     ];
     this.dark = matchMedia("(prefers-color-scheme: dark)");
     this.recolour = () => {
@@ -191,7 +195,7 @@ class MapPage {
     if (this.hasEnded) return;
     drawRobots(this.boxes.robots, this.store, (at) => this.view.show(at));
     drawAbout(this.boxes.about, this.store);
-    for (const panel of [this.path, this.changes, this.releases, this.time]) panel.draw();
+    for (const panel of [this.path, this.changes, this.journal, this.releases, this.time]) panel.draw();
   }
 
   end() {

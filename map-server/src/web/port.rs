@@ -64,7 +64,9 @@ impl ServerPort {
         let (map, author) = (order.map.clone(), AuthorId::of_robot(by.as_str()));
         let class = if matches!(order.change, MapChange::Undo { .. }) { CostClass::Snapshot } else { CostClass::Short };
         let planned = self.service.work(class, move |sources| {
-            let AnswerSources { catalog, log, .. } = sources;
+        let name = by.clone();
+            let AnswerSources { catalog, log, operators, .. } = sources;
+            operators.learn(name.as_str());
             let view = catalog.view(&order.map).ok_or_else(|| unknown_map(&order.map, catalog))?;
             plan(&view, log.as_ref(), author, &order)
         });

@@ -79,3 +79,4 @@ fn key_of(request: &Request) -> String {
     };
     Key::topic(map, topic).to_string()
 }
+        Question::Journal { .. } => Topic::Journal,
