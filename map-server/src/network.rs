@@ -7,6 +7,7 @@
 //! | `robot_topics` | subscribes to what robots say about themselves |
 //! | `announcements` | publishes heads, and refusals to their writers |
 //! | `known_keys` | makes the keys that robots ask for known to all routers |
+//! | `connected_sessions` | who is connected to the session |
 //! | `other_servers` | notices another server that answers for the same maps |
 //! | `queryable` | answers queries |
 //! | `query_door` | keeps those waiting that come before the store is read |
@@ -17,6 +18,8 @@
 mod addressed;
 mod announcements;
 mod increments;
+#[cfg(feature = "web")]
+mod connected_sessions;
 mod known_keys;
 mod other_servers;
 mod query_counts;
@@ -29,6 +32,8 @@ mod session;
 pub(crate) use announcements::{publish_head, publish_refusal};
 pub(crate) use increments::subscribe_increments;
 pub(crate) use known_keys::KnownKeys;
+#[cfg(feature = "web")]
+pub(crate) use connected_sessions::ConnectedSessions;
 pub(crate) use other_servers::warn_of_other_servers;
 #[cfg(feature = "web")]
 pub(crate) use query_counts::CountedQueries;
