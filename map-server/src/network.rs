@@ -13,27 +13,29 @@
 //! | `query_door` | keeps those waiting that come before the store is read |
 //! | `query_rooms` | … and which of them wait for which |
 //! | `query_counts` | how many there were, and how long they took |
+//! | `query_trace` | what each goes through, for OpenTelemetry |
 //! | `addressed` | what a key expression asks for |
 
 mod addressed;
 mod announcements;
-mod increments;
 #[cfg(feature = "web")]
 mod connected_sessions;
+mod increments;
 mod known_keys;
 mod other_servers;
 mod query_counts;
 mod query_door;
 mod query_rooms;
+mod query_trace;
 mod queryable;
 mod robot_topics;
 mod session;
 
 pub(crate) use announcements::{publish_head, publish_refusal};
-pub(crate) use increments::subscribe_increments;
-pub(crate) use known_keys::KnownKeys;
 #[cfg(feature = "web")]
 pub(crate) use connected_sessions::ConnectedSessions;
+pub(crate) use increments::subscribe_increments;
+pub(crate) use known_keys::KnownKeys;
 pub(crate) use other_servers::warn_of_other_servers;
 #[cfg(feature = "web")]
 pub(crate) use query_counts::CountedQueries;
