@@ -4,7 +4,9 @@
 use fht_map::plan::blocked::{Reporter, Reports};
 use fht_proto::api::fleet::{BlockedReport, ExplorerGoal, FleetReply, RobotPose, RobotStatus};
 use fht_proto::api::goal::GoalStatus;
-use fht_proto::api::reply::{DiffReply, ErrorReply, Head, MapsReply, NodesReply, PathReply, ReleasesReply, RulesReply};
+use fht_proto::api::reply::{
+    DiffReply, ErrorReply, Head, JournalReply, MapsReply, NodesReply, PathReply, ReleasesReply, RulesReply,
+};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -23,6 +25,7 @@ fuzz_target!(|bytes: &[u8]| {
     let _ = serde_json::from_slice::<ExplorerGoal>(bytes);
     let _ = serde_json::from_slice::<GoalStatus>(bytes);
     let _ = serde_json::from_slice::<FleetReply>(bytes);
+    let _ = serde_json::from_slice::<JournalReply>(bytes);
     let _ = serde_json::from_slice::<PathReply>(bytes);
     let _ = serde_json::from_slice::<NodesReply>(bytes);
     let _ = serde_json::from_slice::<MapsReply>(bytes);

@@ -23,7 +23,7 @@ pub use replay::state_at;
 pub use view::MapView;
 
 use crate::store::{DeletionRecord, IncrementLog, StoreError};
-use fht_map::MapIndex;
+use fht_map::{MapIndex, OperatorJournal};
 use fht_proto::api::reply::Head;
 use fht_proto::{AuthorId, CompactedSeries, Increment, MapName, VersionVector};
 use std::collections::BTreeMap;
@@ -118,8 +118,10 @@ impl Catalog {
             head.reports_cleared = view.head.reports_cleared;
         }
         let added = AddedElements { total: state.elements(), by_author };
-        let view = MapView::new(state, head, old.as_ref(), log)?;
+        let mut view = MapView::new(state, head, old.as_ref(), log)?;
         drop(old);
+        compacted.iter().for_each(|series| OperatorJournal::take_fold(&mut view.journal, series));
+        increments.iter().for_each(|increment| OperatorJournal::take(&mut view.journal, increment));
         let rests = compacted.iter().flat_map(|series| &series.rests);
         let compacted_ops = rests.flat_map(|rest| rest.ops.iter().map(|(_, op)| op));
         let ops = compacted_ops.chain(increments.iter().flat_map(|increment| &increment.ops));
@@ -151,10 +153,12 @@ impl Catalog {
         self.write().values_mut().for_each(|view| Arc::make_mut(&mut view.head).read_only = read_only);
     }
 
-    /// Sets how many bytes a map's increments take up after a compaction.
-    pub fn set_bytes(&self, map: &MapName, bytes: u64) {
+    /// Sets how many bytes a map's increments take up after a compaction, and what is left of those
+    /// that were folded.
+    pub fn set_folded(&self, map: &MapName, bytes: u64, left: &[CompactedSeries]) {
         if let Some(view) = self.write().get_mut(map) {
             Arc::make_mut(&mut view.head).bytes = bytes;
+            left.iter().for_each(|series| OperatorJournal::take_fold(&mut view.journal, series));
         }
     }
 }

@@ -6,6 +6,7 @@
 //! | `serve_arguments` | the flags for serving |
 //! | `web_arguments` | … the operators' page |
 //! | `warning_layer` | … of which the log's warnings are shown there |
+//! | `trace_export` | traces of queries, sent to a collector |
 //! | `settings` | what the program reads from the configuration file |
 //! | `role_reload` | the list of roles, read anew while the server serves |
 //! | `repair` | what can be done with a damaged store |
@@ -17,6 +18,8 @@ mod repair;
 mod role_reload;
 mod serve_arguments;
 mod settings;
+#[cfg(feature = "otel")]
+mod trace_export;
 #[cfg(feature = "web")]
 mod warning_layer;
 #[cfg(feature = "web")]
@@ -119,7 +122,7 @@ Examples:
       operate it, from any machine that reaches it (--connect)
 
 Topics of a map: head, path?from=X,Y;to=NAME, nodes?near=X,Y;radius=R, since?vector=V,
-snapshot?version=N, match, releases, diff?from=A;to=B, rules, fleet
+snapshot?version=N, match, releases, diff?from=A;to=B, rules, fleet, journal
 
 Exit code 0: done; 1: it failed; 2: wrong usage or bad input; 130 or 143: it was interrupted.";
 
@@ -270,6 +273,8 @@ fn serve<T>(
         let _entered = runtime.enter();
         spare_at_file_limit().map_err(ServerError::Runtime)?
     };
+    #[cfg(feature = "otel")]
+    let traces = self::trace_export::TraceExport::start(runtime.handle());
     let mut order = None;
     // Waited for once it serves: until then there is nothing to put in order.
     let shutdown = async {
@@ -281,6 +286,8 @@ fn serve<T>(
         stop.requested().await;
     };
     let outcome = runtime.block_on(run_beside(config, shutdown, beside));
+    #[cfg(feature = "otel")]
+    drop(traces);
     // Nobody waits for an answer that is still computed.
     runtime.shutdown_timeout(LAST_ANSWERS);
     drop(order);

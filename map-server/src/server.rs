@@ -21,7 +21,7 @@ use crate::access::{RouterFile, openings};
 use crate::catalog::Catalog;
 use crate::config::{QuorumConfig, ServerConfig, ServerEndpoints};
 use crate::network::{self, QueryDoor};
-use crate::query::{ActiveRules, AnswerSources, Fleet};
+use crate::query::{ActiveRules, AnswerSources, Fleet, OperatorNames};
 use crate::replicated::{QuorumLog, Stateless};
 use crate::store::{FILE_NAME, IncrementLog, RedbLog, StoreError};
 use serving::{Served, ServingTask, ShutdownSignal, serve};
@@ -111,12 +111,16 @@ async fn end(served: Result<Served, ServerError>, session: Session) -> Result<Op
 
 /// What questions are answered from. It outlives sessions.
 fn sources(config: &ServerConfig, catalog: Arc<Catalog>, log: Arc<dyn IncrementLog>) -> AnswerSources {
+    let operators = OperatorNames::default();
+    #[cfg(feature = "web")]
+    config.web.iter().filter_map(|web| web.operator.as_ref()).for_each(|name| operators.learn(name.as_str()));
     AnswerSources {
         catalog,
         log,
         writers: config.writers.clone(),
         active_rules: Arc::new(ActiveRules::new(config.reports.clone())),
         fleet: Arc::new(Fleet::new(config.fleet.clone())),
+        operators: Arc::new(operators),
         config: Arc::new(config.answers.clone()),
     }
 }

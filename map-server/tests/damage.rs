@@ -349,6 +349,7 @@ fn a_server_goes_on_when_its_log_cannot_be_read() {
         log,
         active_rules: Arc::default(),
         fleet: Arc::default(),
+        operators: Arc::default(),
         config: Arc::default(),
     };
     let arrival = |number| Arrival { key: support::key(ANA, number), payload: Ok(support::bytes(ANA, number)) };

@@ -67,6 +67,9 @@ async fn others_read_the_figures_and_the_dashboard_asks_for_those_that_there_are
     assert!(output.status.success(), "{text}");
     let samples = String::from_utf8(output.stdout).unwrap();
     assert!(samples.contains("fht_map_version [('map', 'museum')] 1"), "{samples}");
+    for line in ["fht_zenoh_sessions [('kind', 'client')] 1", "fht_zenoh_sessions [('kind', 'router')] 0"] {
+        assert!(samples.contains(line), "who is connected: {samples}");
+    }
     assert!(samples.contains("fht_http_requests_total [('route', 'metrics'), ('status', '2xx')] 1"), "{samples}");
     assert!(samples.contains("('le', '0.05')"), "ends of buckets are numbers that people write: {samples}");
 

@@ -88,7 +88,7 @@ async fn a_damaged_increment_takes_its_own_map_offline_and_no_other() {
 
     // Questions and increments to it are answered with a code; nothing begins it anew.
     let refused = session.declare_subscriber(format!("fht/cellar/refused/{ANA}")).await.unwrap();
-    for topic in ["head", "since", "path?from=0,0;to=3,0", "nodes?near=0,0", "rules", "fleet", "releases"] {
+    for topic in ["head", "since", "path?from=0,0;to=3,0", "nodes?near=0,0", "rules", "fleet", "releases", "journal"] {
         let reply = ask(&session, &format!("fht/cellar/{topic}")).await.remove(0).unwrap_err();
         assert_eq!(reply.code, ErrorCode::Damaged, "{topic}");
         assert!(reply.message.contains("map-server rescue"), "{reply}");

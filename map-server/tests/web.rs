@@ -111,6 +111,7 @@ async fn replies_are_those_of_zenoh() {
         "fht/museum/diff?from=3",
         "fht/museum/rules",
         "fht/museum/fleet",
+        "fht/museum/journal?limit=1",
         "fht/museum/path?from=0,0;to=dock",
         "fht/museum/path?from=0,0",
         "fht/louvre/head",
@@ -165,6 +166,14 @@ async fn what_an_operator_changes_over_http_is_seen_over_zenoh() {
     done(r#"{"op":"enable","release":"spring"}"#);
     let head: Head = head_when(&site.session, |head| head.enabled.is_some()).await;
     assert_eq!(head.enabled, Some(format!("spring@{author}")));
+
+    done(r#"{"op":"remove_nodes","nodes":["0000000a.11"]}"#);
+    let (status, journal) = site.get("/fht/museum/journal?limit=2");
+    let journal: Value = serde_json::from_slice(&journal).unwrap();
+    let told = |of: usize| (journal["entries"][of]["name"].as_str(), journal["entries"][of]["words"][0].as_str());
+    assert_eq!((status, told(0)), (200, (Some("ada"), Some("1 node is taken away"))), "{journal}");
+    assert!(told(1).1.is_some_and(|words| words.starts_with("robots use release spring@")), "{journal}");
+    let head: Head = head_when(&site.session, |_| true).await;
 
     for (body, status, said) in [
         (r#"{"op":"set_place","name":"far","pose":[500,500,0]}"#, 400, "no robot can be at"),

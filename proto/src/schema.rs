@@ -4,7 +4,7 @@
 use crate::api::fleet::{BlockedReport, ExplorerGoal, FleetReply, RobotPose, RobotStatus};
 use crate::api::goal::GoalStatus;
 use crate::api::reply::{
-    DiffReply, ErrorReply, Head, MapsReply, NodesReply, PathReply, ReleasesReply, RulesReply, SeriesReply,
+    DiffReply, ErrorReply, Head, JournalReply, MapsReply, NodesReply, PathReply, ReleasesReply, RulesReply, SeriesReply,
 };
 use crate::model::ids::{AuthorId, MapName};
 use crate::model::version::{Digest, VersionVector};
@@ -32,6 +32,7 @@ pub fn schemas() -> Vec<(&'static str, Schema)> {
         ("diff", of::<DiffReply>()),
         ("rules", of::<RulesReply>()),
         ("fleet", of::<FleetReply>()),
+        ("journal", of::<JournalReply>()),
         ("error", of::<ErrorReply>()),
         ("robot-pose", of::<RobotPose>()),
         ("robot-status", of::<RobotStatus>()),

@@ -18,8 +18,8 @@ const AT_ONCE_PER_PROCESSOR: f64 = 1.5;
 /// Longest time of one program, seconds: five times what the longest takes on two cores.
 const LIMIT: Duration = Duration::from_secs(900);
 const POLL: Duration = Duration::from_millis(50);
-/// With the operators' page: what is built once serves its tests, too.
-const PAGE: &str = "--features=map-server/web";
+/// With the operators' page and traces: what is built once serves their tests, too.
+const PAGE: &str = "--features=map-server/web,map-server/otel";
 /// Builds all tests.
 const BUILD: [&str; 6] =
     ["test", "--release", "--workspace", PAGE, "--no-run", "--message-format=json-render-diagnostics"];

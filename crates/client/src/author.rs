@@ -152,6 +152,8 @@ async fn write_as(
                 session
                     .put(&key, bytes.clone())
                     .encoding(Encoding::APPLICATION_OCTET_STREAM)
+                    // The author's id does not lead back to it: so servers know whom they name.
+                    .attachment(by.name)
                     .congestion_control(CongestionControl::Block)
                     .await?;
             }

@@ -16,6 +16,7 @@
 //! | `navmesh` | free space as a mesh of triangles, and Polyanya's search through it |
 //! | [`plan`] | paths (the paper's section III-C-2, equation 11) that obey what is closed |
 //! | `permission` | who may write what, by role |
+//! | `operator_journal` | what operators have done, in words |
 //!
 //! ```
 //! use fht_map::{FreeSpace, MapState, NodeRouteConfig, Rules};
@@ -50,6 +51,7 @@ pub mod crdt;
 pub mod graph;
 pub mod index;
 mod navmesh;
+mod operator_journal;
 mod permission;
 pub mod plan;
 
@@ -62,6 +64,7 @@ pub use navmesh::entry_config::EntryConfig;
 pub use navmesh::free_space::{FreeSpace, SpaceConfig};
 pub use navmesh::limits::{OverBudget, SpaceLimits};
 pub use navmesh::outside::Ground;
+pub use operator_journal::{OperatorChange, OperatorJournal};
 pub use permission::{NotPermitted, RoleViolation, WriterRole, WriterRoles, may_write, takes_from_others};
 pub use plan::node_route::{NodeRoute, NodeRouteConfig, PathEnds, RouteError};
 pub use plan::rules::{PlanError, Rules};

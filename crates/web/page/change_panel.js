@@ -6,11 +6,9 @@ import { el, fill } from "./dom.js";
 import { ZoneForm, edgeForm, eraseForm, placeForm } from "./forms.js";
 import { point } from "./geometry.js";
 
-const MOST_REMEMBERED = 20;
-
 export class ChangePanel {
   constructor(box, store, me, { say, done, tools, look }) {
-    Object.assign(this, { store, me, say, done, look, tools, journal: [] });
+    Object.assign(this, { store, me, say, done, look, tools });
     this.mayChange = me.rights === "change";
     const send = (order, words) => this.send(order, words);
     this.zone = new ZoneForm({
@@ -24,9 +22,8 @@ export class ChangePanel {
     });
     this.form = el("div", {});
     this.list = el("div", {});
-    this.notes = el("ul", { "aria-label": "What was changed here" });
     const undo = el("button", { type: "button", onclick: () => send({ op: "undo" }, "undone") }, "Undo my last change");
-    fill(box, this.form, this.list, this.mayChange ? undo : null, this.notes);
+    fill(box, this.form, this.list, this.mayChange ? undo : null);
   }
 
   async send(order, words) {
@@ -34,22 +31,14 @@ export class ChangePanel {
       const reply = await change(this.store.map, order);
       const said = reply.words ? reply.words.join("; ") : words;
       this.say(`${said}; the map is at version ${reply.version}`);
-      this.note(`${new Date().toLocaleTimeString()} ${this.me.name}: ${said}`);
       this.done();
       fill(this.form);
+      this.store.loadJournal().catch(() => {});
       return true;
     } catch (refused) {
       this.say(refused.message, "bad");
       return false;
     }
-  }
-
-  note(text) {
-    this.journal = [text, ...this.journal].slice(0, MOST_REMEMBERED);
-    fill(
-      this.notes,
-      this.journal.map((line) => el("li", { class: "soft" }, line)),
-    );
   }
 
   // What a click has come to.

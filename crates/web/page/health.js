@@ -79,6 +79,7 @@ function draw(first, last, boxes) {
         ["increments a second", rate("fht_map_version").toFixed(2)],
         ["increments refused", warned(sum(last, "fht_map_refused_increments_total"))],
         ["robots there, late", `${sum(last, "fht_map_robots")}, ${sum(last, "fht_map_late_robots")} late`],
+        ["Zenoh sessions", sessions(now)],
         ["size of all maps", size(sum(last, "fht_map_size_bytes"))],
         ...optional(now, "fht_server_disk_free_bytes", "room left on the disk", size),
         ["warnings, errors in the log", warned(sum(last, "fht_log_lines_total"))],
@@ -128,6 +129,12 @@ function drawLog(box, lines) {
         )
       : el("p", { class: "soft" }, "none"),
   );
+}
+
+// Whoever is connected to the server itself.
+function sessions(figures) {
+  const kinds = [...byLabel(figures, "fht_zenoh_sessions", "kind")].filter(([, count]) => count);
+  return kinds.map(([kind, count]) => `${count} ${kind}${count === 1 ? "" : "s"}`).join(", ") || "none";
 }
 
 const warned = (count) => [String(count), count ? "warn" : ""];

@@ -6,6 +6,7 @@ import { el, fill, section } from "./dom.js";
 import { Drawing } from "./draw.js";
 import { EarthPanel } from "./earth_panel.js";
 import { locate } from "./geometry.js";
+import { JournalPanel } from "./journal_panel.js";
 import { Live } from "./live.js";
 import { MapStore } from "./map_store.js";
 import { PathPanel } from "./path_panel.js";
@@ -28,6 +29,7 @@ const LAYERS = [
 const PARTS = [
   ["path", "Path"],
   ["changes", "Places, zones, closures"],
+  ["journal", "Changes"],
   ["releases", "Releases"],
   ["time", "Time"],
   ["robots", "Robots"],
@@ -128,6 +130,7 @@ class MapPage {
     });
     const { mayChange } = this.changes;
     const send = (order, words) => this.changes.send(order, words);
+    this.journal = new JournalPanel(boxes.journal, store);
     this.releases = new ReleasePanel(boxes.releases, store, {
       mayChange,
       say,
@@ -165,6 +168,7 @@ class MapPage {
     this.timers = [
       setInterval(() => store.loadFleet().catch(() => {}), FLEET_EVERY_MS),
       setInterval(() => store.loadRules().catch(() => {}), RULES_EVERY_MS),
+      setInterval(() => store.loadJournal().catch(() => {}), RULES_EVERY_MS),
     ];
     this.dark = matchMedia("(prefers-color-scheme: dark)");
     this.recolour = () => {
@@ -205,7 +209,8 @@ class MapPage {
     if (this.hasEnded) return;
     drawRobots(this.boxes.robots, this.store, (at) => this.view.show(at));
     drawAbout(this.boxes.about, this.store);
-    for (const panel of [this.path, this.changes, this.releases, this.time, this.plan, this.earth]) panel.draw();
+    const { path, changes, journal, releases, time, plan, earth } = this;
+    for (const panel of [path, changes, journal, releases, time, plan, earth]) panel.draw();
   }
 
   end() {

@@ -10,6 +10,7 @@ const WALLS_EVERY_MS = 3000;
 const ELSEWHERE_MS = 500;
 const WAY_EVERY_MS = 3000;
 const MOST_WAYS = 20; // robots whose ways are asked for
+const JOURNAL = [20, 200]; // changes that are shown: at first, and at most
 
 export class MapStore {
   constructor(map, changed) {
@@ -25,6 +26,8 @@ export class MapStore {
     this.walls = [];
     this.rules = { places: [], zones: [], closed_edges: [], blocked: [] };
     this.releases = [];
+    this.journal = { entries: [] };
+    [this.journalLimit] = JOURNAL;
     // An earlier state that is shown in place of the newest; and a count of what is drawn.
     this.past = null;
     this.drawing = 0;
@@ -58,7 +61,7 @@ export class MapStore {
     Object.assign(this, { nodes, version, truncated: after !== "", near, reach: Math.hypot(x - near[0], y - near[1]) });
     this.redraw();
     this.head = await ask(this.map, "head");
-    await Promise.all([this.loadRules(), this.loadWalls()]);
+    await Promise.all([this.loadRules(), this.loadWalls(), this.loadJournal()]);
   }
 
   // Somebody looks elsewhere: of a large map other nodes are near then.
@@ -72,6 +75,20 @@ export class MapStore {
     const [rules, { releases }] = await Promise.all([ask(this.map, "rules"), ask(this.map, "releases")]);
     Object.assign(this, { rules, releases });
     this.redraw();
+  }
+
+  async loadJournal() {
+    this.journal = await ask(this.map, "journal", { limit: this.journalLimit });
+    this.changed();
+  }
+
+  mayShowMore() {
+    return this.journalLimit < JOURNAL[1];
+  }
+
+  showMoreJournal() {
+    [, this.journalLimit] = JOURNAL;
+    return this.loadJournal();
   }
 
   async loadWalls() {
@@ -112,6 +129,7 @@ export class MapStore {
     for (const node of grown.nodes) if (this.nodes.has(node.id) || !this.truncated) this.nodes.set(node.id, node);
     this.version = Math.max(this.version, grown.version);
     if (grown.rules) this.loadRules().catch(() => {});
+    if (grown.rules || grown.gone.length) this.loadJournal().catch(() => {});
     if (grown.gone.length || grown.nodes.some((node) => node.kind === "main")) this.wallsSoon();
     this.redraw();
   }

@@ -43,6 +43,11 @@ impl Collector for Counted {
             let help = "Room left on the disk that the maps are kept on.";
             free.encode(encoder.encode_descriptor("fht_server_disk_free_bytes", help, None, MetricType::Gauge)?)?;
         }
+        let help = "Zenoh sessions that are connected to the server.";
+        let mut sessions = encoder.encode_descriptor("fht_zenoh_sessions", help, None, MetricType::Gauge)?;
+        for (kind, count) in &figures.sessions {
+            ConstGauge::new(signed(*count)).encode(sessions.encode_family(&[("kind", *kind)])?)?;
+        }
         let help = "Warnings and errors in the server's log.";
         let mut lines = encoder.encode_descriptor("fht_log_lines", help, None, MetricType::Counter)?;
         for (level, count) in [("warning", figures.warnings), ("error", figures.errors)] {

@@ -49,6 +49,8 @@ pub struct ServerFigures {
     pub maps: Vec<MapGauges>,
     /// What it was asked.
     pub queries: Vec<QueryFigures>,
+    /// Zenoh sessions that are connected to it, by what they are: `router`, `peer`, `client`.
+    pub sessions: Vec<(&'static str, usize)>,
     /// Whether it takes nothing in at present.
     pub is_read_only: bool,
     /// Room left on its disk; none: that is not known.

@@ -37,6 +37,7 @@ const FILES: &[(&str, &str, &[u8])] = files! {
     "forms.js": SCRIPT,
     "path_panel.js": SCRIPT,
     "change_panel.js": SCRIPT,
+    "journal_panel.js": SCRIPT,
     "release_panel.js": SCRIPT,
     "time_panel.js": SCRIPT,
     "about_panels.js": SCRIPT,

@@ -42,7 +42,7 @@ fn view_of(
     deletion: Option<&DeletionRecord>,
     log: &dyn IncrementLog,
 ) -> Result<Result<MapView, String>, StoreError> {
-    let MapReplay { state, vector, bytes } = match replayed {
+    let MapReplay { state, vector, bytes, journal } = match replayed {
         Ok(replay) => replay,
         Err(reason) => return Ok(Err(reason)),
     };
@@ -52,7 +52,10 @@ fn view_of(
     let mut head = head_of(map, &state, vector, bytes, 0);
     head.deletion = deletion.map(|record| record.deletion.clone());
     match MapView::new(state, head, None, log) {
-        Ok(view) => Ok(Ok(view)),
+        Ok(mut view) => {
+            view.journal = journal;
+            Ok(Ok(view))
+        }
         Err(StoreError::Damaged { reason, .. }) => Ok(Err(reason)),
         Err(other) => Err(other),
     }

@@ -1,8 +1,9 @@
 //! A state of a map, from the log.
 
 use crate::store::{IncrementLog, Piece, StoreError};
-use fht_map::MapState;
+use fht_map::{MapState, OperatorJournal};
 use fht_proto::{AuthorId, CodecError, CompactedSeries, Increment, MapName, VersionVector, decode};
+use std::sync::Arc;
 
 /// What the pieces of a map's log add up to so far.
 #[derive(Default)]
@@ -11,6 +12,7 @@ pub(super) struct MapReplay {
     pub(super) vector: VersionVector,
     /// Length of the pieces, bytes.
     pub(super) bytes: u64,
+    pub(super) journal: Arc<OperatorJournal>,
 }
 
 /// Why a piece of a log does not fit.
@@ -51,6 +53,7 @@ impl MapReplay {
                     return Err(ReplayError::OutOfPlace);
                 }
                 self.state.apply_fold(&series);
+                OperatorJournal::take_fold(&mut self.journal, &series);
                 bytes
             }
             Piece::Increment(bytes) => {
@@ -59,6 +62,7 @@ impl MapReplay {
                     return Err(ReplayError::OutOfPlace);
                 }
                 self.state.apply(&increment);
+                OperatorJournal::take(&mut self.journal, &increment);
                 bytes
             }
         };

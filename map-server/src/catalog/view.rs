@@ -3,7 +3,7 @@
 use crate::catalog::head_index::HeadIndex;
 use crate::catalog::planning_state::PlanningState;
 use crate::store::{IncrementLog, StoreError};
-use fht_map::MapState;
+use fht_map::{MapState, OperatorJournal};
 use fht_proto::api::reply::Head;
 use fht_proto::{MapName, ReleaseId, VersionVector};
 use std::sync::Arc;
@@ -17,6 +17,8 @@ pub struct MapView {
     pub head: Arc<Head>,
     /// What robots use: the enabled release, or else the newest state.
     pub running: Arc<PlanningState>,
+    /// What operators have done.
+    pub journal: Arc<OperatorJournal>,
     /// Finds things in the newest state, if it is large.
     pub(super) index: Arc<HeadIndex>,
     /// An enabled release whose increments are all here but do not add up to it: they were
@@ -39,7 +41,8 @@ impl MapView {
             running.prepare_as(&before.running);
         }
         let index = before.map(|view| Arc::clone(&view.index)).unwrap_or_default();
-        Ok(Self { state, head: Arc::new(head), running, index, broken })
+        let journal = before.map(|view| Arc::clone(&view.journal)).unwrap_or_default();
+        Ok(Self { state, head: Arc::new(head), running, journal, index, broken })
     }
 
     /// The same under another name, of which nothing is counted yet.

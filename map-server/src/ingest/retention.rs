@@ -66,10 +66,10 @@ pub fn retain(
         let bytes = encode(compact).map_err(|error| damaged(error.to_string()))?;
         Ok(CompactedRecord { author: compact.author, first: compact.first, last: compact.last, bytes })
     };
-    let compacted = compacted.iter().map(record).collect::<Result<Vec<_>, StoreError>>()?;
-    log.replace_compacted(map, &CompactionFloor { version, vector: upto }, &compacted)?;
-    let bytes = kept_bytes + compacted.iter().map(|compact| compact.bytes.len() as u64).sum::<u64>();
-    catalog.set_bytes(map, bytes);
+    let records = compacted.iter().map(record).collect::<Result<Vec<_>, StoreError>>()?;
+    log.replace_compacted(map, &CompactionFloor { version, vector: upto }, &records)?;
+    let bytes = kept_bytes + records.iter().map(|record| record.bytes.len() as u64).sum::<u64>();
+    catalog.set_folded(map, bytes, &compacted);
     let folded = version - floor.version;
     Ok(Some(Retained { map: map.clone(), oldest_version: version, folded, bytes_before, bytes }))
 }

@@ -1,7 +1,9 @@
 //! Subscribes to increments and queues them for the writer.
 
 use crate::ingest::{Arrival, Refusal, WriterQueue};
-use fht_proto::api::keys::{ALL_INCREMENTS, ALL_KEPT};
+use crate::query::OperatorNames;
+use fht_proto::api::keys::{ALL_INCREMENTS, ALL_KEPT, Key};
+use fht_proto::{AuthorId, RobotName};
 use std::sync::Arc;
 use zenoh::Session;
 use zenoh::pubsub::Subscriber;
@@ -25,21 +27,27 @@ impl IncrementSubscriptions {
 }
 
 /// Puts the increments that writers send into `queue`, and with `from_servers` those that other
-/// servers put into the storages. Payloads over `max_bytes` are refused unread.
+/// servers put into the storages. Payloads over `max_bytes` are refused unread. Writers who say what
+/// they are called are among `names` then.
 ///
 /// # Errors
 /// When Zenoh refuses the subscriptions.
 pub(crate) async fn subscribe_increments(
     session: &Session,
     queue: &Arc<WriterQueue>,
-    max_bytes: usize,
+    (max_bytes, names): (usize, &Arc<OperatorNames>),
     from_servers: bool,
 ) -> Result<IncrementSubscriptions, zenoh::Error> {
     let push = || {
         let queue = Arc::clone(queue);
         move |sample: Sample| queue.push(arrival(&sample, max_bytes))
     };
-    let from_writers = session.declare_subscriber(ALL_INCREMENTS).callback(push()).await?;
+    let (names, take) = (Arc::clone(names), push());
+    let from_writers = session.declare_subscriber(ALL_INCREMENTS).callback(move |sample| {
+        writer_name(&sample).iter().for_each(|name| names.learn(name.as_str()));
+        take(sample);
+    });
+    let from_writers = from_writers.await?;
     let from_servers = if from_servers {
         let remote = session.declare_subscriber(ALL_KEPT).allowed_origin(Locality::Remote);
         Some(remote.callback(push()).await?)
@@ -47,6 +55,18 @@ pub(crate) async fn subscribe_increments(
         None
     };
     Ok(IncrementSubscriptions { from_writers, _from_servers: from_servers })
+}
+
+/// What the writer is called, if it says so, as operators' commands do. It is believed where the
+/// author's id is made of it.
+fn writer_name(sample: &Sample) -> Option<RobotName> {
+    /// Longest name, bytes.
+    const LONGEST: usize = 64;
+    let said = sample.attachment().filter(|said| said.len() <= LONGEST)?;
+    let name: RobotName = said.try_to_string().ok()?.parse().ok()?;
+    let key = sample.key_expr().as_str().parse();
+    let is_own = |author: AuthorId| author == AuthorId::of_robot(name.as_str());
+    matches!(key, Ok(Key::Increment { author, .. }) if is_own(author)).then_some(name)
 }
 
 fn arrival(sample: &Sample, max_bytes: usize) -> Arrival {

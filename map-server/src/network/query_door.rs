@@ -101,6 +101,7 @@ mod tests {
             log: Arc::new(MemoryLog::new()),
             active_rules: Arc::default(),
             fleet: Arc::default(),
+            operators: Arc::default(),
             config: Arc::default(),
         };
         door.open(QueryService::new(sources, Arc::new(WriterQueue::new(1 << 20)), server.clone(), Handle::current()));

@@ -9,6 +9,7 @@ use crate::network::addressed::{Addressed, addressed, is_of_goals};
 use crate::network::announcements::publish_head;
 use crate::network::query_counts::QueryCounts;
 use crate::network::query_rooms::{CostClass, Place, QueryRooms, Turn};
+use crate::network::query_trace::{QueryTrace, Step};
 use crate::query::{Answer, AnswerSources, answer, answer_at_once, internal, json, unknown_map};
 use crate::store::StoreError;
 use fht_proto::MapName;
@@ -50,23 +51,30 @@ impl QueryService {
     /// way the client is told that the server is busy.
     pub(crate) fn take_query(&self, query: Query) {
         let begun = Instant::now();
+        let trace = QueryTrace::begin("zenoh", query.key_expr(), || asked_of(&query));
+        let computing = trace.step(Step::Compute);
         if let Some((key, outcome)) = self.answer_at_once(&query) {
+            computing.end();
             self.counts.note(&key, outcome.as_ref().err(), begun);
-            reply(&query, &key, outcome);
+            reply(&query, &key, outcome, &trace);
             return;
         }
+        computing.forget();
+        let waiting = trace.step(Step::Wait);
         // Each query holds its payload until it is answered.
         let weight = query.payload().map_or(0, |payload| payload.len() / BYTES_A_PERMIT).saturating_add(1);
         let place = match self.rooms.enter(cost_class(&query), weight) {
             Ok(place) => place,
             Err(busy) => {
                 self.counts.note(query.key_expr(), Some(&busy), begun);
-                return reply_error(&query, &busy);
+                waiting.end();
+                return refuse(&query, &busy, &trace);
             }
         };
-        let service = self.clone();
+        let (service, traced) = (self.clone(), trace.clone());
         let answer = move |query: Query, place: Place, turn: Turn| {
-            service.reply(&query, begun);
+            waiting.end();
+            service.reply(&query, begun, &traced);
             drop((place, turn));
         };
         if let Some(turn) = place.turn_at_once() {
@@ -79,7 +87,8 @@ impl QueryService {
                 Ok(turn) => drop(runtime.spawn_blocking(move || answer(query, place, turn))),
                 Err(busy) => {
                     counts.note(query.key_expr(), Some(&busy), begun);
-                    reply_error(&query, &busy);
+                    drop(answer);
+                    refuse(&query, &busy, &trace);
                 }
             }
         });
@@ -104,25 +113,25 @@ impl QueryService {
         is_there && is_of_goals(expression) && !expression.contains('*')
     }
 
-    fn reply(&self, query: &Query, begun: Instant) {
+    fn reply(&self, query: &Query, begun: Instant, trace: &QueryTrace) {
         if self.is_left_to_a_robot(query.key_expr()) {
-            return;
+            return trace.is_left();
         }
         let maps = self.sources.catalog.heads().into_iter().map(|head| head.map.clone());
         match addressed(query.key_expr().as_str(), maps) {
-            Addressed::One(key) => self.reply_to(query, key, begun),
-            Addressed::Several(keys) => keys.into_iter().for_each(|key| self.reply_to(query, key, begun)),
-            Addressed::Storages | Addressed::Robots => {}
-            Addressed::Kept if self.sources.log.is_shared() => {}
+            Addressed::One(key) => self.reply_to(query, key, begun, trace),
+            Addressed::Several(keys) => keys.into_iter().for_each(|key| self.reply_to(query, key, begun, trace)),
+            Addressed::Storages | Addressed::Robots => trace.is_left(),
+            Addressed::Kept if self.sources.log.is_shared() => trace.is_left(),
             Addressed::Kept => {
                 let text = format!(
                     "{} is kept by storages, and this server keeps its own log: {PREFIX}/MAP/{} answers with increments",
                     shown(query.key_expr()),
                     Topic::Since.as_str()
                 );
-                reply_error(query, &bad_request(text));
+                refuse(query, &bad_request(text), trace);
             }
-            Addressed::NotAsked(text) => reply_error(query, &bad_request(text)),
+            Addressed::NotAsked(text) => refuse(query, &bad_request(text), trace),
             Addressed::Unknown => {
                 let topics: Vec<&str> = Topic::ALL.iter().map(|topic| topic.as_str()).collect();
                 let text = format!(
@@ -130,29 +139,33 @@ impl QueryService {
                     shown(query.key_expr()),
                     topics.join(", ")
                 );
-                reply_error(query, &bad_request(text));
+                refuse(query, &bad_request(text), trace);
             }
         }
     }
 
-    fn reply_to(&self, query: &Query, key: Key, begun: Instant) {
+    fn reply_to(&self, query: &Query, key: Key, begun: Instant, trace: &QueryTrace) {
         let name = key.to_string();
         let payload = query.payload().map(|payload| payload.to_bytes());
         if let Key::Admin { map, action } = key {
             match parse_order(action, query.parameters().iter(), payload.as_deref()) {
-                Ok(AdminOrder::Unblock { robot, ignore_s }) => reply(query, &name, self.unblock(&map, robot, ignore_s)),
-                Ok(AdminOrder::KeepBlocked { robot, for_s }) => {
-                    reply(query, &name, self.keep_blocked(&map, &robot, for_s));
+                Ok(AdminOrder::Unblock { robot, ignore_s }) => {
+                    reply(query, &name, self.unblock(&map, robot, ignore_s), trace);
                 }
-                Ok(order) => self.carry_out(query.clone(), name, map, order),
-                Err(error) => reply_error(query, &error),
+                Ok(AdminOrder::KeepBlocked { robot, for_s }) => {
+                    reply(query, &name, self.keep_blocked(&map, &robot, for_s), trace);
+                }
+                Ok(order) => self.carry_out(query.clone(), (name, trace.clone()), map, order),
+                Err(error) => refuse(query, &error, trace),
             }
             return;
         }
+        let computing = trace.step(Step::Compute);
         let outcome = parse(key, query.parameters().iter(), payload.as_deref())
             .and_then(|request| answer(request, &self.sources, passed_us()));
+        computing.end();
         self.counts.note(&name, outcome.as_ref().err(), begun);
-        reply(query, &name, outcome);
+        reply(query, &name, outcome, trace);
     }
 
     /// Opens what robots reported blocked.
@@ -190,14 +203,16 @@ impl QueryService {
     }
 
     /// Has the writer do what an operator wants; it replies when that is durable.
-    fn carry_out(&self, query: Query, name: String, map: MapName, order: AdminOrder) {
+    fn carry_out(&self, query: Query, (key, trace): (String, QueryTrace), map: MapName, order: AdminOrder) {
         if let Some(reason) = not_shared(&order).filter(|_| self.sources.log.is_shared()) {
-            reply_error(&query, &bad_request(reason.to_owned()));
-            return;
+            return refuse(&query, &bad_request(reason.to_owned()), &trace);
         }
-        let asker = Asker { query, key: name, is_answered: false };
+        let waiting = trace.step(Step::Wait);
+        let asker = Asker { query, key, trace, is_answered: false };
         let catalog = Arc::clone(&self.sources.catalog);
         self.queue.push_job(Box::new(move |ingest: &mut Ingest| {
+            waiting.end();
+            let computing = asker.trace.step(Step::Compute);
             if let Some(refusal) = ingest.refusal_at_present() {
                 asker.answer(Err(refusal));
                 return Ok(());
@@ -244,6 +259,7 @@ impl QueryService {
                     Err(cause) => (Err(not_done(ingest, &cause)), Ok(())),
                 },
             };
+            computing.end();
             asker.answer(outcome);
             log
         }));
@@ -280,20 +296,21 @@ fn not_shared(order: &AdminOrder) -> Option<&'static str> {
 struct Asker {
     query: Query,
     key: String,
+    trace: QueryTrace,
     is_answered: bool,
 }
 
 impl Asker {
     fn answer(mut self, outcome: Result<Answer, ErrorReply>) {
         self.is_answered = true;
-        reply(&self.query, &self.key, outcome.map(|answer| vec![answer]));
+        reply(&self.query, &self.key, outcome.map(|answer| vec![answer]), &self.trace);
     }
 }
 
 impl Drop for Asker {
     fn drop(&mut self) {
         if !self.is_answered {
-            reply_error(&self.query, &ErrorReply::busy("the server is busy; ask again after 1 s", 1));
+            refuse(&self.query, &busy(), &self.trace);
         }
     }
 }
@@ -314,7 +331,15 @@ pub(super) fn busy() -> ErrorReply {
     ErrorReply::busy("the server is busy; ask again after 1 s", 1)
 }
 
-fn reply(query: &Query, key: &str, outcome: Result<Vec<Answer>, ErrorReply>) {
+fn refuse(query: &Query, refusal: &ErrorReply, trace: &QueryTrace) {
+    trace.outcome(Some(refusal));
+    let _replying = trace.step(Step::Reply);
+    reply_error(query, refusal);
+}
+
+fn reply(query: &Query, key: &str, outcome: Result<Vec<Answer>, ErrorReply>, trace: &QueryTrace) {
+    trace.outcome(outcome.as_ref().err());
+    let _replying = trace.step(Step::Reply);
     match outcome {
         Ok(answers) => {
             let bytes: usize = answers.iter().map(|answer| answer.bytes.len()).sum();

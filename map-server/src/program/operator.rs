@@ -16,6 +16,7 @@
 //! | `deletion` | maps deleted after a grace period |
 //! | `rename` | a map under another name |
 //! | `undo` | an operator's last changes taken back |
+//! | `journal` | what operators have changed |
 //! | `robots` | the table of robots |
 //! | `send` | robots are sent somewhere |
 //! | `transfer` | maps to files and back |
@@ -28,6 +29,7 @@ mod blocked;
 mod command;
 mod deletion;
 mod error;
+mod journal;
 mod merge;
 mod quota;
 mod release;

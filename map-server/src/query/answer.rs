@@ -3,11 +3,13 @@
 //! | module | topics |
 //! | --- | --- |
 //! | `history` | `since`, `snapshot`, `releases`, `diff` |
+//! | `journal` | `journal` |
 //! | `nodes` | `nodes`, `match` |
 //! | `operation` | `rules`, `fleet` |
 //! | `path` | `path` |
 
 mod history;
+mod journal;
 mod nodes;
 mod operation;
 mod path;
@@ -69,6 +71,7 @@ pub fn answer(request: Request, sources: &AnswerSources, now_us: u64) -> Result<
         Question::Releases => history::releases(&view, sources.log.as_ref()),
         Question::Diff { from, to } => history::diff(&view, sources.log.as_ref(), &from, &to),
         Question::Rules => operation::rules(&view, &sources.active_rules, now_us),
+        Question::Journal { limit, after } => journal::journal(&view, sources, (limit, after)),
         Question::Fleet { limit, after } => operation::fleet(&view, &sources.fleet, (limit, after.as_ref()), now_us),
     };
     answer.map(|answer| vec![answer])

@@ -129,6 +129,14 @@ impl Fleet {
         names.find(|name| AuthorId::of_robot(name) == author).cloned()
     }
 
+    /// The robots of a map that were heard of, and the authors that they are.
+    #[must_use]
+    pub fn names(&self, map: &MapName) -> Vec<(AuthorId, String)> {
+        let known = self.lock();
+        let names = known.robots.keys().filter(|(of, _)| of == map).map(|(_, name)| name);
+        names.map(|name| (AuthorId::of_robot(name), name.clone())).collect()
+    }
+
     /// A robot has reported its status at `now_us`, when `head` was the newest. Of its vector the
     /// authors are kept whom the map knows.
     pub fn take_status(&self, map: &MapName, robot: &str, status: RobotStatus, head: &Head, now_us: u64) {

@@ -76,7 +76,8 @@ pub(super) async fn serve(
     let queue = Arc::new(WriterQueue::new(config.limits.max_queue_bytes));
     let robots = subscribe_robot_topics(session, &sources).await?;
     let max_bytes = config.limits.max_increment_bytes;
-    let increments = subscribe_increments(session, &queue, max_bytes, stateless.is_some()).await?;
+    let increments =
+        subscribe_increments(session, &queue, (max_bytes, &sources.operators), stateless.is_some()).await?;
     let mut ingest = Ingest::new(Arc::clone(&sources.log), Arc::clone(&sources.catalog), config.limits.clone());
     if let Some(writers) = &config.writers {
         ingest = ingest.guarded_by(writers.clone(), config.quotas.clone())?;

@@ -1,7 +1,7 @@
 //! What the page asks and orders, passed on: questions go to the server's own rooms, and changes
 //! are put as an operator's command puts them.
 
-use crate::network::{CostClass, CountedQueries, QueryService};
+use crate::network::{ConnectedSessions, CostClass, CountedQueries, QueryService};
 use crate::query::{Answer, AnswerSources, internal, json, unknown_map};
 use crate::web::edit::{PlannedEdit, plan};
 use crate::web::last_warnings::LastWarnings;
@@ -34,6 +34,7 @@ const MAX_ROBOTS: usize = 1000;
 pub(super) struct ServerPort {
     service: QueryService,
     session: Session,
+    connected: Arc<ConnectedSessions>,
     /// One change at a time: two of one operator would take the same number.
     writing: Arc<Mutex<()>>,
 }
@@ -50,8 +51,8 @@ struct Undone {
 }
 
 impl ServerPort {
-    pub(super) fn new(service: QueryService, session: Session) -> Self {
-        Self { service, session, writing: Arc::default() }
+    pub(super) fn new(service: QueryService, session: Session, connected: ConnectedSessions) -> Self {
+        Self { service, session, connected: Arc::new(connected), writing: Arc::default() }
     }
 
     fn head(&self, map: &MapName) -> Result<Arc<Head>, ErrorReply> {
@@ -63,8 +64,10 @@ impl ServerPort {
         let _turn = self.writing.lock().await;
         let (map, author) = (order.map.clone(), AuthorId::of_robot(by.as_str()));
         let class = if matches!(order.change, MapChange::Undo { .. }) { CostClass::Snapshot } else { CostClass::Short };
+        let name = by.clone();
         let planned = self.service.work(class, move |sources| {
-            let AnswerSources { catalog, log, .. } = sources;
+            let AnswerSources { catalog, log, operators, .. } = sources;
+            operators.learn(name.as_str());
             let view = catalog.view(&order.map).ok_or_else(|| unknown_map(&order.map, catalog))?;
             plan(&view, log.as_ref(), author, &order)
         });
@@ -190,6 +193,7 @@ impl MapPort for ServerPort {
         ServerFigures {
             maps: maps.collect(),
             queries: queries.collect(),
+            sessions: self.connected.counts(),
             is_read_only: sources.log.fault().is_some(),
             disk_free_bytes: sources.log.free_bytes(),
             warnings,

@@ -1,6 +1,6 @@
 //! Starts the page, and ends it with the server.
 
-use crate::network::QueryService;
+use crate::network::{ConnectedSessions, QueryService};
 use crate::web::feed::Feed;
 use crate::web::port::ServerPort;
 use fht_web::{EventHub, WebListener};
@@ -27,7 +27,8 @@ impl WebSide {
     ) -> Result<Self, zenoh::Error> {
         let hub = EventHub::default();
         let feed = Feed::start(session, service.sources(), hub.clone()).await?;
-        let port = Arc::new(ServerPort::new(service, session.clone()));
+        let connected = ConnectedSessions::follow(session).await?;
+        let port = Arc::new(ServerPort::new(service, session.clone(), connected));
         let serving = tokio::spawn(async move {
             if let Err(error) = listener.serve(port, hub).await {
                 tracing::error!("the page is not served: {error}");

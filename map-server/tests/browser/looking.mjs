@@ -146,6 +146,7 @@ async function health_is_shown({ browser, url, foreign }) {
     return /^path\d+\.\d/.test(row.join()) && (await main.textContent()).includes("room left on the disk");
   });
   check((await main.textContent()).includes("takes in what is writtenyes"), "it takes in what is written");
+  check(/Zenoh sessions\d+ client/.test(await main.textContent()), "who is connected");
   await ada.isAccessible("health");
   await ada.end();
 }

@@ -126,8 +126,9 @@ async function a_zone_is_previewed_drawn_changed_and_taken_back({ browser, url, 
   await until("its Remove button", async () => (await form.textContent()).includes("zone wet: keep out"));
   await form.getByRole("button", { name: "Remove: zone wet: keep out" }).click();
   await until("it has gone", async () => (await zones()).length === 0);
-  const journal = form.getByRole("list", { name: "What was changed here" });
-  await until("the journal", async () => (await journal.textContent()).includes("ada: zone wet is taken away"));
+  await until("the journal tells it", async () =>
+    (await ada.side("Changes").textContent()).includes("ada: zone wet is taken away"),
+  );
   await ada.end();
 }
 
@@ -163,6 +164,11 @@ async function nodes_are_erased_and_come_back({ browser, url, foreign }) {
   await until("they have gone", async () => (await count()) === 14);
   await ada.press("Undo my last change");
   await until("they are there again", async () => (await count()) === 16);
+  const journal = async () => (await ada.side("Changes").textContent()).split("ada: ");
+  await until("both stand in the journal", async () => {
+    const [, undo, erased] = await journal();
+    return undo.startsWith("2 nodes are put") && erased.startsWith("2 nodes are taken away");
+  });
   await ada.end();
 }
 

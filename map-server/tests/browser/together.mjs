@@ -51,6 +51,12 @@ async function a_restarted_server_is_shown_and_heals_without_reloading({ browser
     (await ada.side("Places, zones, closures").textContent()).includes("place quay"),
   );
   check(await ada.page.evaluate(() => globalThis.isTheSamePage), "the page was not loaded again");
+  const journal = async () => (await ada.side("Changes").getByRole("listitem").allTextContents()).join("\n");
+  const isTold = async () => /operator: place quay is at 2.00,0.00, 0°\n[^\n]*ada: place gate-5 is at/.test(await journal());
+  await until("a command, and what came before the restart, in the journal", isTold);
+  await ada.page.reload();
+  await ada.isLive();
+  await until("also after a reload", isTold);
   await ada.end();
 }
 
@@ -109,6 +115,10 @@ async function hostile_names_are_never_markup({ browser, url }) {
   await say("**/fht/lab/releases", (releases) => ({
     ...releases,
     releases: HOSTILE.map((name) => ({ name, author: name, version: 1, available: true, enabled: false })),
+  }));
+  await say("**/fht/lab/journal*", (journal) => ({
+    ...journal,
+    entries: HOSTILE.map((name, number) => ({ at_us: 1e300, author: name, name, number, words: [name] })),
   }));
   await say("**/fht/lab/head", (head) => ({
     ...head,

@@ -64,11 +64,13 @@ pub enum Topic {
     Rules,
     /// The robots.
     Fleet,
+    /// What operators have changed, and who.
+    Journal,
 }
 
 impl Topic {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Head,
         Self::Since,
         Self::Snapshot,
@@ -79,6 +81,7 @@ impl Topic {
         Self::Diff,
         Self::Rules,
         Self::Fleet,
+        Self::Journal,
     ];
 
     /// The chunk that names it.
@@ -95,6 +98,7 @@ impl Topic {
             Self::Diff => "diff",
             Self::Rules => "rules",
             Self::Fleet => "fleet",
+            Self::Journal => "journal",
         }
     }
 }

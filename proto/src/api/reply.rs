@@ -5,6 +5,7 @@
 mod diff;
 mod error;
 mod head;
+mod journal;
 mod known_names;
 mod nodes;
 mod path;
@@ -17,6 +18,7 @@ pub use crate::model::compaction::Series;
 pub use diff::{DiffReply, MovedNode, StateView};
 pub use error::{ErrorCode, ErrorReply};
 pub use head::{Head, MapsReply};
+pub use journal::{JournalCursor, JournalEntry, JournalReply, ParseJournalCursorError};
 pub use known_names::known_names;
 pub use nodes::{NodeView, NodesCursor, NodesReply, ParseCursorError};
 pub use path::{Obeyed, PathReply, SpeedLimit, Waypoint};

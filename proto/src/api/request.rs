@@ -5,7 +5,7 @@ mod order;
 mod parameters;
 
 use crate::api::keys::{Key, Topic};
-use crate::api::reply::{ErrorReply, NodesCursor, PlaceRef, parse_point};
+use crate::api::reply::{ErrorReply, JournalCursor, NodesCursor, PlaceRef, parse_point};
 use crate::{Descriptor, FixedPoint, Footprint, MapName, ReleaseId, ReleaseName, RobotName, VersionVector, decode};
 pub use goal::{is_goal, parse_goal, parse_goal_id};
 pub use order::{AdminOrder, parse_order};
@@ -136,6 +136,13 @@ pub enum Question {
         /// Only those that follow: what the page before gave as `next`; none for the first page.
         after: Option<RobotName>,
     },
+    /// What operators have changed, the newest first.
+    Journal {
+        /// How many changes at most.
+        limit: usize,
+        /// Only those that follow: what the page before gave as `next`; none for the first page.
+        after: Option<JournalCursor>,
+    },
     /// Nodes that look like a descriptor.
     Match {
         /// The descriptor.
@@ -163,6 +170,8 @@ const SERIES_BYTES: (usize, usize) = (64 << 10, 1 << 20);
 const NODES_LIMIT: (usize, usize) = (100, 1000);
 /// Robots in a reply: unless told otherwise, and at most.
 const FLEET_LIMIT: (usize, usize) = (200, 1000);
+/// Changes in a reply to `journal`: unless told otherwise, and at most.
+const JOURNAL_LIMIT: (usize, usize) = (50, 200);
 /// Default and greatest number of nodes in a reply to `match`.
 const MATCH_LIMIT: (usize, usize) = (5, 50);
 /// Default and greatest radius of `nodes`, metres.
@@ -195,6 +204,13 @@ fn fleet<'a>(parameters: impl Iterator<Item = (&'a str, &'a str)>) -> Result<Que
     given.in_json("fleet")?;
     let after = given.parsed("after", "a robot's name")?;
     Ok(Question::Fleet { limit: given.limit("limit", FLEET_LIMIT)?, after })
+}
+
+fn journal<'a>(parameters: impl Iterator<Item = (&'a str, &'a str)>) -> Result<Question, ErrorReply> {
+    let given = Parameters::of("journal", parameters, &["limit", "after", "fmt"])?;
+    given.in_json("journal")?;
+    let after = given.parsed("after", "what a reply gave as next")?;
+    Ok(Question::Journal { limit: given.limit("limit", JOURNAL_LIMIT)?, after })
 }
 
 fn question<'a>(
@@ -256,6 +272,7 @@ fn question<'a>(
         Topic::Releases => Parameters::json_only("releases", parameters).map(|()| Question::Releases),
         Topic::Rules => Parameters::json_only("rules", parameters).map(|()| Question::Rules),
         Topic::Fleet => fleet(parameters),
+        Topic::Journal => journal(parameters),
         Topic::Diff => {
             let given = Parameters::of("diff", parameters, &["from", "to", "fmt"])?;
             given.in_json("diff")?;

@@ -191,6 +191,7 @@ impl Server {
             log: Arc::clone(&log),
             active_rules: Arc::new(ActiveRules::default()),
             fleet: Arc::new(Fleet::default()),
+            operators: Arc::default(),
             config: Arc::new(AnswerConfig::default()),
         };
         let mut ingest = Ingest::new(log, catalog, Limits::default());

@@ -42,6 +42,7 @@ def main(endpoint, name, folder, author):
             ("diff", f"fht/{name}/diff?from=1"),
             ("rules", f"fht/{name}/rules"),
             ("fleet", f"fht/{name}/fleet"),
+            ("journal", f"fht/{name}/journal"),
             ("error", f"fht/{name}/path?from=0,0"),
             ("error", f"fht/nowhere/head"),
         ]:

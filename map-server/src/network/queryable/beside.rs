@@ -3,6 +3,7 @@
 use crate::clock::passed_us;
 use crate::network::query_counts::QueryCounts;
 use crate::network::query_rooms::CostClass;
+use crate::network::query_trace::{QueryTrace, Step};
 use crate::network::queryable::QueryService;
 use crate::query::{Answer, AnswerSources, answer, answer_at_once, internal};
 use fht_proto::api::keys::{Key, Topic};
@@ -27,14 +28,26 @@ impl QueryService {
     /// What the asker is told instead; `BUSY` if there is no room.
     pub(crate) async fn ask(&self, request: Request) -> Result<Vec<Answer>, ErrorReply> {
         let (begun, key) = (Instant::now(), key_of(&request));
+        let trace = QueryTrace::begin("http", &key, || key.clone());
+        let computing = trace.step(Step::Compute);
         let outcome = match answer_at_once(&request, &self.sources, passed_us()) {
-            Some(outcome) => outcome,
+            Some(outcome) => {
+                computing.end();
+                outcome
+            }
             None => {
-                let class = CostClass::of(&request);
-                self.work(class, move |sources| answer(request, sources, passed_us())).await
+                computing.forget();
+                let (class, waiting, trace) = (CostClass::of(&request), trace.step(Step::Wait), trace.clone());
+                let answered = self.work(class, move |sources| {
+                    waiting.end();
+                    let _computing = trace.step(Step::Compute);
+                    answer(request, sources, passed_us())
+                });
+                answered.await
             }
         };
         self.counts.note(&key, outcome.as_ref().err(), begun);
+        trace.outcome(outcome.as_ref().err());
         outcome
     }
 
@@ -75,6 +88,7 @@ fn key_of(request: &Request) -> String {
         Question::Diff { .. } => Topic::Diff,
         Question::Rules => Topic::Rules,
         Question::Fleet { .. } => Topic::Fleet,
+        Question::Journal { .. } => Topic::Journal,
         Question::Match { .. } => Topic::Match,
     };
     Key::topic(map, topic).to_string()

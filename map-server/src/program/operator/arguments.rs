@@ -6,6 +6,7 @@ use crate::program::operator::quota::QuotaAction;
 use crate::program::operator::release::ReleaseAction;
 use crate::program::operator::rule::{Corners, parse_corners, parse_pose, parse_speed};
 use crate::program::operator::siting::{DatumArgs, FloorPlanArgs};
+use crate::query::DEFAULT_OPERATOR;
 use clap::{Args, Subcommand};
 use fht_program::flags::{count, wait};
 use fht_proto::{FixedPose, Label, MapName, NodeId, ReleaseName, RobotName};
@@ -21,7 +22,7 @@ pub struct OperatorArgs {
         long,
         global = true,
         help_heading = "Operators' commands",
-        default_value = "operator",
+        default_value = DEFAULT_OPERATOR,
         env = "FHT_OPERATOR",
         value_name = "NAME"
     )]
@@ -156,6 +157,18 @@ pub enum Operation {
     Rules {
         /// The map.
         map: MapName,
+    },
+    /// What operators have changed, and who, the newest first. Of folded changes only those are told
+    /// that still count.
+    #[command(after_help = "Examples:
+  map-server journal museum
+  map-server journal museum --last 200 --json")]
+    Journal {
+        /// The map.
+        map: MapName,
+        /// So many changes; a server knows the newest 1000.
+        #[arg(long, value_name = "COUNT", default_value_t = 20, value_parser = count)]
+        last: u64,
     },
     /// Names a place, so that robots and queries can go there by name.
     #[command(after_help = "Examples:
@@ -403,6 +416,7 @@ impl Operation {
                 | Self::Robots { .. }
                 | Self::Diff { .. }
                 | Self::Rules { .. }
+                | Self::Journal { .. }
                 | Self::Export { .. }
                 | Self::Release { action: ReleaseAction::List { .. } }
                 | Self::Blocked { action: BlockedAction::List { .. } }
@@ -424,6 +438,7 @@ impl Operation {
             | Self::Cancel { map, .. }
             | Self::Diff { map, .. }
             | Self::Rules { map }
+            | Self::Journal { map, .. }
             | Self::Place { map, .. }
             | Self::Zone { map, .. }
             | Self::FloorPlan { map, .. }

@@ -7,6 +7,7 @@ use crate::program::operator::asking::{self, ask, ask_json, connect, until_there
 use crate::program::operator::blocked;
 use crate::program::operator::deletion;
 use crate::program::operator::error::OperatorError;
+use crate::program::operator::journal;
 use crate::program::operator::merge::{self, MergeOrder};
 use crate::program::operator::quota;
 use crate::program::operator::release::{self, Changed, ReleaseAction};
@@ -127,6 +128,7 @@ impl Operation {
                 })
             }
             Self::Rules { map } => show(&rule::list(session, &map).await?, json, rules_in_words),
+            Self::Journal { map, last } => show_journal(session, args, &map, last).await,
             Self::Place { map, name, at, force, .. } => {
                 let op = match at {
                     Some(at) => rule::place(session, &map, (name, at), force).await?,
@@ -179,6 +181,10 @@ impl Operation {
             }
         }
     }
+}
+
+async fn show_journal(session: &Session, args: &OperatorArgs, map: &MapName, last: u64) -> Result<(), OperatorError> {
+    show(&journal::ask(session, map, args.operator.as_str(), last).await?, args.json, journal::in_words)
 }
 
 async fn close_edge(

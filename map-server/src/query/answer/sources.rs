@@ -5,6 +5,7 @@ use crate::catalog::Catalog;
 use crate::config::AnswerConfig;
 use crate::query::active_rules::ActiveRules;
 use crate::query::fleet::Fleet;
+use crate::query::operator_names::OperatorNames;
 use crate::store::IncrementLog;
 use fht_map::WriterRole;
 use fht_map::plan::blocked::Reporter;
@@ -24,6 +25,8 @@ pub struct AnswerSources {
     pub active_rules: Arc<ActiveRules>,
     /// The robots.
     pub fleet: Arc<Fleet>,
+    /// What operators are called.
+    pub operators: Arc<OperatorNames>,
     /// How to answer.
     pub config: Arc<AnswerConfig>,
 }
