@@ -4,7 +4,7 @@
 use super::closure::Found;
 use super::estimate::Lost;
 use super::submap::Submap;
-use super::wheels_word::discounted;
+use super::wheels_word::{discounted, in_light_of};
 use super::witness::{WheelsWord, Witnesses};
 use super::{Active, Anchored, Latest, Slam, Tracking};
 use fht_perception::frame::LaserScan;
@@ -40,7 +40,7 @@ impl Slam {
                 .filter(|found| found.score > score + config.rescue_gain)
                 .map(|found| (balance(&found), found));
             let best = better.filter(|(balance, _)| *balance > needed).max_by_key(|(balance, _)| *balance);
-            best.map(|(_, found)| found).or(near)
+            best.and_then(|(_, found)| in_light_of(found, prior)).or(near)
         } else {
             near
         };

@@ -73,6 +73,13 @@ impl Slam {
     }
 }
 
+/// A match that was found without the wheels' word (`prior`), as if that had been heard: what it
+/// alone knows is then its information less that of the wheels, as with all others.
+pub(super) fn in_light_of(found: ScanMatch, prior: &Prior) -> Option<ScanMatch> {
+    let covariance = (found.covariance.try_inverse()? + prior.information).try_inverse()?;
+    Some(ScanMatch { covariance, ..found })
+}
+
 /// A match in spite of contradictions, if it is where the wheels' word (`prior`) lets it be: with
 /// less weight, because what does not fit may have pulled at it.
 pub(super) fn discounted(found: ScanMatch, prior: &Prior, most_sigmas: f64) -> Option<ScanMatch> {
@@ -87,4 +94,23 @@ fn is_near(found: &ScanMatch, prior: &Prior, most_sigmas: f64) -> bool {
     let off = there.translation.vector - expected.translation.vector;
     let off = Vector3::new(off.x, off.y, wrap_angle(there.rotation.angle() - expected.rotation.angle()));
     off.dot(&(prior.information * off)) <= most_sigmas * most_sigmas
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3;
+
+    #[test]
+    fn what_a_match_found_elsewhere_knows_by_itself_is_never_less_than_nothing() {
+        // Along a corridor the scan knows nothing, and the wheels know a lot.
+        let covariance = Matrix3::from_diagonal(&Vector3::new(100.0, 1e-6, 1e-7));
+        let prior = Prior { reference_from_moving: Pose2::identity(), information: Matrix3::identity() * 1e4 };
+        let found = ScanMatch { reference_from_moving: Pose2::identity(), covariance, score: 0.7 };
+        let heard = in_light_of(found, &prior).and_then(|found| found.covariance.try_inverse());
+        let own = heard.unwrap_or_else(Matrix3::zeros) - prior.information;
+        for (index, knows) in [0.01, 1e6, 1e7].into_iter().enumerate() {
+            assert!((own[(index, index)] / knows - 1.0).abs() < 1e-3, "{own}");
+        }
+    }
 }

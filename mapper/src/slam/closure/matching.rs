@@ -56,8 +56,24 @@ pub(super) fn judge(submap: &Submap, points: &[Point2], found: ScanMatch) -> (Sc
     (found, verdict)
 }
 
-/// Information of a match whose covariance is at least the floor.
+/// Information of a match whose covariance is at least the floor; `None` if it is none: a graph
+/// with a single edge that is not positive definite has no solution.
 pub fn with_floor(covariance: &Matrix3<f64>, floor_m: f64, floor_rad: f64) -> Option<Matrix3<f64>> {
     let floor = Vector3::new(floor_m * floor_m, floor_m * floor_m, floor_rad * floor_rad);
-    (covariance + Matrix3::from_diagonal(&floor)).try_inverse()
+    let information = (covariance + Matrix3::from_diagonal(&floor)).try_inverse()?;
+    information.cholesky().is_some().then_some(information)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_covariance_becomes_no_edge() {
+        let corridor = Matrix3::from_diagonal(&Vector3::new(1e4, 1e-6, 1e-8));
+        let information = with_floor(&corridor, 0.01, 0.002).unwrap_or_else(Matrix3::zeros);
+        assert!(information[(0, 0)] > 0.0 && information[(1, 1)] > 9e3, "{information}");
+        let less_than_nothing = Matrix3::from_diagonal(&Vector3::new(-1e4, 1e-6, 1e-8));
+        assert!(with_floor(&less_than_nothing, 0.01, 0.002).is_none());
+    }
 }
