@@ -267,7 +267,7 @@ fn a_replay_and_a_robot_that_drives_end_in_order() {
             let running = Running::program(name, args);
             if name == "client-robot" {
                 let drive = running.folder.path().join("drive.mcap");
-                // Before, the program tries whether it may write there, and takes its file away again.
+                // Before, the program tries whether it may write there, and takes the file away.
                 until("it drives", || std::fs::read(&drive).is_ok_and(|written| written.starts_with(b"\x89MCAP")));
             } else {
                 std::thread::sleep(Duration::from_secs(2));

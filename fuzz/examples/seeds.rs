@@ -9,7 +9,7 @@ use fht_proto::codec::archive::{ArchiveHeader, header_line};
 use fht_proto::codec::envelope::Message;
 use fht_proto::model::compaction::Rest;
 use fht_proto::{
-    AuthorId, CompactedSeries, Datum, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, FloorPlan, Increment, ModelId,
+    AuthorId, CompactedSeries, Datum, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, PlanImage, Increment, ModelId,
     NodeId, NodeKind, Op, Rect, Release, ReleaseId, ScanRecord, SeenArea, Signature, Square, VersionVector, Zone,
     ZoneRule, encode,
 };
@@ -68,7 +68,7 @@ fn operated() -> Result<Increment, Box<dyn Error>> {
         Op::SetZone { name: "wet".parse()?, zone: Some(Zone { rule: ZoneRule::KeepOut, corners: corners.clone() }) },
         Op::SetZone { name: "lab".parse()?, zone: Some(Zone { rule: ZoneRule::SpeedLimit(300), corners }) },
         Op::SetFloorPlan {
-            plan: Some(FloorPlan { image: "a.png".to_owned(), um_per_pixel: 50_000, map_from_image: FixedPose::default() }),
+            plan: Some(PlanImage { image: "a.png".to_owned(), um_per_pixel: 50_000, map_from_image: FixedPose::default() }),
         },
         Op::SetDatum { datum: Some(Datum::from_degrees(52.5, 13.4, 0.5)) },
         Op::PutRelease { name: id.name.clone(), release: Release { vector, digest: Digest([7; 32]) } },

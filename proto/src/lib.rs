@@ -45,6 +45,6 @@ pub use model::ids::{AuthorId, MapName, NodeId, ParseIdError, RobotName, SharedW
 pub use model::increment::{EdgeKey, Increment, NodeKind, Op, Stamp};
 pub use model::seen::{Run, SeenArea, Square};
 pub use model::signature::{Descriptor, DescriptorModel, ModelId, ScanRecord, Signature};
-pub use model::siting::{Datum, FloorPlan};
+pub use model::siting::{Datum, PlanImage};
 pub use model::validate::Invalid;
 pub use model::version::{Digest, VersionVector};

@@ -15,7 +15,7 @@ use fht_proto::codec::envelope::{
 use fht_proto::model::compaction::Rest;
 use fht_proto::{
     AuthorId, CodecError, CompactedSeries, Datum, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose,
-    FloorPlan, Increment, ModelId, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, Signature,
+    Increment, ModelId, NodeId, NodeKind, Op, PlanImage, Rect, Release, ReleaseId, ReleaseName, Signature,
     VersionVector, Zone, ZoneRule, decode, encode,
 };
 use proptest::prelude::*;
@@ -337,7 +337,7 @@ fn one_of_each_since_3() -> Increment {
 /// The operations that came with format 4.
 fn one_of_each_since_4() -> Increment {
     let map_from_image = FixedPose::from_metres(1.5, -2.0, 0.5);
-    let plan = FloorPlan { image: "plan.png".to_owned(), um_per_pixel: 50_000, map_from_image };
+    let plan = PlanImage { image: "plan.png".to_owned(), um_per_pixel: 50_000, map_from_image };
     Increment {
         ops: vec![
             Op::SetFloorPlan { plan: Some(plan) },

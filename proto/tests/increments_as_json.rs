@@ -7,8 +7,8 @@ use arbitrary::{fold, increment};
 use fht_proto::api::reply::{DescriptorView, OpView, RuleView, ScanView, Series, SeriesReply, ZoneShape};
 use fht_proto::model::compaction::Rest;
 use fht_proto::{
-    CompactedSeries, Datum, Descriptor, DescriptorModel, EdgeKey, FixedPoint, FixedPose, FloorPlan, Increment, ModelId,
-    NodeId, Op, Rect, Release, ScanRecord, Signature, VersionVector, Zone, ZoneRule,
+    CompactedSeries, Datum, Descriptor, DescriptorModel, EdgeKey, FixedPoint, FixedPose, Increment, ModelId, NodeId,
+    Op, PlanImage, Rect, Release, ScanRecord, Signature, VersionVector, Zone, ZoneRule,
 };
 use proptest::prelude::*;
 
@@ -82,7 +82,7 @@ fn op(view: OpView) -> Op {
         OpView::RemoveRelease { release } => Op::RemoveRelease { id: release.parse().unwrap() },
         OpView::Enable { release } => Op::Enable { release: release.map(|id| id.parse().unwrap()) },
         OpView::SetFloorPlan { plan } => Op::SetFloorPlan {
-            plan: plan.map(|plan| FloorPlan {
+            plan: plan.map(|plan| PlanImage {
                 image: plan.image,
                 um_per_pixel: (plan.metres_per_pixel * 1e6).round() as u32,
                 map_from_image: pose(plan.map_from_image),

@@ -10,8 +10,8 @@ use fht_proto::api::goal::{GoalState, GoalStatus};
 use fht_proto::api::keys::{GoalTopic, Key, RobotTopic};
 use fht_proto::api::reply::ErrorCode;
 use fht_proto::{
-    AuthorId, Datum, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, FloorPlan, Increment, Label,
-    MapName, ModelId, NodeId, NodeKind, Op, Release, ReleaseId, ScanRecord, Signature, VersionVector, Zone, ZoneRule,
+    AuthorId, Datum, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Increment, Label, MapName,
+    ModelId, NodeId, NodeKind, Op, PlanImage, Release, ReleaseId, ScanRecord, Signature, VersionVector, Zone, ZoneRule,
 };
 use fht_session::SessionConfig;
 use fht_tests::corridors::{corridors, put};
@@ -189,7 +189,7 @@ fn annotations() -> Increment {
         Op::RemoveRelease { id: ReleaseId { author, name: "old".parse().unwrap() } },
         Op::Enable { release: None },
         Op::SetFloorPlan {
-            plan: Some(FloorPlan { image: "Erdgeschoß.png".to_owned(), um_per_pixel: 50_000, map_from_image: pose }),
+            plan: Some(PlanImage { image: "Erdgeschoß.png".to_owned(), um_per_pixel: 50_000, map_from_image: pose }),
         },
         Op::SetDatum { datum: Some(Datum::from_degrees(-33.856_784, 151.215_297, 0.5)) },
     ];

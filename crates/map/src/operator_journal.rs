@@ -3,9 +3,9 @@
 //!
 //! An increment does not say what its author is. It is an operator's if something in it is for
 //! operators only ([`may_write`]); if its author has written such a thing to the map before; or if
-//! it does nothing but remove others' nodes, and its author has never put one: so a part of a map is
-//! erased. Each author's increments come in order, so the journal is the same whatever comes between
-//! them.
+//! it does nothing but remove others' nodes, and its author has never put one: so a part of a map
+//! is erased. Each author's increments come in order, so the journal is the same whatever comes
+//! between them.
 //!
 //! ```
 //! use fht_map::OperatorJournal;

@@ -10,7 +10,7 @@ use fht_map::plan::rules::Rules;
 use fht_map::{FreeSpace, NodeRouteConfig};
 use fht_merge::{MergeConfig, MergeOptions, MergedOperations, join, lay};
 use fht_perception::pose::{Point2, pose};
-use fht_proto::{AuthorId, Datum, EdgeKey, FixedPoint, FixedPose, FloorPlan, Increment, NodeId, Op, Zone, ZoneRule};
+use fht_proto::{AuthorId, Datum, EdgeKey, FixedPoint, FixedPose, Increment, NodeId, Op, PlanImage, Zone, ZoneRule};
 use std::collections::BTreeSet;
 
 fn order() -> MergeOptions<'static> {
@@ -115,7 +115,7 @@ fn what_operators_wrote_comes_along() {
             Op::SetZone { name: "wet".parse().unwrap(), zone: Some(zone) },
             Op::SetClosed { edge: closed, closed: true },
             Op::SetFloorPlan {
-                plan: Some(FloorPlan {
+                plan: Some(PlanImage {
                     image: "hall.png".to_owned(),
                     um_per_pixel: 50_000,
                     map_from_image: FixedPose::from_metres(2.0, 0.0, 0.5),

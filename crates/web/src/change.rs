@@ -4,7 +4,7 @@ use fht_proto::api::reply::{DatumView, ErrorReply, FloorPlanView, RuleView};
 use fht_proto::api::request::{bad_request, shown};
 use fht_proto::model::validate::Validate;
 use fht_proto::{
-    Datum, EdgeKey, FixedPoint, FixedPose, FloorPlan, Increment, Label, MapName, NodeId, ReleaseName, Zone, ZoneRule,
+    Datum, EdgeKey, FixedPoint, FixedPose, Increment, Label, MapName, NodeId, PlanImage, ReleaseName, Zone, ZoneRule,
 };
 use serde::{Deserialize, Deserializer};
 
@@ -38,7 +38,7 @@ pub enum MapChange {
         nodes: Vec<NodeId>,
     },
     /// Says how a floor plan's image lies in the map; none: there is no plan.
-    FloorPlan(Option<FloorPlan>),
+    FloorPlan(Option<PlanImage>),
     /// Says where on earth the map is; none: nobody knows.
     Datum(Option<Datum>),
     /// Makes a release of the newest state.
@@ -161,10 +161,10 @@ fn zone(posted: PostedZone) -> Result<Zone, ErrorReply> {
     Ok(Zone { rule, corners: posted.corners.into_iter().map(point).collect::<Result<_, _>>()? })
 }
 
-fn floor_plan(posted: FloorPlanView) -> Result<FloorPlan, ErrorReply> {
+fn floor_plan(posted: FloorPlanView) -> Result<PlanImage, ErrorReply> {
     let um = (posted.metres_per_pixel * 1e6).round();
     // `as` saturates, and what is out of range is refused below.
-    let plan = FloorPlan { image: posted.image, um_per_pixel: um as u32, map_from_image: pose(posted.map_from_image)? };
+    let plan = PlanImage { image: posted.image, um_per_pixel: um as u32, map_from_image: pose(posted.map_from_image)? };
     valid(plan)
 }
 

@@ -27,8 +27,8 @@ impl IncrementSubscriptions {
 }
 
 /// Puts the increments that writers send into `queue`, and with `from_servers` those that other
-/// servers put into the storages. Payloads over `max_bytes` are refused unread. Writers who say what
-/// they are called are among `names` then.
+/// servers put into the storages. Payloads over `max_bytes` are refused unread. Writers who say
+/// what they are called are among `names` then.
 ///
 /// # Errors
 /// When Zenoh refuses the subscriptions.

@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 /// What can be done with a store while no server uses it.
 #[derive(Clone, Debug, Subcommand)]
 pub(super) enum Repair {
-    /// Says whether a store, or a backup of exported maps, is whole, and if not, what of it still reads and what is lost. Nothing
-    /// is changed; a copy is looked at, which takes as much room for a moment in the folder for
-    /// temporary files (TMPDIR).
+    /// Says whether a store, or a backup of exported maps, is whole, and if not, what of it still
+    /// reads and what is lost. Nothing is changed; a copy is looked at, which takes as much room
+    /// for a moment in the folder for temporary files (TMPDIR).
     #[command(after_help = "Examples:
   map-server check fht-data
   map-server check /backup/maps                  a folder of exported maps (*.fht), or one of them")]

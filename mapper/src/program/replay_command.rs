@@ -116,8 +116,8 @@ impl ReplayArgs {
     }
 }
 
-/// Runs `mapper replay`; `false` if the bag is broken or hardly used, or the server did not take the
-/// whole map.
+/// Runs `mapper replay`; `false` if the bag is broken or hardly used, or the server did not take
+/// the whole map.
 pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Result<bool, ProgramFailure> {
     let task = args.task(file, stop.clone()).map_err(ProgramFailure::of_input)?;
     let linger_s = task.mapping.linger_s;

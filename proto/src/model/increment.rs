@@ -8,7 +8,7 @@ use crate::model::annotation::{Label, Release, ReleaseId, ReleaseName, Zone};
 use crate::model::geometry::{FixedPoint, FixedPose, Rect};
 use crate::model::ids::{AuthorId, NodeId};
 use crate::model::signature::{DescriptorModel, Signature};
-use crate::model::siting::{Datum, FloorPlan};
+use crate::model::siting::{Datum, PlanImage};
 use serde::{Deserialize, Serialize};
 
 /// When an element was last changed: hybrid logical clock, then author, then place in the
@@ -173,7 +173,7 @@ pub enum Op<Id = NodeId> {
     /// Says how a floor plan's image lies in the map, or that there is none. Since format 4.
     SetFloorPlan {
         /// The plan.
-        plan: Option<FloorPlan>,
+        plan: Option<PlanImage>,
     },
     /// Says where on earth the map is, or that nobody knows. Since format 4.
     SetDatum {

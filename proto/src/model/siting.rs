@@ -1,12 +1,11 @@
 //! Where a map lies: against the image of a floor plan, and on earth.
 
 use crate::model::geometry::{FixedPoint, FixedPose};
-use crate::model::validate::{Invalid, Validate, check};
 use serde::{Deserialize, Serialize};
 
 /// How the image of a floor plan lies in the map. The image itself is in no map.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct FloorPlan {
+pub struct PlanImage {
     /// Which image is meant, for people: the name of its file.
     pub image: String,
     /// Side of a pixel, micrometres.
@@ -15,25 +14,11 @@ pub struct FloorPlan {
     pub map_from_image: FixedPose,
 }
 
-impl FloorPlan {
+impl PlanImage {
     /// Longest name of an image, bytes.
     pub const MAX_NAME_BYTES: usize = 200;
     /// Largest pixel, micrometres: 10 m.
     pub const MAX_UM_PER_PIXEL: u32 = 10_000_000;
-}
-
-impl Validate for FloorPlan {
-    fn validate(&self) -> Result<(), Invalid> {
-        let bytes = self.image.len();
-        check(bytes <= Self::MAX_NAME_BYTES, || {
-            format!("an image's name of {bytes} bytes (at most {} are allowed)", Self::MAX_NAME_BYTES)
-        })?;
-        check(!self.image.chars().any(char::is_control), || "an image's name with control characters".to_owned())?;
-        check((1..=Self::MAX_UM_PER_PIXEL).contains(&self.um_per_pixel), || {
-            format!("{} m a pixel (0.000001 to 10 are allowed)", f64::from(self.um_per_pixel) * 1e-6)
-        })?;
-        self.map_from_image.validate()
-    }
 }
 
 /// Where on earth a map's origin is, and how the map is turned: what `robot_localization` calls a
@@ -53,7 +38,7 @@ const DEGREE: f64 = 1e-9;
 
 impl Datum {
     /// From degrees and radians; the angle is wrapped. What is no latitude or longitude is found by
-    /// [`Validate`].
+    /// [`Validate`](crate::model::validate::Validate).
     #[must_use]
     pub fn from_degrees(latitude_deg: f64, longitude_deg: f64, yaw: f64) -> Self {
         let units = |degrees: f64| (degrees / DEGREE).round() as i64;
@@ -113,16 +98,6 @@ fn metres_per_radian(latitude: f64) -> [f64; 2] {
     [meridian_m, A_M / w2.sqrt() * latitude.cos()]
 }
 
-impl Validate for Datum {
-    fn validate(&self) -> Result<(), Invalid> {
-        // At the poles there is no east.
-        let (latitude, longitude) = (self.latitude_deg(), self.longitude_deg());
-        check(latitude.abs() < 89.9, || format!("a latitude of {latitude}° (within ±89.9° are allowed)"))?;
-        check(longitude.abs() <= 180.0, || format!("a longitude of {longitude}° (within ±180° are allowed)"))?;
-        FixedPose { position: FixedPoint::default(), yaw_e4: self.yaw_e4 }.validate()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -150,23 +125,5 @@ mod tests {
         let there = other.locate(x, y);
         let here = datum.locate(20.0 + cos * x - sin * y, -5.0 + sin * x + cos * y);
         assert!(there.iter().zip(here).all(|(a, b)| (a - b).abs() < 2e-8), "{there:?} {here:?}");
-    }
-
-    #[test]
-    fn what_is_no_place_is_refused() {
-        let datum = Datum::from_degrees;
-        assert!(datum(-33.9, 151.2, 6.0).validate().is_ok());
-        for bad in [datum(90.0, 0.0, 0.0), datum(0.0, 180.1, 0.0), datum(f64::INFINITY, 0.0, 0.0)] {
-            assert!(bad.validate().is_err(), "{bad:?}");
-        }
-        let plan = |image: &str, um_per_pixel| FloorPlan {
-            image: image.to_owned(),
-            um_per_pixel,
-            map_from_image: FixedPose::default(),
-        };
-        assert!(plan("Erdgeschoß.png", 50_000).validate().is_ok());
-        for bad in [plan("a\nb", 1), plan("", 0), plan("", 10_000_001), plan(&"x".repeat(201), 1)] {
-            assert!(bad.validate().is_err(), "{bad:?}");
-        }
     }
 }

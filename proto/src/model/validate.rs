@@ -5,6 +5,7 @@ use crate::model::compaction::{CompactedSeries, Series};
 use crate::model::geometry::{FixedPoint, FixedPose};
 use crate::model::increment::{EdgeKey, Increment, NodeKind, Op};
 use crate::model::signature::{Descriptor, DescriptorModel, ScanRecord, Signature};
+use crate::model::siting::{Datum, PlanImage};
 use crate::model::version::VersionVector;
 use std::f32::consts::TAU;
 
@@ -212,5 +213,52 @@ impl Validate for Series {
     fn validate(&self) -> Result<(), Invalid> {
         self.folds.iter().try_for_each(Validate::validate)?;
         self.increments.iter().try_for_each(Validate::validate)
+    }
+}
+
+impl Validate for PlanImage {
+    fn validate(&self) -> Result<(), Invalid> {
+        let bytes = self.image.len();
+        check(bytes <= Self::MAX_NAME_BYTES, || {
+            format!("an image's name of {bytes} bytes (at most {} are allowed)", Self::MAX_NAME_BYTES)
+        })?;
+        check(!self.image.chars().any(char::is_control), || "an image's name with control characters".to_owned())?;
+        check((1..=Self::MAX_UM_PER_PIXEL).contains(&self.um_per_pixel), || {
+            format!("{} m a pixel (0.000001 to 10 are allowed)", f64::from(self.um_per_pixel) * 1e-6)
+        })?;
+        self.map_from_image.validate()
+    }
+}
+
+impl Validate for Datum {
+    fn validate(&self) -> Result<(), Invalid> {
+        // At the poles there is no east.
+        let (latitude, longitude) = (self.latitude_deg(), self.longitude_deg());
+        check(latitude.abs() < 89.9, || format!("a latitude of {latitude}° (within ±89.9° are allowed)"))?;
+        check(longitude.abs() <= 180.0, || format!("a longitude of {longitude}° (within ±180° are allowed)"))?;
+        FixedPose { position: FixedPoint::default(), yaw_e4: self.yaw_e4 }.validate()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_place_is_refused() {
+        let datum = Datum::from_degrees;
+        assert!(datum(-33.9, 151.2, 6.0).validate().is_ok());
+        for bad in [datum(90.0, 0.0, 0.0), datum(0.0, 180.1, 0.0), datum(f64::INFINITY, 0.0, 0.0)] {
+            assert!(bad.validate().is_err(), "{bad:?}");
+        }
+        let plan = |image: &str, um_per_pixel| PlanImage {
+            image: image.to_owned(),
+            um_per_pixel,
+            map_from_image: FixedPose::default(),
+        };
+        assert!(plan("Erdgeschoß.png", 50_000).validate().is_ok());
+        for bad in [plan("a\nb", 1), plan("", 0), plan("", 10_000_001), plan(&"x".repeat(201), 1)] {
+            assert!(bad.validate().is_err(), "{bad:?}");
+        }
     }
 }

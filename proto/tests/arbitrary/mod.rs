@@ -2,8 +2,8 @@
 
 use fht_proto::model::compaction::{CompactedSeries, Rest};
 use fht_proto::{
-    AuthorId, Datum, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, FloorPlan, Increment, Label,
-    ModelId, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, ScanRecord, Signature, VersionVector, Zone,
+    AuthorId, Datum, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Increment, Label, ModelId,
+    NodeId, NodeKind, Op, PlanImage, Rect, Release, ReleaseId, ReleaseName, ScanRecord, Signature, VersionVector, Zone,
     ZoneRule,
 };
 use proptest::prelude::*;
@@ -84,9 +84,9 @@ fn op() -> impl Strategy<Value = Op> {
     ]
 }
 
-fn floor_plan() -> impl Strategy<Value = FloorPlan> {
-    ("[^\\p{Cc}]{0,20}", 1..=FloorPlan::MAX_UM_PER_PIXEL, pose())
-        .prop_map(|(image, um_per_pixel, map_from_image)| FloorPlan { image, um_per_pixel, map_from_image })
+fn floor_plan() -> impl Strategy<Value = PlanImage> {
+    ("[^\\p{Cc}]{0,20}", 1..=PlanImage::MAX_UM_PER_PIXEL, pose())
+        .prop_map(|(image, um_per_pixel, map_from_image)| PlanImage { image, um_per_pixel, map_from_image })
 }
 
 fn datum() -> impl Strategy<Value = Datum> {

@@ -3,7 +3,7 @@
 
 use crate::crdt::register::{ContentHash, Register, content_hash, join_into};
 use fht_proto::{
-    AuthorId, Datum, DescriptorModel, FixedPose, FloorPlan, Label, ModelId, Op, Release, ReleaseId, Stamp, Zone,
+    AuthorId, Datum, DescriptorModel, FixedPose, Label, ModelId, Op, PlanImage, Release, ReleaseId, Stamp, Zone,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -51,7 +51,7 @@ pub struct ReleaseRef<'a> {
 /// Where the map lies.
 #[derive(Clone, Debug, Default, Serialize)]
 struct Siting {
-    floor_plan: Option<Register<Option<FloorPlan>>>,
+    floor_plan: Option<Register<Option<PlanImage>>>,
     datum: Option<Register<Option<Datum>>>,
 }
 
@@ -159,7 +159,7 @@ impl Annotations {
 
     /// How a floor plan's image lies in the map.
     #[must_use]
-    pub fn floor_plan(&self) -> Option<&FloorPlan> {
+    pub fn floor_plan(&self) -> Option<&PlanImage> {
         self.siting.floor_plan.as_ref().and_then(|register| register.value().as_ref())
     }
 

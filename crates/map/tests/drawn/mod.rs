@@ -3,8 +3,8 @@
 
 use fht_map::MapState;
 use fht_proto::{
-    AuthorId, Datum, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, FloorPlan, Increment, Label,
-    ModelId, NodeId, NodeKind, Op, Rect, Release, ReleaseId, ReleaseName, ScanRecord, Signature, VersionVector, Zone,
+    AuthorId, Datum, Descriptor, DescriptorModel, Digest, EdgeKey, FixedPoint, FixedPose, Increment, Label, ModelId,
+    NodeId, NodeKind, Op, PlanImage, Rect, Release, ReleaseId, ReleaseName, ScanRecord, Signature, VersionVector, Zone,
     ZoneRule,
 };
 use proptest::prelude::*;
@@ -82,7 +82,7 @@ fn annotation() -> impl Strategy<Value = Op> {
         release_id().prop_map(|id| Op::RemoveRelease { id }),
         prop::option::of(release_id()).prop_map(|release| Op::Enable { release }),
         prop::option::of(1..3_u32).prop_map(|um_per_pixel| Op::SetFloorPlan {
-            plan: um_per_pixel.map(|um_per_pixel| FloorPlan {
+            plan: um_per_pixel.map(|um_per_pixel| PlanImage {
                 image: "plan.png".to_owned(),
                 um_per_pixel,
                 map_from_image: FixedPose::default(),

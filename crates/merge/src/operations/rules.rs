@@ -3,7 +3,7 @@
 
 use fht_map::MapState;
 use fht_perception::pose::{Point2, Pose2, from_fixed, to_fixed};
-use fht_proto::{FixedPose, FloorPlan, Label, Op, Zone};
+use fht_proto::{FixedPose, Label, Op, PlanImage, Zone};
 use std::collections::BTreeSet;
 
 /// A place is the same as another of its name within this, metres.
@@ -64,7 +64,7 @@ impl Carried {
         let (known, new) = (a.annotations(), b.annotations());
         if let (None, Some(plan)) = (known.floor_plan(), new.floor_plan()) {
             let map_from_image = to_fixed(&(a_from_b * from_fixed(plan.map_from_image)));
-            self.ops.push(Op::SetFloorPlan { plan: Some(FloorPlan { map_from_image, ..plan.clone() }) });
+            self.ops.push(Op::SetFloorPlan { plan: Some(PlanImage { map_from_image, ..plan.clone() }) });
             self.count += 1;
         }
         if let (None, Some(datum)) = (known.datum(), new.datum()) {

@@ -158,8 +158,8 @@ pub enum Operation {
         /// The map.
         map: MapName,
     },
-    /// What operators have changed, and who, the newest first. Of folded changes only those are told
-    /// that still count.
+    /// What operators have changed, and who, the newest first. Of folded changes only those are
+    /// told that still count.
     #[command(after_help = "Examples:
   map-server journal museum
   map-server journal museum --last 200 --json")]

@@ -149,11 +149,7 @@ impl Operation {
             Self::Close { map, a, b } => close_edge(session, args, &map, [a, b], true).await,
             Self::Open { map, a, b } => close_edge(session, args, &map, [a, b], false).await,
             Self::Undo { map, last, author, against_roles, .. } => {
-                let undone = match (author, against_roles) {
-                    (None, _) => undo::Undone::Newest(last),
-                    (Some(author), None) => undo::Undone::All(author),
-                    (Some(author), Some(file)) => undo::Undone::against_roles(author, &file)?,
-                };
+                let undone = undo::Undone::asked(last, author, against_roles.as_deref())?;
                 show(&undo::undo(session, &map, operator, undone, json).await?, json, undo::in_words)
             }
             Self::Retain { map, keep } => show(&retain(session, map, keep).await?, json, retained_in_words),

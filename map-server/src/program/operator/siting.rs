@@ -3,7 +3,7 @@
 use crate::program::operator::rule::parse_pose;
 use clap::Args;
 use fht_proto::model::validate::Validate;
-use fht_proto::{Datum, FixedPose, FloorPlan, Op};
+use fht_proto::{Datum, FixedPose, Op, PlanImage};
 
 /// How a floor plan's image lies in a map.
 #[derive(Clone, Debug, Args)]
@@ -28,7 +28,7 @@ impl FloorPlanArgs {
     /// What is to be written.
     pub(super) fn op(self) -> Op {
         let plan = self.image.zip(self.scale);
-        let lie = |(image, um_per_pixel)| FloorPlan { image, um_per_pixel, map_from_image: self.at };
+        let lie = |(image, um_per_pixel)| PlanImage { image, um_per_pixel, map_from_image: self.at };
         Op::SetFloorPlan { plan: plan.map(lie) }
     }
 }
@@ -54,7 +54,7 @@ impl DatumArgs {
 
 fn scale(text: &str) -> Result<u32, String> {
     let um = text.parse::<f64>().ok().map(|metres| (metres * 1e6).round());
-    let um = um.filter(|um| (1.0..=f64::from(FloorPlan::MAX_UM_PER_PIXEL)).contains(um));
+    let um = um.filter(|um| (1.0..=f64::from(PlanImage::MAX_UM_PER_PIXEL)).contains(um));
     um.map(|um| um as u32).ok_or_else(|| format!("{text} is not the side of a pixel of 0.000001 to 10 m"))
 }
 

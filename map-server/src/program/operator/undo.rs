@@ -31,10 +31,17 @@ pub(super) enum Undone {
 }
 
 impl Undone {
-    /// What the robot called `name` wrote against the list of roles in `file`.
-    pub(super) fn against_roles(author: RobotName, file: &Path) -> Result<Self, OperatorError> {
-        let writers = read_roles(file).map_err(|error| OperatorError::Usage(error.to_string()))?;
-        Ok(Self::AgainstRoles { author, writers })
+    /// The operator's newest changes; of a robot all that it wrote, or what it wrote against the
+    /// list of roles in a file.
+    pub(super) fn asked(last: u64, author: Option<RobotName>, roles: Option<&Path>) -> Result<Self, OperatorError> {
+        Ok(match (author, roles) {
+            (None, _) => Self::Newest(last),
+            (Some(author), None) => Self::All(author),
+            (Some(author), Some(file)) => {
+                let writers = read_roles(file).map_err(|error| OperatorError::Usage(error.to_string()))?;
+                Self::AgainstRoles { author, writers }
+            }
+        })
     }
 
     /// The robot whose increments are meant; none: the operator's own.

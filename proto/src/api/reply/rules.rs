@@ -3,7 +3,7 @@
 use crate::api::fleet::BlockedReport;
 use crate::model::annotation::ZoneRule;
 use crate::model::ids::MapName;
-use crate::model::siting::{Datum, FloorPlan};
+use crate::model::siting::{Datum, PlanImage};
 use serde::{Deserialize, Serialize};
 
 /// A named place.
@@ -62,9 +62,9 @@ pub struct FloorPlanView {
     pub map_from_image: [f64; 3],
 }
 
-impl From<&FloorPlan> for FloorPlanView {
-    fn from(plan: &FloorPlan) -> Self {
-        let FloorPlan { image, um_per_pixel, map_from_image: pose } = plan;
+impl From<&PlanImage> for FloorPlanView {
+    fn from(plan: &PlanImage) -> Self {
+        let PlanImage { image, um_per_pixel, map_from_image: pose } = plan;
         Self {
             image: image.clone(),
             metres_per_pixel: f64::from(*um_per_pixel) / 1e6,
