@@ -195,7 +195,8 @@ impl Cli {
         if let Some((name, roles)) = operator.zip(config.writers.as_ref()) {
             let role = roles.now().role(AuthorId::of_robot(name.as_str()));
             if role != Some(WriterRole::Operator) {
-                return Err(wrong(format!("--web-operator {name}: the list of roles has no operator of this name")));
+                // The list goes before the name, and may be another one when it is read anew.
+                tracing::warn!("--web-operator {name}: the list of roles has no operator of this name: it only looks");
             }
         }
         Ok(ServerConfig { web: page.filter(|_| self.command.is_none()), ..config })

@@ -200,9 +200,12 @@ async fn robots_use_the_release_that_is_enabled() {
 async fn exports_replace_no_links_and_no_devices() {
     let site = Site::with(3).await;
     let (link, file) = (site.dir.path().join("link"), site.dir.path().join("file"));
-    std::fs::write(&file, "old").unwrap();
+    site.run(&["export", "museum", file.to_str().unwrap()]);
+    site.drive(4, 4).await;
     std::os::unix::fs::symlink(&file, &link).unwrap();
+    let old = std::fs::read(&file).unwrap();
     site.run(&["export", "museum", link.to_str().unwrap()]);
+    assert_ne!(std::fs::read(&file).unwrap(), old, "the newer one");
     let exported = std::fs::read(&file).unwrap();
     assert!(link.is_symlink() && exported.len() > 100);
     let printed = std::process::Command::new(env!("CARGO_BIN_EXE_map-server"))
@@ -210,6 +213,12 @@ async fn exports_replace_no_links_and_no_devices() {
         .output()
         .unwrap();
     assert_eq!(printed.stdout, exported);
+    // What is no exported map stays, such as the store that is served.
+    let store = site.dir.path().join("data/maps.redb");
+    assert!(store.is_file(), "{}", store.display());
+    let refused = site.complaint(&["export", "museum", store.to_str().unwrap()]);
+    assert!(refused.contains("is no exported map: it is not written over"), "{refused}");
+    site.drive(5, 5).await;
     let device = site.complaint(&["export", "museum", "/dev/full"]);
     assert!(device.contains("No space left"), "{device}");
     assert!(!std::path::Path::new("/dev/full").is_file());
