@@ -74,6 +74,8 @@ pub struct Pilot {
     /// Time of the last frame taken in.
     last_us: Option<u64>,
     search_began_m: f64,
+    /// Another map has come to the name, and nothing of it has been seen yet.
+    is_map_new: bool,
 }
 
 impl Pilot {
@@ -98,6 +100,7 @@ impl Pilot {
             started_us: None,
             last_us: None,
             search_began_m: 0.0,
+            is_map_new: false,
             config,
         }
     }
@@ -121,6 +124,7 @@ impl Pilot {
     /// The landmarks from here on are those of another map: the place and the path are void.
     pub fn replace_map(&mut self) {
         self.localizer.replace_map();
+        self.is_map_new = true;
         self.route = None;
         self.refusal = None;
         self.no_way = 0;
@@ -238,8 +242,9 @@ impl Pilot {
         self.progress.restart();
         self.final_turn.end();
         let odometry = &localization.odometry;
-        if landmarks.is_empty() {
-            // A map that has begun anew: there is nothing to find a place by yet.
+        self.is_map_new &= landmarks.is_empty();
+        if self.is_map_new {
+            // There is nothing yet to find a place by.
             self.search_began_m = odometry.odometer_m;
             return (Twist::default(), None);
         }

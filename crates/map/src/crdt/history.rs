@@ -2,12 +2,13 @@
 //! often the same authors and numbers of nodes, but not the same moments.
 
 use crate::crdt::leaf::NodeState;
+use crate::crdt::register::Register;
 use crate::crdt::state::MapState;
 use fht_proto::Stamp;
 
 /// When a node came into being, as far as the map knows, or when it was taken away.
 fn moments(node: &NodeState) -> [Option<Stamp>; 2] {
-    [node.kind.as_ref().map(|kind| kind.stamp()), node.removed()]
+    [node.kind.as_ref().map(Register::stamp), node.removed()]
 }
 
 impl MapState {
