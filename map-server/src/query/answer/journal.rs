@@ -1,5 +1,6 @@
 //! `journal`: what operators have changed, and who. The catalog has followed it: nothing is read.
 
+use crate::access::RoleList;
 use crate::catalog::MapView;
 use crate::query::answer::reply::{Answer, json};
 use crate::query::answer::sources::AnswerSources;
@@ -14,7 +15,7 @@ pub(super) fn journal(
     sources: &AnswerSources,
     (limit, after): (usize, Option<JournalCursor>),
 ) -> Result<Answer, ErrorReply> {
-    let writers = sources.writers.as_ref().map(|writers| writers.now());
+    let writers = sources.writers.as_ref().map(RoleList::now);
     // Who is listed as a robot only looked like an operator.
     let is_robot = |author| {
         let role = writers.as_ref().and_then(|writers| writers.role(author));
@@ -38,7 +39,7 @@ pub(super) fn journal(
 
 /// What authors are called, as far as anybody has said: the list of roles, operators, robots.
 fn names(view: &MapView, sources: &AnswerSources, authors: BTreeSet<AuthorId>) -> BTreeMap<AuthorId, String> {
-    let writers = sources.writers.as_ref().map(|writers| writers.now());
+    let writers = sources.writers.as_ref().map(RoleList::now);
     let listed = |author| writers.as_ref().and_then(|writers| writers.name(author).map(str::to_owned));
     let known = |author| Some((author, listed(author).or_else(|| sources.operators.name(author))?));
     let mut names: BTreeMap<AuthorId, String> = authors.iter().filter_map(|author| known(*author)).collect();
