@@ -110,6 +110,8 @@ pub struct Sync {
     release_after: Option<Instant>,
     head_asked_at: Option<Instant>,
     is_head_under_way: bool,
+    /// Whether the server has ever had the map.
+    is_known: bool,
     /// Whether the server has the map no more.
     is_gone: bool,
     generation: u64,
@@ -141,6 +143,7 @@ impl Sync {
             release_after: None,
             head_asked_at: None,
             is_head_under_way: false,
+            is_known: false,
             is_gone: false,
             generation: 0,
         }
@@ -212,10 +215,10 @@ impl Sync {
         self.generation
     }
 
-    /// The server has the map no more. What writers put from here on is not of the map that the
-    /// copy is of.
+    /// The server has no such map. If it has had it, what writers put from here on is not of the map
+    /// that the copy is of.
     pub fn map_gone(&mut self) {
-        self.is_gone = true;
+        self.is_gone = self.is_known;
     }
 
     /// Whether the map is being fetched anew, because the copy cannot be trusted.
@@ -248,6 +251,7 @@ impl Sync {
         self.is_head_under_way = false;
         if let Some(head) = head {
             let is_gone = head.deletion.as_ref().is_some_and(|deletion| deletion.done);
+            self.is_known = true;
             if std::mem::replace(&mut self.is_gone, is_gone) && !is_gone {
                 // One of its name is there: the same again, or another one.
                 self.follow.conflict();
