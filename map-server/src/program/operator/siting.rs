@@ -17,7 +17,7 @@ pub struct FloorPlanArgs {
     scale: Option<u32>,
     /// Where the image's lower left corner is, and how the image is turned about it: x,y or
     /// x,y,yaw in the map frame, metres and degrees (or radians: 1.57rad).
-    #[arg(long, value_parser = parse_pose, allow_hyphen_values = true, default_value = "0,0,0")]
+    #[arg(long, value_name = "X,Y[,YAW]", value_parser = parse_pose, allow_hyphen_values = true, default_value = "0,0,0")]
     at: FixedPose,
     /// There is no plan.
     #[arg(long, conflicts_with_all = ["image", "scale", "at"])]
