@@ -215,8 +215,8 @@ impl Sync {
         self.generation
     }
 
-    /// The server has no such map. If it has had it, what writers put from here on is not of the map
-    /// that the copy is of.
+    /// The server has no such map. If it has had it, what writers put from here on is not of the
+    /// map that the copy is of.
     pub fn map_gone(&mut self) {
         self.is_gone = self.is_known;
     }
