@@ -73,7 +73,8 @@ export class TimePanel {
     this.store.showPast(past);
     this.now.disabled = !past;
     fill(this.shows, past ? `version ${past.version} of ${this.newest}, ${past.nodes.size} nodes` : "the newest state");
-    if (past) this.slider.value = past.version;
+    // Somebody may have moved it on meanwhile.
+    if (past && (this.wanted ?? past.version) === past.version) this.slider.value = past.version;
     fill(this.play, this.playing ? "Stop" : "Play its growth");
   }
 
