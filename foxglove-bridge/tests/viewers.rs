@@ -3,9 +3,9 @@
 //! other people's MCAP reader the same.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-#[path = "../../tests/src/python.rs"]
+#[path = "../../tests/src/packages.rs"]
 #[allow(dead_code)] // other tests use more of it
-mod python;
+mod packages;
 mod support;
 
 use fht_proto::{EdgeKey, FixedPose, Op, Zone, ZoneRule};
@@ -25,10 +25,7 @@ struct Viewer(RefCell<(Child, BufReader<ChildStdout>)>);
 impl Viewer {
     fn of(url: &str, protocol: &str) -> Self {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/viewer");
-        if !folder.join("node_modules/.package-lock.json").exists() {
-            // This test needs Node.js 20 or newer with npm: apt-get install -y nodejs npm
-            python::run(Command::new("npm").arg("ci").current_dir(&folder));
-        }
+        packages::node_packages(&folder);
         let mut node = Command::new("node");
         let pipes = node.stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = pipes.arg(folder.join("view.mjs")).args([url, protocol]).spawn().unwrap();
@@ -151,10 +148,10 @@ async fn robots_come_and_go(site: &Site, viewer: &Viewer) -> [LivelinessToken; 2
 
 /// What other people's MCAP reader finds in a file.
 fn recorded(record: &Path) -> Value {
-    let packages = ["mcap==1.6.0", "mcap-protobuf-support==0.6.0"];
-    let python = python::environment(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("mcap"), &packages).join("python");
+    let wanted = ["mcap==1.6.0", "mcap-protobuf-support==0.6.0"];
+    let python = packages::environment(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("mcap"), &wanted).join("python");
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/viewer/read.py");
-    let read = python::run(Command::new(python).arg(script).arg(record)).stdout;
+    let read = packages::run(Command::new(python).arg(script).arg(record)).stdout;
     serde_json::from_slice(&read).unwrap()
 }
 

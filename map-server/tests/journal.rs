@@ -2,9 +2,9 @@
 //! pages of it are asked by clients that are not ours, and nothing is read from the log for them.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-#[path = "../../tests/src/python.rs"]
+#[path = "../../tests/src/packages.rs"]
 #[allow(dead_code)] // the other tests use more of it
-mod python;
+mod packages;
 mod support;
 
 use fht_proto::api::keys::Key;
@@ -85,11 +85,11 @@ async fn who_changed_what_is_known_after_a_restart_and_to_foreign_clients() {
 
     // Page by page, by somebody else's program.
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("journal-zenoh-cli");
-    let zenoh = python::environment(&folder, &[python::ZENOH_CLI]).join("zenoh");
+    let zenoh = packages::environment(&folder, &[packages::ZENOH_CLI]).join("zenoh");
     let (mut after, mut all) = (String::new(), Vec::new());
     loop {
         let selector = format!("fht/museum/journal?limit=4{after}");
-        let output = python::run(Command::new(&zenoh).args([
+        let output = packages::run(Command::new(&zenoh).args([
             "--connect",
             &site.endpoint,
             "get",

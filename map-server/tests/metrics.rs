@@ -2,9 +2,9 @@
 //! dashboard and the alerts in `deploy/` ask for none that there is not.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-#[path = "../../tests/src/python.rs"]
+#[path = "../../tests/src/packages.rs"]
 #[allow(dead_code)] // the other tests use more of it
-mod python;
+mod packages;
 mod support;
 
 use std::collections::BTreeSet;
@@ -59,7 +59,7 @@ async fn others_read_the_figures_and_the_dashboard_asks_for_those_that_there_are
     let text = figures(address);
 
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("prometheus-client");
-    let python = python::environment(&folder, &["prometheus-client==0.26.0"]).join("python");
+    let python = packages::environment(&folder, &["prometheus-client==0.26.0"]).join("python");
     let mut reader =
         Command::new(python).args(["-c", READER]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
     reader.stdin.take().unwrap().write_all(text.as_bytes()).unwrap();

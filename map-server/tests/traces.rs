@@ -2,9 +2,9 @@
 //! costs nobody an answer.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-#[path = "../../tests/src/python.rs"]
+#[path = "../../tests/src/packages.rs"]
 #[allow(dead_code)] // the other tests use more of it
-mod python;
+mod packages;
 mod support;
 
 use serde_json::Value;
@@ -102,7 +102,7 @@ fn take(stream: TcpStream) -> Vec<u8> {
 /// What somebody else reads in them.
 fn spans(bodies: &[Vec<u8>]) -> Vec<Value> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("opentelemetry-proto");
-    let python = python::environment(&folder, &["opentelemetry-proto==1.30.0"]).join("python");
+    let python = packages::environment(&folder, &["opentelemetry-proto==1.30.0"]).join("python");
     let mut reader =
         Command::new(python).args(["-c", READER]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
     let mut input = reader.stdin.take().unwrap();

@@ -3,9 +3,9 @@
 //! scenarios are in `browser/`.
 #![allow(clippy::unwrap_used)] // tests may panic
 
-#[path = "../../tests/src/python.rs"]
+#[path = "../../tests/src/packages.rs"]
 #[allow(dead_code)] // the other tests use more of it
-mod python;
+mod packages;
 mod support;
 
 use fht_proto::api::keys::Key;
@@ -70,14 +70,11 @@ fn hall() -> Vec<Value> {
 /// Runs a script with a server of its own, with more flags, and files in a folder; what it prints.
 fn run(script: &str, flags: &[String], folder: Option<&Path>) -> String {
     let chromium = program(&BROWSERS).expect("this test needs a browser: apt-get install -y chromium");
-    let npm = program(&["npm"]).filter(|_| program(&["node"]).is_some());
-    let npm = npm.expect("this test needs Node.js 20 or newer with npm: apt-get install -y nodejs npm");
+    assert!(program(&["npm"]).is_some(), "this test needs Node.js 20 or newer with npm: apt-get install -y nodejs npm");
     let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser");
-    if !scripts.join("node_modules/.package-lock.json").exists() {
-        python::run(Command::new(npm).arg("ci").current_dir(&scripts));
-    }
-    let packages = Path::new(env!("CARGO_TARGET_TMPDIR")).join("web-browser");
-    let python = python::environment(&packages, &["eclipse-zenoh==1.10.2"]).join("python");
+    packages::node_packages(&scripts);
+    let folder_of_python = Path::new(env!("CARGO_TARGET_TMPDIR")).join("web-browser");
+    let python = packages::environment(&folder_of_python, &["eclipse-zenoh==1.10.2"]).join("python");
 
     let dir = tempfile::tempdir().unwrap();
     let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
@@ -116,7 +113,7 @@ fn certificates_decide_what_the_page_offers() {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../deploy/make-certificates.sh");
     for arguments in [&["authority"][..], &["server", "maps", "localhost"], &["operator", "ada"], &["client", "tug"]] {
         let mut make = Command::new("sh");
-        python::run(make.arg(&script).arg("--out").arg(folder.path()).arg("--no-passphrase").args(arguments));
+        packages::run(make.arg(&script).arg("--out").arg(folder.path()).arg("--no-passphrase").args(arguments));
     }
     let files = [("certificate", "server-maps.pem"), ("key", "server-maps.key"), ("authority", "ca.pem")];
     let flag = |(name, file): (&str, &str)| [format!("--web-{name}"), folder.path().join(file).display().to_string()];

@@ -1,7 +1,7 @@
 //! Other projects' ROS 2 programs, those of `tests/foreign_ros`, built where they are first asked
 //! for.
 
-use crate::python::run;
+use crate::packages::run;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

@@ -34,7 +34,7 @@ pub mod fleet;
 pub mod foreign_ros;
 pub mod maps;
 pub mod museum_demo;
-pub mod python;
+pub mod packages;
 pub mod router;
 pub mod simulation;
 pub mod site;

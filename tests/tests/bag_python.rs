@@ -6,7 +6,7 @@ use fht_bag::{BagError, BagReport, Dropped, FrameConfig, Frames, TopicConfig, su
 use fht_demo::{Process, Role, free_endpoint};
 use fht_perception::frame::SensorFrame;
 use fht_sim::SimSetup;
-use fht_tests::python::{environment, run};
+use fht_tests::packages::{environment, run};
 use mapper::program::{ExploreReport, ExploreTask, explore};
 use mapper::run::MappingTask;
 use serde_json::Value;

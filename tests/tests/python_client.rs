@@ -15,7 +15,7 @@ use fht_proto::{
 };
 use fht_session::SessionConfig;
 use fht_tests::corridors::{corridors, put};
-use fht_tests::python::environment;
+use fht_tests::packages::environment;
 use serde::Serialize;
 use std::io::{BufRead, BufReader, Lines};
 use std::path::{Path, PathBuf};

@@ -4,7 +4,7 @@
 
 use fht_demo::{Process, Role, free_endpoint};
 use fht_tests::foreign_ros;
-use fht_tests::python::environment;
+use fht_tests::packages::environment;
 use serde::Deserialize;
 use std::io::{BufRead, BufReader, Lines};
 use std::path::Path;

@@ -17,7 +17,7 @@ use fht_ros_messages::msg::{
 use fht_ros_messages::{Distribution, RosMessage, RosService, definition, type_hash};
 use fht_ros_robot::{OutputRole, PlaceNow, RosOutputs, RosRobot, RosRobotConfig};
 use fht_session::SessionConfig;
-use fht_tests::python::environment;
+use fht_tests::packages::environment;
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Lines, Write};
 use std::path::Path;

@@ -9,7 +9,7 @@ use fht_demo::{Process, ProcessError, Role};
 use fht_proto::api::keys::Key;
 use fht_proto::api::reply::{MapsReply, PathReply};
 use fht_session::SessionConfig;
-use fht_tests::python::{ZENOH_CLI, environment, run};
+use fht_tests::packages::{ZENOH_CLI, environment, run};
 use map_server::ingest::Retained;
 use serde_json::Value;
 use site::{

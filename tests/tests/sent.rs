@@ -12,7 +12,7 @@ use fht_proto::api::keys::{GoalTopic, Key, RobotTopic};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, NodesReply, PathReply};
 use fht_session::SessionConfig;
 use fht_tests::corridors::{corridors, put};
-use fht_tests::python::{ZENOH_CLI, environment, run};
+use fht_tests::packages::{ZENOH_CLI, environment, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;

@@ -6,7 +6,7 @@ use fht_demo::{Process, Role, free_endpoint};
 use fht_proto::api::reply::PathReply;
 use fht_session::SessionConfig;
 use fht_tests::corridors::{corridors, put};
-use fht_tests::python::{ZENOH_CLI, environment, run};
+use fht_tests::packages::{ZENOH_CLI, environment, run};
 use std::path::Path;
 use std::process::Command;
 use std::time::Duration;

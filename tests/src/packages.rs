@@ -1,5 +1,6 @@
-//! Python packages from PyPI, for tests with other people's programs.
+//! Packages from PyPI and npm, for tests with other people's programs.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -16,12 +17,22 @@ pub fn run(command: &mut Command) -> Output {
     output
 }
 
+/// Holds `of`, a file or a folder, against whoever else prepares it: tests run beside each other.
+fn lock(of: &Path) -> File {
+    let locked = File::open(of).and_then(|file| file.lock().map(|()| file));
+    locked.unwrap_or_else(|error| panic!("{}: {error}", of.display()))
+}
+
 /// The `bin` folder of a virtual environment with `packages`, made once in `folder`.
 ///
 /// # Panics
 /// When it cannot be made.
 #[must_use]
 pub fn environment(folder: &Path, packages: &[&str]) -> PathBuf {
+    if let Err(error) = std::fs::create_dir_all(folder) {
+        panic!("{}: {error}", folder.display());
+    }
+    let _alone = lock(folder);
     let commands = folder.join("bin");
     // Written last: an environment that was interrupted while being made is made again.
     let done = folder.join("packages.txt");
@@ -35,4 +46,16 @@ pub fn environment(folder: &Path, packages: &[&str]) -> PathBuf {
         panic!("{}: {error}", done.display());
     }
     commands
+}
+
+/// Installs what `package-lock.json` of `folder` names, once.
+///
+/// # Panics
+/// When it cannot be installed, for instance without npm (`apt-get install -y nodejs npm`).
+pub fn node_packages(folder: &Path) {
+    let _alone = lock(&folder.join("package.json"));
+    // npm writes it last.
+    if !folder.join("node_modules/.package-lock.json").exists() {
+        run(Command::new("npm").arg("ci").current_dir(folder));
+    }
 }
