@@ -4,8 +4,7 @@
 
 use crate::pilot::{DriveGoal, Failure, Pilot, PilotConfig, PilotStep, Task, TaskOutcome};
 use fht_client::{FreeSpaceCache, LiveReplica, PathSource};
-use fht_localization::landmarks::Landmarks;
-use fht_localization::preparation::Preparation;
+use fht_localization::LiveLandmarks;
 use fht_map::{MapState, NodeRef, Rules};
 use fht_perception::frame::{Panorama, SensorFrame};
 use fht_perception::pose::{Point2, Pose2, from_fixed};
@@ -342,27 +341,16 @@ pub(crate) async fn direct<R: Robot>(
     services: &mut Services<'_>,
     observer: &mut impl MissionObserver,
 ) -> Result<TaskOutcome, MissionError> {
-    let mut landmarks = Landmarks::default();
-    let mut preparation = Preparation::start(walls);
-    let (mut seen_changes, mut generation) = (None, services.map.generation());
+    let mut live = LiveLandmarks::start(walls, services.map.generation());
     loop {
         let frame = next_frame(robot, director, services.map, observer).await?;
-        // Before the changes: the map that they are read from is this one, or a newer one.
-        let is_other = std::mem::replace(&mut generation, services.map.generation()) != generation;
-        if is_other {
-            // What is being put together is of the old one.
-            (landmarks, preparation, seen_changes) = (Landmarks::default(), Preparation::start(walls), None);
+        if live.is_replaced(services.map.generation()) {
             pilot.replace_map();
             if let Some(outcome) = director.map_replaced() {
                 return Ok(outcome);
             }
         }
-        let changes = services.map.changes();
-        if seen_changes != Some(changes) {
-            seen_changes = Some(changes);
-            services.map.view(&mut |map| preparation.follow(&mut landmarks, map));
-        }
-        preparation.take(&mut landmarks);
+        live.follow(services.map.changes(), |follow| services.map.view(follow));
         if let Some(task) = director.before(services.map) {
             give(pilot, task, observer);
         }
@@ -370,7 +358,7 @@ pub(crate) async fn direct<R: Robot>(
             pilot.point_at(map_from_base);
         }
         let describe = || frame.panorama.as_ref().and_then(|panorama| (services.describe)(panorama));
-        let step = pilot.step(&landmarks, &frame, describe, services.paths);
+        let step = pilot.step(live.landmarks(), &frame, describe, services.paths);
         let flow = observer.on_frame(&frame, &step, pilot);
         match director.after(&step, pilot, services.map) {
             ControlFlow::Break(outcome) => return Ok(outcome),

@@ -2,12 +2,19 @@
 //! passed, which runs evenly. What lasts for a while is measured by the latter.
 
 use std::sync::OnceLock;
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Microseconds since the Unix epoch.
 pub(crate) fn now_us() -> u64 {
     let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(since_epoch.as_micros()).unwrap_or(u64::MAX)
+}
+
+/// A time of day in UTC, to the second (RFC 3339), of microseconds since the Unix epoch. What is
+/// beyond all calendars is the last second of the year 9999.
+pub(crate) fn utc_text(us: u64) -> String {
+    const LAST: Duration = Duration::from_secs(253_402_300_799);
+    humantime::format_rfc3339_seconds(UNIX_EPOCH + Duration::from_micros(us).min(LAST)).to_string()
 }
 
 /// Microseconds since somebody first asked.

@@ -12,10 +12,10 @@ use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
-use support::{ANA, ask, bytes, client, free_endpoint, head_when, key, until_up};
+use support::{ANA, Server, ask, bytes, client, free_endpoint, head_when, key, until_up};
 
 /// Prints a line for each span of the requests, whose lengths and bytes come on standard input.
 const READER: &str = "
@@ -34,31 +34,9 @@ while head := sys.stdin.buffer.read(4):
 ";
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// A server with an environment, killed when dropped.
-struct Traced(Child);
-
-impl Traced {
-    fn start(folder: &Path, endpoint: &str, environment: &[(&str, &str)]) -> Self {
-        let log = std::fs::File::create(folder.join("log")).unwrap();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_map-server"));
-        command.args(["--data", folder.join("data").to_str().unwrap(), "--listen", endpoint]);
-        let own = std::env::vars().filter(|(name, _)| name.starts_with("OTEL_")).map(|(name, _)| name);
-        own.chain(["RUST_LOG".to_owned()]).for_each(|name| _ = command.env_remove(name));
-        Self(command.envs(environment.iter().copied()).stderr(log).spawn().unwrap())
-    }
-
-    /// SIGTERM, and the exit code.
-    fn terminate(mut self) -> Option<i32> {
-        Command::new("kill").arg(self.0.id().to_string()).status().unwrap();
-        self.0.wait().unwrap().code()
-    }
-}
-
-impl Drop for Traced {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
+/// A server that exports as `environment` says.
+fn traced(folder: &Path, endpoint: &str, environment: &[(&str, &str)]) -> Server {
+    Server::in_environment(&folder.join("data"), endpoint, &[], environment, &folder.join("log"))
 }
 
 /// Takes requests over HTTP, and hands on their bodies.
@@ -121,7 +99,7 @@ async fn a_query_is_one_trace_with_what_came_of_it() {
     let (dir, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint());
     let (collector, bodies) = collector();
     let environment = [("OTEL_EXPORTER_OTLP_ENDPOINT", collector.as_str()), ("OTEL_BSP_SCHEDULE_DELAY", "100")];
-    let server = Traced::start(dir.path(), &endpoint, &environment);
+    let mut server = traced(dir.path(), &endpoint, &environment);
     let session = client(&endpoint).await;
     until_up(&session).await;
     for number in 1..=6 {
@@ -193,7 +171,7 @@ async fn a_collector_that_is_away_or_slow_costs_nobody_an_answer() {
             ("OTEL_BSP_SCHEDULE_DELAY", "50"),
             ("OTEL_BSP_MAX_QUEUE_SIZE", "16"),
         ];
-        let server = Traced::start(dir.path(), &endpoint, &environment);
+        let mut server = traced(dir.path(), &endpoint, &environment);
         let session = client(&endpoint).await;
         until_up(&session).await;
         let said =
@@ -222,7 +200,7 @@ async fn nothing_is_exported_unless_it_is_said_where_to_and_in_words_that_are_un
         (&[("OTEL_EXPORTER_OTLP_ENDPOINT", "https://collector:4318")][..], Some("must begin with http://")),
     ] {
         let (dir, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint());
-        let server = Traced::start(dir.path(), &endpoint, environment);
+        let mut server = traced(dir.path(), &endpoint, environment);
         let session = client(&endpoint).await;
         until_up(&session).await;
         assert_eq!(server.terminate(), Some(0));

@@ -84,7 +84,7 @@ fn op(view: OpView) -> Op {
         OpView::SetFloorPlan { plan } => Op::SetFloorPlan {
             plan: plan.map(|plan| PlanImage {
                 image: plan.image,
-                um_per_pixel: (plan.metres_per_pixel * 1e6).round() as u32,
+                um_per_pixel: PlanImage::um_per_pixel(plan.metres_per_pixel).unwrap(),
                 map_from_image: pose(plan.map_from_image),
             }),
         },

@@ -3,6 +3,7 @@
 use fht_proto::RobotName;
 use serde::Serialize;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use x509_parser::certificate::X509Certificate;
 
 /// What a member of the site is, by its certificate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -46,10 +47,18 @@ pub enum Caller {
 }
 
 impl Caller {
-    /// Whom a certificate (DER) names: its common name is `ROLE:NAME`.
-    pub(crate) fn of_certificate(der: &[u8]) -> Self {
+    /// Who shows a certificate (DER), and how much longer it holds. One that cannot be read names
+    /// nobody and does not hold.
+    pub(crate) fn of_certificate(der: &[u8], now: SystemTime) -> (Self, Duration) {
+        match x509_parser::parse_x509_certificate(der) {
+            Ok((_, certificate)) => (Self::named_in(&certificate), holds_for(&certificate, now)),
+            Err(_) => (Self::Stranger, Duration::ZERO),
+        }
+    }
+
+    /// The common name is `ROLE:NAME`.
+    fn named_in(certificate: &X509Certificate<'_>) -> Self {
         let named = || {
-            let (_, certificate) = x509_parser::parse_x509_certificate(der).ok()?;
             let mut names = certificate.subject().iter_common_name();
             let name = names.next()?.as_str().ok()?.to_owned();
             // Of two names nobody knows which one counts.
@@ -63,9 +72,7 @@ impl Caller {
     }
 }
 
-/// How much longer a certificate (DER) holds. One that cannot be read does not.
-pub(crate) fn holds_for(der: &[u8], now: SystemTime) -> Duration {
-    let Ok((_, certificate)) = x509_parser::parse_x509_certificate(der) else { return Duration::ZERO };
+fn holds_for(certificate: &X509Certificate<'_>, now: SystemTime) -> Duration {
     let ends_s = certificate.validity().not_after.timestamp();
     let now_s = now.duration_since(UNIX_EPOCH).unwrap_or_default();
     Duration::from_secs(ends_s.try_into().unwrap_or(0)).saturating_sub(now_s)

@@ -1,7 +1,7 @@
 //! A socket that is bound, and connections taken from it: bounded in number, and in how long they
 //! may keep others waiting.
 
-use crate::caller::{Caller, holds_for};
+use crate::caller::Caller;
 use crate::error::DoorError;
 use crate::hosts::Hosts;
 use crate::patient_io::PatientIo;
@@ -175,9 +175,11 @@ async fn let_in(
     match timeout(limits.handshake, acceptor.accept(stream)).await {
         Ok(Ok(stream)) => {
             let shown = stream.get_ref().1.peer_certificates().and_then(<[_]>::first);
-            let caller = shown.map_or(Caller::Stranger, |certificate| Caller::of_certificate(certificate));
-            let holds = shown.map_or(LONGEST, |certificate| holds_for(certificate, SystemTime::now()).min(LONGEST));
-            Some((patient(Box::new(stream)), caller, holds))
+            let (caller, holds) = match shown {
+                Some(certificate) => Caller::of_certificate(certificate, SystemTime::now()),
+                None => (Caller::Stranger, LONGEST),
+            };
+            Some((patient(Box::new(stream)), caller, holds.min(LONGEST)))
         }
         Ok(Err(error)) => {
             tracing::debug!("no TLS connection: {error}");

@@ -4,9 +4,8 @@ use crate::map::Map;
 use fht_client::PoseReport;
 #[cfg(feature = "descriptor")]
 use fht_descriptor::DescriptorNet;
-use fht_localization::landmarks::Landmarks;
+use fht_localization::LiveLandmarks;
 use fht_localization::localizer::{Localization, Localizer, LocalizerConfig};
-use fht_localization::preparation::Preparation;
 use fht_navigation::disambiguation::{Ambiguity, DisambiguationConfig};
 use fht_navigation::local_map::{LocalMap, LocalMapConfig};
 use fht_navigation::searching::Searcher;
@@ -47,10 +46,7 @@ impl Map {
         let footprint = &self.inner.footprint;
         MapLocalizer {
             map: self.clone(),
-            landmarks: Landmarks::default(),
-            preparation: Preparation::start(Taking::WhenThere),
-            seen_changes: None,
-            generation: self.inner.replica.generation(),
+            live: LiveLandmarks::start(Taking::WhenThere, self.inner.replica.generation()),
             localizer: Localizer::new(config),
             local_map: LocalMap::new(LocalMapConfig::default()),
             searcher: Searcher::new(
@@ -138,11 +134,7 @@ impl LocalizerState {
 #[doc(alias = "Localizer")]
 pub struct MapLocalizer {
     map: Map,
-    landmarks: Landmarks,
-    preparation: Preparation,
-    seen_changes: Option<u64>,
-    /// Of the map that the landmarks are of.
-    generation: u64,
+    live: LiveLandmarks,
     localizer: Localizer,
     local_map: LocalMap,
     searcher: Searcher,
@@ -174,7 +166,7 @@ impl MapLocalizer {
         }
         self.last_us = Some(frame.time_us);
         self.follow_map();
-        let (landmarks, localizer) = (&self.landmarks, &mut self.localizer);
+        let (landmarks, localizer) = (self.live.landmarks(), &mut self.localizer);
         #[cfg(feature = "descriptor")]
         let localization =
             localizer.update(landmarks, frame, || describe(self.cameras.as_mut()?, frame.panorama.as_ref()?));
@@ -193,18 +185,10 @@ impl MapLocalizer {
 
     fn follow_map(&mut self) {
         let replica = &self.map.inner.replica;
-        let generation = replica.generation();
-        if std::mem::replace(&mut self.generation, generation) != generation {
-            // What is being put together is of the old map.
-            (self.landmarks, self.preparation) = (Landmarks::default(), Preparation::start(Taking::WhenThere));
+        if self.live.is_replaced(replica.generation()) {
             self.localizer.replace_map();
-            self.seen_changes = None;
         }
-        let changes = replica.changes();
-        if self.seen_changes.replace(changes) != Some(changes) {
-            self.preparation.follow(&mut self.landmarks, &replica.running());
-        }
-        self.preparation.take(&mut self.landmarks);
+        self.live.follow(replica.changes(), |follow| follow(&replica.running()));
     }
 
     /// While the place is not known: how to move to see more, clear of obstacles. Call it for the
@@ -212,7 +196,7 @@ impl MapLocalizer {
     pub fn search(&mut self, frame: &SensorFrame) -> Twist {
         let odom_from_base = self.localizer.current().odometry.odom_from_base;
         let candidates = self.localizer.relocalizer().ambiguity();
-        let landmarks = &self.landmarks;
+        let landmarks = self.live.landmarks();
         let ambiguity = landmarks.has_walls().then(|| Ambiguity { known: &landmarks.walls().known, candidates });
         self.searcher.step(ambiguity.as_ref(), &self.local_map, &odom_from_base, &frame.scan)
     }

@@ -16,6 +16,7 @@
 //! | [`localizer`] | all of it, frame by frame: a [`Localizer`] |
 //! | [`landmarks`] | a map's main nodes: what they look like, and what they saw |
 //! | [`preparation`] | what they saw put together in a thread, as the map changes |
+//! | [`live_landmarks`] | the landmarks of a map that changes, or becomes another one |
 //! | [`relocalization`] | looking for a place in the whole map, and when to believe it |
 //! | `hypotheses` | places where a robot may be, weighed by all that it sees on its way |
 //! | `wall_squares` | what was seen, as pieces of wall that count once |
@@ -83,6 +84,7 @@ mod distinction;
 mod estimate;
 mod hypotheses;
 pub mod landmarks;
+pub mod live_landmarks;
 pub mod localizer;
 mod place_evidence;
 mod pose_fix;
@@ -94,6 +96,7 @@ mod wall_squares;
 pub use confidence::ConfidenceConfig;
 pub use hypotheses::{Hypothesis, WeighConfig};
 pub use landmarks::{Landmark, Landmarks, UnusableDescriptors, check_usable};
+pub use live_landmarks::LiveLandmarks;
 pub use localizer::{Localization, Localizer, LocalizerConfig};
 pub use place_evidence::PlaceEvidence;
 pub use pose_fix::{Fix, PoseFixConfig};

@@ -74,7 +74,7 @@ impl OperatorJournal {
     pub fn take(journal: &mut Arc<Self>, increment: &Increment) {
         let Increment { author, number, hlc_us, ops } = increment;
         let at = JournalCursor { hlc_us: *hlc_us, author: *author, number: *number };
-        Self::note(journal, at, &ops.iter().collect::<Vec<_>>(), false);
+        Self::note(journal, at, ops.iter(), false);
     }
 
     /// What is left of folded increments has taken their place.
@@ -87,27 +87,32 @@ impl OperatorJournal {
         }
         for rest in &series.rests {
             let at = JournalCursor { hlc_us: rest.hlc_us, author: series.author, number: rest.number };
-            Self::note(journal, at, &rest.ops.iter().map(|(_, op)| op).collect::<Vec<_>>(), true);
+            Self::note(journal, at, rest.ops.iter().map(|(_, op)| op), true);
         }
     }
 
-    fn note(journal: &mut Arc<Self>, at: JournalCursor, ops: &[&Op], is_folded: bool) {
+    fn note<'a>(
+        journal: &mut Arc<Self>,
+        at: JournalCursor,
+        ops: impl Iterator<Item = &'a Op> + Clone,
+        is_folded: bool,
+    ) {
         let known = journal.writers.get(&at.author).copied();
-        let operates = || ops.iter().any(|op| may_write(WriterRole::Explorer, at.author, op).is_err());
+        let operates = || ops.clone().any(|op| may_write(WriterRole::Explorer, at.author, op).is_err());
         let deeds = match known {
             Some(Deeds::Operates) => known,
             _ if operates() => Some(Deeds::Operates),
-            None if ops.iter().any(|op| matches!(op, Op::PutNode { .. })) => Some(Deeds::Maps),
+            None if ops.clone().any(|op| matches!(op, Op::PutNode { .. })) => Some(Deeds::Maps),
             known => known,
         };
         if let Some(deeds) = deeds.filter(|_| deeds != known) {
             Arc::make_mut(journal).writers.insert(at.author, deeds);
         }
-        let erases = |op: &&Op| matches!(op, Op::RemoveNode { id } if id.author != at.author);
+        let erases = |op: &Op| matches!(op, Op::RemoveNode { id } if id.author != at.author);
         let is_operators = match deeds {
             Some(Deeds::Operates) => true,
             Some(Deeds::Maps) => false,
-            None => !ops.is_empty() && ops.iter().all(erases),
+            None => ops.clone().next().is_some() && ops.clone().all(erases),
         };
         if is_operators {
             let change = OperatorChange { is_folded, words: in_words(at.author, ops) };

@@ -1,6 +1,7 @@
 // Where on earth the map is: latitude and longitude of its origin, and how it is turned.
 
 import { el, fill, labelled } from "./dom.js";
+import { toDegrees } from "./geometry.js";
 
 const FIELDS = [
   ["latitude", "latitude of the origin, °", -89.9, 89.9],
@@ -43,7 +44,7 @@ export class EarthPanel {
     const told = JSON.stringify(datum ?? null);
     if (told === this.told) return;
     this.told = told;
-    const turn = datum ? Number(((datum.yaw * 180) / Math.PI).toFixed(3)) : 0;
+    const turn = datum ? toDegrees(datum.yaw) : 0;
     this.words.textContent = datum
       ? `The origin is at latitude ${datum.latitude}°, longitude ${datum.longitude}°; x points ${turn}° from east.`
       : "Nobody has said where on earth this map is.";

@@ -47,6 +47,9 @@ export function readPoints(text) {
   return points.every((point) => point.length === 2 && point.every(Number.isFinite)) ? points : null;
 }
 
+// For people: to a thousandth.
+export const toDegrees = (radians) => Number(((radians * 180) / Math.PI).toFixed(3));
+
 export const point = ([x, y], digits = 3) => `${x.toFixed(digits)},${y.toFixed(digits)}`;
 
 // Latitude and longitude, degrees, of a point of the map, in the plane that touches the earth at the

@@ -2,6 +2,7 @@
 // how it lies can be written into the map, and then holds for everybody who lays the image under it.
 
 import { el, fill, labelled } from "./dom.js";
+import { toDegrees } from "./geometry.js";
 
 const MOST_BYTES = 20e6;
 const START = { scale: 0.05, x: 0, y: 0, turn: 0, shade: 0.5 };
@@ -12,8 +13,6 @@ const FIELDS = [
   ["turn", "turned by, °", 0.5],
   ["shade", "strength, 0 to 1", 0.1],
 ];
-
-const toDegrees = (radians) => Number(((radians * 180) / Math.PI).toFixed(3));
 
 export class PlanPanel {
   constructor(box, store, { say, changed, mayChange, send }) {

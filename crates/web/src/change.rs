@@ -162,10 +162,10 @@ fn zone(posted: PostedZone) -> Result<Zone, ErrorReply> {
 }
 
 fn floor_plan(posted: FloorPlanView) -> Result<PlanImage, ErrorReply> {
-    let um = (posted.metres_per_pixel * 1e6).round();
-    // `as` saturates, and what is out of range is refused below.
-    let plan = PlanImage { image: posted.image, um_per_pixel: um as u32, map_from_image: pose(posted.map_from_image)? };
-    valid(plan)
+    let FloorPlanView { image, metres_per_pixel, map_from_image } = posted;
+    let refused = || bad_request(format!("{metres_per_pixel} m a pixel (0.000001 to 10 are allowed)"));
+    let um_per_pixel = PlanImage::um_per_pixel(metres_per_pixel).ok_or_else(refused)?;
+    valid(PlanImage { image, um_per_pixel, map_from_image: pose(map_from_image)? })
 }
 
 fn datum(posted: DatumView) -> Result<Datum, ErrorReply> {
@@ -277,7 +277,7 @@ mod tests {
             ),
             (
                 r#"{"op":"set_floor_plan","plan":{"image":"a","metres_per_pixel":-1,"map_from_image":[0,0,0]}}"#,
-                "0 m a pixel",
+                "-1 m a pixel",
             ),
             (r#"{"op":"set_floor_plan"}"#, "plan"),
             (r#"{"op":"set_datum","datum":{"latitude":91,"longitude":0,"yaw":0}}"#, "a latitude of 91°"),

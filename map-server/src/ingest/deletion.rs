@@ -2,6 +2,7 @@
 //! map had is noted, so that what its writers still send does not begin it anew.
 
 use crate::catalog::MapView;
+use crate::clock::utc_text;
 use crate::ingest::check::{Checked, Refusal};
 use crate::ingest::pipeline::Ingest;
 use crate::store::{DeletionRecord, IncrementOrigin, StoreError};
@@ -9,20 +10,15 @@ use fht_proto::MapName;
 use fht_proto::api::deletion::{DeletionOrder, MapDeletion};
 use fht_proto::api::reply::Head;
 use std::sync::Arc;
-use std::time::{Duration, UNIX_EPOCH};
 
 /// When a deletion that failed is tried again, microseconds.
 const AGAIN_US: u64 = 3_600_000_000;
-
-fn in_words(us: u64) -> String {
-    humantime::format_rfc3339_seconds(UNIX_EPOCH + Duration::from_micros(us)).to_string()
-}
 
 /// What everybody is told of an order that is given at `now_us` (microseconds since 1970).
 pub(super) fn deletion_at(order: &DeletionOrder, now_us: u64) -> MapDeletion {
     let DeletionOrder { grace_s, reason, by, moved_to } = order.clone();
     let at_us = now_us + grace_s * 1_000_000;
-    MapDeletion { at_us, at: in_words(at_us), by: by.as_str().to_owned(), reason, moved_to, done: false }
+    MapDeletion { at_us, at: utc_text(at_us), by: by.as_str().to_owned(), reason, moved_to, done: false }
 }
 
 impl Ingest {
@@ -78,7 +74,7 @@ impl Ingest {
             if let Err(error) = self.finish_deletion(view, record.deletion.clone()) {
                 tracing::error!("map {map} could not be deleted, and is tried again in an hour: {error}");
                 let at_us = now_us + AGAIN_US;
-                let deletion = MapDeletion { at_us, at: in_words(at_us), ..record.deletion };
+                let deletion = MapDeletion { at_us, at: utc_text(at_us), ..record.deletion };
                 self.catalog.set_deletion(&map, Some(DeletionRecord { deletion, last: None }));
             }
         }

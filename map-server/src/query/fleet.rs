@@ -124,9 +124,7 @@ impl Fleet {
     /// The name of the robot that writes to a map as an author, if it was heard of.
     #[must_use]
     pub fn name_of(&self, map: &MapName, author: AuthorId) -> Option<String> {
-        let known = self.lock();
-        let mut names = known.robots.keys().filter(|(of, _)| of == map).map(|(_, name)| name);
-        names.find(|name| AuthorId::of_robot(name) == author).cloned()
+        self.names(map).into_iter().find(|(of, _)| *of == author).map(|(_, name)| name)
     }
 
     /// The robots of a map that were heard of, and the authors that they are.

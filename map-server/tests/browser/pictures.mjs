@@ -1,11 +1,13 @@
-// Pictures of each view, for docs/web.md: node pictures.mjs URL FOLDER CHROMIUM
+// Pictures of each view, for docs/web.md: node pictures.mjs URL FOLDER CHROMIUM PLAN
 //
 // At URL there is a server with the page on which somebody may change maps, with a map `museum` of
-// the built-in museum with a release `spring.1` and two places, and robots on it.
+// the built-in museum with a release `spring.1` and two places, and robots on it. PLAN is an image
+// of the museum, 0.05 m a pixel, its lower left corner at (-15, -10) of the map; the map says where
+// on earth it is.
 
 import { Person, launch, until } from "./site.mjs";
 
-const [url, folder, chromium] = process.argv.slice(2);
+const [url, folder, chromium, plan] = process.argv.slice(2);
 const browser = await launch(chromium);
 
 async function view(name, hash, options, act = async () => {}) {
@@ -52,6 +54,21 @@ await view("time", "#/museum", {}, async (ada) => {
     slider.value = 60;
     slider.dispatchEvent(new Event("input"));
   });
+});
+await view("siting", "#/museum", {}, async (ada) => {
+  for (const part of ["Path", "Places, zones, closures", "Changes", "Releases", "Time"])
+    await ada.side(part).locator("summary").click();
+  const side = ada.side("Floor plan");
+  await side.getByLabel("image of the floor plan").setInputFiles(plan);
+  for (const [label, value] of [
+    ["lower left x, m", "-15"],
+    ["lower left y, m", "-10"],
+  ])
+    await side.getByLabel(label).fill(value);
+  await ada.page.mouse.move(...(await ada.pixelsOf(-2.5, 6)));
+});
+await view("journal", "#/museum", {}, async (ada) => {
+  for (const part of ["Path", "Places, zones, closures"]) await ada.side(part).locator("summary").click();
 });
 await view("robots", "#/museum", { colorScheme: "dark" }, async (ada) => {
   for (const part of ["Path", "Places, zones, closures", "Releases", "Time"])

@@ -100,18 +100,28 @@ impl Server {
 
     /// One with more arguments, which writes what it says to a file.
     pub fn with(data: &Path, endpoint: &str, more: &[&str], log: &Path) -> Self {
-        let program = env!("CARGO_BIN_EXE_map-server");
-        let args = ["--data", data.to_str().unwrap(), "--listen", endpoint];
+        Self::in_environment(data, endpoint, more, &[], log)
+    }
+
+    /// One with variables of its environment, too.
+    pub fn in_environment(
+        data: &Path,
+        endpoint: &str,
+        more: &[&str],
+        environment: &[(&str, &str)],
+        log: &Path,
+    ) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_map-server"));
+        command.args(["--data", data.to_str().unwrap(), "--listen", endpoint]).args(more);
+        let own = std::env::vars().filter(|(name, _)| name.starts_with("OTEL_")).map(|(name, _)| name);
+        own.chain(["RUST_LOG".to_owned()]).for_each(|name| _ = command.env_remove(name));
         let file = std::fs::File::create(log).unwrap();
-        Self(Command::new(program).args(args).args(more).env_remove("RUST_LOG").stderr(file).spawn().unwrap())
+        Self(command.envs(environment.iter().copied()).stderr(file).spawn().unwrap())
     }
 
     /// One that writes more than usual of what it does to a file.
     pub fn saying_more(data: &Path, endpoint: &str, log: &Path) -> Self {
-        let program = env!("CARGO_BIN_EXE_map-server");
-        let args = ["-v", "--data", data.to_str().unwrap(), "--listen", endpoint];
-        let file = std::fs::File::create(log).unwrap();
-        Self(Command::new(program).args(args).env_remove("RUST_LOG").stderr(file).spawn().unwrap())
+        Self::with(data, endpoint, &["-v"], log)
     }
 
     /// `kill -9`.

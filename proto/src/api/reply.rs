@@ -2,6 +2,7 @@
 //! ([`crate::api::compact`]). Errors are error replies with an [`ErrorReply`] as JSON, never
 //! silence.
 
+mod cursor;
 mod diff;
 mod error;
 mod head;
@@ -15,12 +16,13 @@ mod rules;
 mod series;
 
 pub use crate::model::compaction::Series;
+pub use cursor::ParseCursorError;
 pub use diff::{DiffReply, MovedNode, StateView};
 pub use error::{ErrorCode, ErrorReply};
 pub use head::{Head, MapsReply};
-pub use journal::{JournalCursor, JournalEntry, JournalReply, ParseJournalCursorError};
+pub use journal::{JournalCursor, JournalEntry, JournalReply};
 pub use known_names::known_names;
-pub use nodes::{NodeView, NodesCursor, NodesReply, ParseCursorError};
+pub use nodes::{NodeView, NodesCursor, NodesReply};
 pub use path::{Obeyed, PathReply, SpeedLimit, Waypoint};
 pub use place::{PlaceRef, parse_angle, parse_point};
 pub use release::{ReleaseView, ReleasesReply};

@@ -15,6 +15,13 @@ pub struct PlanImage {
 }
 
 impl PlanImage {
+    /// The side of a pixel, micrometres, of metres.
+    #[must_use]
+    pub fn um_per_pixel(metres: f64) -> Option<u32> {
+        let um = (metres * 1e6).round();
+        (1.0..=f64::from(Self::MAX_UM_PER_PIXEL)).contains(&um).then_some(um as u32)
+    }
+
     /// Longest name of an image, bytes.
     pub const MAX_NAME_BYTES: usize = 200;
     /// Largest pixel, micrometres: 10 m.
@@ -33,15 +40,15 @@ pub struct Datum {
     pub yaw_e4: i16,
 }
 
-/// Degrees in a unit.
-const DEGREE: f64 = 1e-9;
+/// Units in a degree.
+const DEGREE: f64 = 1e9;
 
 impl Datum {
     /// From degrees and radians; the angle is wrapped. What is no latitude or longitude is found by
     /// [`Validate`](crate::model::validate::Validate).
     #[must_use]
     pub fn from_degrees(latitude_deg: f64, longitude_deg: f64, yaw: f64) -> Self {
-        let units = |degrees: f64| (degrees / DEGREE).round() as i64;
+        let units = |degrees: f64| (degrees * DEGREE).round() as i64;
         let yaw_e4 = FixedPose::from_metres(0.0, 0.0, yaw).yaw_e4;
         Self { latitude_e9: units(latitude_deg), longitude_e9: units(longitude_deg), yaw_e4 }
     }
@@ -49,13 +56,13 @@ impl Datum {
     /// Latitude of the map's origin, degrees.
     #[must_use]
     pub fn latitude_deg(self) -> f64 {
-        self.latitude_e9 as f64 * DEGREE
+        self.latitude_e9 as f64 / DEGREE
     }
 
     /// Longitude of the map's origin, degrees.
     #[must_use]
     pub fn longitude_deg(self) -> f64 {
-        self.longitude_e9 as f64 * DEGREE
+        self.longitude_e9 as f64 / DEGREE
     }
 
     /// Direction of the map's x axis, counter-clockwise from east, radians.
@@ -114,6 +121,14 @@ mod tests {
         let turned = Datum::from_degrees(45.0, 9.0, std::f64::consts::FRAC_PI_2);
         let [latitude, longitude] = turned.locate(111.1318, 0.0);
         assert!((latitude - 45.001).abs() < 1e-7 && (longitude - 9.0).abs() < 1e-7, "{latitude} {longitude}");
+    }
+
+    #[test]
+    fn what_people_write_is_what_they_read() {
+        let datum = Datum::from_degrees(52.5186, -13.408_3, 0.0);
+        assert_eq!((datum.latitude_deg(), datum.longitude_deg()), (52.5186, -13.4083));
+        let sides = [0.05, 10.0, 0.0, -1.0, 10.1, f64::NAN, f64::INFINITY].map(PlanImage::um_per_pixel);
+        assert_eq!(sides, [Some(50_000), Some(10_000_000), None, None, None, None, None]);
     }
 
     #[test]

@@ -34,7 +34,7 @@ impl Counts {
 }
 
 /// What the operations of `author` do, a sentence each.
-pub(super) fn in_words(author: AuthorId, ops: &[&Op]) -> Vec<String> {
+pub(super) fn in_words<'a>(author: AuthorId, ops: impl Iterator<Item = &'a Op>) -> Vec<String> {
     let (mut counts, mut told, mut more) = (Counts::default(), Vec::new(), 0);
     for op in ops {
         match op {

@@ -1,11 +1,11 @@
 //! What operators have changed on a map.
 
+use crate::clock::utc_text;
 use crate::program::operator::asking::ask_json;
 use crate::program::operator::error::OperatorError;
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::{JournalCursor, JournalEntry, JournalReply};
 use fht_proto::{AuthorId, MapName};
-use std::time::{Duration, UNIX_EPOCH};
 use zenoh::Session;
 
 /// So many are asked for at a time.
@@ -45,21 +45,11 @@ pub(super) fn in_words(journal: &JournalReply) -> String {
         return format!("nobody is known to have changed anything on map {}", journal.map);
     }
     let line = |entry: &JournalEntry| {
-        // A clock beyond all calendars is an increment's own.
-        let at = UNIX_EPOCH.checked_add(Duration::from_micros(entry.at_us)).unwrap_or(UNIX_EPOCH);
         let who = entry.name.clone().unwrap_or_else(|| entry.author.to_string());
         let folded = if entry.folded { " (folded: what still counts)" } else { "" };
-        format!("{}  {who}  {}{folded}", when(at), entry.words.join("; "))
+        format!("{}  {who}  {}{folded}", utc_text(entry.at_us), entry.words.join("; "))
     };
     journal.entries.iter().map(line).collect::<Vec<_>>().join("\n")
-}
-
-/// To the second, in UTC.
-fn when(at: std::time::SystemTime) -> String {
-    /// The year 9999 ends.
-    const LAST: Duration = Duration::from_secs(253_402_300_799);
-    let since = at.duration_since(UNIX_EPOCH).unwrap_or_default().min(LAST);
-    humantime::format_rfc3339_seconds(UNIX_EPOCH + since).to_string()
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Releases: named states that robots are told to use.
 
-use crate::clock::now_us;
+use crate::clock::{now_us, utc_text};
 use crate::program::operator::asking::{ask_json, head, state_of};
 use crate::program::operator::error::OperatorError;
 use crate::program::operator::write::{write, write_numbered};
@@ -8,7 +8,6 @@ use clap::Subcommand;
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::{ReleaseView, ReleasesReply, known_names};
 use fht_proto::{AuthorId, MapName, Op, Release, ReleaseId, ReleaseName};
-use std::time::{Duration, UNIX_EPOCH};
 use zenoh::Session;
 
 /// What an operator can do with releases.
@@ -107,8 +106,7 @@ fn is_deleted(releases: &ReleasesReply, name: &str, author: AuthorId) -> bool {
 
 /// The day, and the first number on it that `author` can use.
 fn next_name(releases: &ReleasesReply, author: AuthorId, now_us: u64) -> Result<ReleaseName, OperatorError> {
-    let time = humantime::format_rfc3339_seconds(UNIX_EPOCH + Duration::from_micros(now_us)).to_string();
-    let day: String = time.chars().take(10).collect();
+    let day: String = utc_text(now_us).chars().take(10).collect();
     let is_free =
         |name: &String| releases.releases.iter().all(|view| view.name != *name) && !is_deleted(releases, name, author);
     let name = (1_u32..).map(|number| format!("{day}.{number}")).find(is_free).unwrap_or(day);

@@ -53,9 +53,8 @@ impl DatumArgs {
 }
 
 fn scale(text: &str) -> Result<u32, String> {
-    let um = text.parse::<f64>().ok().map(|metres| (metres * 1e6).round());
-    let um = um.filter(|um| (1.0..=f64::from(PlanImage::MAX_UM_PER_PIXEL)).contains(um));
-    um.map(|um| um as u32).ok_or_else(|| format!("{text} is not the side of a pixel of 0.000001 to 10 m"))
+    let side = text.parse().ok().and_then(PlanImage::um_per_pixel);
+    side.ok_or_else(|| format!("{text} is not the side of a pixel of 0.000001 to 10 m"))
 }
 
 fn parse_datum(text: &str) -> Result<Datum, String> {

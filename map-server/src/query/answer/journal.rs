@@ -4,7 +4,7 @@ use crate::access::RoleList;
 use crate::catalog::MapView;
 use crate::query::answer::reply::{Answer, json};
 use crate::query::answer::sources::AnswerSources;
-use fht_map::{OperatorChange, WriterRole};
+use fht_map::{OperatorChange, WriterRole, WriterRoles};
 use fht_proto::AuthorId;
 use fht_proto::api::reply::{ErrorReply, JournalCursor, JournalEntry, JournalReply};
 use std::collections::{BTreeMap, BTreeSet};
@@ -24,7 +24,7 @@ pub(super) fn journal(
     let mut changes = view.journal.newest_first(after).filter(|(at, _)| !is_robot(at.author));
     let page: Vec<(JournalCursor, &OperatorChange)> = changes.by_ref().take(limit).collect();
     let next = page.last().filter(|_| changes.next().is_some()).map(|(at, _)| at.to_string());
-    let names = names(view, sources, page.iter().map(|(at, _)| at.author).collect());
+    let names = names(view, sources, writers.as_deref(), page.iter().map(|(at, _)| at.author).collect());
     let entry = |(at, change): (JournalCursor, &OperatorChange)| JournalEntry {
         at_us: at.hlc_us,
         author: at.author,
@@ -38,9 +38,13 @@ pub(super) fn journal(
 }
 
 /// What authors are called, as far as anybody has said: the list of roles, operators, robots.
-fn names(view: &MapView, sources: &AnswerSources, authors: BTreeSet<AuthorId>) -> BTreeMap<AuthorId, String> {
-    let writers = sources.writers.as_ref().map(RoleList::now);
-    let listed = |author| writers.as_ref().and_then(|writers| writers.name(author).map(str::to_owned));
+fn names(
+    view: &MapView,
+    sources: &AnswerSources,
+    writers: Option<&WriterRoles>,
+    authors: BTreeSet<AuthorId>,
+) -> BTreeMap<AuthorId, String> {
+    let listed = |author| writers.and_then(|writers| writers.name(author).map(str::to_owned));
     let known = |author| Some((author, listed(author).or_else(|| sources.operators.name(author))?));
     let mut names: BTreeMap<AuthorId, String> = authors.iter().filter_map(|author| known(*author)).collect();
     if names.len() < authors.len() {

@@ -1,5 +1,6 @@
 //! The reply to `journal`: what operators have changed, and who.
 
+use crate::api::reply::cursor::ParseCursorError;
 use crate::model::ids::{AuthorId, MapName};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -23,15 +24,10 @@ impl fmt::Display for JournalCursor {
     }
 }
 
-/// A text that says no place in a journal.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0} is not what a reply gave as next")]
-pub struct ParseJournalCursorError(String);
-
 impl FromStr for JournalCursor {
-    type Err = ParseJournalCursorError;
+    type Err = ParseCursorError;
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let error = || ParseJournalCursorError(text.chars().take(80).collect());
+        let error = || ParseCursorError::of(text);
         let parts: Vec<&str> = text.split('.').collect();
         let [hlc_us, author, number] = parts[..] else { return Err(error()) };
         let count = |text: &str| text.parse::<u64>().map_err(|_| error());

@@ -1,5 +1,6 @@
 //! The replies to `nodes` and `match`.
 
+use crate::api::reply::cursor::ParseCursorError;
 use crate::model::geometry::{FixedPoint, Rect};
 use crate::model::ids::{MapName, NodeId};
 use crate::model::increment::NodeKind;
@@ -84,18 +85,13 @@ impl fmt::Display for NodesCursor {
     }
 }
 
-/// A text that says no place in a row of nodes.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0} is not what a reply gave as next")]
-pub struct ParseCursorError(String);
-
 impl FromStr for NodesCursor {
     type Err = ParseCursorError;
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         if text.is_empty() {
             return Ok(Self::First);
         }
-        let error = || ParseCursorError(text.chars().take(80).collect());
+        let error = || ParseCursorError::of(text);
         let (square_mm, id) = text.split_once('_').ok_or_else(error)?;
         let square_mm = square_mm.parse().map_err(|_| error())?;
         Ok(Self::Behind(square_mm, id.parse().map_err(|_| error())?))

@@ -89,7 +89,7 @@ pub struct DatumView {
 impl From<Datum> for DatumView {
     fn from(datum: Datum) -> Self {
         // To the last digit that is kept, so that the text is short.
-        Self { latitude: datum.latitude_e9 as f64 / 1e9, longitude: datum.longitude_e9 as f64 / 1e9, yaw: datum.yaw() }
+        Self { latitude: datum.latitude_deg(), longitude: datum.longitude_deg(), yaw: datum.yaw() }
     }
 }
 
