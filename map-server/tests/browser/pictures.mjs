@@ -1,9 +1,8 @@
 // Pictures of each view, for docs/web.md: node pictures.mjs URL FOLDER CHROMIUM PLAN
 //
 // At URL there is a server with the page on which somebody may change maps, with a map `museum` of
-// the built-in museum with a release `spring.1` and two places, and robots on it. PLAN is an image
-// of the museum, 0.05 m a pixel, its lower left corner at (-15, -10) of the map; the map says where
-// on earth it is.
+// the built-in museum with a release `spring.1` and two places, and robots on it. The map says how
+// PLAN, an image of the museum, lies in it, and where on earth it is.
 
 import { Person, launch, until } from "./site.mjs";
 
@@ -60,11 +59,6 @@ await view("siting", "#/museum", {}, async (ada) => {
     await ada.side(part).locator("summary").click();
   const side = ada.side("Floor plan");
   await side.getByLabel("image of the floor plan").setInputFiles(plan);
-  for (const [label, value] of [
-    ["lower left x, m", "-15"],
-    ["lower left y, m", "-10"],
-  ])
-    await side.getByLabel(label).fill(value);
   await ada.page.mouse.move(...(await ada.pixelsOf(-2.5, 6)));
 });
 await view("journal", "#/museum", {}, async (ada) => {
