@@ -1,15 +1,15 @@
 //! Robots that are sent: by a person with nothing but zenoh-cli, by operators' commands and by any
 //! Zenoh client, goal after goal, over a server that is started anew; what is replaced, cancelled,
-//! wrong or too much; a second robot of the same name; another map of the same name; and the
-//! robot's end.
+//! wrong or too much; a second robot of the same name; another map of the same name; a zone that is
+//! drawn on the way; and the robot's end.
 #![allow(clippy::unwrap_used)] // tests may panic
 
 use fht_demo::{Process, ProcessError, Role, free_endpoint};
 use fht_proto::MapName;
 use fht_proto::api::fleet::RobotPose;
 use fht_proto::api::goal::{GoalState, GoalStatus};
-use fht_proto::api::keys::{GoalTopic, Key, RobotTopic};
-use fht_proto::api::reply::{ErrorCode, ErrorReply, NodesReply, PathReply};
+use fht_proto::api::keys::{GoalTopic, Key, RobotTopic, Topic};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, NodesReply, PathReply, RulesReply};
 use fht_session::SessionConfig;
 use fht_tests::corridors::{corridors, put};
 use fht_tests::packages::{ZENOH_CLI, environment, run};
@@ -371,4 +371,50 @@ fn a_robot_whose_map_was_replaced_by_another_one_of_the_name_forgets_its_place_a
         std::thread::sleep(Duration::from_millis(20));
     }
     assert_eq!(site.ask(None, "id=c;x=1;y=0").unwrap_err().code, ErrorCode::NotLocalized);
+}
+
+#[test]
+fn a_zone_that_is_drawn_while_a_robot_drives_holds_at_once() {
+    let mut site = Site::start("5");
+    site.send_first("id=home;to=home");
+    site.arrives("home");
+    let places: RulesReply = {
+        let key = Key::topic(&museum(), Topic::Rules).to_string();
+        let reply = site.session.get(key).timeout(PATIENCE).wait().unwrap().recv().unwrap();
+        serde_json::from_slice(&reply.result().unwrap().payload().to_bytes()).unwrap()
+    };
+    let [x, y, _] = places.places.iter().find(|place| place.name == "far").unwrap().pose;
+    let (west, south, east, north) = (x - 0.4, y - 0.4, x + 0.4, y + 0.4);
+    let corners = format!("{west},{south} {east},{south} {east},{north} {west},{north}");
+    // The operator tells robots and server in the same moment, and either may be first.
+    for round in 0..3 {
+        let (there, back) = (format!("there{round}"), format!("back{round}"));
+        site.ask(None, &format!("id={there};to=far")).unwrap();
+        let begun = site.pose();
+        while apart(site.pose(), begun) < 0.5 {}
+        site.operate(&["zone", "museum", "shut", &corners]).unwrap();
+        let ended =
+            site.until("it stops", Some(GoalTopic::Status), &format!("id={there}"), |status| status.state.is_final());
+        assert_eq!((ended.state, ended.code), (GoalState::Failed, Some(ErrorCode::KeepOut)), "{round}: {ended:?}");
+        site.operate(&["zone", "museum", "shut", "--remove"]).unwrap();
+        site.ask(None, &format!("id={back};to=home")).unwrap();
+        site.arrives(&back);
+    }
+}
+
+#[test]
+fn a_map_that_is_imported_after_the_old_one_was_deleted_is_another_one() {
+    let mut site = Site::start("2");
+    site.send_first("id=a;to=far");
+    site.pose();
+    let other = site.folder.path().join("other.fht");
+    put(&site.session, &"other".parse().unwrap(), &corridors());
+    let file = other.to_str().unwrap();
+    site.operate(&["export", "other", file, "--wait", "60"]).unwrap();
+    site.operate(&["delete", "museum", "--reason", "another one comes", "--grace", "0s"]).unwrap();
+    // The robot has asked for the head meanwhile.
+    std::thread::sleep(Duration::from_secs(5));
+    site.operate(&["import", file, "--map", "museum"]).unwrap();
+    let ended = site.until("it fails", Some(GoalTopic::Status), "id=a", |status| status.state.is_final());
+    assert_eq!((ended.state, ended.code), (GoalState::Failed, Some(ErrorCode::Conflict)), "{ended:?}");
 }

@@ -43,7 +43,10 @@ pub enum NotWritten {
     #[error("it cannot be written: {0}")]
     Invalid(#[from] CodecError),
     /// The server has not stored it.
-    #[error("the server has not stored it within {seconds} s; may this author write? (access control drops silently)")]
+    #[error(
+        "the server has not stored it within {seconds} s: may this author write (access control drops silently), and \
+         do enough storages answer? It may still be carried out"
+    )]
     NotStored {
         /// How long was waited.
         seconds: u64,

@@ -89,10 +89,12 @@ struct Question {
     to: Point2,
     entry: Option<PathPoint>,
     to_nearest: bool,
+    /// What a path must keep.
+    rules: Arc<Rules>,
 }
 
-/// What the server answered: a path, a refusal, or nothing of use (a sentence).
-type Answer = Result<Result<PlannedPath, ErrorReply>, String>;
+/// What the server answered: a path, a refusal, or nothing of use.
+type Answer = Result<Result<PlannedPath, ErrorReply>, AskError>;
 
 /// Paths from the replica, replaced by the server's when its answer comes and is a path. Around
 /// places that this robot found blocked from the replica alone, and others are told of them.
@@ -169,22 +171,32 @@ impl<'a> ServerPaths<'a> {
     }
 }
 
+/// Whether the server planned under what is closed here.
+///
+/// # Errors
+/// [`AskError::Outdated`].
+pub fn check_kept(reply: &PathReply, rules: &Rules) -> Result<(), AskError> {
+    let way: Vec<FixedPoint> = reply.waypoints.iter().map(|at| FixedPoint::from_metres(at.x, at.y)).collect();
+    if rules.are_kept_by(&reply.obeyed, &way) { Ok(()) } else { Err(AskError::Outdated) }
+}
+
 fn answer(session: &Session, map: &MapName, footprint: &Footprint, question: Question, timeout: Duration) -> Answer {
     let text = |point: Point2| format!("{:.3},{:.3}", point.x, point.y);
-    let Question { from, to, entry, to_nearest } = question;
+    let Question { from, to, entry, to_nearest, rules } = question;
     let mut failure = None;
     let path = with_entry(from, entry, |start| {
         let (from, to_text) = (text(start), text(to));
         let question = PathQuestion { from: &from, to: &to_text, footprint, release: None, to_nearest };
         let reply = ask_path(session, map, &question, timeout);
         let path = reply.and_then(|reply| {
+            check_kept(&reply, &rules)?;
             planned_between(reply, start, to).map_err(|error| AskError::Unreadable(error.to_string()))
         });
         path.map_err(|error| match error {
             AskError::Refused(refusal) if !refusal.code.is_trouble_of_the_server() => refusal,
             error => {
                 let reply = ErrorReply::new(ErrorCode::Internal, &error.to_string());
-                failure = Some(error.to_string());
+                failure = Some(error);
                 reply
             }
         })
@@ -203,13 +215,13 @@ impl PathSource for ServerPaths<'_> {
         self.tell(blocked);
         let changes = self.replica.changes();
         let map = self.replica.running();
+        self.rules = self.replica.rules();
         if blocked.is_empty() {
             let (entry, to_nearest) = (entry_node(&map, &self.footprint, from), self.to_nearest);
-            self.inquiry.replace(Question { from, to, entry, to_nearest });
+            self.inquiry.replace(Question { from, to, entry, to_nearest, rules: Arc::clone(&self.rules) });
         } else {
             self.inquiry.cancel();
         }
-        self.rules = self.replica.rules();
         let rules = if blocked.is_empty() {
             Arc::clone(&self.rules)
         } else {
@@ -241,6 +253,7 @@ impl PathSource for ServerPaths<'_> {
                 return Some(Ok(path));
             }
             Some(Ok(Err(refusal))) => tracing::info!(%refusal, "the server has no path"),
+            Some(Err(error @ AskError::Outdated)) => tracing::info!("the robot's own path is kept: {error}"),
             Some(Err(error)) => {
                 tracing::warn!(%error, "no path from the server: planning on the robot's own copy of the map");
                 self.fallbacks += 1;

@@ -99,6 +99,8 @@ pub struct Staleness {
     /// What the copy had when it was first seen ahead of the server.
     ahead: Option<(VersionVector, Instant)>,
     is_suspect: bool,
+    /// Whether the copy was just seen to be what the server has.
+    agrees: bool,
     /// Whether fetching the whole map again has begun.
     is_interrupted: bool,
     ask_pause: Pause,
@@ -116,6 +118,7 @@ impl Staleness {
             behind_since: None,
             ahead: None,
             is_suspect: false,
+            agrees: false,
             is_interrupted: false,
             ask_pause: Pause::new(config.ask_pause_s.map(seconds).into()),
             link_pause: Pause::new(config.link_pause_s.map(seconds).into()),
@@ -184,6 +187,11 @@ impl Staleness {
         self.link_pause.begin(now);
     }
 
+    /// Whether the copy was the server's, to the digest, when it was looked last; told once.
+    pub fn take_agreement(&mut self) -> bool {
+        std::mem::take(&mut self.agrees)
+    }
+
     /// What to do at `now` with a copy that has `mine`; its digest is asked for where it matters.
     pub fn step(&mut self, mine: &VersionVector, digest: impl FnOnce() -> Digest, now: Instant) -> StalenessStep {
         if let Some((vector, told)) = self.told.take()
@@ -191,6 +199,7 @@ impl Staleness {
         {
             self.is_suspect = digest() != told;
             if !self.is_suspect {
+                self.agrees = true;
                 self.refetch_pause.end();
             }
         }

@@ -112,8 +112,14 @@ pub struct Sync {
     is_head_under_way: bool,
     /// Whether the server has ever had the map.
     is_known: bool,
-    /// Whether the server has the map no more.
+    /// Whether the server had the map no more when it was asked last.
     is_gone: bool,
+    /// Whether the map was gone, and it is not known yet that the copy is what is there now. Then
+    /// what comes is not taken into it: it may be of another map.
+    is_in_doubt: bool,
+    /// The copy when it was last seen to be the server's. What writers have put into it since may
+    /// be of another map.
+    agreed: Option<MapState>,
     generation: u64,
 }
 
@@ -145,6 +151,8 @@ impl Sync {
             is_head_under_way: false,
             is_known: false,
             is_gone: false,
+            is_in_doubt: false,
+            agreed: None,
             generation: 0,
         }
     }
@@ -165,8 +173,15 @@ impl Sync {
             return Some(SyncQuestion::Head);
         }
         if self.part.is_none() {
-            let fetch = match self.follow.step(copy.vector(), || copy.state().digest(), now) {
+            let step = self.follow.step(copy.vector(), || copy.state().digest(), now);
+            if self.follow.take_agreement() {
+                // It shares everything with the copy.
+                self.agreed = Some(copy.state().clone());
+                self.is_in_doubt = self.is_gone;
+            }
+            let fetch = match step {
                 StalenessStep::Wait => self.release_to_fetch(copy, now)?,
+                StalenessStep::CatchUp if self.is_in_doubt => return None,
                 StalenessStep::CatchUp => Fetch::Rest { brought: 0 },
                 StalenessStep::Refetch => Fetch::Whole { fresh: self.begun.take().unwrap_or_default() },
             };
@@ -219,6 +234,7 @@ impl Sync {
     /// map that the copy is of.
     pub fn map_gone(&mut self) {
         self.is_gone = self.is_known;
+        self.is_in_doubt |= self.is_gone;
     }
 
     /// Whether the map is being fetched anew, because the copy cannot be trusted.
@@ -233,7 +249,7 @@ impl Sync {
             tracing::debug!("an increment is left out unless the server takes it: {violation}");
             return 0;
         }
-        if self.is_gone {
+        if self.is_in_doubt {
             return 0;
         }
         let outcome = copy.accept(increment);
@@ -252,6 +268,7 @@ impl Sync {
         if let Some(head) = head {
             let is_gone = head.deletion.as_ref().is_some_and(|deletion| deletion.done);
             self.is_known = true;
+            self.is_in_doubt |= is_gone;
             if std::mem::replace(&mut self.is_gone, is_gone) && !is_gone {
                 // One of its name is there: the same again, or another one.
                 self.follow.conflict();
@@ -269,6 +286,7 @@ impl Sync {
                 part.has_news |= count(&feed(fresh, series)) > 0;
                 0
             }
+            Fetch::Rest { .. } if self.is_in_doubt => 0,
             Fetch::Rest { brought } => {
                 let outcomes = feed(copy, series);
                 let applied = count(&outcomes);
@@ -314,12 +332,16 @@ impl Sync {
             Fetch::Whole { fresh } => {
                 if part.is_complete {
                     self.follow.refetched(now);
-                    if !copy.state().shares_history(fresh.state()) {
+                    let agreed = self.agreed.as_ref().filter(|agreed| agreed.nodes().next().is_some());
+                    let before = agreed.unwrap_or_else(|| copy.state());
+                    if !before.shares_history(fresh.state()) {
                         self.generation += 1;
                         // Its releases are others, whatever they are called.
                         self.running = None;
                     }
                     *copy = *fresh;
+                    self.agreed = Some(copy.state().clone());
+                    self.is_in_doubt = self.is_gone;
                 } else {
                     self.follow.interrupted(now);
                     self.begun = Some(fresh);
@@ -335,3 +357,6 @@ impl Sync {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,7 +3,7 @@
 use crate::map::Map;
 use crate::place::{Place, in_query, locate};
 use fht_client::{
-    AskError, PathPoint, PathQuestion, PlannedPath, Planner, UnusablePath, ask_path, entry_node, planned,
+    AskError, PathPoint, PathQuestion, PlannedPath, Planner, UnusablePath, ask_path, check_kept, entry_node, planned,
     planned_between, with_entry,
 };
 use fht_map::PathEnds;
@@ -159,6 +159,7 @@ impl PathRequest {
             let reply = ask_path(&inner.session, &inner.name, &question, inner.timeout);
             let path = reply.and_then(|reply| {
                 answer = Some(reply.clone());
+                check_kept(&reply, &inner.replica.rules())?;
                 let is_between = point_of(from).is_some();
                 let path = usable(reply, is_between.then_some(at), point_of(to));
                 path.map_err(|error| AskError::Unreadable(error.to_string()))

@@ -2,7 +2,7 @@
 
 use crate::ingest::{Arrival, Refusal, WriterQueue};
 use crate::query::OperatorNames;
-use fht_proto::api::keys::{ALL_INCREMENTS, ALL_KEPT, Key};
+use fht_proto::api::keys::{ALL_INCREMENTS, ALL_KEPT, Key, STORAGE_PRESENCE};
 use fht_proto::{AuthorId, RobotName};
 use std::sync::Arc;
 use zenoh::Session;
@@ -50,7 +50,14 @@ pub(crate) async fn subscribe_increments(
     let from_writers = from_writers.await?;
     let from_servers = if from_servers {
         let remote = session.declare_subscriber(ALL_KEPT).allowed_origin(Locality::Remote);
-        Some(remote.callback(push()).await?)
+        let take = push();
+        // Another server asks by it which storages are there.
+        let take = move |sample: Sample| {
+            if sample.key_expr().as_str() != STORAGE_PRESENCE {
+                take(sample);
+            }
+        };
+        Some(remote.callback(take).await?)
     } else {
         None
     };

@@ -13,6 +13,8 @@ use std::sync::Arc;
 
 /// An unconfirmed increment is put again after so many questions.
 const PUT_AGAIN_AFTER: u32 = 6;
+/// After so many, some seconds, it is said that too few storages answer.
+const SAID_AFTER: u32 = 10;
 
 /// The log.
 #[derive(Debug)]
@@ -63,6 +65,12 @@ impl QuorumLog {
             };
             open.iter().filter(is_due).for_each(|record| self.storages.put(&place(record), &record.bytes));
             open = self.unconfirmed(open, attempt == 0)?;
+            if attempt == SAID_AFTER && !open.is_empty() {
+                let (count, confirm) = (open.len(), self.config.confirm);
+                tracing::warn!(
+                    "{count} increments wait for {confirm} storages to hold them: do the routers with storages answer?"
+                );
+            }
             if attempt > 0 && !open.is_empty() && !self.storages.pause(attempt - 1) {
                 break;
             }

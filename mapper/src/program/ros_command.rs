@@ -7,7 +7,7 @@ use super::running::{RunEnd, exploring_spinner, increments, runtime};
 use super::settings::MapperFile;
 use fht_perception::robot::Sensors;
 use fht_program::{ProgramFailure, Stop, Waiting, print_line};
-use fht_ros::{RosError, RosNode};
+use fht_ros::{Endpoint, RosError, RosNode};
 use fht_ros_robot::{Finding, IntakeReport, Readiness, RosRobot, RosRobotConfig, check};
 use fht_session::{SessionConfig, SessionError, open_within};
 use fht_worker::Pace;
@@ -157,8 +157,12 @@ enum CheckError {
 
 impl CheckReport {
     fn is_good(&self) -> bool {
-        self.frames > 0 && self.findings.iter().all(|finding| finding.readiness != Readiness::Missing)
+        self.frames > 0 && !self.findings.iter().any(is_missing)
     }
+}
+
+fn is_missing(finding: &Finding) -> bool {
+    finding.readiness == Readiness::Missing
 }
 
 /// Runs `mapper ros check`; `false` if something is missing.
@@ -200,14 +204,23 @@ async fn look(args: &CheckArgs, file: RosRobotConfig) -> Result<CheckReport, Che
     let config = args.graph.robot(file);
     // Before the own subscriptions are there.
     let endpoints = node.endpoints(wait).await?;
-    let findings = check(&endpoints, &config, &args.graph.node.namespace).map_err(RosError::Name)?;
-    let mut robot = RosRobot::connect(&node, config).await?;
+    let judge = |endpoints: &[Endpoint]| check(endpoints, &config, &args.graph.node.namespace).map_err(RosError::Name);
+    let mut findings = judge(&endpoints)?;
+    let mut robot = RosRobot::connect(&node, config.clone()).await?;
     let began = Instant::now();
     while let Some(left) = wait.checked_sub(began.elapsed())
         && tokio::time::timeout(left, robot.sense()).await.is_ok()
     {}
     let IntakeReport { frames, panoramas, .. } = robot.report();
-    let trouble = if frames == 0 { robot.trouble() } else { None };
+    let mut trouble = if frames == 0 { robot.trouble() } else { None };
     let doubts = robot.doubts().map(str::to_owned).collect();
+    if findings.iter().any(is_missing) {
+        // What was missing may have been started meanwhile.
+        drop(robot);
+        findings = judge(&node.endpoints(wait).await?)?;
+    }
+    if trouble.is_some() && findings.iter().any(is_missing) {
+        trouble = Some("what is missing above keeps them from coming".to_owned());
+    }
     Ok(CheckReport { findings, frames, panoramas, trouble, doubts })
 }

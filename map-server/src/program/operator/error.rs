@@ -73,7 +73,8 @@ pub enum OperatorError {
     },
     /// What was put was not stored in time.
     #[error(
-        "the server has not stored it within {seconds} s; may this operator write? (access control drops silently)"
+        "the server has not stored it within {seconds} s: may this operator write (access control drops silently), \
+         and do enough storages answer? It may still be carried out: see journal before you give it again"
     )]
     NotStored {
         /// How long was waited, seconds.
@@ -214,6 +215,7 @@ impl From<AskError> for OperatorError {
             AskError::Silent => Self::Silent,
             AskError::Refused(reply) => Self::Refused(reply),
             AskError::Unreadable(reason) => Self::Answer(reason),
+            error @ AskError::Outdated => Self::Answer(error.to_string()),
         }
     }
 }
