@@ -171,7 +171,7 @@ impl<'a> ServerPaths<'a> {
     }
 }
 
-/// Whether the server planned under what is closed here.
+/// Whether the server planned under what operators have closed here.
 ///
 /// # Errors
 /// [`AskError::Outdated`].

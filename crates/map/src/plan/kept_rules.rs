@@ -1,5 +1,6 @@
-//! Whether a path that somebody else planned keeps the rules. A robot hears of a zone from the
-//! operator that draws it, as the server does: the server's answer may be of the moment before.
+//! Whether a path that somebody else planned keeps what operators have closed. A robot hears of a
+//! zone from the operator that draws it, as the server does: the server's answer may be of the
+//! moment before.
 
 use crate::navmesh::plane::from_segment_m;
 use crate::plan::rules::Rules;
@@ -11,25 +12,20 @@ use std::collections::BTreeSet;
 const STEP_M: f64 = 0.05;
 /// Paths run along the borders of zones, rounded: only what lies this far within counts, metres.
 const WITHIN_M: f64 = 0.05;
-/// Paths keep 0.3 m from what is blocked: nearer than this to it they do not know of it, metres.
-const BESIDE_BLOCKED_M: f64 = 0.2;
 
 impl Rules {
-    /// Whether a path keeps these rules: its planner knew of everything that is closed here
-    /// (`obeyed` is what it says it obeys), and it leads neither through a zone to keep out of nor
-    /// over a blocked place. It may begin in one, and leads out of it then. `way` is the path's
-    /// points, map frame.
+    /// Whether a path keeps what operators have closed here: its planner knew of all zones and
+    /// closed edges (`obeyed` is what it says it obeys), and it leads through no zone to keep out
+    /// of. It may begin in one, and leads out of it then. `way` is the path's points, map frame.
+    /// Which of robots' reports count is for the server to say.
     #[must_use]
     pub fn are_kept_by(&self, obeyed: &[Obeyed], way: &[FixedPoint]) -> bool {
         let known: BTreeSet<&Obeyed> = obeyed.iter().collect();
-        if !self.obeyed().iter().all(|rule| known.contains(rule)) {
+        let is_known = |rule: &Obeyed| matches!(rule, Obeyed::Blocked { .. }) || known.contains(rule);
+        if !self.obeyed().iter().all(is_known) {
             return false;
         }
-        let blocked: Vec<FixedPoint> = self.blocked.iter().flat_map(|by| &by.places).copied().collect();
-        let is_closed = |at: FixedPoint| {
-            self.keep_out.iter().any(|(_, zone)| is_within(zone, at))
-                || blocked.iter().any(|place| place.distance(at) < BESIDE_BLOCKED_M)
-        };
+        let is_closed = |at: FixedPoint| self.keep_out.iter().any(|(_, zone)| is_within(zone, at));
         !looks_along(way).skip_while(|at| is_closed(*at)).any(is_closed)
     }
 }
@@ -89,11 +85,11 @@ mod tests {
     }
 
     #[test]
-    fn what_a_robot_reported_anew_is_seen_on_the_way() {
+    fn which_reports_count_is_the_servers_word() {
         let places = BTreeSet::from([FixedPoint::from_metres(2.0, 0.0)]);
         let blocked = vec![BlockedBy { robot: "tug".to_owned(), edges: BTreeSet::new(), places }];
-        let rules = Rules { blocked, ..Rules::default() };
-        let is_kept = |way: &[(f64, f64)]| rules.are_kept_by(&rules.obeyed(), &points(way));
-        assert!(!is_kept(&[(0.0, 0.1), (5.0, 0.1)]) && is_kept(&[(0.0, 0.28), (5.0, 0.28)]));
+        let rules = Rules { blocked, ..rules(&DOOR) };
+        let known = [Obeyed::KeepOut { zone: "door".to_owned() }];
+        assert!(rules.are_kept_by(&known, &points(&[(0.0, 5.0), (5.0, 5.0)])));
     }
 }
