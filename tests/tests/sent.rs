@@ -404,9 +404,9 @@ fn a_zone_that_is_drawn_while_a_robot_drives_holds_at_once() {
 
 #[test]
 fn a_map_that_is_imported_after_the_old_one_was_deleted_is_another_one() {
-    let mut site = Site::start("2");
-    site.send_first("id=a;to=far");
-    site.pose();
+    let site = Site::start("2");
+    site.send_first("id=home;to=home");
+    site.arrives("home");
     let other = site.folder.path().join("other.fht");
     put(&site.session, &"other".parse().unwrap(), &corridors());
     let file = other.to_str().unwrap();
@@ -414,6 +414,7 @@ fn a_map_that_is_imported_after_the_old_one_was_deleted_is_another_one() {
     site.operate(&["delete", "museum", "--reason", "another one comes", "--grace", "0s"]).unwrap();
     // The robot has asked for the head meanwhile.
     std::thread::sleep(Duration::from_secs(5));
+    site.ask(None, "id=a;to=far").unwrap();
     site.operate(&["import", file, "--map", "museum"]).unwrap();
     let ended = site.until("it fails", Some(GoalTopic::Status), "id=a", |status| status.state.is_final());
     assert_eq!((ended.state, ended.code), (GoalState::Failed, Some(ErrorCode::Conflict)), "{ended:?}");
