@@ -16,7 +16,7 @@
 //! | [`corridors`] | the smallest map with a way in it |
 //! | [`upload`] | puts a map on a server |
 //! | [`trial`] | why a trial on a server ends without a result |
-//! | [`python`] | other people's programs, from PyPI |
+//! | [`packages`] | other people's packages, from PyPI and npm |
 //! | [`foreign_ros`] | other projects' ROS 2 programs |
 //!
 //! One simulated fleet, determined by its seed:
