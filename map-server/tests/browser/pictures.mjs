@@ -55,7 +55,7 @@ await view("time", "#/museum", {}, async (ada) => {
   });
 });
 await view("siting", "#/museum", {}, async (ada) => {
-  for (const part of ["Path", "Places, zones, closures", "Changes", "Releases", "Time"])
+  for (const part of ["Path", "Places, zones, closures", "Changes", "Releases", "Time", "Robots", "Map"])
     await ada.side(part).locator("summary").click();
   const side = ada.side("Floor plan");
   await side.getByLabel("image of the floor plan").setInputFiles(plan);

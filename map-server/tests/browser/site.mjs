@@ -159,11 +159,17 @@ export class Person {
     const box = await this.page.locator("canvas").boundingBox();
     const read = async (px, py) => {
       await this.page.mouse.move(px, py);
-      const text = await this.page.locator(".under .soft").textContent();
-      return [...text.matchAll(/-?\d+\.\d+/g)].map(([number]) => Number(number));
+      // On a busy machine the coordinates come a little later.
+      await this.page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn))));
+      return until("the coordinates are shown", async () => {
+        const text = await this.page.locator(".under .soft").textContent();
+        const numbers = [...text.matchAll(/-?\d+\.\d+/g)].map(([number]) => Number(number));
+        return numbers.length >= 2 && numbers;
+      });
     };
     const [ax, ay] = [box.x + 20, box.y + 20];
-    const [bx, by] = [box.x + box.width - 200, box.y + box.height - 20];
+    // Clear of what lies over its lower edge.
+    const [bx, by] = [box.x + box.width - 200, box.y + box.height - 120];
     const [[west, north], [east, south]] = [await read(ax, ay), await read(bx, by)];
     return [ax + ((x - west) / (east - west)) * (bx - ax), ay + ((north - y) / (north - south)) * (by - ay)];
   }
