@@ -41,19 +41,19 @@ fn increments(map: &str, numbers: RangeInclusive<u64>) -> Vec<Value> {
     numbers.map(|number| json!({ "key": key(number), "bytes": hex(&bytes(ANA, number)) })).collect()
 }
 
-/// A hall of 5,000 rectangles, in twenty increments.
-fn hall() -> Vec<Value> {
-    let map: MapName = "hall".parse().unwrap();
+/// A map of many rectangles, `row` in a row, in so many increments of 250 each.
+fn rectangles(map: &str, parts: u32, row: u32) -> Vec<Value> {
+    let map: MapName = map.parse().unwrap();
     let increment = |number: u32| {
         let mut ops = Vec::new();
         for index in 250 * (number - 1)..250 * number {
-            let (id, x, y) = (node(ANA, index), index % 100, index / 100);
+            let (id, x, y) = (node(ANA, index), index % row, index / row);
             let pose = FixedPose::from_metres(f64::from(x), f64::from(y), 0.0);
             let (x, y) = (f64::from(x), f64::from(y));
             let rect = Rect::around(pose.position, (x - 0.6, y - 0.6), (x + 0.6, y + 0.6));
             ops.push(Op::PutNode { id, kind: NodeKind::Support, pose });
             ops.push(Op::SetFreeSpace { id, rect: Some(rect) });
-            let before = [(index % 100 > 0).then(|| index - 1), index.checked_sub(100)];
+            let before = [(index % row > 0).then(|| index - 1), index.checked_sub(row)];
             ops.extend(
                 before.into_iter().flatten().map(|other| Op::PutEdge { edge: EdgeKey::new(node(ANA, other), id) }),
             );
@@ -64,7 +64,7 @@ fn hall() -> Vec<Value> {
         let key = Key::increment(&map, ANA, u64::from(number)).to_string();
         json!({ "key": key, "bytes": hex(&encode(&increment(number)).unwrap()) })
     };
-    (1..=20).map(put).collect()
+    (1..=parts).map(put).collect()
 }
 
 /// Runs a script with a server of its own, with more flags, and files in a folder; what it prints.
@@ -80,6 +80,7 @@ fn run(script: &str, flags: &[String], folder: Option<&Path>) -> String {
     let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let mut begin = increments("museum", 1..=12);
     begin.extend(increments("lab", 1..=3));
+    let measured = script == "speed.mjs";
     let config = json!({
         "program": env!("CARGO_BIN_EXE_map-server"),
         "python": python,
@@ -90,7 +91,8 @@ fn run(script: &str, flags: &[String], folder: Option<&Path>) -> String {
         "begin": begin,
         "later": increments("museum", 13..=16),
         "last": increments("museum", 17..=17),
-        "hall": hall(),
+        "hall": measured.then(|| rectangles("hall", 20, 100)),
+        "city": measured.then(|| rectangles("city", 400, 400)),
         "flags": flags,
         "folder": folder,
     });

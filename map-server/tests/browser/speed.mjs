@@ -1,7 +1,7 @@
 // How fast the page is, and what it costs: node speed.mjs CONFIG.json
 //
 // A map of 5,000 rectangles (`hall` in the configuration) and 200 robots that say five times a
-// second where they are.
+// second where they are; then one of 100,000 (`city`).
 
 import { readFile } from "node:fs/promises";
 import { setTimeout as pause } from "node:timers/promises";
@@ -58,19 +58,27 @@ async function frames(person) {
   return counted;
 }
 
+// A person who opens a map: what came over the wire, and when it was drawn, milliseconds.
+async function opened(map) {
+  const person = await Person.at(browser, "about:blank");
+  const count = await bytesOf(person);
+  await person.page.goto(`http://${config.address}/#/${map}`);
+  const drawn = await until("it is drawn", () =>
+    person.page.evaluate(() => performance.getEntriesByName("map drawn")[0]?.startTime),
+  );
+  await person.isLive();
+  await pause(1000);
+  console.log(`joining ${map}: ${(count.bytes / 1e6).toFixed(2)} MB, drawn after ${drawn.toFixed(0)} ms`);
+  return [person, count];
+}
+
+const said = ({ frames: rate, worst }) => `${rate.toFixed(0)} frames a second, 99 % within ${worst.toFixed(0)} ms`;
+
 try {
   await until("the server answers", () => foreign.get("fht/maps"));
   await foreign.write(config.hall);
   await until("the map is there", async () => (await foreign.get("fht/hall/head")).version === config.hall.length);
-  const ada = await Person.at(browser, "about:blank");
-  const count = await bytesOf(ada);
-  await ada.page.goto(`http://${config.address}/#/hall`);
-  const drawn = await until("it is drawn", () =>
-    ada.page.evaluate(() => performance.getEntriesByName("map drawn")[0]?.startTime),
-  );
-  await ada.isLive();
-  await pause(1000);
-  console.log(`joining: ${(count.bytes / 1e6).toFixed(2)} MB, drawn after ${drawn.toFixed(0)} ms`);
+  const [ada, count] = await opened("hall");
   const alone = await frames(ada);
   await foreign.order({ swarm: "hall", robots: 200, hz: 5, for_s: 90 });
   await until(
@@ -79,16 +87,17 @@ try {
   );
   await pause(3000);
   const busy = await frames(ada);
-  for (const [what, { frames: rate, worst }] of [
-    ["the map alone", alone],
-    ["with 200 robots", busy],
-  ]) {
-    console.log(`dragging, ${what}: ${rate.toFixed(0)} frames a second, 99 % within ${worst.toFixed(0)} ms`);
-  }
+  console.log(`dragging, the map alone: ${said(alone)}`);
+  console.log(`dragging, with 200 robots: ${said(busy)}`);
   count.bytes = 0;
   await pause(WATCHED_S * 1000);
   console.log(`watching: ${((count.bytes * 60) / WATCHED_S / 1e6).toFixed(2)} MB a minute`);
   await ada.end();
+  await foreign.write(config.city);
+  await until("the city is there", async () => (await foreign.get("fht/city/head")).version === config.city.length);
+  const [ben] = await opened("city");
+  console.log(`dragging the city: ${said(await frames(ben))}`);
+  await ben.end();
 } finally {
   await browser.close();
   foreign.end();
