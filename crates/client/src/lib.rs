@@ -52,8 +52,8 @@ mod sync;
 pub use closures::Closures;
 pub use navmesh::FreeSpaceCache;
 pub use own_paths::{entry_node, rules_of_own, with_entry};
-pub use path_reply::{UnusablePath, planned, planned_between};
-pub use paths::{PathQuestion, ServerPaths, ServerPathsConfig, ask_path, check_kept};
+pub use path_reply::{UnusablePath, check_kept, planned, planned_between};
+pub use paths::{PathQuestion, ServerPaths, ServerPathsConfig, ask_path};
 pub use planned_path::{PathPoint, PathSource, PlannedPath, Planner};
 pub use presence::{PoseReport, Presence};
 pub use queries::{

@@ -1,6 +1,7 @@
 //! Whether a reply of the server is a path that a robot should drive.
 
 use crate::planned_path::{PathPoint, PlannedPath, Planner};
+use fht_map::Rules;
 use fht_perception::pose::Point2;
 use fht_proto::FixedPoint;
 use fht_proto::api::reply::PathReply;
@@ -39,6 +40,18 @@ pub enum UnusablePath {
         /// Those that were asked for.
         asked: [Point2; 2],
     },
+    /// It is of before something was closed.
+    #[error("the server does not know yet of everything that is closed here")]
+    Outdated,
+}
+
+/// Whether the server planned under what operators have closed here.
+///
+/// # Errors
+/// [`UnusablePath::Outdated`].
+pub fn check_kept(reply: &PathReply, rules: &Rules) -> Result<(), UnusablePath> {
+    let way: Vec<FixedPoint> = reply.waypoints.iter().map(|at| FixedPoint::from_metres(at.x, at.y)).collect();
+    if rules.are_kept_by(&reply.obeyed, &way) { Ok(()) } else { Err(UnusablePath::Outdated) }
 }
 
 /// The server's reply as a path, if it is one.

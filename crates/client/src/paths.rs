@@ -3,7 +3,7 @@
 
 use crate::navmesh::FreeSpaceCache;
 use crate::own_paths::{entry_node, with_entry, with_own};
-use crate::path_reply::planned_between;
+use crate::path_reply::{UnusablePath, check_kept, planned_between};
 use crate::planned_path::{PathPoint, PathSource, PlannedPath};
 use crate::queries::{AskError, ask};
 use crate::replica::LiveReplica;
@@ -93,8 +93,17 @@ struct Question {
     rules: Arc<Rules>,
 }
 
+/// Why the server's answer is of no use.
+#[derive(Debug, thiserror::Error)]
+enum NoUse {
+    #[error(transparent)]
+    Ask(#[from] AskError),
+    #[error(transparent)]
+    Path(#[from] UnusablePath),
+}
+
 /// What the server answered: a path, a refusal, or nothing of use.
-type Answer = Result<Result<PlannedPath, ErrorReply>, AskError>;
+type Answer = Result<Result<PlannedPath, ErrorReply>, NoUse>;
 
 /// Paths from the replica, replaced by the server's when its answer comes and is a path. Around
 /// places that this robot found blocked from the replica alone, and others are told of them.
@@ -171,15 +180,6 @@ impl<'a> ServerPaths<'a> {
     }
 }
 
-/// Whether the server planned under what operators have closed here.
-///
-/// # Errors
-/// [`AskError::Outdated`].
-pub fn check_kept(reply: &PathReply, rules: &Rules) -> Result<(), AskError> {
-    let way: Vec<FixedPoint> = reply.waypoints.iter().map(|at| FixedPoint::from_metres(at.x, at.y)).collect();
-    if rules.are_kept_by(&reply.obeyed, &way) { Ok(()) } else { Err(AskError::Outdated) }
-}
-
 fn answer(session: &Session, map: &MapName, footprint: &Footprint, question: Question, timeout: Duration) -> Answer {
     let text = |point: Point2| format!("{:.3},{:.3}", point.x, point.y);
     let Question { from, to, entry, to_nearest, rules } = question;
@@ -188,12 +188,12 @@ fn answer(session: &Session, map: &MapName, footprint: &Footprint, question: Que
         let (from, to_text) = (text(start), text(to));
         let question = PathQuestion { from: &from, to: &to_text, footprint, release: None, to_nearest };
         let reply = ask_path(session, map, &question, timeout);
-        let path = reply.and_then(|reply| {
+        let path = reply.map_err(NoUse::from).and_then(|reply| {
             check_kept(&reply, &rules)?;
-            planned_between(reply, start, to).map_err(|error| AskError::Unreadable(error.to_string()))
+            Ok(planned_between(reply, start, to)?)
         });
         path.map_err(|error| match error {
-            AskError::Refused(refusal) if !refusal.code.is_trouble_of_the_server() => refusal,
+            NoUse::Ask(AskError::Refused(refusal)) if !refusal.code.is_trouble_of_the_server() => refusal,
             error => {
                 let reply = ErrorReply::new(ErrorCode::Internal, &error.to_string());
                 failure = Some(error);
@@ -253,7 +253,9 @@ impl PathSource for ServerPaths<'_> {
                 return Some(Ok(path));
             }
             Some(Ok(Err(refusal))) => tracing::info!(%refusal, "the server has no path"),
-            Some(Err(error @ AskError::Outdated)) => tracing::info!("the robot's own path is kept: {error}"),
+            Some(Err(NoUse::Path(error @ UnusablePath::Outdated))) => {
+                tracing::info!("the robot's own path is kept: {error}")
+            }
             Some(Err(error)) => {
                 tracing::warn!(%error, "no path from the server: planning on the robot's own copy of the map");
                 self.fallbacks += 1;

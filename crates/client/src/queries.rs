@@ -25,9 +25,6 @@ pub enum AskError {
     /// The answer cannot be read.
     #[error("the answer cannot be read: {0}")]
     Unreadable(String),
-    /// The path is of before something was closed.
-    #[error("the server does not know yet of everything that is closed here")]
-    Outdated,
 }
 
 /// Puts a question and returns the payloads of all answers. An error reply is the outcome if

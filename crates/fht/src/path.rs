@@ -68,7 +68,10 @@ pub enum PathError {
     Refused(ErrorReply),
     /// A path on a certain release was asked for, which only the server plans, and it did not.
     #[error("only the server plans on a release of choice: {0}")]
-    Server(AskError),
+    Server(#[from] AskError),
+    /// The same, and it answered with what a robot should not drive.
+    #[error("only the server plans on a release of choice: {0}")]
+    Unusable(#[from] UnusablePath),
     /// Planning ended for no reason that it gave: a defect.
     #[error("planning failed: {0}")]
     Planning(#[from] tokio::task::JoinError),
@@ -131,8 +134,9 @@ impl PathRequest {
             (self.from.to_ref().map_err(PathError::Refused)?, self.to.to_ref().map_err(PathError::Refused)?);
         let path = match self.ask_server(&from, &to) {
             Ok(path) => Ok(path),
-            Err(AskError::Refused(reply)) if !reply.code.is_trouble_of_the_server() => Err(PathError::Refused(reply)),
-            Err(error) if self.release.is_some() => Err(PathError::Server(error)),
+            Err(PathError::Refused(reply)) if !reply.code.is_trouble_of_the_server() => Err(PathError::Refused(reply)),
+            Err(PathError::Refused(reply)) if self.release.is_some() => Err(AskError::Refused(reply).into()),
+            Err(error) if self.release.is_some() => Err(error),
             Err(error) => {
                 tracing::warn!(%error, "no path from the server: planning on the own copy of the map");
                 self.plan_here(&from, &to).map_err(PathError::Refused)
@@ -141,7 +145,7 @@ impl PathRequest {
         Ok(Path { goal_yaw: self.to.yaw().or(path.goal_yaw), ..path })
     }
 
-    fn ask_server(&self, from: &PlaceRef, to: &PlaceRef) -> Result<Path, AskError> {
+    fn ask_server(&self, from: &PlaceRef, to: &PlaceRef) -> Result<Path, PathError> {
         let inner = &self.map.inner;
         // A robot outside of the mapped space goes to the nearest node first.
         let start = point_of(from).unwrap_or_else(Point2::origin);
@@ -157,15 +161,14 @@ impl PathRequest {
                 to_nearest: self.to_nearest,
             };
             let reply = ask_path(&inner.session, &inner.name, &question, inner.timeout);
-            let path = reply.and_then(|reply| {
+            let path = reply.map_err(PathError::from).and_then(|reply| {
                 answer = Some(reply.clone());
                 check_kept(&reply, &inner.replica.rules())?;
                 let is_between = point_of(from).is_some();
-                let path = usable(reply, is_between.then_some(at), point_of(to));
-                path.map_err(|error| AskError::Unreadable(error.to_string()))
+                Ok(usable(reply, is_between.then_some(at), point_of(to))?)
             });
             path.map_err(|error| match error {
-                AskError::Refused(refusal) => refusal,
+                PathError::Server(AskError::Refused(refusal)) => refusal,
                 error => {
                     let reply = ErrorReply::new(ErrorCode::Internal, &error.to_string());
                     failure = Some(error);
@@ -176,8 +179,8 @@ impl PathRequest {
         match (found, failure, answer) {
             (_, Some(failure), _) => Err(failure),
             (Ok(path), None, Some(reply)) => Ok(answered(path, reply)),
-            (Ok(_), None, None) => Err(AskError::Silent),
-            (Err(refusal), None, _) => Err(AskError::Refused(refusal)),
+            (Ok(_), None, None) => Err(AskError::Silent.into()),
+            (Err(refusal), None, _) => Err(PathError::Refused(refusal)),
         }
     }
 }

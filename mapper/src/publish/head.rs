@@ -31,7 +31,6 @@ pub(super) async fn ask_head(session: &zenoh::Session, map: &MapName) -> Result<
         Err(AskError::Refused(reply)) => other(reply.message),
         Err(AskError::Silent) => Answer::None { reason: "nobody answered".to_owned(), is_silent: true },
         Err(AskError::Unreadable(reason)) => other(format!("a head that cannot be used: {reason}")),
-        Err(error @ AskError::Outdated) => other(error.to_string()),
         Err(AskError::Zenoh(error)) => return Err(error.into()),
     })
 }

@@ -93,7 +93,7 @@ fn no_path(error: &AskError, start: &Pose2) -> NoPath {
             ErrorCode::Busy | ErrorCode::Timeout => PlannerError::Timeout,
             _ => PlannerError::Unknown,
         },
-        AskError::Silent | AskError::Outdated => PlannerError::Timeout,
+        AskError::Silent => PlannerError::Timeout,
         AskError::Zenoh(_) | AskError::Unreadable(_) => PlannerError::Unknown,
     };
     NoPath { error: kind, message: error.to_string() }

@@ -215,7 +215,6 @@ impl From<AskError> for OperatorError {
             AskError::Silent => Self::Silent,
             AskError::Refused(reply) => Self::Refused(reply),
             AskError::Unreadable(reason) => Self::Answer(reason),
-            error @ AskError::Outdated => Self::Answer(error.to_string()),
         }
     }
 }
