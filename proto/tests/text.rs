@@ -152,21 +152,16 @@ fn a_head_is_readable() {
         r#""main_nodes":3,"support_nodes":4,"edges":5,"bytes":6,"refused":0}"#
     );
     let head = Head {
-        map: "museum".parse().unwrap(),
         version: 19,
         vector: "0000000a:2,1a2b3c4d:17".parse().unwrap(),
         digest: Digest([7; 32]),
         clock_us: 9,
         enabled: Some("2026-11-21.1@1a2b3c4d".to_owned()),
-        deletion: None,
         main_nodes: 3,
         support_nodes: 4,
         edges: 5,
         bytes: 6,
-        refused: 0,
-        reports_cleared: 0,
-        read_only: false,
-        damaged: false,
+        ..Head::of_nothing("museum".parse().unwrap())
     };
     assert_eq!(serde_json::to_string(&head).unwrap(), json);
     assert_eq!(serde_json::from_str::<Head>(json).unwrap(), head);
@@ -177,23 +172,7 @@ fn a_head_is_readable() {
 #[test]
 fn only_heads_that_make_sense_pass() {
     let map: MapName = "museum".parse().unwrap();
-    let mut head = Head {
-        map: map.clone(),
-        version: u64::MAX,
-        vector: VersionVector::default(),
-        digest: Digest([0; 32]),
-        clock_us: 0,
-        enabled: None,
-        deletion: None,
-        main_nodes: 0,
-        support_nodes: 0,
-        edges: 0,
-        bytes: 0,
-        refused: 0,
-        reports_cleared: 0,
-        read_only: false,
-        damaged: false,
-    };
+    let mut head = Head { version: u64::MAX, ..Head::of_nothing(map.clone()) };
     assert!(head.clone().checked(&map).is_err(), "the version is not the vector's");
     head.vector.set(AuthorId(1), u64::MAX);
     assert!(head.clone().checked(&map).is_err(), "nobody could go on from there");

@@ -3,9 +3,7 @@
 use crate::queries::{AskError, ask_head_async, ask_until_answered};
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Head, Series};
-use fht_proto::{
-    AuthorId, CodecError, Digest, Increment, MapName, Op, ParseIdError, RobotName, VersionVector, decode, encode,
-};
+use fht_proto::{AuthorId, CodecError, Increment, MapName, Op, ParseIdError, RobotName, decode, encode};
 use fht_session::in_words;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use zenoh::Session;
@@ -78,23 +76,7 @@ pub struct Authorship<'a> {
 
 /// What the map has before the first increment of all.
 fn nothing_yet(map: &MapName) -> Head {
-    Head {
-        map: map.clone(),
-        version: 0,
-        vector: VersionVector::default(),
-        clock_us: 0,
-        enabled: None,
-        deletion: None,
-        digest: Digest([0; 32]),
-        main_nodes: 0,
-        support_nodes: 0,
-        edges: 0,
-        bytes: 0,
-        refused: 0,
-        reports_cleared: 0,
-        read_only: false,
-        damaged: false,
-    }
+    Head::of_nothing(map.clone())
 }
 
 async fn head_of(session: &Session, map: &MapName, author: &Authorship<'_>) -> Result<Head, AskError> {

@@ -236,23 +236,7 @@ mod tests {
     }
 
     fn head(count: u64, byte: u8) -> Head {
-        Head {
-            map: "m".parse().unwrap(),
-            version: count,
-            vector: vector(count),
-            clock_us: 0,
-            enabled: None,
-            deletion: None,
-            digest: digest(byte),
-            main_nodes: 0,
-            support_nodes: 0,
-            edges: 0,
-            bytes: 0,
-            refused: 0,
-            reports_cleared: 0,
-            read_only: false,
-            damaged: false,
-        }
+        Head { version: count, vector: vector(count), digest: digest(byte), ..Head::of_nothing("m".parse().unwrap()) }
     }
 
     fn clock() -> impl Fn(u64) -> Instant {

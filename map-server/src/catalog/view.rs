@@ -97,20 +97,16 @@ impl AsRef<MapState> for MapView {
 pub(super) fn head_of(map: &MapName, state: &MapState, vector: VersionVector, bytes: u64, refused: u64) -> Head {
     let counts = state.counts();
     Head {
-        map: map.clone(),
         version: vector.version(),
         vector,
         digest: state.digest(),
         clock_us: state.max_hlc_us(),
         enabled: state.annotations().enabled().map(|release| release.id.to_string()),
-        deletion: None,
         main_nodes: counts.main_nodes,
         support_nodes: counts.support_nodes,
         edges: counts.edges,
         bytes,
         refused,
-        reports_cleared: 0,
-        read_only: false,
-        damaged: false,
+        ..Head::of_nothing(map.clone())
     }
 }

@@ -202,7 +202,6 @@ fn lacks_anything(status: &RobotStatus, head: &Head) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fht_proto::Digest;
     use fht_proto::api::fleet::{LocalizationState, RobotRole};
 
     const SECOND: u64 = 1_000_000;
@@ -211,21 +210,10 @@ mod tests {
         let mut vector = VersionVector::default();
         vector.set(AuthorId(1), version);
         Head {
-            map: "m".parse().unwrap_or_else(|error| panic!("{error}")),
             version,
             vector,
-            digest: Digest([0; 32]),
-            clock_us: 0,
             enabled: enabled.map(str::to_owned),
-            deletion: None,
-            main_nodes: 0,
-            support_nodes: 0,
-            edges: 0,
-            bytes: 0,
-            refused: 0,
-            reports_cleared: 0,
-            read_only: false,
-            damaged: false,
+            ..Head::of_nothing("m".parse().unwrap_or_else(|error| panic!("{error}")))
         }
     }
 

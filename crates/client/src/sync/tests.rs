@@ -16,21 +16,10 @@ fn increments(author: u32, count: u64, begun_us: u64) -> Vec<Increment> {
 
 fn head(server: &Replica) -> Head {
     Head {
-        map: "museum".parse().unwrap_or_else(|error| panic!("{error}")),
         version: 1,
         vector: server.vector().clone(),
-        clock_us: 0,
-        enabled: None,
-        deletion: None,
         digest: server.state().digest(),
-        main_nodes: 0,
-        support_nodes: 0,
-        edges: 0,
-        bytes: 0,
-        refused: 0,
-        reports_cleared: 0,
-        read_only: false,
-        damaged: false,
+        ..Head::of_nothing("museum".parse().unwrap_or_else(|error| panic!("{error}")))
     }
 }
 

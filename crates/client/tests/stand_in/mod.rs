@@ -29,21 +29,12 @@ pub fn head(map: &MapName, log: &[Increment]) -> Vec<u8> {
     log.iter().for_each(|increment| state.apply(increment));
     let vector = vector(log.len());
     let head = Head {
-        map: map.clone(),
         version: vector.version(),
         vector,
         digest: state.digest(),
         clock_us: state.max_hlc_us(),
-        enabled: None,
-        deletion: None,
-        main_nodes: 0,
         support_nodes: log.len(),
-        edges: 0,
-        bytes: 0,
-        refused: 0,
-        reports_cleared: 0,
-        read_only: false,
-        damaged: false,
+        ..Head::of_nothing(map.clone())
     };
     serde_json::to_vec(&head).expect("JSON")
 }

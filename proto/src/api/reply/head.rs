@@ -58,6 +58,28 @@ fn is_zero(count: &u32) -> bool {
 }
 
 impl Head {
+    /// Of a map that has nothing yet. Its digest is no map's.
+    #[must_use]
+    pub fn of_nothing(map: MapName) -> Self {
+        Self {
+            map,
+            version: 0,
+            vector: VersionVector::default(),
+            digest: Digest([0; 32]),
+            clock_us: 0,
+            enabled: None,
+            deletion: None,
+            main_nodes: 0,
+            support_nodes: 0,
+            edges: 0,
+            bytes: 0,
+            refused: 0,
+            reports_cleared: 0,
+            read_only: false,
+            damaged: false,
+        }
+    }
+
     /// The head, if it makes sense and is one of `map`: what everybody asks of a head that came
     /// from outside. The numbers in its vector may still be anything.
     ///
