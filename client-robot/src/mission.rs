@@ -344,7 +344,7 @@ pub(crate) async fn direct<R: Robot>(
     let mut live = LiveLandmarks::start(walls, services.map.generation());
     loop {
         let frame = next_frame(robot, director, services.map, observer).await?;
-        if live.is_replaced(services.map.generation()) {
+        if live.restart_at(services.map.generation()) {
             pilot.replace_map();
             if let Some(outcome) = director.map_replaced() {
                 return Ok(outcome);

@@ -185,7 +185,7 @@ impl MapLocalizer {
 
     fn follow_map(&mut self) {
         let replica = &self.map.inner.replica;
-        if self.live.is_replaced(replica.generation()) {
+        if self.live.restart_at(replica.generation()) {
             self.localizer.replace_map();
         }
         self.live.follow(replica.changes(), |follow| follow(&replica.running()));

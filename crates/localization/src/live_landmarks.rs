@@ -29,8 +29,9 @@ impl LiveLandmarks {
     }
 
     /// Once per frame, before [`LiveLandmarks::follow`]: the map that is followed then is of this
-    /// generation, or a newer one. Whether it is another map than before; nothing is known of it.
-    pub fn is_replaced(&mut self, generation: u64) -> bool {
+    /// generation, or a newer one. Begins anew if it is another map than before, and says whether
+    /// it is.
+    pub fn restart_at(&mut self, generation: u64) -> bool {
         let is_other = generation != self.generation;
         if is_other {
             // What is being put together is of the old one.
@@ -65,7 +66,7 @@ mod tests {
         let mut live = LiveLandmarks::start(Taking::AfterFrames(2), 0);
         for (generation, changes, expected) in [(0, 1, 1), (0, 1, 1), (0, 2, 2), (1, 2, 3), (1, 2, 3)] {
             let was = live.generation;
-            assert_eq!(live.is_replaced(generation), was != generation);
+            assert_eq!(live.restart_at(generation), was != generation);
             live.follow(changes, |follow| {
                 looks += 1;
                 follow(&MapState::new());
