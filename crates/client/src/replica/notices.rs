@@ -1,9 +1,9 @@
 //! What a robot is told of its map's end, and of its server's: each thing once, however often it is
 //! seen.
 
-use fht_proto::VersionVector;
 use fht_proto::api::deletion::MapDeletion;
 use fht_proto::api::reply::Head;
+use fht_proto::{MapName, VersionVector};
 use std::time::{Duration, Instant};
 
 /// A server that says nothing for so long is told of: a restart takes less.
@@ -38,9 +38,8 @@ impl Notices {
         match &head.deletion {
             Some(deletion) if deletion.done => Some(gone(&deletion.sentence(&head.map))),
             Some(deletion) => Some(deletion.sentence(&head.map)),
-            None if was_to_be && !head.vector.covers(&vector) => {
-                Some(format!("map {} was deleted, and another one of this name is there", head.map))
-            }
+            // Another map of the name: that is told when the copy is of it.
+            None if !head.vector.covers(&vector) => None,
             None => was_to_be.then(|| format!("map {} is not going to be deleted any more", head.map)),
         }
     }
@@ -70,6 +69,11 @@ impl Notices {
     }
 }
 
+/// The copy is now of another map of the name.
+pub(super) fn replaced(map: &MapName) -> String {
+    format!("another map has the name {map} now: places on the old one are no places on it")
+}
+
 fn gone(reason: &str) -> String {
     format!("{reason}; the copy here is kept as long as this program runs")
 }
@@ -77,26 +81,9 @@ fn gone(reason: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fht_proto::{Digest, VersionVector};
 
     fn head(deletion: Option<MapDeletion>) -> Head {
-        Head {
-            map: "museum".parse().unwrap(),
-            version: 0,
-            vector: VersionVector::default(),
-            digest: Digest([0; 32]),
-            clock_us: 0,
-            enabled: None,
-            deletion,
-            main_nodes: 0,
-            support_nodes: 0,
-            edges: 0,
-            bytes: 0,
-            refused: 0,
-            reports_cleared: 0,
-            read_only: false,
-            damaged: false,
-        }
+        Head { deletion, ..Head::of_nothing("museum".parse().unwrap()) }
     }
 
     #[test]
@@ -131,10 +118,14 @@ mod tests {
         assert_eq!(notices.head(&head(Some(deletion.clone()))), None);
         assert!(notices.head(&head(None)).unwrap().contains("not going to be deleted"));
         assert!(notices.head(&head(Some(deletion.clone()))).is_some());
-        let was = notices.head(&head(Some(MapDeletion { done: true, ..deletion }))).unwrap();
+        let was = notices.head(&head(Some(MapDeletion { done: true, ..deletion.clone() }))).unwrap();
         assert!(was.starts_with("map museum was deleted at"), "{was}");
         assert_eq!(notices.no_map("there is no map museum".to_owned()), None, "it was told");
         assert_eq!(notices.head(&head(None)), None, "another map begins");
+        let whole = Head { vector: "0000000a:1".parse().unwrap(), ..head(None) };
+        assert_eq!(notices.head(&whole), None);
+        assert!(notices.head(&Head { vector: whole.vector.clone(), ..head(Some(deletion)) }).is_some());
+        assert_eq!(notices.head(&head(None)), None, "it was deleted, and another one is there");
         assert!(notices.no_map("there is no map museum".to_owned()).is_some());
         assert_eq!(notices.no_map("there is no map museum".to_owned()), None);
     }

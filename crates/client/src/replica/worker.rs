@@ -2,7 +2,7 @@
 //! is lacking.
 
 use super::config::ReplicaConfig;
-use super::notices::Notices;
+use super::notices::{Notices, replaced};
 use super::shared::Shared;
 use crate::closures::Closures;
 use crate::queries::read_head;
@@ -307,13 +307,14 @@ impl Worker {
             },
             Event::PartEnded(number) => {
                 self.part = (number, false);
-                let is_replaced = {
+                let (is_replaced, is_other) = {
                     let mut copy = self.shared.write();
                     let is_replaced = self.sync.part_ended(&mut copy, now);
                     // Whoever sees the new map sees that it is another one.
-                    self.shared.generation.store(self.sync.generation(), Ordering::Release);
-                    is_replaced
+                    let generation = self.sync.generation();
+                    (is_replaced, self.shared.generation.swap(generation, Ordering::AcqRel) != generation)
                 };
+                warn(is_other.then(|| replaced(&self.map)));
                 self.note_changes(usize::from(is_replaced));
             }
         }
