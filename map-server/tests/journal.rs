@@ -17,7 +17,6 @@ use map_server::ingest::{Arrival, Ingest};
 use map_server::query::{AnswerSources, answer};
 use map_server::store::{IncrementLog, MemoryLog};
 use serde_json::Value;
-use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
 use std::time::UNIX_EPOCH;
@@ -84,8 +83,7 @@ async fn who_changed_what_is_known_after_a_restart_and_to_foreign_clients() {
     assert_eq!(told(&asked(&site, "").await.unwrap()), expected, "the list of roles names them");
 
     // Page by page, by somebody else's program.
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("journal-zenoh-cli");
-    let zenoh = packages::environment(&folder, &[packages::ZENOH_CLI]).join("zenoh");
+    let zenoh = packages::zenoh_cli(env!("CARGO_TARGET_TMPDIR"));
     let (mut after, mut all) = (String::new(), Vec::new());
     loop {
         let selector = format!("fht/museum/journal?limit=4{after}");

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// The command line client of Zenoh that people have.
-pub const ZENOH_CLI: &str = "zenoh-cli==0.7.0";
+const ZENOH_CLI: &str = "zenoh-cli==0.7.0";
 
 /// Runs a command that must succeed.
 ///
@@ -46,6 +46,16 @@ pub fn environment(folder: &Path, packages: &[&str]) -> PathBuf {
         panic!("{}: {error}", done.display());
     }
     commands
+}
+
+/// The program `zenoh` of PyPI's zenoh-cli, installed once for all tests; `temporary` is their
+/// folder (`CARGO_TARGET_TMPDIR`).
+///
+/// # Panics
+/// When it cannot be installed.
+#[must_use]
+pub fn zenoh_cli(temporary: &str) -> PathBuf {
+    environment(&Path::new(temporary).join("zenoh-cli"), &[ZENOH_CLI]).join("zenoh")
 }
 
 /// Installs what `package-lock.json` of `folder` names, once.

@@ -9,7 +9,7 @@ use fht_demo::{Process, ProcessError, Role};
 use fht_proto::api::keys::Key;
 use fht_proto::api::reply::{MapsReply, PathReply};
 use fht_session::SessionConfig;
-use fht_tests::packages::{ZENOH_CLI, environment, run};
+use fht_tests::packages::{run, zenoh_cli};
 use map_server::ingest::Retained;
 use serde_json::Value;
 use site::{
@@ -17,7 +17,6 @@ use site::{
     make_certificates_of_the_readme, museum, put, readme_command, shipped, shipped_with,
 };
 use std::io::{BufRead, BufReader};
-use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::channel;
 use std::time::Duration;
@@ -90,8 +89,8 @@ impl Walk {
 
     /// Runs the README's question of zenoh-cli, as a shell does; returns what it prints.
     fn ask_with_zenoh_cli(&self) -> String {
-        let programs = environment(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("zenoh-cli"), &[ZENOH_CLI]);
-        let question = format!("{}/zenoh {}", programs.display(), readme_command("zenoh ").join(" "));
+        let zenoh = zenoh_cli(env!("CARGO_TARGET_TMPDIR"));
+        let question = format!("{} {}", zenoh.display(), readme_command("zenoh ").join(" "));
         let output = run(Command::new("sh").args(["-c", &question]).current_dir(self.folder.path()));
         String::from_utf8(output.stdout).unwrap()
     }

@@ -12,7 +12,7 @@ use fht_proto::api::keys::{GoalTopic, Key, RobotTopic, Topic};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, NodesReply, PathReply, RulesReply};
 use fht_session::SessionConfig;
 use fht_tests::corridors::{corridors, put};
-use fht_tests::packages::{ZENOH_CLI, environment, run};
+use fht_tests::packages::{run, zenoh_cli};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
@@ -199,7 +199,7 @@ fn far_node(session: &Session) -> String {
 
 #[test]
 fn a_robot_is_sent_twice_by_other_peoples_programs_over_a_server_that_is_started_anew() {
-    let zenoh = environment(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("zenoh-cli-sent"), &[ZENOH_CLI]).join("zenoh");
+    let zenoh = zenoh_cli(env!("CARGO_TARGET_TMPDIR"));
     let mut site = Site::start("20");
     let cli = |args: &[&str]| {
         let output = run(Command::new(&zenoh).args(["--connect", &site.endpoint]).args(args));

@@ -6,7 +6,7 @@ use fht_demo::{Process, Role, free_endpoint};
 use fht_proto::api::reply::PathReply;
 use fht_session::SessionConfig;
 use fht_tests::corridors::{corridors, put};
-use fht_tests::packages::{ZENOH_CLI, environment, run};
+use fht_tests::packages::{run, zenoh_cli};
 use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
@@ -15,8 +15,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 
 #[test]
 fn a_path_is_printed_and_a_bad_request_prints_the_reason() {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("zenoh-cli");
-    let zenoh = environment(&folder, &[ZENOH_CLI]).join("zenoh");
+    let zenoh = zenoh_cli(env!("CARGO_TARGET_TMPDIR"));
     let folder = tempfile::tempdir().unwrap();
     let endpoint = free_endpoint().unwrap();
     let args = ["--data".as_ref(), folder.path().as_os_str(), "--listen".as_ref(), endpoint.as_ref()];
