@@ -3,7 +3,7 @@
 
 use fht_map::plan::shortest_path;
 use fht_map::{FreeSpace, MapState, NodeRoute, NodeRouteConfig, RouteError, SpaceConfig, SpaceLimits};
-use fht_proto::{AuthorId, EdgeKey, FixedPoint, FixedPose, Increment, NodeId, NodeKind, Op, Rect};
+use fht_proto::{AuthorId, EdgeKey, FixedPoint, FixedPose, Footprint, Increment, NodeId, NodeKind, Op, Rect};
 use std::collections::BTreeSet;
 
 fn id(number: u32) -> NodeId {
@@ -156,6 +156,39 @@ fn ways_lead_around_ground_that_is_kept_out() {
     for (from, to) in [(at(1.0, 4.0), at(9.0, 4.0)), (at(3.95, 4.0), at(4.15, 4.0)), (at(3.95, 4.0), at(9.0, 4.0))] {
         let refusal = plan(&hall, &keeping_out(&[wall]), from, to);
         assert!(matches!(refusal, Err(RouteError::NoPath { .. })), "{refusal:?}");
+    }
+}
+
+#[test]
+fn a_robot_larger_than_the_explorers_keeps_its_body_out_of_a_zone() {
+    let hall = map(&[((5.0, 5.0), [0.0, 0.0, 10.0, 10.0])], &[]);
+    let zone: &[(f64, f64)] = &[(4.0, 4.0), (6.0, 4.0), (6.0, 6.0), (4.0, 6.0)];
+    // How near a route comes to the zone, metres.
+    let nearest = |route: &NodeRoute| {
+        let legs = route.waypoints.windows(2).map(|leg| [leg[0].point, leg[1].point]);
+        let places = legs.flat_map(|[a, b]| {
+            (0..=100).map(move |step| {
+                let share = f64::from(step) / 100.0;
+                (a.x() + share * (b.x() - a.x()), a.y() + share * (b.y() - a.y()))
+            })
+        });
+        let away = |(x, y): (f64, f64)| ((x - 5.0).abs() - 1.0).max(0.0).hypot(((y - 5.0).abs() - 1.0).max(0.0));
+        places.map(away).fold(f64::INFINITY, f64::min)
+    };
+    for radius in [0.2, 0.4] {
+        let config = SpaceConfig::of(&Footprint::disc(radius).unwrap());
+        let config = SpaceConfig { keep_out: keeping_out(&[zone]).keep_out, ..config };
+        for beside_mm in (10..700).step_by(10) {
+            let beside = f64::from(beside_mm) * 1e-3;
+            // It comes from behind the zone.
+            match plan(&hall, &config, at(2.0, 5.0), at(6.0 + beside, 5.0)) {
+                Ok(route) => assert!(nearest(&route) >= radius, "{radius} m, {beside} m beside: {route:?}"),
+                Err(error) => assert!(beside < radius + 0.1, "{radius} m, {beside} m beside: {error}"),
+            }
+            // Where it stands, it may leave.
+            let left = plan(&hall, &config, at(6.0 + beside, 5.0), at(9.0, 5.0));
+            assert!(left.is_ok(), "{radius} m, {beside} m beside: {left:?}");
+        }
     }
 }
 

@@ -114,6 +114,8 @@ struct Ground<'a> {
     rectangles: Vec<[Corner; 2]>,
     /// What no way may lead over.
     zones: Vec<&'a ClosedZone>,
+    /// What ways keep away from as from walls.
+    kept_clear: Vec<&'a ClosedZone>,
     /// Where walls stand between what was seen of them.
     walled: HashSet<Cell>,
     seen: HashMap<Cell, bool>,
@@ -135,9 +137,22 @@ impl<'a> Ground<'a> {
         };
         let rectangles = space.rectangles.iter().copied().filter(is_near).collect();
         let reach = (reach_mm / CELL_MM).ceil() as i32;
-        let (seen, unseen_rows, factors) = (HashMap::new(), HashMap::new(), HashMap::new());
-        let walled = HashSet::new();
-        Self { space, place, end, reach, room_mm: 0.0, views, rectangles, zones, walled, seen, unseen_rows, factors }
+        let kept_clear = space.kept_clear(&zones, place, end);
+        Self {
+            space,
+            place,
+            end,
+            reach,
+            room_mm: 0.0,
+            views,
+            rectangles,
+            zones,
+            kept_clear,
+            walled: HashSet::new(),
+            seen: HashMap::new(),
+            unseen_rows: HashMap::new(),
+            factors: HashMap::new(),
+        }
     }
 
     /// Closes the cells along walls whose seen points leave room between them, and those beside
@@ -170,7 +185,9 @@ impl<'a> Ground<'a> {
             return *factor;
         }
         let EntryConfig { good_room_mm, near_factor, unseen_factor, .. } = self.space.approach;
-        let room_mm = self.space.walls.clearance_mm(self.middle(cell), good_room_mm);
+        let middle = self.middle(cell);
+        let from_zones = self.kept_clear.iter().map(|zone| zone.clearance_mm(middle, good_room_mm));
+        let room_mm = from_zones.fold(self.space.walls.clearance_mm(middle, good_room_mm), f64::min);
         let factor = self.may_be_at(cell, room_mm).then(|| {
             let lack = ((good_room_mm - room_mm) / (good_room_mm - self.room_mm).max(1.0)).clamp(0.0, 1.0);
             // Where the robot must have been seen to fit, all of the ground is.

@@ -1,7 +1,9 @@
 //! Ground outside of the mesh: where walls stand in it, how much of it nobody saw, and where the
 //! mesh is nearest.
 
+use crate::navmesh::entry_config::EntryConfig;
 use crate::navmesh::free_space::FreeSpace;
+use crate::navmesh::free_space::closed_ground::ClosedZone;
 use crate::navmesh::free_space::visibility::Visibility;
 use crate::navmesh::mesh::Spot;
 use crate::navmesh::plane::{Corner, between, corner_of, distance, fixed_point, meet};
@@ -81,6 +83,14 @@ impl FreeSpace {
     pub(crate) fn is_in_wall(&self, goal: Corner) -> bool {
         let room_mm = self.approach.goal_room_mm;
         self.walls.clearance_mm(goal, room_mm) < room_mm
+    }
+
+    /// Of zones, those that ways keep away from as from walls: where a robot's whole body must fit,
+    /// all, but those that it stands nearer to at the start.
+    pub(crate) fn kept_clear<'a>(&self, zones: &[&'a ClosedZone], place: Corner, end: PathEnd) -> Vec<&'a ClosedZone> {
+        let EntryConfig { is_strict, room_mm: [room_mm, _], .. } = self.approach;
+        let is_kept = |zone: &ClosedZone| end != PathEnd::Start || zone.clearance_mm(place, room_mm) >= room_mm;
+        zones.iter().copied().filter(|zone| is_strict && is_kept(zone)).collect()
     }
 
     /// Whether a path may end with a way: nobody knows what stands on ground that is hidden.

@@ -64,6 +64,18 @@ impl ClosedZone {
         (0..2).all(|axis| place[axis] >= self.low[axis] - reach_mm && place[axis] <= self.high[axis] + reach_mm)
     }
 
+    /// How far a place is from it, millimetres, if that is at most `reach_mm`; else infinite, or
+    /// what is farther.
+    pub(crate) fn clearance_mm(&self, place: Corner, reach_mm: f64) -> f64 {
+        if !self.is_within(place, reach_mm) {
+            return f64::INFINITY;
+        }
+        if self.contains(place) {
+            return 0.0;
+        }
+        self.sides().map(|side| distance(nearest_on(side, place), place)).fold(f64::INFINITY, f64::min)
+    }
+
     /// Whether the straight way between two places meets it.
     pub(crate) fn is_met(&self, ends: [Corner; 2]) -> bool {
         let is_apart = (0..2).any(|axis| {
