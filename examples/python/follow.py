@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
-"""Follows a map, asks for a path, reports a blocked edge and watches robots.
+"""Follows a map, asks for a path and watches robots.
 
     pip install eclipse-zenoh
     examples/python/follow.py 127.0.0.1:7447 museum 0,0 dock
+
+With --report at the end it also reports the map's first edge as blocked, for 30 seconds.
 
 docs/protocol.md says what the keys, parameters and replies mean.
 """
@@ -73,7 +75,7 @@ class Map:
         return sorted(ends for ends in put if nodes.issuperset(ends))
 
 
-def main(endpoint, name, start, goal):
+def main(endpoint, name, start, goal, reports):
     if "/" not in endpoint:
         endpoint = f"tcp/{endpoint}"
     config = zenoh.Config()
@@ -91,8 +93,9 @@ def main(endpoint, name, start, goal):
         copy.catch_up()
         print(f"{len(copy.nodes())} nodes, {len(copy.edges())} edges")
         print("path:", json.dumps(copy.ask(f"path?from={start};to={goal}")["waypoints"]))
-        report = json.dumps({"for_s": 30, "edges": copy.edges()[:1]})
-        session.put(f"fht/{name}/robots/follow-py/blocked", report, encoding="application/json")
+        if reports:
+            report = json.dumps({"for_s": 30, "edges": copy.edges()[:1]})
+            session.put(f"fht/{name}/robots/follow-py/blocked", report, encoding="application/json")
         print("blocked:", json.dumps(copy.ask("rules")["blocked"]), flush=True)
         looked = time.monotonic()
         while True:
@@ -122,11 +125,12 @@ def main(endpoint, name, start, goal):
 if __name__ == "__main__":
     if sys.argv[1:] in (["--help"], ["-h"]):
         sys.exit(print(__doc__))
-    if len(sys.argv) != 5:
+    reports = sys.argv[5:] == ["--report"]
+    if len(sys.argv) != 5 + reports:
         print(__doc__, file=sys.stderr)
         sys.exit(2)
     try:
-        main(*sys.argv[1:])
+        main(*sys.argv[1:5], reports)
     except KeyboardInterrupt:
         pass
     except (RuntimeError, zenoh.ZError) as error:

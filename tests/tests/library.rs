@@ -6,7 +6,7 @@
 #[allow(dead_code, missing_docs)]
 mod own_robot;
 
-use fht::{Robot, Sensors, Twist, pose};
+use fht::{DriveError, Map, Robot, Sensors, Twist, pose};
 use fht_bag::{FrameRecording, Recorder};
 use fht_demo::{Process, Role, free_endpoint};
 use own_robot::Toy;
@@ -49,6 +49,20 @@ fn record(path: &Path) {
     });
     recorder.submit(move |bag| taken.iter().try_for_each(|frame| frames.write(bag, frame, None)));
     recorder.finish().unwrap();
+}
+
+/// The toy is sent to a place behind the wall: it stays where it is, and goes near if it may.
+fn go_behind_the_wall(endpoint: &str) {
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    runtime.block_on(async {
+        let map = Map::connect(endpoint, "toy").robot("toy").await.unwrap();
+        let mut toy = Toy::at(pose(1.5, 2.2, 2.0));
+        let refused = map.go(&mut toy, (7.0, 6.5)).await;
+        assert!(matches!(refused, Err(DriveError::Failed(_))), "{refused:?}");
+        let arrived = map.go(&mut toy, (7.0, 6.5)).to_nearest().await.unwrap();
+        let at = arrived.pose.translation;
+        assert!((at.x - 7.0).abs() < 0.5 && (4.0..6.0).contains(&at.y), "{at:?}");
+    });
 }
 
 #[test]
@@ -101,6 +115,8 @@ fn the_examples_of_the_library_run() {
     {
         assert!(followed.contains(line), "{line}");
     }
+
+    go_behind_the_wall(endpoint);
 
     let bag = folder.path().join("drive.mcap");
     record(&bag);

@@ -119,7 +119,8 @@ fn the_python_example_follows_a_map() {
 
     // HOST:PORT will do, as for the programs.
     let endpoint = site.endpoint.trim_start_matches("tcp/");
-    let mut example = Program::start(&in_repository("examples/python/follow.py"), &[endpoint, "museum", "0,0", "5,3"]);
+    let args = [endpoint, "museum", "0,0", "5,3", "--report"];
+    let mut example = Program::start(&in_repository("examples/python/follow.py"), &args);
     example.line("3 nodes, 2 edges");
     let path: Vec<serde_json::Value> = serde_json::from_str(&example.line("path: ")).unwrap();
     assert!(path.len() >= 2 && path[0]["x"] == 0.0 && path[path.len() - 1]["y"] == 3.0, "{path:?}");

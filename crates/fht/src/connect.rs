@@ -116,7 +116,8 @@ pub struct Connect {
 impl Connect {
     /// Connects as the robot of this name: 1 to 64 of `a-z A-Z 0-9 _ -`, and no other robot's. The
     /// others see that it is there for as long as the [`Map`] lives; once a second it publishes
-    /// where it is and which state of the map it has.
+    /// where it is and which state of the map it has. Nothing refuses a second program of the same
+    /// name: the others then see one robot that jumps between two places.
     pub fn robot(mut self, name: impl Into<String>) -> Self {
         self.robot = Some(name.into());
         self

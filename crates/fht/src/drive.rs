@@ -20,7 +20,10 @@ use std::pin::Pin;
 impl Map {
     /// Drives `robot` to a place: finds out where it is if need be, asks for a path, follows it,
     /// drives around what is in the way. At a named place, and at a pose, it turns to the heading
-    /// there. Await what this returns, or spawn it:
+    /// there. It has arrived within 0.1 m of the goal, or within 0.3 m of one on which something
+    /// stands ([`PilotConfig::goal_slack_m`]). It gives up a search after 150 m and the whole after
+    /// 1500 s ([`PilotConfig::max_search_m`], [`PilotConfig::max_time_s`]). Await what this
+    /// returns, or spawn it:
     ///
     /// ```no_run
     /// # use fht::{Map, Robot};
@@ -58,7 +61,8 @@ pub enum DriveError {
     /// Others must know who drives.
     #[error("only a robot with a name drives: connect with Map::connect(…).robot(name)")]
     NotARobot,
-    /// The goal is no place of the map: the robot was not moved.
+    /// There is no such node or place: the robot was not moved. Whether it can reach coordinates is
+    /// known only once it knows where it is: then [`DriveError::Failed`].
     #[error("{0}")]
     Goal(ErrorReply),
     /// It was tried, and failed.
@@ -131,6 +135,13 @@ impl<'a, R: Robot + Send> Drive<'a, R> {
     /// ```
     pub fn watch(mut self, watcher: impl FnMut(&SensorFrame, &PilotStep) -> ControlFlow<()> + Send + 'a) -> Self {
         self.watcher = Some(Box::new(watcher));
+        self
+    }
+
+    /// If the robot cannot reach the goal, it drives to the nearest point that it can. Default: then
+    /// there is no path.
+    pub fn to_nearest(mut self) -> Self {
+        self.config.to_nearest = true;
         self
     }
 

@@ -62,8 +62,8 @@
 //!    ```
 //! 3. Make a crate of your own that depends on `fht` (by `path` or `git`) and on `tokio` (features
 //!    `macros`, `rt-multi-thread`, `time`), and copy `examples/01_path.rs` to its `src/main.rs`.
-//! 4. Let a robot of yours implement [`Sensors`] and [`Robot`]: `examples/04_own_robot.rs` is one
-//!    of 40 lines. What a [`SensorFrame`] holds, and in which frames, is below.
+//! 4. Let a robot of yours implement [`Sensors`] and [`Robot`]: `examples/04_own_robot.rs` has
+//!    one. What a [`SensorFrame`] holds, and in which frames, is below.
 //! 5. `map.go(&mut robot, "7,4").await` drives it.
 //!
 //! # Frames and units
@@ -94,7 +94,8 @@
 //!
 //! * **It turns on the spot, `CANDIDATES` for ever.** Look at the ranges: a beam that met nothing
 //!   is infinity. 0 says that something is too near, and with many of them the robot stands in a
-//!   box. Where a scanner says 0 for any failure, give NaN.
+//!   box. Where a scanner says 0 for any failure, give NaN. A finite range of `range_max_m` or more
+//!   means that the beam met nothing so far: give NaN if the scanner only failed.
 //! * **It drives, and nothing fits.** Beams run counter-clockwise from `angle_min`;
 //!   `base_from_sensor` is where the scanner is mounted; odometry turns counter-clockwise, in
 //!   radians.

@@ -19,7 +19,7 @@
 //! | `photographer` | panoramas of a recorded drive, rendered only where they are wanted |
 //! | `setup` | a [`SimSetup`]: which world, where, by which seeds; as flags with `cli` |
 //! | `starts` | where robots begin, and where they cannot |
-//! | `plan` | the true [`FloorPlan`], for scoring only |
+//! | `plan` | the true [`FloorPlan`], for sensors and scoring |
 //! | [`scoring`] | how good a result is, by the [`Truth`] of where a robot really is |
 //!
 //! One scene serves the LiDAR, the cameras and the bumper. The world frame of the built-in worlds

@@ -1,4 +1,5 @@
-//! The true floor plan of a world. It is for scoring only: no robot program may look at it.
+//! The true floor plan of a world, for simulated sensors and for scoring: no program that finds a
+//! robot's place or way may look at it.
 
 mod distance;
 mod route;
