@@ -186,3 +186,16 @@ pub fn wilson(successes: usize, trials: usize) -> [f64; 2] {
     let half = z / (1.0 + z * z / n) * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).sqrt();
     [(centre - half).max(0.0), (centre + half).min(1.0)]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_nothing_is_known_of_is_an_empty_cell() {
+        let trials =
+            Trials { world: "hall".to_owned(), system: System::Ours, column: Column::AsMapped, outcomes: Vec::new() };
+        let line = relocalize_figures(&trials).line();
+        assert!(line.contains("– ± – m driven; – m, –° (medians)") && !line.contains("NaN"), "{line}");
+    }
+}
