@@ -208,8 +208,8 @@ impl RosRobot {
         self.intake.report()
     }
 
-    /// What keeps frames from coming, now: a sentence that names the topic and what to do. None once
-    /// [`sense`](Sensors::sense) has failed: its error says it.
+    /// What keeps frames from coming, now: a sentence that names the topic and what to do. None
+    /// once [`sense`](Sensors::sense) has failed: its error says it.
     #[must_use]
     pub fn trouble(&self) -> Option<String> {
         if self.intake.ended().is_some() {

@@ -73,8 +73,8 @@ impl Stamps {
         }
     }
 
-    /// Why messages with this stamp that came at `arrived_s` are of no use, if they are not; what is
-    /// only odd is a doubt.
+    /// Why messages with this stamp that came at `arrived_s` are of no use, if they are not; what
+    /// is only odd is a doubt.
     pub(crate) fn judge(&mut self, stamp_ns: u64, of: Stamped, now: Reference, arrived_s: f64) -> Option<String> {
         let is_catching_up = self.told.as_ref().is_some_and(|told| told.is_catching_up(arrived_s));
         let Topic { name, watch } = match of {

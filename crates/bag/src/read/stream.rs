@@ -77,8 +77,8 @@ struct OpenFile {
 /// The messages of a bag in the order in which they were logged. Memory does not grow with the
 /// files: it holds one chunk. A chunk whose checksum fails is not used. Damage ends its file, and
 /// reading continues with the next one; so does a chunk with which the bag would unpack to more
-/// than 200 times its size (and 64 MiB). What follows the end of a recording in its file is not read,
-/// and told.
+/// than 200 times its size (and 64 MiB). What follows the end of a recording in its file is not
+/// read, and told.
 pub struct Messages {
     files: VecDeque<PathBuf>,
     open: Option<OpenFile>,
