@@ -84,3 +84,37 @@ fn what_a_killed_recorder_leaves_is_mapped_up_to_there() {
     assert!(replayed.status.code() == Some(1) && said.contains("the bag is broken"), "{said}");
     assert!(report.bag_s > 30.0 && report.map.main_nodes >= 2 && report.free_area_m2 > 20.0, "{report:?}");
 }
+
+#[test]
+fn a_bag_that_is_broken_is_told_alike_by_all_who_read_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let bag = folder.path().join("run.mcap");
+    let path = bag.to_string_lossy().into_owned();
+    mapper(&["explore", "--no-cameras", "--offline", "--record", &path, "--max-sim", "10", "-q"]);
+    let whole = std::fs::read(&bag).unwrap();
+    let run = |role: &str, args: &[&str]| {
+        let output = Command::new(executable()).args(["role", role, "--"]).args(args).output().unwrap();
+        let said = [output.stdout, output.stderr].concat();
+        (output.status.code(), String::from_utf8(said).unwrap())
+    };
+    let replay = ["replay", &path, "--offline", "-q"];
+
+    // Another recording behind it.
+    std::fs::write(&bag, [&whole[..], &whole].concat()).unwrap();
+    for args in [&["info", &path][..], &replay] {
+        let (code, said) = run("mapper", args);
+        let beyond = format!("can be read up to byte {}", whole.len());
+        assert!(code == Some(1) && said.contains(&beyond), "{args:?}: {code:?} {said}");
+        assert!(said.contains(&format!(": {} bytes follow the end of the recording", whole.len())), "{said}");
+    }
+
+    // Nothing of it can be read. No router is asked before that is known.
+    let mut damaged = whole.clone();
+    damaged[whole.len() / 3] ^= 1;
+    std::fs::write(&bag, &damaged).unwrap();
+    for (role, args) in [("mapper", &replay[..]), ("sim", &["play", &path, "--ros", "tcp/127.0.0.1:9"])] {
+        let (code, said) = run(role, args);
+        assert!(code == Some(2) && said.contains("the bag gave no frame to "), "{role}: {code:?} {said}");
+        assert!(said.contains("run.mcap can be read up to byte"), "{role}: {said}");
+    }
+}

@@ -86,7 +86,13 @@ pub(super) fn ros_mission(
     let outcome = match outcome {
         Err(MissionError::Interrupted) => {
             recorded?;
-            fht_program::tell_line!("client-robot: interrupted on the way: the robot stands");
+            let robot = robot.robot();
+            if robot.report().frames == 0 {
+                let why = robot.trouble().map(|trouble| format!(": {trouble}")).unwrap_or_default();
+                fht_program::tell_line!("client-robot: interrupted while waiting for the robot's first scan{why}");
+            } else {
+                fht_program::tell_line!("client-robot: interrupted on the way: the robot stands");
+            }
             return Ok(stop.exit_code().unwrap_or(ExitCode::FAILURE));
         }
         Err(MissionError::Robot(error)) => return Err(CliError::Robot { error, trouble: robot.robot().trouble() }),

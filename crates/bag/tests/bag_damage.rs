@@ -209,6 +209,25 @@ fn a_bag_is_examined_to_its_end() {
 }
 
 #[test]
+fn what_follows_the_end_of_a_recording_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("joined.mcap");
+    for (_, bytes) in &good().bags {
+        for rest in [&b"x"[..], b"garbage", bytes] {
+            std::fs::write(&path, [bytes, rest].concat()).unwrap();
+            let (frames, report) = read(&path);
+            assert_eq!(frames.len(), good().frames);
+            for told in [&report.broken, &examine(&path).unwrap().broken] {
+                let [broken] = told.as_slice() else { panic!("{told:?}") };
+                assert_eq!(broken.byte, bytes.len() as u64);
+                let said = format!("{} bytes follow the end of the recording", rest.len());
+                assert!(broken.reason.contains(&said) && broken.last_log_ns.is_some(), "{broken}");
+            }
+        }
+    }
+}
+
+#[test]
 fn a_bag_that_lacks_what_was_cut_off_is_called_broken() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cut.mcap");

@@ -15,6 +15,12 @@ const AHEAD_S: f64 = 1.0;
 const LAG_S: f64 = 1.0;
 /// Stamps that go on by so much more than the time does have jumped, seconds.
 const JUMP_S: f64 = 1.0;
+/// A clock that goes back by more than this begins anew, seconds: messages that overtake each other
+/// are nearer.
+const RESET_S: f64 = 1.0;
+/// So long after a pause of the clock messages may come later than they did, seconds: those of the
+/// pause come all at once.
+const CATCH_UP_S: f64 = 10.0;
 /// Clocks of simulations and bags without a date begin at zero: times before 2001 are theirs,
 /// nanoseconds since the epoch.
 const FIRST_REAL_NS: u64 = 1_000_000_000_000_000_000;
@@ -131,15 +137,25 @@ pub(crate) struct ToldTime {
     newest: Option<(u64, f64)>,
     /// By how much it was set back last, seconds.
     set_back_s: Option<f64>,
+    /// By how much it was set back when it began anew, seconds.
+    reset_s: Option<f64>,
+    /// When it went on after it had stood still, seconds.
+    resumed_s: Option<f64>,
 }
 
 impl ToldTime {
-    pub(crate) fn take(&mut self, told: Time, arrived_s: f64) {
+    /// Takes what it tells at `arrived_s`, where `silent_s` without a word are too long.
+    pub(crate) fn take(&mut self, told: Time, arrived_s: f64, silent_s: f64) {
         let Some(told_ns) = told.nanoseconds() else { return };
-        if let Some((before_ns, _)) = self.newest
-            && told_ns < before_ns
-        {
-            self.set_back_s = Some((before_ns - told_ns) as f64 * 1e-9);
+        if let Some((before_ns, before_s)) = self.newest {
+            if told_ns < before_ns {
+                let back_s = (before_ns - told_ns) as f64 * 1e-9;
+                self.set_back_s = Some(back_s);
+                self.reset_s = self.reset_s.or(Some(back_s).filter(|back_s| *back_s > RESET_S));
+            }
+            if arrived_s - before_s >= silent_s {
+                self.resumed_s = Some(arrived_s);
+            }
         }
         self.newest = Some((told_ns, arrived_s));
     }
@@ -168,12 +184,25 @@ impl ToldTime {
 
     /// That it was set back, told once: a sentence.
     pub(crate) fn take_set_back(&mut self, clock: &str) -> Option<String> {
-        let by_s = self.set_back_s.take()?;
-        Some(format!(
-            "{clock} has gone back by {by_s:.1} s: the simulation was reset, the bag plays in a loop, or two of them \
-             run; start again"
-        ))
+        self.set_back_s.take().map(|by_s| gone_back(clock, by_s))
     }
+
+    /// That it has begun anew, after which nothing fits to what was before: a sentence.
+    pub(crate) fn reset(&self, clock: &str) -> Option<String> {
+        self.reset_s.map(|by_s| gone_back(clock, by_s))
+    }
+
+    /// Whether it stood still, and what was sent meanwhile may still come at `now_s`.
+    pub(crate) fn is_catching_up(&self, now_s: f64) -> bool {
+        self.resumed_s.is_some_and(|resumed_s| now_s - resumed_s < CATCH_UP_S)
+    }
+}
+
+fn gone_back(clock: &str, by_s: f64) -> String {
+    format!(
+        "{clock} has gone back by {by_s:.1} s: the simulation was reset, the bag plays in a loop, or two of them run; \
+         start again"
+    )
 }
 
 #[cfg(test)]
@@ -241,14 +270,27 @@ mod tests {
         let at = |sec: i32| Time { sec, nanosec: 0 };
         let mut told = ToldTime::default();
         assert!(told.trouble("/clock", 5.0, 0.4).is_some_and(|said| said.contains("nothing has come on /clock")));
-        told.take(at(7), 5.0);
+        told.take(at(7), 5.0, 0.4);
         assert_eq!((told.now_ns(), told.trouble("/clock", 5.1, 0.4)), (Some(7_000_000_000), None));
         assert!(told.trouble("/clock", 6.0, 0.4).is_some_and(|said| said.contains("/clock has stood still for 1.0 s")));
         assert_eq!(told.take_set_back("/clock"), None);
-        told.take(at(2), 6.0);
+        assert_eq!(told.reset("/clock"), None);
+        told.take(at(2), 6.0, 0.4);
         assert!(told.take_set_back("/clock").is_some_and(|said| said.contains("gone back by 5.0 s")));
         assert_eq!(told.take_set_back("/clock"), None);
-        told.take(Time { sec: -1, nanosec: 0 }, 7.0);
+        assert!(told.reset("/clock").is_some_and(|said| said.contains("gone back by 5.0 s")));
+        told.take(Time { sec: -1, nanosec: 0 }, 7.0, 0.4);
         assert_eq!(told.now_ns(), Some(2_000_000_000));
+    }
+
+    #[test]
+    fn a_clock_that_others_overtake_does_not_begin_anew() {
+        let mut told = ToldTime::default();
+        told.take(Time { sec: 7, nanosec: 400_000_000 }, 5.0, 0.4);
+        told.take(Time { sec: 7, nanosec: 200_000_000 }, 5.1, 0.4);
+        assert!(told.take_set_back("/clock").is_some() && told.reset("/clock").is_none());
+        assert!(!told.is_catching_up(5.2));
+        told.take(Time { sec: 7, nanosec: 600_000_000 }, 9.0, 0.4);
+        assert!(told.is_catching_up(9.1) && !told.is_catching_up(99.0));
     }
 }

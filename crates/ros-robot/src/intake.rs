@@ -132,6 +132,11 @@ impl Intake {
         self.stamps.take_clock(message, arrived_s);
     }
 
+    /// Why no frame that comes from here on fits to those before, if none does: a sentence.
+    pub(crate) fn ended(&self) -> Option<String> {
+        self.stamps.reset()
+    }
+
     /// What is odd and was not told yet: sentences.
     pub(crate) fn take_doubts(&mut self) -> Vec<String> {
         let mut doubts = self.stamps.take_doubts();
@@ -182,7 +187,7 @@ impl Intake {
                 self.scan_topic
             ));
         }
-        if let Some(refusal) = self.stamps.judge(stamp_ns, Stamped::Scan, now) {
+        if let Some(refusal) = self.stamps.judge(stamp_ns, Stamped::Scan, now, arrived_s) {
             return self.lose(refusal);
         }
         // Frames have microsecond stamps.
@@ -217,7 +222,8 @@ impl Intake {
         let stamp = stamp_ns(stamp, now);
         self.odometry = Heard { arrived_s: Some(arrived_s), stamp_ns: stamp };
         let Some(now) = now else { return };
-        if let Some(refusal) = stamp.and_then(|stamp_ns| self.stamps.judge(stamp_ns, Stamped::Odometry, now)) {
+        let refusal = stamp.and_then(|stamp_ns| self.stamps.judge(stamp_ns, Stamped::Odometry, now, arrived_s));
+        if let Some(refusal) = refusal {
             self.report.odometry_refused += 1;
             self.obstacle = Some(refusal);
             return;
@@ -394,7 +400,7 @@ impl Intake {
     pub(crate) fn trouble(&self, now_s: f64) -> Option<String> {
         let limit_s = self.config.silent_after_s;
         // Where time stands still all else does, too.
-        let time = self.stamps.trouble(now_s, limit_s);
+        let time = self.stamps.trouble(now_s);
         if time.is_some() {
             return time;
         }

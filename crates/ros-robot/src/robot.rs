@@ -208,9 +208,13 @@ impl RosRobot {
         self.intake.report()
     }
 
-    /// What keeps frames from coming, now: a sentence that names the topic and what to do.
+    /// What keeps frames from coming, now: a sentence that names the topic and what to do. None
+    /// once [`sense`](Sensors::sense) has failed: its error says it.
     #[must_use]
     pub fn trouble(&self) -> Option<String> {
+        if self.intake.ended().is_some() {
+            return None;
+        }
         self.intake.trouble(self.began.elapsed().as_secs_f64())
     }
 
@@ -311,7 +315,10 @@ impl RosRobot {
                 self.take_clock();
                 self.take_sight(&received);
             }
-            received = odometry => self.take_odometry(&received),
+            received = odometry => {
+                self.take_clock();
+                self.take_odometry(&received);
+            }
             received = self.transforms.next_raw() => self.take_transforms(&received),
             received = self.fixed_transforms.next_raw() => self.take_transforms(&received),
             () = tokio::time::sleep(TICK) => {}
@@ -371,12 +378,17 @@ fn wall_ns(received: &Received) -> u64 {
     u64::try_from(then.as_nanos()).unwrap_or(u64::MAX)
 }
 
+/// When the clock that tells the time begins anew, [`RobotError::Driver`] says so: what comes from
+/// there on is of another run.
 impl Sensors for RosRobot {
     async fn sense(&mut self) -> Result<SensorFrame, RobotError> {
         let silent_after = Duration::try_from_secs_f64(self.intake.silent_after_s()).unwrap_or(Duration::MAX);
         loop {
             self.take_all();
             self.tell_doubts();
+            if let Some(why) = self.intake.ended() {
+                return Err(RobotError::driver(why));
+            }
             if let Some(frame) = self.intake.frame(self.began.elapsed().as_secs_f64()) {
                 self.last_frame = Instant::now();
                 if self.told.take().is_some() {

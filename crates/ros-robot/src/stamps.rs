@@ -1,7 +1,7 @@
 //! By what time the stamps of a robot's sensors are judged, and what is odd about them. No I/O and
 //! no clock: times of arrival are given.
 
-use crate::clock::{Reference, StampWatch, ToldTime};
+use crate::clock::{Reference, StampDoubt, StampWatch, ToldTime};
 use crate::config::RosRobotConfig;
 use fht_ros_messages::msg::{ClockMsg, Time};
 
@@ -35,6 +35,8 @@ pub(crate) struct Stamps {
     clock: String,
     /// Only with `use_sim_time`.
     told: Option<ToldTime>,
+    /// The clock may say nothing for so long, seconds.
+    silent_s: f64,
     /// Sentences that were not told yet.
     doubts: Vec<String>,
 }
@@ -49,6 +51,7 @@ impl Stamps {
             odometry: Topic::of(odometry_topic),
             clock: clock.to_owned(),
             told,
+            silent_s: config.silent_after_s,
             doubts: Vec::new(),
         }
     }
@@ -56,7 +59,7 @@ impl Stamps {
     /// The time is told.
     pub(crate) fn take_clock(&mut self, message: &ClockMsg, arrived_s: f64) {
         let Some(told) = &mut self.told else { return };
-        told.take(message.clock, arrived_s);
+        told.take(message.clock, arrived_s, self.silent_s);
         let set_back = told.take_set_back(&self.clock);
         self.doubts.extend(set_back);
     }
@@ -70,13 +73,18 @@ impl Stamps {
         }
     }
 
-    /// Why messages with this stamp are of no use, if they are not; what is only odd is a doubt.
-    pub(crate) fn judge(&mut self, stamp_ns: u64, of: Stamped, now: Reference) -> Option<String> {
+    /// Why messages with this stamp that came at `arrived_s` are of no use, if they are not; what
+    /// is only odd is a doubt.
+    pub(crate) fn judge(&mut self, stamp_ns: u64, of: Stamped, now: Reference, arrived_s: f64) -> Option<String> {
+        let is_catching_up = self.told.as_ref().is_some_and(|told| told.is_catching_up(arrived_s));
         let Topic { name, watch } = match of {
             Stamped::Scan => &mut self.scan,
             Stamped::Odometry => &mut self.odometry,
         };
         let doubt = watch.judge(stamp_ns, now)?;
+        if is_catching_up && matches!(doubt, StampDoubt::Lags { .. }) {
+            return None;
+        }
         let sentence = doubt.sentence(name, &self.clock, now);
         self.doubt(sentence.clone());
         doubt.is_grave(now).then_some(sentence)
@@ -93,10 +101,14 @@ impl Stamps {
         std::mem::take(&mut self.doubts)
     }
 
-    /// What is wrong with the time that is told, at `now_s`, where `silent_s` without a word are
-    /// too long: a sentence.
-    pub(crate) fn trouble(&self, now_s: f64, silent_s: f64) -> Option<String> {
-        self.told.as_ref()?.trouble(&self.clock, now_s, silent_s)
+    /// What is wrong with the time that is told, at `now_s`: a sentence.
+    pub(crate) fn trouble(&self, now_s: f64) -> Option<String> {
+        self.told.as_ref()?.trouble(&self.clock, now_s, self.silent_s)
+    }
+
+    /// That the time that is told has begun anew: a sentence.
+    pub(crate) fn reset(&self) -> Option<String> {
+        self.told.as_ref()?.reset(&self.clock)
     }
 }
 

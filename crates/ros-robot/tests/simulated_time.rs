@@ -90,4 +90,13 @@ async fn points_become_frames_by_the_clock() {
     assert!(doubts.len() == 1 && doubts[0].contains("/points are of another clock"), "{doubts:?}");
     driver.say(7, 7);
     assert_eq!(timeout(PATIENCE, robot.sense()).await.unwrap().unwrap().time_us, 7_000_000);
+
+    // The simulation begins anew: nothing fits to what was before.
+    driver.say(2, 2);
+    for _ in 0..2 {
+        let error = timeout(PATIENCE, robot.sense()).await.unwrap().unwrap_err();
+        let said = error.to_string();
+        assert!(said.contains("/clock has gone back by 5.0 s") && said.contains("start again"), "{said}");
+        assert_eq!(robot.trouble(), None, "the error says it");
+    }
 }

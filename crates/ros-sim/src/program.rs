@@ -4,11 +4,11 @@
 use crate::config::{CommandType, PictureKind, SimRobotConfig};
 use crate::robot::{LiveError, SimRobot, SimRobotReport, live, play};
 use clap::{Args, Parser, Subcommand};
-use fht_bag::{BagError, FrameConfig, Frames, TopicConfig};
+use fht_bag::{BagError, BagReport, FrameConfig, Frames, TopicConfig};
 use fht_perception::pose::pose;
-use fht_perception::robot::{Paced, Sensors};
+use fht_perception::robot::{Paced, RobotError, Sensors};
 use fht_program::flags::{CompletionsArgs, ReportArgs, missing_command, number, parse_args, seconds};
-use fht_program::{Order, ProgramFailure, Stop, logging, print_line};
+use fht_program::{Order, ProgramFailure, Stop, logging, print_line, tell_line};
 use fht_proto::RobotName;
 use fht_ros::{RosError, RosNode};
 use fht_ros_robot::NodeArgs;
@@ -183,6 +183,8 @@ enum SimError {
     Router(zenoh::Error),
     #[error("the robot's router is gone: of the {played} frames played, nobody heard the last ones")]
     Unheard { played: u64 },
+    #[error("the bag gave no frame to play\n{0}")]
+    NoFrames(Box<BagReport>),
     #[error("played {played} frames; then the bag is broken: {broken}")]
     Broken { played: u64, broken: String },
 }
@@ -193,6 +195,7 @@ impl SimError {
         match self {
             Self::World(_)
             | Self::Bag(_)
+            | Self::NoFrames(_)
             | Self::Start(_)
             | Self::Configuration(_)
             | Self::Graph(RosError::Name(_)) => true,
@@ -296,11 +299,18 @@ async fn play_bag(args: &PlayArgs, stop: &Stop) -> Result<u64, SimError> {
     // Pictures that are not sent need not be read.
     let topics = TopicConfig { cameras: usual.cameras.clone().filter(|_| args.cameras.is_some()), ..usual };
     let mut frames = Frames::open(&args.bag, FrameConfig { topics, ..FrameConfig::default() })?;
-    let node = args.graph.join(stop).await?;
-    let _order = stop.in_order();
-    let first = frames.sense().await.map_err(LiveError::from)?;
+    let first = match frames.sense().await {
+        Err(RobotError::Ended) => return Err(SimError::NoFrames(Box::new(frames.report()))),
+        first => first.map_err(LiveError::from)?,
+    };
     // A bag's frames have the times that were recorded. To ROS, 0 is no time.
     let begin_us = if first.time_us == 0 { SimRobotConfig::default().begin_us } else { 0 };
+    if begin_us > 0 {
+        let begin_s = begin_us / 1_000_000;
+        tell_line!("{NAME}: the bag begins at 0, which to ROS is no time: it is played from {begin_s} s on");
+    }
+    let node = args.graph.join(stop).await?;
+    let _order = stop.in_order();
     let pictures = args.cameras.filter(|_| frames.has_cameras());
     let config = SimRobotConfig { has_clock: args.rate != 1.0, begin_us, pictures, ..SimRobotConfig::default() };
     let mut topics = SimRobot::join(&node, config, &first.scan.base_from_sensor, 0.0).await?;

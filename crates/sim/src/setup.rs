@@ -1,7 +1,7 @@
 //! Where a simulated robot is, and by which seeds.
 
 use crate::people::PeopleConfig;
-use crate::starts::{StartError, check_start};
+use crate::starts::{StartError, check_start, check_way};
 use crate::world::{World, WorldError, files_of, load, name_of};
 use fht_perception::pose::Pose2;
 use fht_proto::{MapName, ParseIdError, SharedWorldName};
@@ -99,15 +99,17 @@ impl SimSetup {
     /// world's own start, or none if that is one itself.
     ///
     /// # Errors
-    /// [`StartError`] where the robot cannot stand, or if it can stand nowhere.
+    /// [`StartError`] where the robot cannot stand, or if it can stand nowhere, or not drive from
+    /// there.
     pub fn start_in(&self, world: &World, radius_m: f64) -> Result<Option<Pose2>, StartError> {
-        let Some(start) = self.start else {
-            return match check_start(world, &world.start(), radius_m) {
-                Ok(()) => Ok(None),
-                Err(error) => error.nearest.map(Some).ok_or(error),
-            };
+        let start = match self.start {
+            Some(start) => check_start(world, &start, radius_m).map(|()| Some(start))?,
+            None => match check_start(world, &world.start(), radius_m) {
+                Ok(()) => None,
+                Err(error) => Some(error.nearest.ok_or(error)?),
+            },
         };
-        check_start(world, &start, radius_m)?;
-        Ok(Some(start))
+        check_way(world, &start.unwrap_or_else(|| world.start()), radius_m)?;
+        Ok(start)
     }
 }

@@ -16,6 +16,8 @@ const LEAST_APART_M: f64 = 0.8;
 
 /// Room that a proposed place has around the robot, metres: it can turn and drive off.
 const SPARE_M: f64 = 0.1;
+/// A robot that gets no farther than this from its start drives nowhere, metres.
+const LEAST_WAY_M: f64 = 0.5;
 /// A body this much deeper in a wall only touches it, metres.
 const TOUCH_M: f64 = 1e-4;
 
@@ -33,6 +35,11 @@ pub enum StartTrouble {
     },
     /// Nothing joins the place to the building's floor.
     CutOff,
+    /// It can turn there, but drive nowhere.
+    NoWay {
+        /// The farthest that it gets, metres.
+        reach_m: f64,
+    },
 }
 
 impl fmt::Display for StartTrouble {
@@ -46,13 +53,14 @@ impl fmt::Display for StartTrouble {
                 )
             }
             Self::CutOff => write!(formatter, "no way leads from there to the building's floor"),
+            Self::NoWay { reach_m } => write!(formatter, "it could drive no farther than {reach_m:.2} m from there"),
         }
     }
 }
 
 /// A robot cannot start where it was told to.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("the robot cannot start at {} in {world}: {trouble}; {}", in_words(start), advice(nearest.as_ref()))]
+#[error("the robot cannot start at {} in {world}: {trouble}{}", in_words(start), advice(trouble, nearest.as_ref()))]
 pub struct StartError {
     /// The world's name.
     pub world: String,
@@ -76,11 +84,12 @@ fn round(value: f64, parts: f64) -> f64 {
     (value * parts).round() / parts
 }
 
-fn advice(nearest: Option<&Pose2>) -> String {
-    nearest.map_or_else(
-        || "the world has no place where it fits".to_owned(),
-        |place| format!("the nearest free place is {}", in_words(place)),
-    )
+fn advice(trouble: &StartTrouble, nearest: Option<&Pose2>) -> String {
+    match (nearest, trouble) {
+        (Some(place), _) => format!("; the nearest free place is {}", in_words(place)),
+        (None, StartTrouble::NoWay { .. }) => String::new(),
+        (None, _) => "; the world has no place where it fits".to_owned(),
+    }
 }
 
 /// Checks that a robot of `radius_m` (metres), which turns on the spot, can stand and drive off at
@@ -97,6 +106,23 @@ pub fn check_start(world: &World, start: &Pose2, radius_m: f64) -> Result<(), St
     };
     let nearest = nearest_start(world, &floor, start, radius_m);
     Err(StartError { world: world.name().to_owned(), start: *start, trouble, nearest })
+}
+
+/// Checks that a robot of `radius_m` (metres) that can stand at `start` can also drive somewhere.
+///
+/// # Errors
+/// [`StartError`], without a place where it can.
+pub(crate) fn check_way(world: &World, start: &Pose2, radius_m: f64) -> Result<(), StartError> {
+    let (plan, place) = (world.plan(), Point2::from(start.translation.vector));
+    let reached = plan.reachable(place, radius_m);
+    let centre_of = |index: usize| plan.centre_of(index % plan.width(), index / plan.width());
+    let reached = reached.cells().iter().enumerate().filter(|(_, is_reached)| **is_reached);
+    let reach_m = reached.map(|(index, _)| (centre_of(index) - place).norm()).fold(0.0, f64::max);
+    if reach_m >= LEAST_WAY_M {
+        return Ok(());
+    }
+    let trouble = StartTrouble::NoWay { reach_m };
+    Err(StartError { world: world.name().to_owned(), start: *start, trouble, nearest: None })
 }
 
 fn trouble_at(world: &World, floor: &Mask, place: Point2, radius_m: f64) -> Option<StartTrouble> {

@@ -32,6 +32,9 @@ use std::path::{Path, PathBuf};
 const START_CLEARANCE_M: f64 = 0.35;
 /// How many separate parts of a map are tried for a start.
 const START_TRIES: usize = 8;
+/// What a map lacks all of whose cells are occupied or unknown.
+const NO_FREE_FLOOR: &str =
+    "free floor: are `negate`, `free_thresh` or `occupied_thresh` of its map.yaml the wrong way round?";
 
 /// Why a world cannot be loaded.
 #[derive(Debug, thiserror::Error)]
@@ -208,6 +211,9 @@ impl World {
         let name = name_of(path);
         let photographs = textures.map_or_else(|| Ok(Vec::new()), photographs::load)?;
         let mut plan = nav2::load(path)?;
+        if plan.free_area_m2() == 0.0 {
+            return Err(WorldError::Empty(name, NO_FREE_FLOOR));
+        }
         let mut layout = extrude::layout(&plan, seed);
         let mut count = 0;
         if let Some(changes) = changes {

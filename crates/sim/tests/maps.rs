@@ -212,8 +212,13 @@ fn broken_pictures_never_panic() {
 
 #[test]
 fn a_map_without_floor_is_refused() {
-    let (_folder, path) = write(GOOD, &GrayImage::from_pixel(20, 20, Luma([0])));
-    assert!(matches!(load_path(&path), Err(WorldError::Empty(_, _))));
+    for (yaml, grey) in [(GOOD, 0), (GOOD, 205), (&GOOD.replace("negate: 0", "negate: 1"), 254)] {
+        let (_folder, path) = write(yaml, &GrayImage::from_pixel(20, 20, Luma([grey])));
+        let error = load_path(&path).unwrap_err();
+        let said = error.to_string();
+        assert!(matches!(error, WorldError::Empty(_, _)), "{said}");
+        assert!(said.contains("world 'map' has no free floor: are `negate`"), "{said}");
+    }
 }
 
 /// The paper's floor plans may lie next to the checkout; they are not part of the project.

@@ -48,7 +48,9 @@ fn nothing_that_stands_in_a_building_is_a_place_to_start_and_all_else_is() {
                     narrow += 1;
                     assert!(clearance_m < radius_m() && plan.clearance_m(centre) < radius_m() + 0.1);
                 }
-                Err(StartTrouble::CutOff) => panic!("the floor hangs together at {centre}"),
+                Err(trouble @ (StartTrouble::CutOff | StartTrouble::NoWay { .. })) => {
+                    panic!("the floor hangs together at {centre}: {trouble}")
+                }
             }
         }
     }
@@ -97,6 +99,30 @@ fn a_world_of_one_pit_is_no_place_to_start() {
     let setup = SimSetup::of(map.to_str().unwrap());
     let error = setup.start_in(&setup.load().unwrap(), radius_m()).unwrap_err();
     assert!(matches!(error.trouble, StartTrouble::NoRoom { .. }) && error.nearest.is_none(), "{error}");
+}
+
+#[test]
+fn a_closet_without_a_door_is_no_world_to_drive_in() {
+    let folder = tempfile::tempdir().unwrap();
+    // Square rooms with walls of 0.1 m, cells of 0.05 m.
+    let map = |cells: usize| {
+        let row = |y: usize| {
+            let is_free = |x: usize| (2..cells + 2).contains(&x) && (2..cells + 2).contains(&y);
+            (0..cells + 4).map(|x| if is_free(x) { "254 " } else { "0 " }).collect::<String>()
+        };
+        let rows: String = (0..cells + 4).map(|y| row(y) + "\n").collect();
+        let (picture, map) = (format!("{cells}.pgm"), folder.path().join(format!("{cells}.yaml")));
+        std::fs::write(folder.path().join(&picture), format!("P2\n{0} {0}\n255\n{rows}", cells + 4)).unwrap();
+        let keys = "resolution: 0.05\norigin: [0, 0, 0]\noccupied_thresh: 0.65\nfree_thresh: 0.25\n";
+        std::fs::write(&map, format!("image: {picture}\n{keys}")).unwrap();
+        SimSetup::of(map.to_str().unwrap())
+    };
+    let closet = map(12);
+    let error = closet.start_in(&closet.load().unwrap(), radius_m()).unwrap_err();
+    assert!(matches!(error.trouble, StartTrouble::NoWay { reach_m } if reach_m > 0.1), "{error}");
+    assert!(error.to_string().ends_with(" m from there"), "{error}");
+    let chamber = map(40);
+    chamber.start_in(&chamber.load().unwrap(), radius_m()).unwrap();
 }
 
 #[test]

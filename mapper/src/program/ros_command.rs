@@ -209,7 +209,7 @@ async fn look(args: &CheckArgs, file: RosRobotConfig) -> Result<CheckReport, Che
     let mut robot = RosRobot::connect(&node, config.clone()).await?;
     let began = Instant::now();
     while let Some(left) = wait.checked_sub(began.elapsed())
-        && tokio::time::timeout(left, robot.sense()).await.is_ok()
+        && matches!(tokio::time::timeout(left, robot.sense()).await, Ok(Ok(_)))
     {}
     let IntakeReport { frames, panoramas, .. } = robot.report();
     let mut trouble = if frames == 0 { robot.trouble() } else { None };

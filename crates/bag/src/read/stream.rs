@@ -77,7 +77,8 @@ struct OpenFile {
 /// The messages of a bag in the order in which they were logged. Memory does not grow with the
 /// files: it holds one chunk. A chunk whose checksum fails is not used. Damage ends its file, and
 /// reading continues with the next one; so does a chunk with which the bag would unpack to more
-/// than 200 times its size (and 64 MiB).
+/// than 200 times its size (and 64 MiB). What follows the end of a recording in its file is not
+/// read, and told.
 pub struct Messages {
     files: VecDeque<PathBuf>,
     open: Option<OpenFile>,
@@ -136,6 +137,23 @@ impl Messages {
         }
         true
     }
+
+    /// Closes the file that is open; `damage` says why it could not be read to its end.
+    fn end_file(&mut self, damage: Option<String>) {
+        let Some(OpenFile { path, begin, last_log_ns, .. }) = self.open.take() else { return };
+        let byte = self.bytes.load(Ordering::Relaxed) - begin;
+        // A recording says itself where it ends.
+        let beyond = || match file_bytes(&path).saturating_sub(byte) {
+            0 => None,
+            left => Some(format!(
+                "{left} bytes follow the end of the recording there; was another put behind it? ('mcap merge' makes \
+                 one of both)"
+            )),
+        };
+        if let Some(reason) = damage.or_else(beyond) {
+            self.broken.push(Broken { file: path, byte, last_log_ns, reason });
+        }
+    }
 }
 
 fn file_bytes(path: &Path) -> u64 {
@@ -158,16 +176,8 @@ impl Iterator for Messages {
                     file.last_log_ns = Some(message.log_time);
                     return Some(message);
                 }
-                Some(Err(error)) => {
-                    self.broken.push(Broken {
-                        file: file.path.clone(),
-                        byte: self.bytes.load(Ordering::Relaxed) - file.begin,
-                        last_log_ns: file.last_log_ns,
-                        reason: reason(&error),
-                    });
-                    self.open = None;
-                }
-                None => self.open = None,
+                Some(Err(error)) => self.end_file(Some(reason(&error))),
+                None => self.end_file(None),
             }
         }
     }

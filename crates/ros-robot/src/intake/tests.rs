@@ -128,10 +128,30 @@ fn a_topic_tells_the_time_if_it_is_to() {
     intake.take_scan(scan(0), 0.3, 0);
     assert_eq!(intake.frame(0.3).map(|frame| frame.time_us), Some(1200 * MS));
     assert!(intake.trouble(2.0).is_some_and(|said| said.contains("/clock has stood still for 1.7 s")));
+    assert!(intake.ended().is_none());
     intake.take_clock(&clock(5 * MS), 2.0);
+    assert!(intake.ended().is_some_and(|said| said.contains("/clock has gone back by 1.2 s")));
     let doubts = intake.take_doubts();
     assert!(doubts[0].contains("/r1/scan has stamps of zero"), "{doubts:?}");
     assert!(doubts[1].contains("/clock has gone back by 1.2 s"), "{doubts:?}");
+}
+
+#[test]
+fn what_comes_after_a_pause_of_the_clock_does_not_lag() {
+    for is_paused in [true, false] {
+        let mut intake = by_clock();
+        intake.take_clock(&clock(1000 * MS), 0.0);
+        intake.take_odometry(&odometry(1000 * MS, 0.0), 0.0, 0);
+        intake.take_scan(scan(1000 * MS), 0.0, 0);
+        // The clock is that of the newest message, and others came before it.
+        let went_on_s = if is_paused { 5.0 } else { 0.2 };
+        intake.take_clock(&clock(4000 * MS), went_on_s);
+        intake.take_odometry(&odometry(1100 * MS, 0.0), went_on_s, 0);
+        intake.take_scan(scan(1100 * MS), went_on_s, 0);
+        let doubts = intake.take_doubts();
+        assert_eq!(doubts.is_empty(), is_paused, "{doubts:?}");
+        assert!(doubts.iter().all(|doubt| doubt.contains(" lag: its messages come 2.9 s later")), "{doubts:?}");
+    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use crate::output::OutputArgs;
 use fht_program::flags::check_files;
-use fht_sim::{SimSetup, check_world};
+use fht_sim::{SimSetup, check_world, load};
 use std::path::PathBuf;
 
 /// The files of a part, each with what it is called.
@@ -48,7 +48,12 @@ impl Files {
         }
         let read = self.read.iter().map(|(what, file)| (*what, Some(file.as_path())));
         let written = self.written.iter().map(|(what, file)| (*what, Some(file.as_path())));
-        check_files(read, written).map_err(|clash| clash.to_string())
+        check_files(read, written).map_err(|clash| clash.to_string())?;
+        // Whether a file makes a building shows only when it is read.
+        for world in self.worlds.iter().filter(|world| !SimSetup::of(world).files().is_empty()) {
+            load(world, None, 1).map_err(|error| error.to_string())?;
+        }
+        Ok(())
     }
 }
 
@@ -69,6 +74,10 @@ mod tests {
         assert_eq!(said(none().in_worlds(&["museum".to_owned()]).reads("the log", [&log])), "");
         assert!(said(none().in_worlds(&["nowhere".to_owned()])).contains("unknown world 'nowhere'"));
         assert!(said(none().in_worlds(&["nowhere.yaml".to_owned()])).contains("there is no world 'nowhere.yaml'"));
+        let turned = folder.path().join("turned.yaml");
+        let yaml = "image: log.mcap\nresolution: 0.05\norigin: [0, 0, 1]\noccupied_thresh: 0.65\nfree_thresh: 0.2\n";
+        std::fs::write(&turned, yaml).unwrap_or_else(|error| panic!("{error}"));
+        assert!(said(none().in_worlds(&[turned.display().to_string()])).contains("a turned origin is not supported"));
         let gone = folder.path().join("gone.mcap");
         assert!(said(none().reads("the log", [&gone])).contains("gone.mcap cannot be read"));
         let over = said(none().reads("the log", [&log]).writes("--looks", [&log]));

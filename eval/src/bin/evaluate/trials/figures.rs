@@ -1,5 +1,6 @@
 //! Results of many trials as figures.
 
+use crate::output::number;
 use crate::systems::{Column, System};
 use crate::trials::{Start, Trials};
 use fht_eval::{TrialFix, TrialOutcome};
@@ -89,19 +90,19 @@ impl RelocalizeFigures {
             .authors_success
             .map_or_else(String::new, |share| format!(" (authors' {authors_trials} starts: {:.0} %)", 100.0 * share));
         format!(
-            "{world}, {}, {}: {:.1} % of {trials}{authors}, right at some time {:.1} % after {:.1} m, {false_fixes} with a false fix; \
-             {:.1} ± {:.1} m driven; {:.3} m, {:.2}° (medians); ε_t {:.2} %; {:.1} ms a frame, at most {:.0}",
+            "{world}, {}, {}: {:.1} % of {trials}{authors}, right at some time {:.1} % after {} m, {false_fixes} with a false fix; \
+             {} ± {} m driven; {} m, {}° (medians); ε_t {} %; {} ms a frame, at most {:.0}",
             system.title(),
             column.title(),
             100.0 * self.success,
             100.0 * self.guessed_success,
-            self.l_guessed_mean_m,
-            self.l_reloca_mean_m,
-            self.l_reloca_std_m,
-            self.error_median_m,
-            self.error_median_deg,
-            self.epsilon_t_percent,
-            self.frame_ms_mean,
+            number(self.l_guessed_mean_m, 1),
+            number(self.l_reloca_mean_m, 1),
+            number(self.l_reloca_std_m, 1),
+            number(self.error_median_m, 3),
+            number(self.error_median_deg, 2),
+            number(self.epsilon_t_percent, 2),
+            number(self.frame_ms_mean, 1),
             self.frame_ms_max
         )
     }
@@ -184,4 +185,17 @@ pub fn wilson(successes: usize, trials: usize) -> [f64; 2] {
     let centre = (share + z * z / (2.0 * n)) / (1.0 + z * z / n);
     let half = z / (1.0 + z * z / n) * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).sqrt();
     [(centre - half).max(0.0), (centre + half).min(1.0)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_nothing_is_known_of_is_an_empty_cell() {
+        let trials =
+            Trials { world: "hall".to_owned(), system: System::Ours, column: Column::AsMapped, outcomes: Vec::new() };
+        let line = relocalize_figures(&trials).line();
+        assert!(line.contains("– ± – m driven; – m, –° (medians)") && !line.contains("NaN"), "{line}");
+    }
 }
