@@ -34,8 +34,8 @@ pub enum CredentialError {
     /// The certificate is another robot's.
     #[error(
         "transport.link.tls.connect_certificate: {} is of {common_name}, but this {role} is called {name}, and would not \
-         be let write: start it with --{} {owner}, or with a certificate of its own",
-        file.display(), flag_of(role)
+         be let write: start it with {}a certificate of its own",
+        file.display(), named_so(role, owner)
     )]
     OtherName {
         /// The certificate.
@@ -110,9 +110,13 @@ fn lack(option: &str) -> &'static str {
     }
 }
 
-/// The flag that says what a program of this role is called.
-fn flag_of(role: &str) -> &'static str {
-    if role == "operator" { "operator" } else { "robot" }
+/// The flag by which a program of this role is called what the certificate says, if that can be a
+/// name of a robot or operator.
+fn named_so(role: &str, owner: &str) -> String {
+    let flag = if role == "operator" { "operator" } else { "robot" };
+    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || letter == '_' || letter == '-';
+    let is_name = (1..=64).contains(&owner.len()) && owner.chars().all(is_plain);
+    if is_name { format!("--{flag} {owner}, or with ") } else { String::new() }
 }
 
 /// What a session does over TLS, and with it the options of `transport.link.tls` that it uses.
@@ -327,6 +331,15 @@ mod tests {
         assert!(gone.contains("listen_certificate: gone.pem cannot be read"), "{gone}");
         let nobody = said("{enable_mtls: true}");
         assert!(nobody.contains("root_ca_certificate is not set"), "{nobody}");
+    }
+
+    #[test]
+    fn only_a_name_is_proposed_as_one() {
+        assert_eq!(named_so("operator", "desk"), "--operator desk, or with ");
+        assert_eq!(named_so("explorer", "amr-7"), "--robot amr-7, or with ");
+        for none in ["", " desk", "desk,client:tug", &"x".repeat(65)] {
+            assert_eq!(named_so("operator", none), "");
+        }
     }
 
     #[test]
