@@ -5,6 +5,7 @@ use rustls::crypto::ring::sign::any_supported_type;
 use rustls::pki_types::PrivateKeyDer;
 use rustls::pki_types::pem::PemObject;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use x509_parser::pem::Pem;
 use zenoh::Config;
 
@@ -188,9 +189,7 @@ pub fn check(config: &Config, endpoints: &[String], side: TlsSide) -> Result<(),
 /// renewed while the program waits, or the clock set.
 pub fn out_of_date(config: &Config, endpoints: &[String], side: TlsSide) -> Option<String> {
     let option = side.certificate();
-    let tls = tls_options(config);
-    let file = tls.get(option).and_then(serde_json::Value::as_str).filter(|_| needs_tls(endpoints))?;
-    let pem = first_certificate(Path::new(file))?;
+    let (file, pem) = shown(config, endpoints, side)?;
     let certificate = pem.parse_x509().ok()?;
     let validity = certificate.validity();
     (!validity.is_valid()).then(|| {
@@ -200,6 +199,20 @@ pub fn out_of_date(config: &Config, endpoints: &[String], side: TlsSide) -> Opti
             validity.not_before, validity.not_after
         )
     })
+}
+
+/// For how long the certificate which is shown is valid; none: there is none, or it is out of date.
+pub fn valid_for(config: &Config, endpoints: &[String], side: TlsSide) -> Option<Duration> {
+    let (_, pem) = shown(config, endpoints, side)?;
+    let left = pem.parse_x509().ok()?.validity().time_to_expiration()?;
+    left.try_into().ok()
+}
+
+/// The certificate which is shown, and its file, if a side of TLS is needed.
+fn shown(config: &Config, endpoints: &[String], side: TlsSide) -> Option<(String, Pem)> {
+    let tls = tls_options(config);
+    let file = tls.get(side.certificate()).and_then(serde_json::Value::as_str).filter(|_| needs_tls(endpoints))?;
+    Some((file.to_owned(), first_certificate(Path::new(file))?))
 }
 
 /// Zenoh would try an endpoint whose protocol is switched off for ever.
@@ -368,6 +381,12 @@ mod tests {
         let subject = ["-days", "2", "-subj", "/CN=router:a", "-keyout", &at("a.key"), "-out", &at("a.pem")];
         openssl(&[&["req", "-x509", "-newkey", "rsa:2048", "-nodes"], &subject[..]].concat());
         assert_eq!(told("a.pem"), None);
+        let mut config = Config::default();
+        config.insert_json5("transport/link/tls", &format!("{{connect_certificate: {:?}}}", at("a.pem"))).unwrap();
+        let left_for = |endpoint: &str| valid_for(&config, &[endpoint.to_owned()], TlsSide::Connecting);
+        let (day, left) = (Duration::from_secs(86_400), left_for("tls/hall:7447").unwrap());
+        assert!(left > day && left <= 2 * day, "{left:?}");
+        assert_eq!(left_for("tcp/hall:7447"), None);
         openssl(&["x509", "-in", &at("a.pem"), "-signkey", &at("a.key"), "-days", "0", "-out", &at("old.pem")]);
         std::thread::sleep(std::time::Duration::from_millis(2100)); // it was valid for that second
         let sentence = told("old.pem").unwrap();
