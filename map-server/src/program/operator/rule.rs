@@ -60,7 +60,7 @@ pub(super) async fn place(
     is_sure: bool,
 ) -> Result<Op, OperatorError> {
     if !is_sure {
-        let (_, state) = fetch_state(session, map, true).await?;
+        let (_, _, state) = fetch_state(session, map, true).await?;
         let check = move || check_place(&state, pose.position);
         tokio::task::spawn_blocking(check).await.map_err(OperatorError::Lost)?.map_err(doubted)?;
     }
@@ -78,7 +78,7 @@ pub(super) async fn zone(
 ) -> Result<Op, OperatorError> {
     zone.check_border().map_err(|reason| OperatorError::Usage(format!("zone {name}: {reason}")))?;
     if !is_sure {
-        let (_, state) = fetch_state(session, map, true).await?;
+        let (_, _, state) = fetch_state(session, map, true).await?;
         check_zone(&state, &zone).map_err(doubted)?;
     }
     Ok(Op::SetZone { name, zone: Some(zone) })
