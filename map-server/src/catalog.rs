@@ -7,17 +7,20 @@
 //! | `view` | one map at one version |
 //! | `planning_state` | a state that paths are planned on: the newest, or a release |
 //! | `head_index` | finds things in the newest state of a large map |
+//! | `known_operators` | who is an operator, for the journal of what operators do |
 //! | `replay` | a state of a map, from the log |
 //! | `loading` | maps from the log, at the start and again |
 //! | `deletions` | the maps that will be deleted, or were |
 
 mod deletions;
 mod head_index;
+mod known_operators;
 mod loading;
 mod planning_state;
 mod replay;
 mod view;
 
+pub use known_operators::KnownOperators;
 pub use planning_state::PlanningState;
 pub use replay::state_at;
 pub use view::MapView;
@@ -37,6 +40,7 @@ pub struct Catalog {
     deletions: RwLock<BTreeMap<MapName, DeletionRecord>>,
     /// The maps that cannot be read, and why.
     damaged: RwLock<BTreeMap<MapName, String>>,
+    operators: KnownOperators,
 }
 
 /// What was added to a map, in elements ([`fht_map::MapState::elements`]).
@@ -57,6 +61,12 @@ impl Catalog {
 
     fn write(&self) -> RwLockWriteGuard<'_, BTreeMap<MapName, MapView>> {
         self.maps.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A catalog without maps; of those `operators` the journals of maps will tell whatever they do.
+    #[must_use]
+    pub fn of_nothing(operators: KnownOperators) -> Self {
+        Self { operators, ..Self::default() }
     }
 
     /// A map as it is now.
@@ -120,8 +130,14 @@ impl Catalog {
         let added = AddedElements { total: state.elements(), by_author };
         let mut view = MapView::new(state, head, old.as_ref(), log)?;
         drop(old);
-        compacted.iter().for_each(|series| OperatorJournal::take_fold(&mut view.journal, series));
-        increments.iter().for_each(|increment| OperatorJournal::take(&mut view.journal, increment));
+        for series in compacted {
+            self.operators.tell(&mut view.journal, series.author);
+            OperatorJournal::take_fold(&mut view.journal, series);
+        }
+        for increment in increments {
+            self.operators.tell(&mut view.journal, increment.author);
+            OperatorJournal::take(&mut view.journal, increment);
+        }
         let rests = compacted.iter().flat_map(|series| &series.rests);
         let compacted_ops = rests.flat_map(|rest| rest.ops.iter().map(|(_, op)| op));
         let ops = compacted_ops.chain(increments.iter().flat_map(|increment| &increment.ops));

@@ -18,12 +18,13 @@ mod writer;
 pub use error::ServerError;
 
 use crate::access::{RouterFile, openings};
-use crate::catalog::Catalog;
+use crate::catalog::{Catalog, KnownOperators};
 use crate::config::{QuorumConfig, ServerConfig, ServerEndpoints};
 use crate::network::{self, QueryDoor};
 use crate::query::{ActiveRules, AnswerSources, Fleet, OperatorNames};
 use crate::replicated::{QuorumLog, Stateless};
 use crate::store::{FILE_NAME, IncrementLog, RedbLog, StoreError};
+use fht_map::WriterRole;
 use serving::{Served, ServingTask, ShutdownSignal, serve};
 use side_doors::SideDoors;
 use std::pin::pin;
@@ -64,7 +65,9 @@ pub async fn run_beside<T>(
         let early = if is_there { None } else { Some(reachable(&config.link).await?) };
         let log: Arc<dyn IncrementLog> = Arc::new(RedbLog::open(&config.data)?.warning_below(config.min_free_bytes));
         let file = config.data.join(FILE_NAME);
-        let catalog = Catalog::load_what_reads(log.as_ref()).map_err(|error| error.of_file(&file))?;
+        let operators = Arc::new(operator_names(&config));
+        let known = known_operators(&config, &operators);
+        let catalog = Catalog::load_with(log.as_ref(), known).map_err(|error| error.of_file(&file))?;
         for head in catalog.damaged_heads() {
             tracing::error!("{}", catalog.damage(&head.map).unwrap_or_default());
         }
@@ -73,7 +76,7 @@ pub async fn run_beside<T>(
             Some(early) => early,
             None => reachable(&config.link).await?,
         };
-        let sources = sources(&config, catalog, log);
+        let sources = sources(&config, operators, catalog, log);
         let (mut session, mut door) = (session, Some(door));
         loop {
             let kept = beside(&session)?;
@@ -109,18 +112,39 @@ async fn end(served: Result<Served, ServerError>, session: Session) -> Result<Op
     served.map(|_| None)
 }
 
-/// What questions are answered from. It outlives sessions.
-fn sources(config: &ServerConfig, catalog: Arc<Catalog>, log: Arc<dyn IncrementLog>) -> AnswerSources {
+/// The operators that the configuration names.
+fn operator_names(config: &ServerConfig) -> OperatorNames {
     let operators = OperatorNames::default();
     #[cfg(feature = "web")]
     config.web.iter().filter_map(|web| web.operator.as_ref()).for_each(|name| operators.learn(name.as_str()));
+    #[cfg(not(feature = "web"))]
+    let _ = config;
+    operators
+}
+
+/// Who is listed is what the list says, and of others whoever has said its name as operators do.
+fn known_operators(config: &ServerConfig, names: &Arc<OperatorNames>) -> KnownOperators {
+    let (roles, names) = (config.writers.clone(), Arc::clone(names));
+    KnownOperators::of(move |author| match roles.as_ref().and_then(|roles| roles.now().role(author)) {
+        Some(role) => role == WriterRole::Operator,
+        None => names.name(author).is_some(),
+    })
+}
+
+/// What questions are answered from. It outlives sessions.
+fn sources(
+    config: &ServerConfig,
+    operators: Arc<OperatorNames>,
+    catalog: Arc<Catalog>,
+    log: Arc<dyn IncrementLog>,
+) -> AnswerSources {
     AnswerSources {
         catalog,
         log,
         writers: config.writers.clone(),
         active_rules: Arc::new(ActiveRules::new(config.reports.clone())),
         fleet: Arc::new(Fleet::new(config.fleet.clone())),
-        operators: Arc::new(operators),
+        operators,
         config: Arc::new(config.answers.clone()),
     }
 }
@@ -174,7 +198,9 @@ async fn serve_storages(
         let stateless = Stateless::new(session, quorum, config.gaps.clone());
         let log = Arc::new(QuorumLog::new(stateless.storages(), quorum));
         // Another server of the site answers while this one reads.
-        let sources = sources(config, Arc::default(), log);
+        let operators = Arc::new(operator_names(config));
+        let catalog = Arc::new(Catalog::of_nothing(known_operators(config, &operators)));
+        let sources = sources(config, operators, catalog, log);
         let task = ServingTask { sources, stateless: Some(stateless), door: None, doors: doors.clone() };
         match serve(config, session, task, shutdown).await {
             Err(ServerError::Store(reason @ StoreError::Overruled { .. })) => {

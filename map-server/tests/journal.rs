@@ -7,10 +7,11 @@
 mod packages;
 mod support;
 
+use fht_client::author::{Authorship, write};
 use fht_proto::api::keys::Key;
 use fht_proto::api::reply::{ErrorCode, ErrorReply, JournalReply};
 use fht_proto::api::request::parse;
-use fht_proto::{AuthorId, FixedPose, Increment, Op, encode};
+use fht_proto::{AuthorId, FixedPose, Increment, NodeId, NodeKind, Op, encode};
 use map_server::catalog::Catalog;
 use map_server::config::Limits;
 use map_server::ingest::{Arrival, Ingest};
@@ -19,7 +20,7 @@ use map_server::store::{IncrementLog, MemoryLog};
 use serde_json::Value;
 use std::process::Command;
 use std::sync::Arc;
-use std::time::UNIX_EPOCH;
+use std::time::{Duration, UNIX_EPOCH};
 use support::site::Site;
 use support::{ANA, BEN, Server, ask, head_when, key, museum, node, until_up};
 
@@ -145,6 +146,39 @@ async fn of_folded_changes_those_are_told_that_still_count() {
     assert!(told(&of_desk).iter().all(|(_, name, _)| name.as_deref() == Some("desk")), "{of_desk}");
     assert_eq!(told(&asked(&site, "").await.unwrap())[0].1, None, "and the server does not, without a list");
     assert_eq!(words(&asked(&site, "").await.unwrap()), expected, "after a restart, too");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_operators_do_to_nodes_alone_is_told_and_what_robots_do_is_not() {
+    let mut site = Site::with(6).await;
+    assert_eq!(told(&site.run(&["journal", "museum"])), []);
+    // As a merge does: nothing in it is for operators only.
+    let desk = AuthorId::of_robot("desk");
+    let by = Authorship { name: "desk", may_begin: false, timeout: Duration::from_secs(60) };
+    let put = |number| Op::PutNode {
+        id: NodeId { author: desk, number },
+        kind: NodeKind::Support,
+        pose: FixedPose::from_metres(f64::from(number), 0.5, 0.0),
+    };
+    write(&site.session, &museum(), by, vec![put(0), put(1)]).await.unwrap();
+    write(&site.session, &museum(), by, vec![Op::RemoveNode { id: node(ANA, 3) }]).await.unwrap();
+    site.run(&["undo", "museum", "--last", "2", "--operator", "desk"]);
+    site.drive(7, 8).await;
+    let journal = asked(&site, "").await.unwrap();
+    let lines = told(&journal);
+    assert!(lines.iter().all(|(_, name, _)| name.as_deref() == Some("desk")), "{lines:?}");
+    let words: Vec<&str> = lines.iter().map(|(_, _, words)| words.as_str()).collect();
+    assert_eq!((words.len(), &words[1..]), (3, &["1 node is taken away", "2 nodes are put"][..]), "{words:?}");
+    assert!(words[0].contains("2 nodes are taken away"), "{words:?}");
+
+    // Who is listed is known at once.
+    site.server.kill();
+    let roles = site.dir.path().join("roles.json5");
+    std::fs::write(&roles, "{explorers: ['ana'], operators: ['desk']}").unwrap();
+    let args = ["--roles", roles.to_str().unwrap()];
+    site.server = Server::with(&site.dir.path().join("data"), &site.endpoint, &args, &site.dir.path().join("log"));
+    until_up(&site.session).await;
+    assert_eq!(told(&asked(&site, "").await.unwrap()), lines);
 }
 
 #[test]

@@ -34,6 +34,9 @@ pub enum NotWritten {
     /// The server did not say what it has.
     #[error(transparent)]
     Ask(#[from] AskError),
+    /// It was sent, and since then the server does not answer.
+    #[error("no map-server has answered since it was sent: it may have been carried out")]
+    Unanswered,
     /// The server refused the increment, with its reason.
     #[error("{0}")]
     Refused(ErrorReply),
@@ -148,9 +151,9 @@ async fn write_as(
             {
                 return Err(NotWritten::Refused(reply));
             }
-            let now = head_of(session, map, &by).await?;
+            let now = head_of(session, map, &by).await.map_err(since_sent)?;
             if now.vector.get(author) >= number {
-                if is_stored(session, map, &before, &increment, by.timeout).await? {
+                if is_stored(session, map, &before, &increment, by.timeout).await.map_err(since_sent)? {
                     return Ok(now);
                 }
                 break; // another program of this author was faster
@@ -162,6 +165,14 @@ async fn write_as(
         }
     }
     Err(NotWritten::Contended { author: by.name.to_owned() })
+}
+
+/// Why nothing is known of what was sent.
+fn since_sent(error: AskError) -> NotWritten {
+    match error {
+        AskError::Silent => NotWritten::Unanswered,
+        error => error.into(),
+    }
 }
 
 /// Whether the server stored this increment under its number, and not somebody else's.

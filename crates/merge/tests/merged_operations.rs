@@ -101,6 +101,32 @@ fn merged_again_there_is_nothing_new() {
 }
 
 #[test]
+fn merged_again_what_got_another_name_is_there() {
+    let (mut a, mut b) = halves();
+    let dock = |x: f64, yaw| {
+        let pose = Some(FixedPose::from_metres(x, 0.0, yaw));
+        Op::SetPlace { name: "dock".parse().unwrap(), pose }
+    };
+    let wet = |x: f64| {
+        let corners = [(x, 0.0), (x + 1.0, 0.0), (x + 1.0, 1.0)].map(|(x, y)| FixedPoint::from_metres(x, y)).to_vec();
+        Op::SetZone { name: "wet".parse().unwrap(), zone: Some(Zone { rule: ZoneRule::KeepOut, corners }) }
+    };
+    write(&mut a, vec![dock(1.0, 0.5), wet(5.0)]);
+    write(&mut b, vec![dock(2.0, 0.5), wet(1.0)]);
+    let (both, first) = merged(&a, &b, &order());
+    assert_eq!((first.figures.renamed.len(), first.figures.annotations), (2, 2), "{:?}", first.figures);
+    let (_, again) = merged(&both, &b, &order());
+    assert_eq!((again.figures.renamed.len(), again.figures.annotations), (0, 0), "{:?}", again.figures);
+    // What has been turned round since, or lies elsewhere, is something else.
+    let author = AuthorId::of_robot("warden");
+    let ops = vec![dock(2.0, 2.0), wet(2.0)];
+    b.apply(&Increment { author, number: 2, hlc_us: b.max_hlc_us() + 1, ops });
+    let (_, other) = merged(&both, &b, &order());
+    assert_eq!((other.figures.renamed.len(), other.figures.annotations), (2, 2), "{:?}", other.figures);
+    assert!(other.figures.renamed.iter().all(|[_, new]| new.ends_with("-second-2")), "{:?}", other.figures);
+}
+
+#[test]
 fn what_operators_wrote_comes_along() {
     let (mut a, mut b) = halves();
     let dock = |x: f64| Op::SetPlace { name: "dock".parse().unwrap(), pose: Some(FixedPose::from_metres(x, 0.0, 0.5)) };

@@ -5,6 +5,7 @@ use rustls::crypto::ring::sign::any_supported_type;
 use rustls::pki_types::PrivateKeyDer;
 use rustls::pki_types::pem::PemObject;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use x509_parser::pem::Pem;
 use zenoh::Config;
 
@@ -34,8 +35,8 @@ pub enum CredentialError {
     /// The certificate is another robot's.
     #[error(
         "transport.link.tls.connect_certificate: {} is of {common_name}, but this {role} is called {name}, and would not \
-         be let write: start it with --{} {owner}, or with a certificate of its own",
-        file.display(), flag_of(role)
+         be let write: start it with {}a certificate of its own",
+        file.display(), named_so(role, owner)
     )]
     OtherName {
         /// The certificate.
@@ -110,9 +111,13 @@ fn lack(option: &str) -> &'static str {
     }
 }
 
-/// The flag that says what a program of this role is called.
-fn flag_of(role: &str) -> &'static str {
-    if role == "operator" { "operator" } else { "robot" }
+/// The flag by which a program of this role is called what the certificate says, if that can be a
+/// name of a robot or operator.
+fn named_so(role: &str, owner: &str) -> String {
+    let flag = if role == "operator" { "operator" } else { "robot" };
+    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || letter == '_' || letter == '-';
+    let is_name = (1..=64).contains(&owner.len()) && owner.chars().all(is_plain);
+    if is_name { format!("--{flag} {owner}, or with ") } else { String::new() }
 }
 
 /// What a session does over TLS, and with it the options of `transport.link.tls` that it uses.
@@ -184,9 +189,7 @@ pub fn check(config: &Config, endpoints: &[String], side: TlsSide) -> Result<(),
 /// renewed while the program waits, or the clock set.
 pub fn out_of_date(config: &Config, endpoints: &[String], side: TlsSide) -> Option<String> {
     let option = side.certificate();
-    let tls = tls_options(config);
-    let file = tls.get(option).and_then(serde_json::Value::as_str).filter(|_| needs_tls(endpoints))?;
-    let pem = first_certificate(Path::new(file))?;
+    let (file, pem) = shown(config, endpoints, side)?;
     let certificate = pem.parse_x509().ok()?;
     let validity = certificate.validity();
     (!validity.is_valid()).then(|| {
@@ -196,6 +199,20 @@ pub fn out_of_date(config: &Config, endpoints: &[String], side: TlsSide) -> Opti
             validity.not_before, validity.not_after
         )
     })
+}
+
+/// For how long the certificate which is shown is valid; none: there is none, or it is out of date.
+pub fn valid_for(config: &Config, endpoints: &[String], side: TlsSide) -> Option<Duration> {
+    let (_, pem) = shown(config, endpoints, side)?;
+    let left = pem.parse_x509().ok()?.validity().time_to_expiration()?;
+    left.try_into().ok()
+}
+
+/// The certificate which is shown, and its file, if a side of TLS is needed.
+fn shown(config: &Config, endpoints: &[String], side: TlsSide) -> Option<(String, Pem)> {
+    let tls = tls_options(config);
+    let file = tls.get(side.certificate()).and_then(serde_json::Value::as_str).filter(|_| needs_tls(endpoints))?;
+    Some((file.to_owned(), first_certificate(Path::new(file))?))
 }
 
 /// Zenoh would try an endpoint whose protocol is switched off for ever.
@@ -330,6 +347,15 @@ mod tests {
     }
 
     #[test]
+    fn only_a_name_is_proposed_as_one() {
+        assert_eq!(named_so("operator", "desk"), "--operator desk, or with ");
+        assert_eq!(named_so("explorer", "amr-7"), "--robot amr-7, or with ");
+        for none in ["", " desk", "desk,client:tug", &"x".repeat(65)] {
+            assert_eq!(named_so("operator", none), "");
+        }
+    }
+
+    #[test]
     fn an_endpoint_whose_protocol_is_switched_off_is_named() {
         let mut config = Config::default();
         let hall = ["tcp/hall:7447".to_owned()];
@@ -355,6 +381,12 @@ mod tests {
         let subject = ["-days", "2", "-subj", "/CN=router:a", "-keyout", &at("a.key"), "-out", &at("a.pem")];
         openssl(&[&["req", "-x509", "-newkey", "rsa:2048", "-nodes"], &subject[..]].concat());
         assert_eq!(told("a.pem"), None);
+        let mut config = Config::default();
+        config.insert_json5("transport/link/tls", &format!("{{connect_certificate: {:?}}}", at("a.pem"))).unwrap();
+        let left_for = |endpoint: &str| valid_for(&config, &[endpoint.to_owned()], TlsSide::Connecting);
+        let (day, left) = (Duration::from_secs(86_400), left_for("tls/hall:7447").unwrap());
+        assert!(left > day && left <= 2 * day, "{left:?}");
+        assert_eq!(left_for("tcp/hall:7447"), None);
         openssl(&["x509", "-in", &at("a.pem"), "-signkey", &at("a.key"), "-days", "0", "-out", &at("old.pem")]);
         std::thread::sleep(std::time::Duration::from_millis(2100)); // it was valid for that second
         let sentence = told("old.pem").unwrap();

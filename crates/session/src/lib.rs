@@ -9,6 +9,7 @@
 //! | `configuration` | a file and endpoints for Zenoh ([`read_config`], [`set_endpoints`]) |
 //! | `waiting` | any configuration as a session, waited for ([`open_configured`]) |
 //! | `credentials` | whether certificates and keys can be read and are one's own, checked before connecting |
+//! | `expiry` | a certificate that expires while a session is open |
 //! | `trouble` | why nobody answers, in words that name the remedy |
 //! | `replacement` | a new session in place of one that routers refuse ([`replacement`]) |
 //! | `homecoming` | a new session at the first router, in place of one that came elsewhere ([`homecoming`]) |
@@ -32,6 +33,7 @@
 mod attempt;
 mod configuration;
 mod credentials;
+mod expiry;
 mod homecoming;
 mod replacement;
 mod robot_session;

@@ -2,7 +2,7 @@
 
 use crate::attempt::attempt;
 use crate::credentials::{self, CredentialError, TlsSide};
-use crate::trouble;
+use crate::{expiry, trouble};
 use std::sync::Once;
 use std::time::{Duration, Instant};
 use zenoh::{Config, Session};
@@ -64,6 +64,7 @@ pub async fn open_configured(mut config: Config, patience: Option<Duration>) -> 
         if let Some(sentence) = credentials::out_of_date(&config, endpoints, side) {
             tracing::warn!("{sentence}");
         }
+        expiry::watch(&config, endpoints, side);
     }
     warn_of_threads(&endpoints);
     let waits =

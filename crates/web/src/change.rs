@@ -151,11 +151,10 @@ fn zone(posted: PostedZone) -> Result<Zone, ErrorReply> {
     let rule = match posted.rule {
         RuleView::KeepOut => ZoneRule::KeepOut,
         RuleView::SpeedLimit(mps) => {
-            let mm = (mps * 1000.0).round();
-            if !(1.0..=65_000.0).contains(&mm) {
+            if !(0.001..=65.0).contains(&mps) {
                 return Err(bad_request(format!("{mps} is not a speed of 0.001 to 65 m/s")));
             }
-            ZoneRule::SpeedLimit(mm as u16)
+            ZoneRule::SpeedLimit((mps * 1000.0).round() as u16)
         }
     };
     Ok(Zone { rule, corners: posted.corners.into_iter().map(point).collect::<Result<_, _>>()? })
@@ -273,6 +272,10 @@ mod tests {
             (r#"{"op":"set_place","name":"dock","pose":[0,0,9]}"#, "a yaw of 9 rad is none"),
             (
                 r#"{"op":"set_zone","name":"wet","zone":{"rule":{"speed_limit":0},"corners":[[0,0],[1,0],[1,1]]}}"#,
+                "not a speed",
+            ),
+            (
+                r#"{"op":"set_zone","name":"wet","zone":{"rule":{"speed_limit":0.0009},"corners":[[0,0],[1,0],[1,1]]}}"#,
                 "not a speed",
             ),
             (

@@ -2,6 +2,7 @@
 //! the disk. A map of which something does not read is left out, and the others are served.
 
 use crate::catalog::Catalog;
+use crate::catalog::known_operators::KnownOperators;
 use crate::catalog::replay::MapReplay;
 use crate::catalog::view::{MapView, head_of};
 use crate::store::{DeletionRecord, IncrementLog, StoreError};
@@ -19,12 +20,16 @@ fn map_of(name: &str) -> Result<MapName, StoreError> {
 }
 
 /// Reads all maps of a log, or one.
-fn replay(log: &dyn IncrementLog, of: Option<&MapName>) -> Result<BTreeMap<MapName, Replayed>, StoreError> {
+fn replay(
+    log: &dyn IncrementLog,
+    of: Option<&MapName>,
+    operators: &KnownOperators,
+) -> Result<BTreeMap<MapName, Replayed>, StoreError> {
     let mut maps: BTreeMap<MapName, Replayed> = BTreeMap::new();
     log.reader().for_each(of, &mut |name, author, last, piece| {
         let replayed = maps.entry(map_of(name)?).or_insert_with(|| Ok(MapReplay::default()));
         let Ok(replay) = replayed else { return Ok(()) };
-        match replay.add((author, last), piece).map_err(|error| error.in_log(name, author, last)) {
+        match replay.add((author, last), piece, operators).map_err(|error| error.in_log(name, author, last)) {
             Ok(()) => {}
             // The rest of it would make no sense.
             Err(StoreError::Damaged { reason, .. }) => *replayed = Err(reason),
@@ -87,7 +92,15 @@ impl Catalog {
     /// [`StoreError::IncrementFormat`], [`StoreError::Disk`]; [`StoreError::Damaged`] if a map has
     /// no name.
     pub fn load_what_reads(log: &dyn IncrementLog) -> Result<Self, StoreError> {
-        let maps = replay(log, None)?;
+        Self::load_with(log, KnownOperators::default())
+    }
+
+    /// The same; of those `operators` the journals of maps tell whatever they did and do.
+    ///
+    /// # Errors
+    /// As [`load_what_reads`](Self::load_what_reads).
+    pub fn load_with(log: &dyn IncrementLog, operators: KnownOperators) -> Result<Self, StoreError> {
+        let maps = replay(log, None, &operators)?;
         let mut deletions = log.reader().deletions()?;
         // A map that was deleted and is there has begun anew.
         deletions.retain(|map, record| record.last.is_some() != maps.contains_key(map));
@@ -99,7 +112,8 @@ impl Catalog {
             }
         }
         deletions.retain(|map, _| !damaged.contains_key(map));
-        Ok(Self { maps: RwLock::new(views), deletions: RwLock::new(deletions), damaged: RwLock::new(damaged) })
+        let (maps, deletions, damaged) = (RwLock::new(views), RwLock::new(deletions), RwLock::new(damaged));
+        Ok(Self { maps, deletions, damaged, operators })
     }
 
     /// Reads the maps anew of which the log has something else than is shown here: a commit that
@@ -140,7 +154,7 @@ impl Catalog {
         deletion: Option<&DeletionRecord>,
         log: &dyn IncrementLog,
     ) -> Result<(), StoreError> {
-        let view = match replay(log, Some(map))?.remove(map) {
+        let view = match replay(log, Some(map), &self.operators)?.remove(map) {
             None => None,
             Some(replayed) => Some(view_of(map, replayed, deletion, log)?),
         };

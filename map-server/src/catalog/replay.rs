@@ -1,5 +1,6 @@
 //! A state of a map, from the log.
 
+use crate::catalog::known_operators::KnownOperators;
 use crate::store::{IncrementLog, Piece, StoreError};
 use fht_map::{MapState, OperatorJournal};
 use fht_proto::{AuthorId, CodecError, CompactedSeries, Increment, MapName, VersionVector, decode};
@@ -43,9 +44,17 @@ impl ReplayError {
 
 impl MapReplay {
     /// Adds the piece of `author` that ends at `last`; the pieces of each author must come in
-    /// order.
-    pub(super) fn add(&mut self, (author, last): (AuthorId, u64), piece: Piece<'_>) -> Result<(), ReplayError> {
+    /// order. Of `operators` the journal tells whatever they did.
+    pub(super) fn add(
+        &mut self,
+        (author, last): (AuthorId, u64),
+        piece: Piece<'_>,
+        operators: &KnownOperators,
+    ) -> Result<(), ReplayError> {
         let next = self.vector.get(author) + 1;
+        if next == 1 {
+            operators.tell(&mut self.journal, author);
+        }
         let bytes = match piece {
             Piece::Compacted(bytes) => {
                 let series: CompactedSeries = decode(bytes)?;

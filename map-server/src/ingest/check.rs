@@ -96,6 +96,12 @@ pub enum Refusal {
         "another increment with this author and number came before it: the same name has written both maps, or ran twice"
     )]
     Conflict,
+    /// A map of other authors has the name that is imported to.
+    #[error(
+        "map {0} is there, and nobody who wrote it wrote what is imported: they may lie anyhow to each other. Give \
+         another name (--map NAME); map-server merge {0} NAME then finds out how they lie"
+    )]
+    OtherMap(MapName),
     /// A compacted series would come before increments that the map has, or leaves a gap.
     #[error("folded increments go only into a new map: give another name")]
     CompactedBeside,
@@ -184,6 +190,7 @@ impl Refusal {
             Self::TooLong { .. } => ErrorCode::TooLong,
             // Damaged on the way, or not from a writer at all.
             Self::CompactedShared
+            | Self::OtherMap(_)
             | Self::Key
             | Self::Delete
             | Self::Codec(_)

@@ -12,6 +12,16 @@ use fht_proto::api::reply::Series;
 use fht_proto::{CompactedSeries, MapName, VersionVector, encode};
 
 impl Ingest {
+    /// Whether a map is there that nobody wrote who wrote the map with the vector `whole`: nothing
+    /// tells how the two lie to each other.
+    #[must_use]
+    pub fn is_of_others(&self, map: &MapName, whole: &VersionVector) -> bool {
+        self.catalog.view(map).is_some_and(|view| {
+            let vector = &view.head.vector;
+            vector.version() > 0 && !vector.iter().any(|(author, _)| whole.get(author) > 0)
+        })
+    }
+
     /// Takes in a part of a map from a file, as if its authors had sent it now. Compacted series go
     /// only into a map that has nothing but compacted series.
     ///

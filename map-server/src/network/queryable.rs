@@ -4,7 +4,7 @@
 mod beside;
 
 use crate::clock::{now_us, passed_us};
-use crate::ingest::{Ingest, WriterQueue};
+use crate::ingest::{Ingest, Refusal, WriterQueue};
 use crate::network::addressed::{Addressed, addressed, is_of_goals};
 use crate::network::announcements::publish_head;
 use crate::network::query_counts::QueryCounts;
@@ -224,7 +224,10 @@ impl QueryService {
                     // Nothing has changed.
                     Err(cause) => (Err(not_done(ingest, &cause)), Ok(())),
                 },
-                AdminOrder::Import { series } => match ingest.import(&map, series, now_us()) {
+                AdminOrder::Import { whole: Some(whole), .. } if ingest.is_of_others(&map, &whole) => {
+                    (Err(Refusal::OtherMap(map).reply()), Ok(()))
+                }
+                AdminOrder::Import { series, .. } => match ingest.import(&map, series, now_us()) {
                     Ok(Ok(())) => {
                         let none = || bad_request("nothing was imported: the series is empty".to_owned());
                         (catalog.view(&map).ok_or_else(none).and_then(|view| json(view.head.as_ref())), Ok(()))

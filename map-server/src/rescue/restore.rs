@@ -11,7 +11,7 @@ use crate::rescue::{COPY, examine, file_of, rebuild};
 use crate::store::{FILE_NAME, IncrementLog, MemoryLog, RedbLog, StoreError};
 use fht_proto::api::reply::ErrorReply;
 use fht_proto::codec::archive::{Archive, ArchiveError};
-use fht_proto::{Digest, MapName};
+use fht_proto::{AuthorId, Digest, MapName};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -102,6 +102,21 @@ pub enum RestoreError {
         found: Digest,
         /// Of what should be.
         expected: Digest,
+    },
+    /// An exported map does not consist of what its first line says.
+    #[error(
+        "{}: the map is not what the vector in its first line says: {found} increments of author {author} instead of \
+         {expected}", file.display()
+    )]
+    Vector {
+        /// The file.
+        file: PathBuf,
+        /// The first author of whom there is another number.
+        author: AuthorId,
+        /// So many are in the file.
+        found: u64,
+        /// So many should be.
+        expected: u64,
     },
     /// The system refuses, or a file is none.
     #[error(transparent)]
@@ -314,7 +329,15 @@ impl ArchiveIntake {
         }
         let head = self.catalog.view(&header.map).map(|view| view.head);
         let found = head.as_ref().map_or(Digest([0; 32]), |head| head.digest);
-        if found != header.digest || head.is_none_or(|head| head.vector != header.vector) {
+        let vector = head.map(|head| head.vector.clone()).unwrap_or_default();
+        let (is, should_be) = (vector.iter().map(|(author, _)| author), header.vector.iter().map(|(author, _)| author));
+        let mut authors: Vec<AuthorId> = is.chain(should_be).collect();
+        authors.sort();
+        if let Some(author) = authors.into_iter().find(|author| vector.get(*author) != header.vector.get(*author)) {
+            let (found, expected) = (vector.get(author), header.vector.get(author));
+            return Err(RestoreError::Vector { file: file.to_owned(), author, found, expected });
+        }
+        if found != header.digest {
             return Err(RestoreError::Digest { file: file.to_owned(), found, expected: header.digest });
         }
         Ok(())

@@ -99,7 +99,9 @@ fn not_written(error: NotWritten) -> ErrorReply {
     match error {
         NotWritten::Refused(reply) | NotWritten::Ask(AskError::Refused(reply)) => reply,
         NotWritten::Name(_) | NotWritten::Invalid(_) => bad_request(error.to_string()),
-        NotWritten::NotStored { .. } => ErrorReply::new(ErrorCode::Timeout, &error.to_string()),
+        NotWritten::NotStored { .. } | NotWritten::Unanswered => {
+            ErrorReply::new(ErrorCode::Timeout, &error.to_string())
+        }
         NotWritten::Contended { .. } => ErrorReply::new(ErrorCode::Conflict, &error.to_string()),
         NotWritten::Ask(AskError::Silent) => ErrorReply::busy("the server is busy; ask again after 1 s", 1),
         error => internal(error),

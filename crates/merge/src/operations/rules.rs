@@ -4,10 +4,14 @@
 use fht_map::MapState;
 use fht_perception::pose::{Point2, Pose2, from_fixed, to_fixed};
 use fht_proto::{FixedPose, Label, Op, PlanImage, Zone};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A place is the same as another of its name within this, metres.
 const SAME_M: f64 = 0.3;
+/// … and as one that an earlier merge has renamed, if it faces the same way within this, radians.
+const SAME_RAD: f64 = 0.1;
+/// Longest name.
+const MOST: usize = 64;
 
 /// What is taken over of annotations.
 #[derive(Debug, Default)]
@@ -26,14 +30,19 @@ pub(crate) fn carry(a: &MapState, b: &MapState, a_from_b: &Pose2, suffix: &str) 
     for (name, pose) in b.annotations().places() {
         let moved = to_fixed(&(a_from_b * from_fixed(pose)));
         let is_same = |known: FixedPose| known.position.distance(moved.position) <= SAME_M;
-        if a.annotations().place(name).is_some_and(is_same) {
+        let faces = |known: &FixedPose| from_fixed(*known).rotation.angle_to(&from_fixed(moved).rotation).abs();
+        let is_copy = |known: FixedPose| is_same(known) && faces(&known) <= SAME_RAD;
+        if a.annotations().place(name).is_some_and(is_same)
+            || names(name, suffix).any(|name| a.annotations().place(&name).is_some_and(is_copy))
+        {
             continue;
         }
         if let Some(name) = carried.name(name, &mut taken, suffix) {
             carried.ops.push(Op::SetPlace { name, pose: Some(moved) });
         }
     }
-    let mut taken: BTreeSet<Label> = a.annotations().zones().map(|(name, _)| name.clone()).collect();
+    let known: BTreeMap<&Label, &Zone> = a.annotations().zones().collect();
+    let mut taken: BTreeSet<Label> = known.keys().map(|name| (*name).clone()).collect();
     // Servers take no others, though a map may have some.
     let drawn = b.annotations().zones().filter(|(_, zone)| zone.check_border().is_ok());
     for (name, zone) in drawn {
@@ -42,7 +51,8 @@ pub(crate) fn carry(a: &MapState, b: &MapState, a_from_b: &Pose2, suffix: &str) 
             to_fixed(&Pose2::translation(at.x, at.y)).position
         });
         let moved = Zone { rule: zone.rule, corners: corners.collect() };
-        if a.annotations().zones().any(|(other, known)| other == name && is_same_zone(known, &moved)) {
+        let is_there = |name: &Label| known.get(name).is_some_and(|known| is_same_zone(known, &moved));
+        if is_there(name) || names(name, suffix).any(|name| is_there(&name)) {
             continue;
         }
         if let Some(name) = carried.name(name, &mut taken, suffix) {
@@ -56,6 +66,18 @@ pub(crate) fn carry(a: &MapState, b: &MapState, a_from_b: &Pose2, suffix: &str) 
 fn is_same_zone(one: &Zone, other: &Zone) -> bool {
     let near = || one.corners.iter().zip(&other.corners).all(|(a, b)| a.distance(*b) <= SAME_M);
     one.rule == other.rule && one.corners.len() == other.corners.len() && near()
+}
+
+/// What is called `wanted` may be called where that name is taken.
+fn names(wanted: &Label, suffix: &str) -> impl Iterator<Item = Label> {
+    (1..1000).filter_map(move |number| {
+        let end = match number {
+            1 => format!("-{suffix}"),
+            _ => format!("-{suffix}-{number}"),
+        };
+        let stem: String = wanted.as_str().chars().take(MOST.saturating_sub(end.len())).collect();
+        format!("{stem}{end}").parse().ok()
+    })
 }
 
 impl Carried {
@@ -76,17 +98,8 @@ impl Carried {
 
     /// A name that is not taken.
     fn name(&mut self, wanted: &Label, taken: &mut BTreeSet<Label>, suffix: &str) -> Option<Label> {
-        /// Longest name.
-        const MOST: usize = 64;
-        let tried = (1..1000).map(|number| {
-            let end = match number {
-                1 => format!("-{suffix}"),
-                _ => format!("-{suffix}-{number}"),
-            };
-            let stem: String = wanted.as_str().chars().take(MOST.saturating_sub(end.len())).collect();
-            format!("{stem}{end}").parse::<Label>().ok()
-        });
-        let free = std::iter::once(Some(wanted.clone())).chain(tried).flatten().find(|name| !taken.contains(name))?;
+        let tried = std::iter::once(wanted.clone()).chain(names(wanted, suffix));
+        let free = { tried }.find(|name| !taken.contains(name))?;
         if free != *wanted {
             self.renamed.push([wanted.to_string(), free.to_string()]);
         }

@@ -65,8 +65,13 @@ pub(super) async fn ask_binary(session: &Session, selector: &str) -> Result<Vec<
 }
 
 /// Gives an order, with a payload if there is one; the first answer counts.
-pub(super) async fn ask(session: &Session, selector: &str, payload: Option<Vec<u8>>) -> Result<Vec<u8>, OperatorError> {
-    Ok(fht_client::ask_async(session, selector, payload, ANSWER_TIMEOUT).await?)
+pub(super) async fn order(
+    session: &Session,
+    selector: &str,
+    payload: Option<Vec<u8>>,
+) -> Result<Vec<u8>, OperatorError> {
+    let answer = fht_client::ask_async(session, selector, payload, ANSWER_TIMEOUT).await;
+    answer.map_err(|error| OperatorError::from(error).of_order("maps"))
 }
 
 pub(super) async fn ask_json<T: DeserializeOwned>(session: &Session, selector: &str) -> Result<T, OperatorError> {
@@ -74,9 +79,15 @@ pub(super) async fn ask_json<T: DeserializeOwned>(session: &Session, selector: &
     serde_json::from_slice(&bytes).map_err(|error| OperatorError::json(&error))
 }
 
-/// The same, of all servers; one answer of them.
-pub(super) async fn ask_all_json<T: DeserializeOwned>(session: &Session, selector: &str) -> Result<T, OperatorError> {
-    let bytes = fht_client::ask_all_async(session, selector, ANSWER_TIMEOUT).await?;
+/// Gives an order to all servers; one answer of them. `see`: the command that shows what it has
+/// done.
+pub(super) async fn order_all_json<T: DeserializeOwned>(
+    session: &Session,
+    selector: &str,
+    see: &str,
+) -> Result<T, OperatorError> {
+    let answer = fht_client::ask_all_async(session, selector, ANSWER_TIMEOUT).await;
+    let bytes = answer.map_err(|error| OperatorError::from(error).of_order(see))?;
     serde_json::from_slice(&bytes).map_err(|error| OperatorError::json(&error))
 }
 

@@ -1,6 +1,6 @@
 //! What robots report blocked: operators open it, or have it stay closed.
 
-use crate::program::operator::asking::ask_all_json;
+use crate::program::operator::asking::order_all_json;
 use crate::program::operator::error::OperatorError;
 use crate::program::operator::rule;
 use clap::Subcommand;
@@ -73,6 +73,7 @@ impl BlockedAction {
     /// # Errors
     /// [`OperatorError`].
     pub(super) async fn carry_out(self, session: &Session) -> Result<Blocked, OperatorError> {
+        let see = format!("rules {}", self.map());
         let order = |map: &MapName, action| Key::Admin { map: map.clone(), action }.to_string();
         let is_list = matches!(self, Self::List { .. });
         let rules: RulesReply = match &self {
@@ -80,11 +81,13 @@ impl BlockedAction {
             Self::Clear { map, robot, ignore } => {
                 let robot = robot.as_ref().map(|robot| format!("?robot={robot}")).unwrap_or_default();
                 let ignore = ignore.map(|ignore| format!(";ignore_s={}", ignore.as_secs_f64())).unwrap_or_default();
-                ask_all_json(session, &format!("{}{robot}{ignore}", order(map, AdminAction::Unblock))).await?
+                let key = order(map, AdminAction::Unblock);
+                order_all_json(session, &format!("{key}{robot}{ignore}"), &see).await?
             }
             Self::Keep { map, robot, duration } => {
                 let key = order(map, AdminAction::KeepBlocked);
-                ask_all_json(session, &format!("{key}?robot={robot};for_s={}", duration.as_secs_f64())).await?
+                let selector = format!("{key}?robot={robot};for_s={}", duration.as_secs_f64());
+                order_all_json(session, &selector, &see).await?
             }
         };
         Ok(Blocked { map: rules.map, blocked: rules.blocked, ignored: rules.ignored, is_list })

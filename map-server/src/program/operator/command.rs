@@ -3,7 +3,7 @@
 use crate::config::{DEFAULT_LISTEN, ServerEndpoints};
 use crate::ingest::Retained;
 use crate::program::operator::arguments::{Operation, OperatorArgs};
-use crate::program::operator::asking::{self, ask, ask_json, connect, until_there};
+use crate::program::operator::asking::{self, ask_json, connect, order, until_there};
 use crate::program::operator::blocked;
 use crate::program::operator::deletion;
 use crate::program::operator::error::OperatorError;
@@ -219,7 +219,7 @@ async fn merged(session: &Session, order: &MergeOrder<'_>) -> Result<(), Operato
 
 async fn retain(session: &Session, map: MapName, keep: u64) -> Result<Retained, OperatorError> {
     let key = Key::Admin { map, action: AdminAction::Retain };
-    let answer = ask(session, &format!("{key}?keep={keep}"), None).await?;
+    let answer = order(session, &format!("{key}?keep={keep}"), None).await?;
     serde_json::from_slice(&answer).map_err(|error| OperatorError::json(&error))
 }
 

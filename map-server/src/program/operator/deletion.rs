@@ -1,6 +1,6 @@
 //! Maps deleted after a grace period.
 
-use crate::program::operator::asking::ask;
+use crate::program::operator::asking::order as give_order;
 use crate::program::operator::error::OperatorError;
 use fht_proto::api::deletion::DeletionOrder;
 use fht_proto::api::keys::{AdminAction, Key};
@@ -48,7 +48,7 @@ async fn give(
     payload: Option<Vec<u8>>,
 ) -> Result<Head, OperatorError> {
     let key = Key::Admin { map: map.clone(), action }.to_string();
-    let answer = ask(session, &key, payload).await?;
+    let answer = give_order(session, &key, payload).await?;
     serde_json::from_slice(&answer).map_err(|error| OperatorError::json(&error))
 }
 

@@ -33,6 +33,12 @@ pub enum OperatorError {
     /// Nobody answered in time.
     #[error("no map-server answered; is it up, and may this operator ask it? (access control drops silently)")]
     Silent,
+    /// An order was sent, and nobody has said what became of it.
+    #[error("{}; it may have been carried out: see `map-server {see}`", Self::Silent)]
+    OrderUnanswered {
+        /// The command that shows it.
+        see: String,
+    },
     /// The server refused, with its reason.
     #[error("{0}")]
     Refused(ErrorReply),
@@ -132,11 +138,14 @@ pub enum OperatorError {
     },
     /// A merge into a new map has ended before its end.
     #[error(
-        "{reason}; part of map {map} is there: `map-server delete {map}` takes it away, and both maps are as they were"
+        "{reason}; part of map {map} {} there: `map-server delete {map}` takes it away, and both maps are as they were",
+        if *is_sure { "is" } else { "may be" }
     )]
     PartlyMerged {
         /// The new map.
         map: MapName,
+        /// Whether something of it is known to be there.
+        is_sure: bool,
         /// Why.
         reason: Box<OperatorError>,
     },
@@ -188,6 +197,14 @@ impl OperatorError {
         }
     }
 
+    /// The same of an order that was sent; `see`: the command that shows whether it was carried out.
+    pub(super) fn of_order(self, see: &str) -> Self {
+        match self {
+            Self::Silent => Self::OrderUnanswered { see: see.to_owned() },
+            error => error,
+        }
+    }
+
     pub(super) fn json(error: &serde_json::Error) -> Self {
         Self::Answer(error.to_string())
     }
@@ -226,6 +243,7 @@ impl From<NotWritten> for OperatorError {
             NotWritten::Ask(error) => error.into(),
             NotWritten::Name(error) => Self::Usage(error.to_string()),
             NotWritten::Refused(reply) => Self::Refused(reply),
+            NotWritten::Unanswered => Self::Silent.of_order("maps"),
             NotWritten::NotStored { seconds } => Self::NotStored { seconds },
             NotWritten::Contended { author } => Self::Contended { author },
             error => Self::Usage(error.to_string()),
@@ -236,6 +254,19 @@ impl From<NotWritten> for OperatorError {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_may_be_there_is_not_said_to_be_there() {
+        let part = |is_sure| {
+            let map = "hall".parse().unwrap_or_else(|error| panic!("{error}"));
+            OperatorError::PartlyMerged { map, is_sure, reason: Box::new(OperatorError::Silent.of_order("maps")) }
+        };
+        assert!(part(true).to_string().contains("; part of map hall is there: "));
+        let unsure = part(false).to_string();
+        assert!(unsure.contains("; part of map hall may be there: `map-server delete hall` takes it away"), "{unsure}");
+        let refused = OperatorError::Usage("no".to_owned()).of_order("maps");
+        assert_eq!(refused.to_string(), "no", "that was an answer");
+    }
 
     #[test]
     fn a_missing_folder_is_wrong_input_and_a_full_disk_is_not() {

@@ -42,7 +42,7 @@ pub(super) async fn ask(
 /// A line for each change, the newest first.
 pub(super) fn in_words(journal: &JournalReply) -> String {
     if journal.entries.is_empty() {
-        return format!("nobody is known to have changed anything on map {}", journal.map);
+        return format!("no change by an operator is known on map {}", journal.map);
     }
     let line = |entry: &JournalEntry| {
         let who = entry.name.clone().unwrap_or_else(|| entry.author.to_string());
@@ -73,6 +73,6 @@ mod tests {
                         2026-11-28T00:00:00Z  ada  place dock is taken away";
         assert_eq!(text, expected);
         let none = in_words(&JournalReply { map, version: 0, entries: Vec::new(), next: None });
-        assert!(none.starts_with("nobody"), "{none}");
+        assert!(none.starts_with("no change by an operator is known"), "{none}");
     }
 }

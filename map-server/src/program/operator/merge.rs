@@ -7,7 +7,7 @@ use crate::program::operator::write::write;
 use fht_merge::{AlignmentFigures, MergeConfig, MergeFigures, MergeOptions, MergeRefusal, join, lay};
 use fht_proto::api::keys::Key;
 use fht_proto::api::reply::{MapsReply, Series};
-use fht_proto::{AuthorId, MapName, Op};
+use fht_proto::{AuthorId, MapName, Op, VersionVector};
 use serde::{Deserialize, Serialize};
 use zenoh::Session;
 
@@ -82,8 +82,8 @@ pub(super) async fn merge(session: &Session, order: &MergeOrder<'_>) -> Result<M
     {
         return Err(OperatorError::Usage(format!("there is a map {new} already: --into makes a new one")));
     }
-    let (series, a) = fetch_state(session, first, order.quiet).await?;
-    let (_, b) = fetch_state(session, second, order.quiet).await?;
+    let (series, whole, a) = fetch_state(session, first, order.quiet).await?;
+    let (_, _, b) = fetch_state(session, second, order.quiet).await?;
     let (author, only_map) = (AuthorId::of_robot(order.operator), order.only_map);
     let config = order.config.clone();
     let suffix: String = second.as_str().chars().take(SUFFIX).collect();
@@ -97,11 +97,10 @@ pub(super) async fn merge(session: &Session, order: &MergeOrder<'_>) -> Result<M
     let changes = joined.batches.len();
     if (into.is_some() || changes > 0) && !order.dry_run {
         let target = into.as_ref().unwrap_or(first);
-        let begin = into.as_ref().map(|_| series);
-        let outcome = write_merged(session, target, begin, (order.operator, joined.batches)).await;
-        // Of a map that was there before, what is written is a change that undo takes back.
-        let part = |reason| OperatorError::PartlyMerged { map: target.clone(), reason: Box::new(reason) };
-        let version = if into.is_some() { outcome.map_err(part)? } else { outcome? };
+        let version = match into {
+            Some(_) => write_new(session, target, (series, whole), (order.operator, joined.batches)).await?,
+            None => write_batches(session, target, order.operator, joined.batches).await?,
+        };
         written = Some((target.clone(), version));
     }
     Ok(MergeReply {
@@ -117,16 +116,39 @@ pub(super) async fn merge(session: &Session, order: &MergeOrder<'_>) -> Result<M
     })
 }
 
-/// Writes the joined maps to `target`, a new one with `begin`; returns its version.
-async fn write_merged(
+/// Writes the joined maps to `target`, a new map that begins with a whole one; returns its version.
+async fn write_new(
     session: &Session,
     target: &MapName,
-    begin: Option<Series>,
+    (begin, whole): (Series, VersionVector),
     (operator, batches): (&str, Vec<Vec<Op>>),
 ) -> Result<u64, OperatorError> {
-    for piece in begin.into_iter().flat_map(pieces) {
-        put_series(session, target, &piece).await?;
+    let part = |is_sure, reason| OperatorError::PartlyMerged { map: target.clone(), is_sure, reason: Box::new(reason) };
+    let mut is_there = false;
+    for piece in pieces(begin) {
+        match put_series(session, target, (&piece, &whole)).await {
+            Ok(_) => is_there = true,
+            Err(reason) if is_there => return Err(part(true, reason)),
+            Err(reason @ OperatorError::OrderUnanswered { .. }) => return Err(part(false, reason)),
+            // Of the first piece something may have been taken before the rest was refused.
+            Err(reason) => {
+                let head = head(session, target).await;
+                let is_begun = head.is_ok_and(|head| head.version > 0 && whole.covers(&head.vector));
+                return Err(if is_begun { part(true, reason) } else { reason });
+            }
+        }
     }
+    write_batches(session, target, operator, batches).await.map_err(|reason| part(true, reason))
+}
+
+/// Writes to a map that is there: what is written is a change that undo takes back. Returns the
+/// map's version.
+async fn write_batches(
+    session: &Session,
+    target: &MapName,
+    operator: &str,
+    batches: Vec<Vec<Op>>,
+) -> Result<u64, OperatorError> {
     let mut version = head(session, target).await?.version;
     for ops in batches {
         version = write(session, target, operator, ops).await?.version;

@@ -1,6 +1,6 @@
 //! What writers take of the server's room, and what they may take.
 
-use crate::program::operator::asking::{ask_all_json, ask_json};
+use crate::program::operator::asking::{ask_json, order_all_json};
 use crate::program::operator::error::OperatorError;
 use clap::{Args, Subcommand};
 use fht_proto::api::keys::{AdminAction, Key};
@@ -88,8 +88,9 @@ impl QuotaAction {
         let key = Key::Admin { map: self.map().clone(), action: AdminAction::Quota };
         match self {
             Self::Show { .. } => ask_json(session, &key.to_string()).await,
-            Self::Set { writer, change, .. } => {
-                ask_all_json(session, &format!("{key}?{}", change.parameters(&writer))).await
+            Self::Set { map, writer, change } => {
+                let selector = format!("{key}?{}", change.parameters(&writer));
+                order_all_json(session, &selector, &format!("quota show {map}")).await
             }
         }
     }

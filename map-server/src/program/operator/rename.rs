@@ -40,7 +40,7 @@ pub(super) async fn rename(session: &Session, old: &MapName, order: DeletionOrde
         Err(OperatorError::Refused(reply)) if reply.code == ErrorCode::UnknownMap => {
             return Err(kept(session, old, &new).await?);
         }
-        Err(error) => return Err(error),
+        Err(error) => return Err(error.of_order("maps")),
     };
     let still_here = robots_on(session, old).await;
     if order.grace_s < meanwhile.grace_s {

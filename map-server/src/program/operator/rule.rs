@@ -48,8 +48,8 @@ pub(super) fn parse_corners(text: &str) -> Result<Corners, String> {
 }
 
 pub(super) fn parse_speed(text: &str) -> Result<u16, String> {
-    let speed = text.parse::<f64>().ok().map(|mps| (mps * 1000.0).round()).filter(|mm| (1.0..=65_000.0).contains(mm));
-    speed.map(|mm| mm as u16).ok_or_else(|| format!("{text} is not a speed of 0.001 to 65 m/s"))
+    let speed = text.parse::<f64>().ok().filter(|mps| (0.001..=65.0).contains(mps));
+    speed.map(|mps| (mps * 1000.0).round() as u16).ok_or_else(|| format!("{text} is not a speed of 0.001 to 65 m/s"))
 }
 
 /// The operation that names a place, if a robot can be there. `is_sure`: also if not.
@@ -60,7 +60,7 @@ pub(super) async fn place(
     is_sure: bool,
 ) -> Result<Op, OperatorError> {
     if !is_sure {
-        let (_, state) = fetch_state(session, map, true).await?;
+        let (_, _, state) = fetch_state(session, map, true).await?;
         let check = move || check_place(&state, pose.position);
         tokio::task::spawn_blocking(check).await.map_err(OperatorError::Lost)?.map_err(doubted)?;
     }
@@ -78,7 +78,7 @@ pub(super) async fn zone(
 ) -> Result<Op, OperatorError> {
     zone.check_border().map_err(|reason| OperatorError::Usage(format!("zone {name}: {reason}")))?;
     if !is_sure {
-        let (_, state) = fetch_state(session, map, true).await?;
+        let (_, _, state) = fetch_state(session, map, true).await?;
         check_zone(&state, &zone).map_err(doubted)?;
     }
     Ok(Op::SetZone { name, zone: Some(zone) })
@@ -210,6 +210,8 @@ mod tests {
         for yaw in ["900", "-361", "nan", "inf"] {
             assert!(parse_pose(&format!("1,2,{yaw}")).is_err_and(|text| text.contains("degrees")), "{yaw}");
         }
+        assert_eq!((parse_speed("0.001"), parse_speed("65")), (Ok(1), Ok(65_000)));
+        assert!(parse_speed("0.0009").is_err() && parse_speed("65.0001").is_err());
         assert_eq!((parse_speed("0.3"), parse_speed("0").is_err(), parse_speed("nan").is_err()), (Ok(300), true, true));
     }
 }

@@ -1,6 +1,7 @@
 //! Maps to files and back.
 
-use crate::program::operator::asking::{ask, ask_binary, head, state_of};
+use crate::ingest::Refusal;
+use crate::program::operator::asking::{ask_binary, head, order, state_of};
 use crate::program::operator::error::OperatorError;
 use crate::rescue::check_archive;
 use fht_map::MapState;
@@ -109,12 +110,12 @@ pub(super) async fn fetch_whole(
     Ok(whole)
 }
 
-/// A map as it is now: its increments, and what they add up to.
+/// A map as it is now: its increments, their vector, and what they add up to.
 pub(super) async fn fetch_state(
     session: &Session,
     map: &MapName,
     quiet: bool,
-) -> Result<(Series, MapState), OperatorError> {
+) -> Result<(Series, VersionVector, MapState), OperatorError> {
     let head = head(session, map).await?;
     let bar = progress(head.vector.version(), "increments", quiet);
     bar.set_prefix(map.to_string());
@@ -127,7 +128,7 @@ pub(super) async fn fetch_state(
         let text = format!("the increments of {map} do not add up to what the server says: digest {}", state.digest());
         return Err(OperatorError::Answer(text));
     }
-    Ok((series, state))
+    Ok((series, head.vector, state))
 }
 
 async fn fetch(
@@ -141,11 +142,16 @@ async fn fetch(
     decode(&bytes).map_err(|error| OperatorError::Answer(error.to_string()))
 }
 
-/// Has the server take in a part of a map; returns the map's head after that.
-pub(super) async fn put_series(session: &Session, map: &MapName, series: &Series) -> Result<Head, OperatorError> {
-    let key = Key::Admin { map: map.clone(), action: AdminAction::Import }.to_string();
+/// Has the server take in a part of a map whose vector is `whole`; returns the map's head after
+/// that. The server takes nothing into a map of others.
+pub(super) async fn put_series(
+    session: &Session,
+    map: &MapName,
+    (series, whole): (&Series, &VersionVector),
+) -> Result<Head, OperatorError> {
+    let key = Key::Admin { map: map.clone(), action: AdminAction::Import };
     let payload = encode(series).map_err(|error| OperatorError::Answer(error.to_string()))?;
-    let answer = ask(session, &key, Some(payload)).await?;
+    let answer = order(session, &format!("{key}?vector={whole}"), Some(payload)).await?;
     serde_json::from_slice(&answer).map_err(|error| OperatorError::json(&error))
 }
 
@@ -196,13 +202,20 @@ fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     })
 }
 
-/// Why an import has ended, with what of the map is there if a part of it is.
-async fn of_a_part(session: &Session, map: &MapName, whole: &VersionVector, reason: OperatorError) -> OperatorError {
-    if !matches!(reason, OperatorError::Refused(_)) {
-        return reason; // nobody answers
+/// Why an import has ended, with what of the map is there if it has brought a part of it to what
+/// was there before.
+async fn of_a_part(
+    session: &Session,
+    map: &MapName,
+    (before, whole): (u64, &VersionVector),
+    reason: OperatorError,
+) -> OperatorError {
+    let OperatorError::Refused(refusal) = &reason else { return reason }; // nobody answers
+    if refusal.message == Refusal::CompactedBeside.to_string() {
+        return reason; // it does not go on from there
     }
     match head(session, map).await {
-        Ok(Head { version, vector, .. }) if version > 0 && vector != *whole && whole.covers(&vector) => {
+        Ok(Head { version, vector, .. }) if version > before && vector != *whole && whole.covers(&vector) => {
             OperatorError::PartlyImported { map: map.clone(), version, of: whole.version(), reason: Box::new(reason) }
         }
         _ => reason,
@@ -223,16 +236,21 @@ pub(super) async fn import(
     check_archive(path, archive.clone())?;
     let header = archive.header.clone();
     let map = name.unwrap_or_else(|| header.map.clone());
+    let before = match head(session, &map).await {
+        Ok(head) => head.version,
+        Err(OperatorError::Refused(_)) => 0,
+        Err(error) => return Err(error),
+    };
     let bar = progress(bytes.len() as u64, "bytes", quiet);
     bar.set_prefix("import");
     let mut archive = archive;
     let mut head: Option<Head> = None;
     while let Some(series) = archive.next() {
-        match put_series(session, &map, &series.map_err(damaged)?).await {
+        match put_series(session, &map, (&series.map_err(damaged)?, &header.vector)).await {
             Ok(after) => head = Some(after),
             Err(reason) => {
                 bar.finish_and_clear();
-                return Err(of_a_part(session, &map, &header.vector, reason).await);
+                return Err(of_a_part(session, &map, (before, &header.vector), reason).await);
             }
         }
         bar.set_position(archive.position() as u64);

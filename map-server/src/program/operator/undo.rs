@@ -76,7 +76,7 @@ pub(super) async fn undo(
     undone: Undone,
     quiet: bool,
 ) -> Result<TakenBack, OperatorError> {
-    let (series, _) = fetch_state(session, map, quiet).await?;
+    let (series, _, _) = fetch_state(session, map, quiet).await?;
     let author = AuthorId::of_robot(operator);
     // What somebody else writes under this name meanwhile would be undone once more, or not at all.
     let folded_numbers = series.folds.iter().filter(|fold| fold.author == author).map(|fold| fold.last);

@@ -2,7 +2,7 @@
 
 use crate::program::operator::asking::ANSWER_TIMEOUT;
 use crate::program::operator::error::OperatorError;
-use fht_client::author::{self, Authorship};
+use fht_client::author::{self, Authorship, NotWritten};
 use fht_proto::api::reply::Head;
 use fht_proto::{MapName, Op};
 use zenoh::Session;
@@ -16,7 +16,7 @@ pub(super) async fn write_numbered(
     ops: Vec<Op>,
 ) -> Result<Head, OperatorError> {
     let by = Authorship { name: operator, may_begin: false, timeout: ANSWER_TIMEOUT };
-    Ok(author::write_numbered(session, map, by, number, ops).await?)
+    author::write_numbered(session, map, by, number, ops).await.map_err(|error| not_written(map, error))
 }
 
 /// Writes `ops` as one increment of the operator called `operator`; returns the head that contains
@@ -28,5 +28,12 @@ pub(super) async fn write(
     ops: Vec<Op>,
 ) -> Result<Head, OperatorError> {
     let by = Authorship { name: operator, may_begin: false, timeout: ANSWER_TIMEOUT };
-    Ok(author::write(session, map, by, ops).await?)
+    author::write(session, map, by, ops).await.map_err(|error| not_written(map, error))
+}
+
+fn not_written(map: &MapName, error: NotWritten) -> OperatorError {
+    match error {
+        NotWritten::Unanswered => OperatorError::Silent.of_order(&format!("journal {map}")),
+        error => error.into(),
+    }
 }

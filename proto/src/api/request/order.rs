@@ -7,7 +7,7 @@ use crate::api::quota::QuotaChange;
 use crate::api::reply::{ErrorReply, Series};
 use crate::api::request::parameters::{Parameters, bad_request};
 use crate::model::validate::Validate;
-use crate::{RobotName, decode};
+use crate::{RobotName, VersionVector, decode};
 
 /// What an operator wants done.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +21,8 @@ pub enum AdminOrder {
     Import {
         /// The part.
         series: Series,
+        /// The vector of the whole, if it is given.
+        whole: Option<VersionVector>,
     },
     /// Delete the map.
     Delete(DeletionOrder),
@@ -61,11 +63,12 @@ pub fn parse_order<'a>(
             keep.map(|keep| AdminOrder::Retain { keep }).ok_or_else(missing)
         }
         AdminAction::Import => {
-            Parameters::of("import", parameters, &[])?;
+            let given = Parameters::of("import", parameters, &["vector"])?;
+            let whole = given.vector("vector")?;
             let missing = || bad_request("import needs a series of increments in the payload".to_owned());
             let series = decode(payload.ok_or_else(missing)?)
                 .map_err(|error| bad_request(format!("the payload is not a series of increments: {error}")))?;
-            Ok(AdminOrder::Import { series })
+            Ok(AdminOrder::Import { series, whole })
         }
         AdminAction::Delete => {
             Parameters::of("delete", parameters, &[])?;

@@ -1,0 +1,91 @@
+//! A certificate that expires while a session is open. Routers then end the session and take no
+//! other one, and say so to nobody but their own logs.
+
+use crate::credentials::{TlsSide, out_of_date, valid_for};
+use std::collections::BTreeSet;
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+use zenoh::Config;
+
+/// A clock is set and a file renewed at any time: so often it is looked.
+const LOOK: Duration = Duration::from_secs(30);
+/// So often it is said again that a certificate has expired.
+const SAY_AGAIN: Duration = Duration::from_secs(60);
+/// A certificate is valid to the end of its last second.
+const BEYOND: Duration = Duration::from_secs(1);
+
+/// What is watched already: several sessions may have one certificate.
+static WATCHED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+
+/// It is watched as long as this is there.
+struct Watched(String);
+
+impl Watched {
+    fn begin(tls: &str, side: TlsSide) -> Option<Self> {
+        let key = format!("{side:?} {tls}");
+        let is_new = WATCHED.lock().unwrap_or_else(PoisonError::into_inner).insert(key.clone());
+        is_new.then_some(Self(key))
+    }
+}
+
+impl Drop for Watched {
+    fn drop(&mut self) {
+        WATCHED.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.0);
+    }
+}
+
+/// Says, from when it expires, that the certificate which `config` shows on this side has expired,
+/// as long as the runtime runs. One that has expired already, and was let in, is not spoken of.
+pub(crate) fn watch(config: &Config, endpoints: &[String], side: TlsSide) {
+    if valid_for(config, endpoints, side).is_none() {
+        return; // there is none, or it was out of date before
+    }
+    let tls = config.get_json("transport/link/tls").unwrap_or_default();
+    let Some(watched) = Watched::begin(&tls, side) else { return };
+    let (config, endpoints) = (config.clone(), endpoints.to_vec());
+    tokio::spawn(async move {
+        let _watched = watched;
+        loop {
+            let sentence = out_of_date(&config, &endpoints, side);
+            if let Some(sentence) = &sentence {
+                tracing::warn!("{sentence}. {}", remedy(side));
+            }
+            tokio::time::sleep(pause(sentence.is_some(), valid_for(&config, &endpoints, side))).await;
+        }
+    });
+}
+
+fn remedy(side: TlsSide) -> &'static str {
+    match side {
+        TlsSide::Connecting => "A renewed one in its place is read with the next attempt to connect",
+        TlsSide::Listening => "A renewed one in its place is read at the next start",
+    }
+}
+
+/// How long nothing needs to be looked at.
+fn pause(has_expired: bool, valid_for: Option<Duration>) -> Duration {
+    if has_expired { SAY_AGAIN } else { valid_for.map_or(LOOK, |left| (left + BEYOND).min(LOOK)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_end_is_met_and_then_told_now_and_again() {
+        assert_eq!(pause(false, Some(Duration::from_secs(86_400))), LOOK);
+        assert_eq!(pause(false, Some(Duration::from_secs(3))), Duration::from_secs(4));
+        assert_eq!(pause(true, None), SAY_AGAIN);
+        // A file that cannot be read at the moment.
+        assert_eq!(pause(false, None), LOOK);
+    }
+
+    #[test]
+    fn a_certificate_is_watched_once_and_again_when_nobody_watches_it() {
+        let first = Watched::begin("{a: 1}", TlsSide::Connecting);
+        assert!(first.is_some() && Watched::begin("{a: 1}", TlsSide::Connecting).is_none());
+        assert!(Watched::begin("{a: 1}", TlsSide::Listening).is_some(), "another certificate");
+        drop(first);
+        assert!(Watched::begin("{a: 1}", TlsSide::Connecting).is_some());
+    }
+}
