@@ -63,7 +63,7 @@ impl Catalog {
         self.maps.write().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A catalog without maps; of those `operators` the journals of maps will tell whatever they do.
+    /// A catalog without maps. Of those `operators` the journals of maps tell whatever they do.
     #[must_use]
     pub fn of_nothing(operators: KnownOperators) -> Self {
         Self { operators, ..Self::default() }

@@ -53,6 +53,27 @@ async fn a_map_of_others_is_not_mixed_with_what_is_imported() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn operators_of_one_name_do_not_make_two_maps_one() {
+    let site = Site::with(6).await;
+    let file = site.dir.path().join("museum.fht");
+    let file = file.to_str().unwrap();
+    let other: MapName = "other".parse().unwrap();
+    let begin = Instant::now();
+    while version(&site, "other") != 1 {
+        assert!(begin.elapsed() < Duration::from_secs(30));
+        let key = Key::increment(&other, BEN, 1).to_string();
+        site.session.put(key, encode(&increment(BEN, 1)).unwrap()).await.unwrap();
+    }
+    for map in ["museum", "other"] {
+        site.run(&["place", map, "dock", "0,0"]);
+    }
+    site.run(&["export", "museum", file]);
+    let (code, said) = ended(&["import", file, "--map", "other", "--connect", &site.endpoint]);
+    assert!(code == Some(1) && said.contains("the same name has written both maps"), "{code:?}: {said}");
+    assert_eq!(version(&site, "other"), 2, "nothing of the file is there");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_map_to_which_nothing_was_brought_is_not_called_a_part() {
     let site = Site::with(3).await;
     let [early, folded] = ["early", "folded"].map(|name| site.dir.path().join(name).to_str().unwrap().to_owned());

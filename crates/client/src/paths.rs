@@ -254,7 +254,7 @@ impl PathSource for ServerPaths<'_> {
             }
             Some(Ok(Err(refusal))) => tracing::info!(%refusal, "the server has no path"),
             Some(Err(NoUse::Path(error @ UnusablePath::Outdated))) => {
-                tracing::info!("the robot's own path is kept: {error}")
+                tracing::info!("the robot's own path is kept: {error}");
             }
             Some(Err(error)) => {
                 tracing::warn!(%error, "no path from the server: planning on the robot's own copy of the map");

@@ -138,8 +138,8 @@ impl<'a, R: Robot + Send> Drive<'a, R> {
         self
     }
 
-    /// If the robot cannot reach the goal, it drives to the nearest point that it can. Default: then
-    /// there is no path.
+    /// If the robot cannot reach the goal, it drives to the nearest point that it can reach.
+    /// Default: then there is no path.
     pub fn to_nearest(mut self) -> Self {
         self.config.to_nearest = true;
         self

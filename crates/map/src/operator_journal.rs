@@ -2,10 +2,10 @@
 //! follows the increments one by one, so that nobody reads them again when somebody asks.
 //!
 //! An increment does not say what its author is. It is an operator's if something in it is for
-//! operators only ([`may_write`]); if its author has written such a thing to the map before; or if
-//! it does nothing but remove others' nodes, and its author has never put one: so a part of a map
-//! is erased. Each author's increments come in order, so the journal is the same whatever comes
-//! between them.
+//! operators only ([`may_write`]); if its author has written such a thing to the map before, or is
+//! known as one ([`OperatorJournal::know_operator`]); or if it does nothing but remove others'
+//! nodes, and its author has never put one: so a part of a map is erased. Each author's increments
+//! come in order, so the journal is the same whatever comes between them.
 //!
 //! ```
 //! use fht_map::OperatorJournal;
@@ -70,6 +70,13 @@ pub struct OperatorJournal {
 }
 
 impl OperatorJournal {
+    /// `author` is known to be an operator: from here on the journal tells of whatever it does.
+    pub fn know_operator(journal: &mut Arc<Self>, author: AuthorId) {
+        if journal.writers.get(&author) != Some(&Deeds::Operates) {
+            Arc::make_mut(journal).writers.insert(author, Deeds::Operates);
+        }
+    }
+
     /// An increment has become part of the map. Copies are made only when something changes.
     pub fn take(journal: &mut Arc<Self>, increment: &Increment) {
         let Increment { author, number, hlc_us, ops } = increment;

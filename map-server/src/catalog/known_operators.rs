@@ -2,7 +2,7 @@
 //! show whether an operator wrote it, or a robot that makes maps.
 
 use fht_map::OperatorJournal;
-use fht_proto::{AuthorId, FixedPose, Increment, NodeId, Op, ScanRecord, Signature};
+use fht_proto::AuthorId;
 use std::fmt;
 use std::sync::Arc;
 
@@ -32,17 +32,7 @@ impl KnownOperators {
     /// From here on `journal` tells of whatever `author` does, if it is known as an operator.
     pub(super) fn tell(&self, journal: &mut Arc<OperatorJournal>, author: AuthorId) {
         if (self.0)(author) {
-            // What only operators may write shows what its author is, and of this there is nothing
-            // to say: the journal has no entry of it.
-            let id = NodeId { author: AuthorId(!author.0), number: 0 };
-            let scan = ScanRecord {
-                base_from_sensor: FixedPose::default(),
-                angle_min: 0.0,
-                angle_increment: 0.0,
-                ranges_mm: Vec::new(),
-            };
-            let ops = vec![Op::SetSignature { id, signature: Signature { descriptor: None, scan } }];
-            OperatorJournal::take(journal, &Increment { author, number: 0, hlc_us: 0, ops });
+            OperatorJournal::know_operator(journal, author);
         }
     }
 }
@@ -50,7 +40,7 @@ impl KnownOperators {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fht_proto::NodeKind;
+    use fht_proto::{FixedPose, Increment, NodeId, NodeKind, Op};
 
     #[test]
     fn what_an_operator_does_to_nodes_alone_is_told_and_what_a_robot_does_is_not() {

@@ -197,7 +197,7 @@ impl OperatorError {
         }
     }
 
-    /// The same of an order that was sent; `see`: the command that shows whether it was carried out.
+    /// The same of an order that was sent; `see`: the command that shows whether it was done.
     pub(super) fn of_order(self, see: &str) -> Self {
         match self {
             Self::Silent => Self::OrderUnanswered { see: see.to_owned() },

@@ -7,8 +7,8 @@ use crate::rescue::check_archive;
 use fht_map::MapState;
 use fht_proto::api::keys::{AdminAction, Key, Topic};
 use fht_proto::api::reply::{Head, Series, StateView};
-use fht_proto::codec::archive::{Archive, ArchiveHeader, header_line, is_archive_begin};
-use fht_proto::{MapName, VersionVector, decode, encode};
+use fht_proto::codec::archive::{Archive, ArchiveError, ArchiveHeader, header_line, is_archive_begin};
+use fht_proto::{Increment, MapName, VersionVector, decode, encode};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 use std::io::{Read, Write};
@@ -222,6 +222,22 @@ async fn of_a_part(
     }
 }
 
+/// Of each author whom a file and a map have in common the newest increment that both must have.
+/// The server has all of these already: where one is another, as of two operators of one name, it
+/// says so before anything is written.
+fn in_both(archive: Archive<'_>, known: &VersionVector) -> Result<Series, ArchiveError> {
+    let whole = archive.header.vector.clone();
+    let is_last = |increment: &Increment| {
+        let Increment { author, number, .. } = increment;
+        *number == known.get(*author).min(whole.get(*author))
+    };
+    let mut shared = Series::default();
+    for series in archive {
+        shared.increments.extend(series?.increments.into_iter().filter(is_last));
+    }
+    Ok(shared)
+}
+
 /// Has the server take in a map from a file, under its own name or another.
 pub(super) async fn import(
     session: &Session,
@@ -236,11 +252,16 @@ pub(super) async fn import(
     check_archive(path, archive.clone())?;
     let header = archive.header.clone();
     let map = name.unwrap_or_else(|| header.map.clone());
-    let before = match head(session, &map).await {
-        Ok(head) => head.version,
-        Err(OperatorError::Refused(_)) => 0,
+    let known = match head(session, &map).await {
+        Ok(head) => head.vector,
+        Err(OperatorError::Refused(_)) => VersionVector::default(),
         Err(error) => return Err(error),
     };
+    let shared = in_both(archive.clone(), &known).map_err(damaged)?;
+    for piece in pieces(shared).into_iter().filter(|piece| !piece.increments.is_empty()) {
+        put_series(session, &map, (&piece, &header.vector)).await?;
+    }
+    let before = known.version();
     let bar = progress(bytes.len() as u64, "bytes", quiet);
     bar.set_prefix("import");
     let mut archive = archive;
