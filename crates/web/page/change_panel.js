@@ -27,12 +27,16 @@ export class ChangePanel {
   }
 
   async send(order, words) {
+    const shown = this.form.firstChild;
     try {
       const reply = await change(this.store.map, order);
       const said = reply.words ? reply.words.join("; ") : words;
       this.say(`${said}; the map is at version ${reply.version}`);
-      this.done();
-      fill(this.form);
+      // Who was quick has begun the next one meanwhile.
+      if (this.form.firstChild === shown) {
+        this.done();
+        fill(this.form);
+      }
       this.store.loadJournal().catch(() => {});
       return true;
     } catch (refused) {

@@ -27,6 +27,14 @@ async function a_place_is_named_by_mouse_and_by_keyboard({ browser, url, foreign
   const ada = await Person.at(browser, `${url}#/museum`);
   await ada.isLive();
   await until("the map is there", async () => (await ada.side("Map").textContent()).includes("main"));
+  // The server's answer comes late.
+  let comes;
+  const answer = new Promise((resolve) => (comes = resolve));
+  await ada.page.route("**/api/change/**", async (route) => {
+    const response = await route.fetch();
+    await answer;
+    await route.fulfill({ response });
+  });
   await ada.press("Name a place");
   await ada.clickAt(9, 0);
   await ada.page.keyboard.type("dock");
@@ -40,6 +48,11 @@ async function a_place_is_named_by_mouse_and_by_keyboard({ browser, url, foreign
   await tool.focus();
   await ada.page.keyboard.press("Enter");
   const form = ada.side("Places, zones, closures");
+  const next = await form.getByLabel("name of the place").elementHandle();
+  comes();
+  await until("the first one is told", async () => (await ada.said).includes("dock"));
+  check(await next.evaluate((field) => field.isConnected), "the next one's form is still there");
+  await ada.page.unroute("**/api/change/**");
   for (const [label, text] of [
     ["name of the place", "Küche"],
     ["x, m", "1.5"],
