@@ -39,6 +39,16 @@ async fn asked(site: &Site, parameters: &str) -> Result<Value, ErrorReply> {
     reply.map(|bytes| serde_json::from_slice(&bytes).unwrap())
 }
 
+/// The server is killed and started with a list of roles.
+async fn start_anew(site: &mut Site, roles: &str) {
+    site.server.kill();
+    let file = site.dir.path().join("roles.json5");
+    std::fs::write(&file, roles).unwrap();
+    let args = ["--roles", file.to_str().unwrap()];
+    site.server = Server::with(&site.dir.path().join("data"), &site.endpoint, &args, &site.dir.path().join("log"));
+    until_up(&site.session).await;
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn who_changed_what_is_known_after_a_restart_and_to_foreign_clients() {
     let mut site = Site::with(12).await;
@@ -75,12 +85,7 @@ async fn who_changed_what_is_known_after_a_restart_and_to_foreign_clients() {
     assert!(journal["entries"].as_array().unwrap().iter().all(|entry| entry["at_us"].as_u64() >= Some(begun_us)));
     assert_eq!(told(&site.run(&["journal", "museum", "--last", "2"])).len(), 2);
 
-    site.server.kill();
-    let roles = site.dir.path().join("roles.json5");
-    std::fs::write(&roles, "{explorers: ['ana'], operators: ['desk', 'operator']}").unwrap();
-    let args = ["--roles", roles.to_str().unwrap()];
-    site.server = Server::with(&site.dir.path().join("data"), &site.endpoint, &args, &site.dir.path().join("log"));
-    until_up(&site.session).await;
+    start_anew(&mut site, "{explorers: ['ana'], operators: ['desk', 'operator']}").await;
     assert_eq!(told(&asked(&site, "").await.unwrap()), expected, "the list of roles names them");
 
     // Page by page, by somebody else's program.
@@ -172,12 +177,7 @@ async fn what_operators_do_to_nodes_alone_is_told_and_what_robots_do_is_not() {
     assert!(words[0].contains("2 nodes are taken away"), "{words:?}");
 
     // Who is listed is known at once.
-    site.server.kill();
-    let roles = site.dir.path().join("roles.json5");
-    std::fs::write(&roles, "{explorers: ['ana'], operators: ['desk']}").unwrap();
-    let args = ["--roles", roles.to_str().unwrap()];
-    site.server = Server::with(&site.dir.path().join("data"), &site.endpoint, &args, &site.dir.path().join("log"));
-    until_up(&site.session).await;
+    start_anew(&mut site, "{explorers: ['ana'], operators: ['desk']}").await;
     assert_eq!(told(&asked(&site, "").await.unwrap()), lines);
 }
 

@@ -77,15 +77,10 @@ pub struct Authorship<'a> {
     pub timeout: Duration,
 }
 
-/// What the map has before the first increment of all.
-fn nothing_yet(map: &MapName) -> Head {
-    Head::of_nothing(map.clone())
-}
-
 async fn head_of(session: &Session, map: &MapName, author: &Authorship<'_>) -> Result<Head, AskError> {
     match ask_head_async(session, map, author.timeout).await {
         Err(AskError::Refused(reply)) if author.may_begin && reply.code == ErrorCode::UnknownMap => {
-            Ok(nothing_yet(map))
+            Ok(Head::of_nothing(map.clone()))
         }
         outcome => outcome,
     }

@@ -150,12 +150,9 @@ fn zone(posted: PostedZone) -> Result<Zone, ErrorReply> {
     }
     let rule = match posted.rule {
         RuleView::KeepOut => ZoneRule::KeepOut,
-        RuleView::SpeedLimit(mps) => {
-            if !(0.001..=65.0).contains(&mps) {
-                return Err(bad_request(format!("{mps} is not a speed of 0.001 to 65 m/s")));
-            }
-            ZoneRule::SpeedLimit((mps * 1000.0).round() as u16)
-        }
+        RuleView::SpeedLimit(mps) => ZoneRule::limit_mm_per_s(mps)
+            .map(ZoneRule::SpeedLimit)
+            .ok_or_else(|| bad_request(format!("{mps} is not a speed of 0.001 to 65 m/s")))?,
     };
     Ok(Zone { rule, corners: posted.corners.into_iter().map(point).collect::<Result<_, _>>()? })
 }

@@ -18,7 +18,7 @@ impl Ingest {
     pub fn is_of_others(&self, map: &MapName, whole: &VersionVector) -> bool {
         self.catalog.view(map).is_some_and(|view| {
             let vector = &view.head.vector;
-            vector.version() > 0 && !vector.iter().any(|(author, _)| whole.get(author) > 0)
+            vector.version() > 0 && vector.meet(whole).version() == 0
         })
     }
 

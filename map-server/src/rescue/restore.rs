@@ -330,11 +330,9 @@ impl ArchiveIntake {
         let head = self.catalog.view(&header.map).map(|view| view.head);
         let found = head.as_ref().map_or(Digest([0; 32]), |head| head.digest);
         let vector = head.map(|head| head.vector.clone()).unwrap_or_default();
-        let (is, should_be) = (vector.iter().map(|(author, _)| author), header.vector.iter().map(|(author, _)| author));
-        let mut authors: Vec<AuthorId> = is.chain(should_be).collect();
-        authors.sort();
-        if let Some(author) = authors.into_iter().find(|author| vector.get(*author) != header.vector.get(*author)) {
-            let (found, expected) = (vector.get(author), header.vector.get(author));
+        let either = vector.join(&header.vector);
+        let mut counts = either.iter().map(|(author, _)| (author, vector.get(author), header.vector.get(author)));
+        if let Some((author, found, expected)) = counts.find(|(_, found, expected)| found != expected) {
             return Err(RestoreError::Vector { file: file.to_owned(), author, found, expected });
         }
         if found != header.digest {

@@ -64,6 +64,15 @@ pub enum ZoneRule {
     SpeedLimit(u16),
 }
 
+impl ZoneRule {
+    /// A speed limit, given in metres per second, in whole millimetres per second; none outside of
+    /// 0.001 to 65 m/s.
+    #[must_use]
+    pub fn limit_mm_per_s(mps: f64) -> Option<u16> {
+        (0.001..=65.0).contains(&mps).then(|| (mps * 1000.0).round() as u16)
+    }
+}
+
 /// A part of the floor with a rule.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Zone {

@@ -98,8 +98,8 @@ impl Carried {
 
     /// A name that is not taken.
     fn name(&mut self, wanted: &Label, taken: &mut BTreeSet<Label>, suffix: &str) -> Option<Label> {
-        let tried = std::iter::once(wanted.clone()).chain(names(wanted, suffix));
-        let free = { tried }.find(|name| !taken.contains(name))?;
+        let mut tried = std::iter::once(wanted.clone()).chain(names(wanted, suffix));
+        let free = tried.find(|name| !taken.contains(name))?;
         if free != *wanted {
             self.renamed.push([wanted.to_string(), free.to_string()]);
         }

@@ -6,7 +6,7 @@ use crate::program::operator::transfer::fetch_state;
 use fht_map::{DoubtfulWords, check_place, check_zone};
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::{DatumView, FloorPlanView, NodesReply, RulesReply, known_names, parse_angle, parse_point};
-use fht_proto::{EdgeKey, FixedPoint, FixedPose, Label, MapName, NodeId, Op, Zone};
+use fht_proto::{EdgeKey, FixedPoint, FixedPose, Label, MapName, NodeId, Op, Zone, ZoneRule};
 use std::f64::consts::TAU;
 use zenoh::Session;
 
@@ -48,8 +48,8 @@ pub(super) fn parse_corners(text: &str) -> Result<Corners, String> {
 }
 
 pub(super) fn parse_speed(text: &str) -> Result<u16, String> {
-    let speed = text.parse::<f64>().ok().filter(|mps| (0.001..=65.0).contains(mps));
-    speed.map(|mps| (mps * 1000.0).round() as u16).ok_or_else(|| format!("{text} is not a speed of 0.001 to 65 m/s"))
+    let speed = text.parse::<f64>().ok().and_then(ZoneRule::limit_mm_per_s);
+    speed.ok_or_else(|| format!("{text} is not a speed of 0.001 to 65 m/s"))
 }
 
 /// The operation that names a place, if a robot can be there. `is_sure`: also if not.

@@ -226,12 +226,12 @@ async fn of_a_part(
 /// The server has all of these already: where one is another, as of two operators of one name, it
 /// says so before anything is written.
 fn in_both(archive: Archive<'_>, known: &VersionVector) -> Result<Series, ArchiveError> {
-    let whole = archive.header.vector.clone();
-    let is_last = |increment: &Increment| {
-        let Increment { author, number, .. } = increment;
-        *number == known.get(*author).min(whole.get(*author))
-    };
+    let both = known.meet(&archive.header.vector);
     let mut shared = Series::default();
+    if both.version() == 0 {
+        return Ok(shared);
+    }
+    let is_last = |increment: &Increment| increment.number == both.get(increment.author);
     for series in archive {
         shared.increments.extend(series?.increments.into_iter().filter(is_last));
     }
