@@ -137,6 +137,8 @@ async fn what_an_operator_changes_over_http_is_seen_over_zenoh() {
     let site = Paged::start(&["--web-operator", "ada"]).await;
     let author = fht_proto::AuthorId::of_robot("ada");
     let live = site.session.declare_subscriber("fht/museum/inc/**").await.unwrap();
+    // An answer on this session says that the server knows of the subscriber, too.
+    head_when(&site.session, |_| true).await;
     let done = |body: &str| {
         let (status, reply) = site.change(body);
         assert_eq!(status, 200, "{body}: {reply}");
