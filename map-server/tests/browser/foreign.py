@@ -34,7 +34,9 @@ def carry_out(session: zenoh.Session, tokens: dict, order: dict) -> dict:
     if "put" in order:
         session.put(order["put"], json.dumps(order["value"]))
     elif "put_bytes" in order:
-        session.put(order["put_bytes"], bytes.fromhex(order["bytes"]))
+        # Nobody sends again what is dropped on the way.
+        wait = zenoh.CongestionControl.BLOCK
+        session.put(order["put_bytes"], bytes.fromhex(order["bytes"]), congestion_control=wait)
     elif "swarm" in order:
         threading.Thread(target=swarm, args=(session, order), daemon=True).start()
     elif "token" in order:
