@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 pub(super) struct DiskWatch {
     standing: Option<Standing>,
     warned: Option<Instant>,
-    /// When the room left was looked at last.
-    room: Option<Instant>,
+    /// When the file and the room left were looked at last.
+    looked: Option<Instant>,
 }
 
 /// The disk has refused something.
@@ -32,14 +32,14 @@ pub(super) enum DiskChange {
 }
 
 impl DiskWatch {
-    /// Between two attempts to write, and two looks at the room left.
+    /// Between two attempts to write, and two looks at the file and the room left.
     pub(super) const EVERY: Duration = Duration::from_secs(5);
     /// Between two warnings of little room.
     const WARN_EVERY: Duration = Duration::from_secs(3600);
 
     /// The disk works as far as anybody knows.
     pub(super) fn new() -> Self {
-        Self { standing: None, warned: None, room: None }
+        Self { standing: None, warned: None, looked: None }
     }
 
     /// Looks whether the disk has failed since, or works again.
@@ -51,8 +51,9 @@ impl DiskWatch {
         now: Instant,
     ) -> Option<DiskChange> {
         let is_due = |last: Instant, every: Duration| now.duration_since(last) >= every;
-        if self.room.is_none_or(|room| is_due(room, Self::EVERY)) {
-            self.room = Some(now);
+        if self.looked.is_none_or(|looked| is_due(looked, Self::EVERY)) {
+            self.looked = Some(now);
+            log.look();
             self.look_at_room(log, now);
         }
         match (&mut self.standing, log.fault()) {

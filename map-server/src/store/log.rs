@@ -204,6 +204,10 @@ pub trait IncrementLog: Send + Sync + Debug {
         None
     }
 
+    /// Looks whether what it is kept in is still there, as it was left; a
+    /// [`fault`](Self::fault) if not.
+    fn look(&self) {}
+
     /// Room left on its disk, bytes; none: that is not known.
     fn free_bytes(&self) -> Option<u64> {
         None

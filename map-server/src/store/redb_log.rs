@@ -16,6 +16,7 @@
 mod deletions;
 mod directory;
 mod ends;
+mod file_mark;
 mod open_store;
 mod steady_file;
 mod tables;
@@ -39,8 +40,9 @@ use tables::{COMPACTED, FLOOR_VERSIONS, FLOORS, INCREMENTS, LOG, reading, writin
 
 /// The open store.
 ///
-/// When the disk does not take a write, the store is what it was before, can be read, and refuses
-/// everything else until [`try_again`](IncrementLog::try_again) has written to the disk.
+/// When the disk does not take a write, or something else has the file's name, the store is what it
+/// was before, can be read, and refuses everything else until
+/// [`try_again`](IncrementLog::try_again) has written to the disk.
 #[derive(Debug)]
 pub struct RedbLog {
     /// Opened anew after a fault.
@@ -194,6 +196,15 @@ impl IncrementLog for RedbLog {
 
     fn fault(&self) -> Option<String> {
         self.opened().fault()
+    }
+
+    fn look(&self) {
+        let open = self.opened();
+        if open.fault().is_none()
+            && let Some(reason) = self.disk.displaced()
+        {
+            open.note_fault(&reason);
+        }
     }
 
     fn free_bytes(&self) -> Option<u64> {

@@ -31,7 +31,8 @@ impl RedbLog {
                 Err(error) if error.kind() != ErrorKind::NotFound => return Err(failed(error)),
                 _ => {}
             }
-            if let Some(reason) = Self::on_disk(Box::new(FileOnDisk(unfinished.clone())))?.opened().fault() {
+            if let Some(reason) = Self::on_disk(Box::new(FileOnDisk::to_be_made(unfinished.clone())))?.opened().fault()
+            {
                 return Err(StoreError::Open { dir: dir.to_owned(), reason });
             }
             std::fs::rename(&unfinished, &path).map_err(failed)?;
@@ -95,6 +96,6 @@ impl RedbLog {
         if path.metadata().is_ok_and(|file| file.len() == 0) {
             return Err(StoreError::Empty { file: path });
         }
-        Self::on_disk(Box::new(FileOnDisk(path)))
+        Self::on_disk(Box::new(FileOnDisk::existing(path)))
     }
 }

@@ -3,6 +3,7 @@
 use crate::store::error::StoreError;
 use crate::store::guard::guarded;
 use crate::store::redb_log::ends;
+use crate::store::redb_log::file_mark::{FileMark, MarkedFile};
 use crate::store::redb_log::steady_file::{Fault, FaultReason, SteadyFile};
 use crate::store::redb_log::tables::{
     COMPACTED, FLOOR_VERSIONS, FLOORS, INCREMENTS, LOG, META, damage, reading, writing,
@@ -44,6 +45,18 @@ pub trait StoreDisk: Debug + Send + Sync {
         None
     }
 
+    /// What has become of the file since it was opened, other than by this server: it has lost its
+    /// name, or was changed. None: nothing, as far as anybody knows.
+    fn displaced(&self) -> Option<String> {
+        None
+    }
+
+    /// Why what has the file's name now must not be opened in its place; none: it is what was left
+    /// there, or nothing was opened before.
+    fn strange(&self) -> Option<String> {
+        None
+    }
+
     /// The file, to be named to people.
     fn path(&self) -> &Path;
 }
@@ -77,28 +90,58 @@ impl StorageBackend for ReadOnlyFile {
 
 /// A file on a disk of the system.
 #[derive(Debug)]
-pub(super) struct FileOnDisk(pub(super) PathBuf);
+pub(super) struct FileOnDisk {
+    mark: FileMark,
+    /// It is made if it is absent.
+    is_made: bool,
+}
+
+impl FileOnDisk {
+    /// A file that is there.
+    pub(super) fn existing(path: PathBuf) -> Self {
+        Self { mark: FileMark::new(path), is_made: false }
+    }
+
+    /// A file that is made.
+    pub(super) fn to_be_made(path: PathBuf) -> Self {
+        Self { is_made: true, ..Self::existing(path) }
+    }
+}
 
 impl StoreDisk for FileOnDisk {
     fn open(&self) -> io::Result<(Box<dyn StorageBackend>, Option<String>)> {
-        let backend = |file| FileBackend::new(file).map_err(|error| io::Error::other(error.to_string()));
-        let options = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&self.0);
-        match options {
-            Ok(file) => Ok((Box::new(backend(file)?), None)),
+        let path = self.mark.path();
+        let mark = |file: File| {
+            self.mark.adopt(&file).map_err(io::Error::other)?;
+            FileBackend::new(file).map_err(|error| io::Error::other(error.to_string()))
+        };
+        // Where a store was, an empty one in its place would hide that it is gone.
+        let is_made = self.is_made && !self.mark.is_known();
+        match OpenOptions::new().read(true).write(true).create(is_made).truncate(false).open(path) {
+            Ok(file) => Ok((Box::new(MarkedFile::new(mark(file)?, self.mark.clone())), None)),
             Err(error) if error.kind() == ErrorKind::ReadOnlyFilesystem => {
-                Ok((Box::new(ReadOnlyFile(backend(File::open(&self.0)?)?)), Some(error.to_string())))
+                let file = ReadOnlyFile(mark(File::open(path)?)?);
+                Ok((Box::new(MarkedFile::new(file, self.mark.clone())), Some(error.to_string())))
             }
             Err(error) => Err(error),
         }
     }
 
+    fn displaced(&self) -> Option<String> {
+        self.mark.check().err().map(|displacement| displacement.to_string())
+    }
+
+    fn strange(&self) -> Option<String> {
+        self.mark.check_content().err().map(|displacement| displacement.to_string())
+    }
+
     fn free_bytes(&self) -> Option<u64> {
-        let room = rustix::fs::statvfs(self.0.parent()?).ok()?;
+        let room = rustix::fs::statvfs(self.mark.path().parent()?).ok()?;
         Some(room.f_bavail.saturating_mul(room.f_frsize))
     }
 
     fn path(&self) -> &Path {
-        &self.0
+        self.mark.path()
     }
 }
 
@@ -222,9 +265,14 @@ impl OpenStore {
     }
 
     /// Opens the file anew after a fault, without what the disk did not take, and writes something
-    /// to see whether the disk takes it.
+    /// to see whether the disk takes it. While something else has the file's name, the file that is
+    /// open stays open: it may have no other name, and what is asked is answered from it.
     pub(super) fn reopen(&mut self, disk: &dyn StoreDisk) -> Result<(), StoreError> {
         let Some(fault) = self.fault.get() else { return Ok(()) };
+        if let Some(reason) = disk.strange() {
+            self.fault.renew(&reason);
+            return Err(StoreError::ReadOnly { reason });
+        }
         self.close();
         let rewritten = if fault.is_unsynced { rewrite(disk) } else { Ok(()) };
         *self = Self::open(disk)?;

@@ -2,6 +2,7 @@
 //! written stays in memory: the store can be read as before, and nothing more gets to the disk.
 //! Whoever writes asks the [`Fault`] afterwards whether what it has written is durable.
 
+use crate::store::redb_log::file_mark::is_displacement;
 use redb::{BackendError, StorageBackend};
 use std::collections::BTreeMap;
 use std::io;
@@ -30,6 +31,14 @@ impl Fault {
     pub(super) fn note(&self, reason: &str, is_unsynced: bool) {
         let mut noted = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         noted.get_or_insert_with(|| FaultReason { reason: reason.to_owned(), is_unsynced });
+    }
+
+    /// Says otherwise why the disk cannot be used.
+    pub(super) fn renew(&self, reason: &str) {
+        let mut noted = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(noted) = &mut *noted {
+            reason.clone_into(&mut noted.reason);
+        }
     }
 
     /// What has failed, if anything has.
@@ -166,7 +175,8 @@ impl SteadyFile {
         if unwritten.is_none() {
             match on_disk(self.file.as_ref()) {
                 Ok(()) => return Ok(()),
-                Err(error) => self.fault.note(&error.to_string(), is_sync),
+                // A file that has lost its name has lost nothing else.
+                Err(error) => self.fault.note(&error.to_string(), is_sync && !is_displacement(&error)),
             }
         }
         drop(unwritten);
