@@ -32,11 +32,13 @@ mod denials;
 mod door;
 mod role_list;
 mod roles;
+mod router_file;
 mod rules;
 mod section;
 mod site_check;
 #[cfg(feature = "program")]
 mod site_command;
+mod site_roles;
 
 pub use backbone::router_id;
 #[cfg(feature = "program")]
@@ -47,7 +49,8 @@ pub(crate) use denials::layer as denials_layer;
 pub(crate) use door::layer as door_layer;
 pub use role_list::{RoleList, RoleListWriter};
 pub use roles::{AccessError, Roles, parse};
+pub use router_file::RouterFile;
 pub use section::{configuration, object};
-pub use site_check::{RouterFile, openings};
+pub use site_check::openings;
 #[cfg(feature = "program")]
 pub(crate) use site_command::SiteArgs;

@@ -1,6 +1,8 @@
 //! Every file of `deploy/`, as far as it can be tested without Docker and without the network.
 #![allow(clippy::unwrap_used)] // tests may panic
 
+#[path = "deploy/check_site.rs"]
+mod check_site;
 mod site;
 
 use fht_proto::AuthorId;
@@ -173,55 +175,6 @@ fn guarded(flags: &[&str], into: &[&str]) -> String {
     let written = map_server(&words.iter().map(String::as_str).collect::<Vec<_>>());
     assert!(written.status.success(), "{}", said(&written));
     String::from_utf8(written.stdout).unwrap()
-}
-
-#[test]
-fn a_site_of_these_files_leaves_nothing_open_and_what_is_open_is_said() {
-    let dir = tempfile::tempdir().unwrap();
-    let names: Vec<String> = roles().routers;
-    let checked = |texts: &[String]| {
-        let files: Vec<String> = (texts.iter().zip(&names))
-            .map(|(text, name)| site::in_file(dir.path(), name, text).to_str().unwrap().to_owned())
-            .collect();
-        let words: Vec<&str> = std::iter::once("check-site").chain(files.iter().map(String::as_str)).collect();
-        let output = map_server(&words);
-        (output.status.code(), String::from_utf8(output.stdout).unwrap())
-    };
-    let fine: Vec<String> = names.iter().map(|name| for_router(name, &["router.json5", "storages.json5"])).collect();
-    assert_eq!(checked(&fine), (Some(0), "3 router(s): nothing is open\n".to_owned()));
-    let alone = guarded(&[], &["server-alone.json5"]);
-    assert_eq!(checked(&[alone]).0, Some(0));
-    let (code, told) = checked(&fine[..1]);
-    assert!(code == Some(1) && told.contains("a.json5: it counts others as routers"), "{told}");
-    assert!(!told.contains("nothing is open"), "{told}");
-
-    // The routers of all sites until now.
-    let bare: Vec<String> = names.iter().map(|_| read("router.json5")).collect();
-    let (code, told) = checked(&bare);
-    assert_eq!(code, Some(1));
-    for part in ["a.json5: it has no fixed id", "gateway/south does not keep apart", "there is no access control"] {
-        assert!(told.contains(part), "{part}: {told}");
-    }
-    let changes = [
-        ("\"enable_mtls\": true", "\"enable_mtls\": false", "enable_mtls is not set"),
-        ("\"default_permission\": \"deny\"", "\"default_permission\": \"allow\"", "default_permission must be deny"),
-        ("\"weight\": 1", "\"weight\": 100", "can draw to itself what goes between them"),
-        ("\"negated\": true", "\"negated\": false", "gateway/south does not keep apart"),
-        ("\"write\": false", "\"write\": true", "changed over the network"),
-        ("\"accept_pending\": 2000", "\"accept_pending\": 100", "accept_pending is 100 and should be at least"),
-        ("\"lease\": 6000", "\"lease\": 10000", "lease is 10000 and should be at most 6000"),
-        ("tls/[::]:7447", "tcp/[::]:7447", "listens without TLS"),
-        ("\"storage_manager\": {", "\"rest\": { \"http_port\": 8000 }, \"storage_manager\": {", "the REST plugin"),
-    ];
-    for (from, to, expected) in changes {
-        assert!(fine[0].contains(from), "{from}");
-        let (code, told) = checked(&[fine[0].replace(from, to), fine[1].clone(), fine[2].clone()]);
-        assert!(code == Some(1) && told.contains("a.json5: ") && told.contains(expected), "{to}: {told}");
-    }
-    let (_, told) = checked(&[fine[0].clone(), fine[0].clone(), fine[2].clone()]);
-    assert!(told.contains("have the same id") && told.contains("which is none of these"), "{told}");
-    let missing = map_server(&["check-site", "nowhere.json5"]);
-    assert!(missing.status.code() == Some(2) && said(&missing).contains("nowhere.json5"), "{}", said(&missing));
 }
 
 /// Everything that a compose file mounts is made by the README's commands or lies in this folder,

@@ -1,10 +1,11 @@
 //! What leaves a site open: the Zenoh configurations of its routers, read as an attacker would.
 
 use crate::access::backbone::WEIGHT;
+use crate::access::router_file::RouterFile;
+use crate::access::site_roles::misfits;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
-use zenoh::Config;
 
 /// So many connections may be on their way in. Zenoh's own default is 100: as many silent ones of
 /// one robot keep everybody out.
@@ -18,37 +19,6 @@ const LONGEST_LEASE: u64 = 6000;
 /// The longest message that Zenoh may put together, bytes.
 const LONGEST_MESSAGE: u64 = 64 << 20;
 
-/// A router's configuration, by its file.
-#[derive(Debug)]
-pub struct RouterFile {
-    /// What it is called in sentences.
-    pub name: String,
-    /// What it says, with Zenoh's defaults.
-    pub config: Config,
-}
-
-impl RouterFile {
-    fn get(&self, key: &str) -> Value {
-        let json = self.config.get_json(key).unwrap_or_default();
-        serde_json::from_str(&json).unwrap_or_default()
-    }
-
-    fn id(&self) -> Option<String> {
-        self.get("id").as_str().map(str::to_owned)
-    }
-
-    /// The texts of endpoints: a list, or one for each mode.
-    fn endpoints(&self, key: &str) -> Vec<String> {
-        let found = self.get(key);
-        let lists = match &found {
-            Value::Object(by_mode) => by_mode.get("router").into_iter().collect(),
-            list => vec![list],
-        };
-        let texts = lists.into_iter().flat_map(|list| list.as_array().into_iter().flatten());
-        texts.filter_map(|text| text.as_str().map(str::to_owned)).collect()
-    }
-}
-
 /// What leaves the site of these routers open, a sentence each. Nothing: fine.
 ///
 /// With several routers, or one that has an id, what holds them together is judged, too.
@@ -61,6 +31,7 @@ pub fn openings(routers: &[RouterFile]) -> Vec<String> {
         of_router.extend(service(router));
         found.extend(of_router.into_iter().map(|text| format!("{}: {text}", router.name)));
     }
+    found.extend(misfits(routers));
     let is_alone =
         matches!(routers, [router] if router.id().is_none() && router.endpoints("connect/endpoints").is_empty());
     if !is_alone {

@@ -1,6 +1,7 @@
 //! `map-server check-site`: the routers' configurations on the command line.
 
-use crate::access::site_check::{RouterFile, openings, others_not_given};
+use crate::access::router_file::RouterFile;
+use crate::access::site_check::{openings, others_not_given};
 use clap::Args;
 use fht_program::print_line;
 use fht_session::{ConfigurationError, read_config};
