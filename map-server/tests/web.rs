@@ -230,6 +230,40 @@ async fn earlier_states_are_shown_and_changes_looked_at_in_advance() {
     head_when(&site.session, |head| head.main_nodes + head.support_nodes == 12).await;
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_robots_would_run_after_a_release_is_enabled_or_that_undone_is_looked_at_in_advance() {
+    let site = Paged::start(&["--web-operator", "ada"]).await;
+    let done = |body: &str| {
+        let (status, reply) = site.change(body);
+        assert_eq!(status, 200, "{body}: {reply}");
+    };
+    let previewed = |body: &str| {
+        let (status, reply) = site.post("preview", body);
+        assert_eq!(status, 200, "{body}: {reply}");
+        reply
+    };
+    done(r#"{"op":"set_place","name":"dock","pose":[9,0,0]}"#);
+    done(r#"{"op":"set_place","name":"gate","pose":[1,0,0]}"#);
+    done(r#"{"op":"put_release","name":"spring"}"#);
+    // The newest state has a gap; the release has none.
+    done(r#"{"op":"remove_nodes","nodes":["0000000a.5"]}"#);
+    let enable = r#"{"op":"enable","release":"spring"}"#;
+    let opened = previewed(enable);
+    let path = &opened["paths"][0];
+    assert!(path["before_m"].is_null() && path["after_m"].as_f64().is_some_and(|m| m > 7.9), "{opened}");
+    done(enable);
+    let zone = r#"{"op":"set_zone","name":"wet","zone":{"rule":"keep_out","corners":[[4,-2],[6,-2],[6,2],[4,2]]}}"#;
+    let closed = previewed(zone);
+    assert!(closed["paths"][0]["before_m"].is_number() && closed["paths"][0]["after_m"].is_null(), "{closed}");
+    for back in [r#"{"op":"undo"}"#, r#"{"op":"enable","release":null}"#] {
+        let closed = previewed(back);
+        assert!(closed["paths"][0]["before_m"].is_number() && closed["paths"][0]["after_m"].is_null(), "{closed}");
+    }
+    done(r#"{"op":"put_release","name":"autumn"}"#);
+    let other = previewed(r#"{"op":"enable","release":"autumn"}"#);
+    assert!(other["paths"][0]["after_m"].is_null(), "another release: {other}");
+}
+
 /// Reads a stream of events until there is one that is wanted; its data.
 fn event(stream: &mut TcpStream, text: &mut String, name: &str, wanted: impl Fn(&Value) -> bool) -> Value {
     let begin = Instant::now();

@@ -53,6 +53,20 @@ impl MapView {
         Self { head: Arc::new(head), index: Arc::default(), ..self }
     }
 
+    /// What robots would use if `state` were the newest one.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    #[cfg(feature = "web")]
+    pub(crate) fn would_run(
+        &self,
+        state: &Arc<MapState>,
+        log: &dyn IncrementLog,
+    ) -> Result<Arc<PlanningState>, StoreError> {
+        let (enabled, _) = Self::enabled_release(state, &self.head, Some(self), log)?;
+        Ok(enabled.unwrap_or_else(|| Arc::new(PlanningState::of_head(state, self.head.version))))
+    }
+
     /// The enabled release, if there is one that can be planned on; and its id if it is broken.
     fn enabled_release(
         state: &MapState,

@@ -2,12 +2,13 @@
 //! made on a copy, which shares with the map all that stays the same.
 
 use crate::catalog::MapView;
-use crate::query::AnswerSources;
+use crate::query::{AnswerSources, internal};
 use fht_map::{FreeSpace, MapState, NodeRouteConfig, PlanError, Rules};
 use fht_proto::api::reply::ErrorReply;
 use fht_proto::api::request::bad_request;
 use fht_proto::{AuthorId, FixedPoint, Footprint, Increment, MapName, Op};
 use serde::Serialize;
+use std::sync::Arc;
 
 /// Paths between so many places are compared, those nearest to what changes.
 const MAX_PLACES: usize = 10;
@@ -67,7 +68,7 @@ impl Planned<'_> {
 /// What would be another on the map of `view` if `author` wrote `ops`.
 ///
 /// # Errors
-/// `BAD_REQUEST` if the map is too large for a mesh.
+/// `BAD_REQUEST` if the map is too large for a mesh; `INTERNAL` if the log does not read.
 pub(super) fn preview(
     view: &MapView,
     sources: &AnswerSources,
@@ -83,9 +84,10 @@ pub(super) fn preview(
     let planning = &view.running;
     let rules = sources.active_rules.rules(view, now_us);
     let space = planning.free_space(&rules, &Footprint::default());
+    // What robots run may be a release, and another one then; what operators write holds on it, too.
     let changed_rules = Rules::of(&state, rules.blocked.clone());
-    // What robots run may be a release; what operators write holds on it, too.
-    let changed = if planning.release().is_some() { planning.state().as_ref() } else { &state };
+    let run = view.would_run(&Arc::new(state), sources.log.as_ref()).map_err(internal)?;
+    let changed = run.state();
     let changed_space = FreeSpace::of(changed, &changed_rules.space_config());
     if space.over_budget().is_some() || changed_space.over_budget().is_some() {
         return Err(bad_request("this map is too large: paths cannot be looked at in advance".to_owned()));
