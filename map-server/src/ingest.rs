@@ -12,6 +12,8 @@
 //! | `check` | what is wrong with an increment |
 //! | `admission` | who may write what, and how much |
 //! | `guard` | the writer judges by that |
+//! | `room` | the limits, and what can be done when one is reached |
+//! | `beyond` | what is taken all the same |
 //! | `intake` | what the writer knows about a map |
 //! | `pipeline` | check, order, commit, apply: the one writer |
 //! | `batch` | what one commit adds |
@@ -25,6 +27,7 @@
 
 mod admission;
 mod batch;
+mod beyond;
 mod check;
 mod deletion;
 mod guard;
@@ -36,6 +39,7 @@ mod queue;
 mod refusals;
 mod renaming;
 mod retention;
+mod room;
 mod standstill;
 
 pub use batch::BatchOutcome;
@@ -44,3 +48,4 @@ pub use pipeline::Ingest;
 pub use queue::{WriterJob, WriterQueue, WriterWork};
 pub use refusals::{RefusalNotice, RefusalThrottle};
 pub use retention::Retained;
+pub use room::RoomLimit;

@@ -258,7 +258,8 @@ async fn one_explorer_fills_neither_the_maps_nor_the_room_of_others() {
         site.put(&map(index), &puts("ben", 1, 0, 1)).await;
     }
     let told = site.refused(&map(300), &puts("ben", 1, 0, 1)).await;
-    assert_eq!((told.code, told.message.as_str()), (ErrorCode::Full, "explorer ben has used up its quota of maps: 64"));
+    let expected = "explorer ben has used up its quota of maps: 64 (an operator raises it with map-server quota set)";
+    assert_eq!((told.code, told.message.as_str()), (ErrorCode::Full, expected));
     let reply = ask(&site.session, "fht/maps").await.remove(0).unwrap();
     assert_eq!(serde_json::from_slice::<MapsReply>(&reply).unwrap().maps.len(), 65);
     // A flood of nodes, on the map of others and on its own.
@@ -291,7 +292,7 @@ async fn one_explorer_fills_neither_the_maps_nor_the_room_of_others() {
     let dir = site.end().await;
     let site = Guarded::on(dir, true, &["--max-map-elements", "40000", "--max-total-elements", "100000"]).await;
     let told = site.refused(&map(301), &puts("ben", 1, 0, 1)).await;
-    assert_eq!(told.message, "explorer ben has used up its quota of maps: 64");
+    assert_eq!(told.message, expected);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -318,7 +319,10 @@ async fn an_operator_sees_quotas_and_sets_one() {
     let told = site.refused(&museum(), &puts("ben", 2, 10, 1)).await;
     assert_eq!(
         (told.code, told.message.as_str()),
-        (ErrorCode::Full, "explorer ben has used up its quota of bytes in this map: 0")
+        (
+            ErrorCode::Full,
+            "explorer ben has used up its quota of bytes in this map: 0 (an operator raises it with map-server quota set)"
+        )
     );
     site.taken(&museum(), &puts("ana", 2, 10, 1)).await;
 

@@ -6,6 +6,7 @@ use crate::access::RoleList;
 use crate::config::{Limits, Quotas, WriterQuota};
 use crate::ingest::check::Refusal;
 use crate::ingest::intake::{Intake, WriterUse};
+use crate::ingest::room::RoomLimit;
 use fht_map::WriterRole;
 use fht_proto::api::quota::{QuotaChange, QuotaUse, WriterQuotaView};
 use fht_proto::api::reply::known_names;
@@ -173,7 +174,7 @@ pub(super) struct Room<'a> {
 /// One limit, and where a writer stands to it.
 struct Row {
     /// Of what.
-    of: &'static str,
+    of: RoomLimit,
     /// So much is there for the writer,
     own: u64,
     /// so much for all,
@@ -224,7 +225,7 @@ impl Room<'_> {
         let WriterQuota { map_share, total_share, .. } = writer.quota;
         [
             Row {
-                of: "maps",
+                of: RoomLimit::Maps,
                 own: uses().count() as u64,
                 all: self.maps.len() as u64,
                 more: u64::from(intake.is_none()),
@@ -232,7 +233,7 @@ impl Room<'_> {
                 share: total_share,
             },
             Row {
-                of: "bytes in this map",
+                of: RoomLimit::MapBytes,
                 own: own.bytes,
                 all: intake.map_or(0, |intake| intake.bytes),
                 more: bytes,
@@ -240,7 +241,7 @@ impl Room<'_> {
                 share: map_share,
             },
             Row {
-                of: "nodes and edges in this map",
+                of: RoomLimit::MapElements,
                 own: own.elements as u64,
                 all: intake.map_or(0, |intake| intake.elements as u64),
                 more: elements,
@@ -248,7 +249,7 @@ impl Room<'_> {
                 share: map_share,
             },
             Row {
-                of: "bytes in all maps",
+                of: RoomLimit::TotalBytes,
                 own: all_own(|own| own.bytes),
                 all: all(|intake| intake.bytes),
                 more: bytes,
@@ -256,7 +257,7 @@ impl Room<'_> {
                 share: total_share,
             },
             Row {
-                of: "nodes and edges in all maps",
+                of: RoomLimit::TotalElements,
                 own: all_own(|own| own.elements as u64),
                 all: all(|intake| intake.elements as u64),
                 more: elements,

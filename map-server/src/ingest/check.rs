@@ -2,6 +2,7 @@
 //! map.
 
 use crate::config::Limits;
+use crate::ingest::room::RoomLimit;
 use crate::store::IncrementOrigin;
 use fht_map::{RoleViolation, WriterRole};
 use fht_proto::api::keys::Key;
@@ -128,11 +129,11 @@ pub enum Refusal {
     #[error("{0}")]
     Damaged(String),
     /// One of [`Limits`] is exceeded, or the limit of authors.
-    #[error("the limit of {0} is reached")]
-    Full(&'static str),
+    #[error("the limit of {0} is reached: {remedy}", remedy = .0.remedy())]
+    Full(RoomLimit),
     /// What is left of one of [`Limits`] is kept for operators.
-    #[error("the limit of {0} is reached, but for what is kept for operators")]
-    Reserved(&'static str),
+    #[error("the limit of {0} is reached, but for what is kept for operators: {remedy}", remedy = .0.remedy())]
+    Reserved(RoomLimit),
     /// The author's role does not allow it.
     #[error("{0}")]
     NotPermitted(#[from] RoleViolation),
@@ -152,14 +153,14 @@ pub enum Refusal {
         allowed: usize,
     },
     /// The author has used up its [quota](crate::config::Quotas).
-    #[error("{role} {name} has used up its quota of {of}: {most}")]
+    #[error("{role} {name} has used up its quota of {of}: {most} (an operator raises it with map-server quota set)")]
     Quota {
         /// The author's role.
         role: WriterRole,
         /// The author's name.
         name: String,
         /// What there is a quota of.
-        of: &'static str,
+        of: RoomLimit,
         /// The quota.
         most: u64,
     },

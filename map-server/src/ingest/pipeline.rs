@@ -11,6 +11,7 @@ use crate::ingest::intake::Intake;
 use crate::ingest::pending_maps::PendingMaps;
 use crate::ingest::refusals::{RefusalNotice, RefusalThrottle};
 use crate::ingest::retention::{Retained, retain};
+use crate::ingest::room::RoomLimit;
 use crate::store::{IncrementLog, IncrementOrigin, StoreError, Stored};
 use crate::throttle::Throttle;
 use fht_map::crdt::reorder_buffer::{Offered, ReorderBuffer};
@@ -39,6 +40,8 @@ pub struct Ingest {
     pub(super) passed: PassedTime,
     /// Who may write what, if the roles are known.
     pub(super) admission: Option<Admission>,
+    /// What was taken into each map beyond the limits, bytes.
+    pub(super) beyond: BTreeMap<MapName, u64>,
 }
 
 /// What became of an increment that there is room for.
@@ -68,6 +71,7 @@ impl Ingest {
             refusals: RefusalThrottle::new(NOTICE_PERIOD),
             passed: PassedTime::default(),
             admission: None,
+            beyond: BTreeMap::new(),
         }
     }
 
@@ -114,6 +118,7 @@ impl Ingest {
         let retained = retain(map, keep, &self.catalog, self.log.as_ref())?;
         if let Some((intake, retained)) = self.maps.get_mut(map).zip(retained.as_ref()) {
             intake.bytes = retained.bytes;
+            self.beyond.remove(map);
             self.recount(map)?;
         }
         Ok(retained)
@@ -176,28 +181,28 @@ impl Ingest {
         let limits = &self.limits;
         let total = |of: fn(&Intake) -> u64| self.maps.values().map(of).fold(0, u64::saturating_add);
         if total(|intake| intake.bytes).saturating_add(bytes) > limits.max_total_bytes {
-            return Err(Refusal::Full("bytes in all maps"));
+            return Err(Refusal::Full(RoomLimit::TotalBytes));
         }
         if total(|intake| intake.elements as u64) + elements as u64 > limits.max_total_elements as u64 {
-            return Err(Refusal::Full("nodes and edges in all maps"));
+            return Err(Refusal::Full(RoomLimit::TotalElements));
         }
         let (known_bytes, known_elements) = match self.maps.get(map) {
-            None if self.maps.len() >= limits.max_maps => return Err(Refusal::Full("maps")),
+            None if self.maps.len() >= limits.max_maps => return Err(Refusal::Full(RoomLimit::Maps)),
             None => (0, 0),
             Some(intake) => {
                 let vector = intake.sequence.vector();
                 let is_new = vector.get(author) == 0;
                 if is_new && vector.iter().count() >= VersionVector::MAX_AUTHORS {
-                    return Err(Refusal::Full("authors of this map"));
+                    return Err(Refusal::Full(RoomLimit::Authors));
                 }
                 (intake.bytes, intake.elements)
             }
         };
         if known_bytes.saturating_add(bytes) > limits.max_map_bytes {
-            return Err(Refusal::Full("bytes in this map"));
+            return Err(Refusal::Full(RoomLimit::MapBytes));
         }
         if known_elements + elements > limits.max_map_elements {
-            return Err(Refusal::Full("nodes and edges in this map"));
+            return Err(Refusal::Full(RoomLimit::MapElements));
         }
         Ok(())
     }
@@ -263,8 +268,10 @@ impl Ingest {
         // A server has already accepted what storages hold, so all servers must.
         if checked.origin == IncrementOrigin::Writer {
             let (bytes, elements) = self.coming(&checked);
-            if let Err(refusal) = self.check_room(&map, author, bytes, elements) {
-                return Ok(Err(refusal));
+            match self.check_room(&map, author, bytes, elements) {
+                Ok(()) => {}
+                Err(Refusal::Full(_)) if self.may_exceed(&checked) => self.exceed(&map, bytes),
+                Err(refusal) => return Ok(Err(refusal)),
             }
         }
         match self.offer(checked, batch) {
