@@ -21,15 +21,45 @@ use crate::catalog::Catalog;
 use crate::store::{FILE_NAME, LOCK_NAME, RedbLog, StoreError};
 use report::file_error;
 use std::fs::{File, TryLockError};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::time::Duration;
 
-/// Where the copy is looked at, in the target directory.
+/// Where the copy is looked at, in the target directory; with a number, where that is taken.
 const COPY: &str = "examined";
 /// Longest time that the copy's own order is followed, at least; and for each MiB. A damaged file
 /// may lead in circles.
 const PATIENCE: (Duration, Duration) = (Duration::from_secs(20), Duration::from_millis(200));
+
+/// A directory of this program's own for a copy, which goes with it.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    /// A new one in `dir`, which is made if absent. What somebody else has there stays.
+    fn new(dir: &Path) -> Result<Self, RescueError> {
+        std::fs::create_dir_all(dir).map_err(file_error(dir))?;
+        let others = (2_u32..).map(|number| format!("{COPY}-{number}"));
+        for name in std::iter::once(COPY.to_owned()).chain(others) {
+            let path = dir.join(name);
+            match std::fs::create_dir(&path) {
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+                made => return made.map(|()| Self(path.clone())).map_err(file_error(&path)),
+            }
+        }
+        Err(RescueError::Occupied(dir.to_owned()))
+    }
+
+    fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0); // it is of no more use
+    }
+}
 
 /// The file of a store: in a directory, or itself. No server may have it open.
 fn file_of(source: &Path) -> Result<PathBuf, RescueError> {
@@ -53,14 +83,11 @@ fn file_of(source: &Path) -> Result<PathBuf, RescueError> {
 /// [`RescueError`].
 pub fn rescue(source: &Path, target: &Path) -> Result<Rescued, RescueError> {
     let file = file_of(source)?;
-    std::fs::create_dir_all(target).map_err(file_error(target))?;
     if target.join(FILE_NAME).exists() {
         return Err(RescueError::Occupied(target.to_owned()));
     }
-    let copy = target.join(COPY);
-    let outcome = rescue_by(&file, &copy, target);
-    let _ = std::fs::remove_dir_all(&copy); // it is of no more use
-    outcome
+    let copy = Scratch::new(target)?;
+    rescue_by(&file, copy.path(), target)
 }
 
 fn rescue_by(file: &Path, copy: &Path, target: &Path) -> Result<Rescued, RescueError> {
@@ -80,17 +107,15 @@ fn rescue_by(file: &Path, copy: &Path, target: &Path) -> Result<Rescued, RescueE
     Ok(Rescued { damage: Some(damage), authors })
 }
 
-/// Looks at a store and says what a rescue would bring; nothing is written but a copy in the
-/// directory `scratch`, which is removed.
+/// Looks at a store and says what a rescue would bring; nothing is written but a copy in a new
+/// directory in `scratch`, which is removed.
 ///
 /// # Errors
 /// [`RescueError`].
 pub fn check(source: &Path, scratch: &Path) -> Result<Rescued, RescueError> {
     let file = file_of(source)?;
-    let copy = scratch.join(COPY);
-    let examined = examine(&file, &copy);
-    let _ = std::fs::remove_dir_all(&copy); // it is of no more use
-    match examined? {
+    let copy = Scratch::new(scratch)?;
+    match examine(&file, copy.path())? {
         Ok(authors) => Ok(Rescued { damage: None, authors }),
         Err(damage) => {
             let bytes = std::fs::read(&file).map_err(file_error(&file))?;
@@ -99,16 +124,36 @@ pub fn check(source: &Path, scratch: &Path) -> Result<Rescued, RescueError> {
     }
 }
 
-/// What a copy of the file holds, or what is wrong with it.
+/// What the copy of the file `from` in `dir` holds. A file of which the storage library mends only
+/// its own notes is whole: a server reads of it what it reads of the mended one.
+fn look_at(from: &Path, dir: &Path) -> Result<Catalog, StoreError> {
+    let (log, is_clean) = RedbLog::open_checked(dir)?;
+    let catalog = Catalog::load(&log)?;
+    if is_clean {
+        return Ok(catalog);
+    }
+    let served = dir.join("served");
+    let failed = |error: std::io::Error| StoreError::Open { dir: served.clone(), reason: error.to_string() };
+    std::fs::create_dir(&served).map_err(failed)?;
+    std::fs::copy(from, served.join(FILE_NAME)).map_err(failed)?;
+    let as_served = Catalog::load(&RedbLog::open(&served)?)?;
+    let state = |catalog: &Catalog| -> Vec<_> {
+        catalog.heads().iter().map(|head| (head.map.clone(), head.vector.clone(), head.digest)).collect()
+    };
+    if state(&as_served) == state(&catalog) {
+        return Ok(catalog);
+    }
+    Err(StoreError::Broken { file: from.to_owned(), reason: "its sums do not hold".to_owned() })
+}
+
+/// What a copy of the file in the directory `copy` holds, or what is wrong with it.
 fn examine(file: &Path, copy: &Path) -> Result<Result<Vec<RescuedAuthor>, String>, RescueError> {
-    std::fs::create_dir_all(copy).map_err(file_error(copy))?;
     let to = copy.join(FILE_NAME);
     let length = std::fs::copy(file, &to).map_err(file_error(&to))?;
     let (report, answer) = mpsc::channel();
-    let dir = copy.to_owned();
+    let (from, dir) = (file.to_owned(), copy.to_owned());
     let look = move || {
-        let outcome = RedbLog::open_checked(&dir).and_then(|log| Catalog::load(&log));
-        let _ = report.send(outcome); // nobody waits any more
+        let _ = report.send(look_at(&from, &dir)); // nobody waits any more
     };
     let thread = std::thread::Builder::new().name("examine".to_owned()).spawn(look);
     thread.map_err(file_error(copy))?;

@@ -131,3 +131,38 @@ fn a_file_that_is_something_else_is_no_backup_and_no_store_is_begun() {
     assert!(complaint(&at("hall.fht"), &store).contains("not a map"));
     assert!(!store.exists(), "no folder stays");
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn of_a_folder_with_both_kinds_all_take_the_store_and_no_folder_of_others_goes() {
+    let mut site = Site::with(5).await;
+    let (data, both, store) = (site.dir.path().join("data"), site.dir.path().join("both"), site.dir.path().join("new"));
+    std::fs::create_dir(&both).unwrap();
+    site.run(&["export", "museum", both.join("museum.fht").to_str().unwrap()]);
+    site.drive(6, 9).await;
+    assert_eq!(site.server.terminate(), Some(0));
+    std::fs::copy(data.join("maps.redb"), both.join("maps.redb")).unwrap();
+    for dir in [&both, &store] {
+        std::fs::create_dir_all(dir.join("examined")).unwrap();
+        std::fs::write(dir.join("examined/notes"), "mine").unwrap();
+    }
+    let run = |args: &[&Path]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_map-server")).args(args).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success(), "{args:?}: {said}");
+        (String::from_utf8(output.stdout).unwrap(), said)
+    };
+    let taken = format!("{} is taken", both.join("maps.redb").display());
+    let (printed, said) = run(&["check".as_ref(), &both]);
+    assert!(printed.contains("the store is whole") && printed.contains(": 9 of 9 increments"), "{printed}");
+    assert!(said.contains(&taken) && said.contains("1 exported maps"), "{said}");
+    let (printed, said) = run(&["restore".as_ref(), &both, "--store".as_ref(), &store]);
+    assert!(printed.contains(": 9 increments") && said.contains(&taken), "{printed} {said}");
+    let (_, said) = run(&["check".as_ref(), &both.join("museum.fht")]);
+    assert_eq!(said, "");
+    let rescued = site.dir.path().join("rescued");
+    std::fs::create_dir_all(rescued.join("examined")).unwrap();
+    run(&["rescue".as_ref(), &store, &rescued]);
+    assert_eq!(files(&rescued), ["examined", "maps.redb"]);
+    assert_eq!(files(&store), ["examined", "lock", "maps.redb"]);
+    assert_eq!(std::fs::read(store.join("examined/notes")).unwrap(), b"mine");
+}

@@ -14,7 +14,9 @@ pub(super) enum Repair {
     /// for a moment in the folder for temporary files (TMPDIR).
     #[command(after_help = "Examples:
   map-server check fht-data
-  map-server check /backup/maps                  a folder of exported maps (*.fht), or one of them")]
+  map-server check /backup/maps                  a folder of exported maps (*.fht), or one of them
+
+In a folder that has both a store and exported maps, the store is looked at, as a server would.")]
     Check {
         /// The data directory of a server that does not run, or exported maps [default: that of
         /// --config, or fht-data].
@@ -44,6 +46,8 @@ Exit code 0: nothing is known to be lost; 1: something is lost, or the rescue fa
   map-server restore /backup/maps --store fht-data          a folder of exported maps (*.fht)
   map-server restore fht-data/maps.redb.replaced-2026-11-21T10-00-00Z --store fht-data  back again
 
+Of a folder that has both, the store is taken, and a warning says so.
+
 The store then has the maps of the backup, and no others. Robots notice, and fetch them anew.")]
     Restore {
         /// A data directory, or its file maps.redb; an exported map, or a folder of them.
@@ -68,10 +72,7 @@ impl Repair {
                 if let Some(authors) = archives {
                     return print(&Rescued { damage: None, authors }, "exported map", "are whole", json);
                 }
-                let scratch = std::env::temp_dir().join(format!("map-server-check-{}", std::process::id()));
-                let found = check(&source, &scratch).map_err(not_rescued);
-                let _ = std::fs::remove_dir_all(&scratch); // it is of no more use
-                let found = found?;
+                let found = check(&source, &std::env::temp_dir()).map_err(not_rescued)?;
                 print(&found, "store", if found.damage.is_some() { "can be rescued" } else { "are whole" }, json)?;
                 match &found.damage {
                     None => Ok(()),

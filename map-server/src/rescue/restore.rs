@@ -7,7 +7,7 @@ use crate::catalog::Catalog;
 use crate::config::Limits;
 use crate::ingest::Ingest;
 use crate::rescue::report::{RescueError, RescuedAuthor, file_error};
-use crate::rescue::{COPY, examine, file_of, rebuild};
+use crate::rescue::{Scratch, examine, file_of, rebuild};
 use crate::store::{FILE_NAME, IncrementLog, MemoryLog, RedbLog, StoreError};
 use fht_proto::api::reply::ErrorReply;
 use fht_proto::codec::archive::{Archive, ArchiveError};
@@ -15,7 +15,7 @@ use fht_proto::{AuthorId, Digest, MapName};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::{ErrorKind, Read};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
@@ -47,17 +47,6 @@ pub enum RestoreError {
          of exported maps", .0.display()
     )]
     NoBackup(PathBuf),
-    /// It is not clear which of two backups is meant.
-    #[error(
-        "{}: there is both a store ({FILE_NAME}) and {archives} exported maps (*.{ARCHIVE}): give the file of the one, or \
-         the others in a folder of their own", dir.display()
-    )]
-    Both {
-        /// The folder.
-        dir: PathBuf,
-        /// So many exported maps.
-        archives: usize,
-    },
     /// The backup is the store.
     #[error("{} is the store itself: give the backup", .0.display())]
     Itself(PathBuf),
@@ -178,10 +167,19 @@ impl Backup {
             archives.sort();
         }
         match file_of(backup) {
-            Ok(file) if may_be_store(&file)? && !archives.is_empty() => {
-                return Err(RestoreError::Both { dir: backup.to_owned(), archives: archives.len() });
+            Ok(file) if may_be_store(&file)? => {
+                if !archives.is_empty() {
+                    // As a server that is started on this folder does.
+                    tracing::warn!(
+                        "{}: there is both a store and {} exported maps (*.{ARCHIVE}): {} is taken, and those are not; \
+                         to take those, give one of them, or put them into a folder of their own",
+                        backup.display(),
+                        archives.len(),
+                        file.display()
+                    );
+                }
+                return Ok(Self::Store(file));
             }
-            Ok(file) if may_be_store(&file)? => return Ok(Self::Store(file)),
             Ok(_) => return Err(RestoreError::NoBackup(backup.to_owned())),
             Err(RescueError::Store(StoreError::InUse { dir })) => return Err(RestoreError::BackupInUse(dir)),
             // Not a store, but maybe a folder of exported maps.
@@ -219,12 +217,11 @@ pub fn restore(backup: &Path, dir: &Path) -> Result<Restored, RestoreError> {
     let is_new = !dir.exists();
     // Held to the end: no server begins meanwhile.
     let lock = RedbLog::lock(dir)?;
-    let scratch = dir.join(COPY);
-    let outcome = make(&backup, &scratch).and_then(|authors| {
-        let replaced = replace(&scratch.join(FILE_NAME), &file)?;
+    let outcome = Scratch::new(dir).map_err(RestoreError::from).and_then(|scratch| {
+        let authors = make(&backup, scratch.path())?;
+        let replaced = replace(&scratch.path().join(FILE_NAME), &file)?;
         Ok(Restored { file: file.clone(), replaced, authors })
     });
-    let _ = std::fs::remove_dir_all(&scratch); // it is of no more use
     drop(lock);
     if outcome.is_err() && is_new {
         RedbLog::unmake(dir);
@@ -232,12 +229,8 @@ pub fn restore(backup: &Path, dir: &Path) -> Result<Restored, RestoreError> {
     outcome
 }
 
-/// Makes a store of the backup in the directory `scratch`, and checks it.
+/// Makes a store of the backup in the directory `scratch`, which is empty, and checks it.
 fn make(backup: &Backup, scratch: &Path) -> Result<Vec<RescuedAuthor>, RestoreError> {
-    match std::fs::remove_dir_all(scratch) {
-        Err(error) if error.kind() != ErrorKind::NotFound => return Err(file_error(scratch)(error).into()),
-        _ => {}
-    }
     match backup {
         Backup::Store(file) => {
             let damaged = |reason| RestoreError::Damaged { file: file.clone(), reason };

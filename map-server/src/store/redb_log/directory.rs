@@ -76,20 +76,18 @@ impl RedbLog {
         let _ = std::fs::remove_dir(dir);
     }
 
-    /// Opens the store in `dir`, which must be there, and checks the sums of all that is in it.
-    /// Nobody else may use it meanwhile.
+    /// Opens the store in `dir`, which must be there, and checks the sums of all that is in it:
+    /// whether they hold, or did not and the file was mended. Nobody else may use it meanwhile.
     ///
     /// # Errors
     /// As [`open`](Self::open).
-    pub(crate) fn open_checked(dir: &Path) -> Result<Self, StoreError> {
+    pub(crate) fn open_checked(dir: &Path) -> Result<(Self, bool), StoreError> {
         let path = dir.join(FILE_NAME);
         let mut log = Self::open_file(path.clone())?;
         let broken = |reason: String| StoreError::Broken { file: path.clone(), reason };
         let open = log.open.get_mut().unwrap_or_else(PoisonError::into_inner);
-        match open.check_sums().map_err(broken)? {
-            Some(true) | None => Ok(log),
-            Some(false) => Err(broken("its sums do not hold".to_owned())),
-        }
+        let is_clean = open.check_sums().map_err(broken)?.unwrap_or(true);
+        Ok((log, is_clean))
     }
 
     fn open_file(path: PathBuf) -> Result<Self, StoreError> {
