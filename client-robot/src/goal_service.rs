@@ -48,7 +48,6 @@ pub struct GoalService {
     undecided: Vec<(String, Query)>,
     said: Option<Instant>,
     on_news: OnNews,
-    robot: String,
     _answering: Queryable<()>,
     _listening: [Subscriber<()>; 2],
     outgoing: Option<SyncSender<Outgoing>>,
@@ -95,7 +94,6 @@ impl GoalService {
             undecided: Vec::new(),
             said: None,
             on_news: Box::new(on_news),
-            robot: robot.to_owned(),
             _answering: answering,
             _listening: [sent, cancelled],
             outgoing: Some(outgoing),
@@ -111,24 +109,13 @@ impl GoalService {
     }
 
     fn offer(&mut self, goals: &mut GoalQueue, order: GoalOrder, query: Option<Query>, map: &dyn MapSource) {
-        let id = order.id.clone();
-        match (goals.offer(order, |order| locate(order, map)), query) {
-            (Ok(_), Some(query)) if self.undecided.len() < MAX_UNDECIDED => self.undecided.push((id, query)),
+        match (goals.offer(order.clone(), |order| locate(order, map)), query) {
+            (Ok(_), Some(query)) if self.undecided.len() < MAX_UNDECIDED => self.undecided.push((order.id, query)),
             (Ok(status), Some(query)) => self.send(Outgoing::Reply(query, Ok(stamped(status)))),
             (Ok(_), None) => {}
             (Err(refusal), Some(query)) => self.send(Outgoing::Reply(query, Err(refusal))),
-            (Err(ErrorReply { code, message, .. }), None) => {
-                // Whoever puts gets no reply.
-                let refused = GoalStatus {
-                    state: GoalState::Failed,
-                    id: Some(id),
-                    code: Some(code),
-                    reason: Some(message),
-                    ..GoalStatus::idle(&self.robot)
-                };
-                (self.on_news)(&refused);
-                self.send(Outgoing::Status(stamped(refused)));
-            }
+            // Whoever puts gets no reply.
+            (Err(refusal), None) => goals.refuse(order, refusal),
         }
     }
 }

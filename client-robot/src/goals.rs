@@ -27,6 +27,8 @@ use std::collections::VecDeque;
 
 /// Goals that have ended are remembered, so that their senders can ask: this many.
 const REMEMBERED: usize = 32;
+/// Of these, so many that were refused: many such take no other goal's place.
+const REMEMBERED_REFUSED: usize = 8;
 
 /// A goal that has not ended.
 #[derive(Clone, Debug)]
@@ -48,11 +50,13 @@ pub struct GoalPath {
     pub goal_moved_m: f64,
 }
 
-/// A goal that has ended.
+/// A goal that has ended, or was refused.
 #[derive(Clone, Debug)]
 struct Ended {
     order: GoalOrder,
     status: GoalStatus,
+    /// Whether it was never taken: sent again, it is a new one.
+    is_refused: bool,
 }
 
 /// The goals of one robot.
@@ -116,6 +120,7 @@ impl GoalQueue {
             return Err(ErrorReply::new(ErrorCode::NotLocalized, "the robot does not know where it is yet; ask again"));
         }
         let goal = locate(&order)?;
+        self.ended.retain(|ended| ended.order.id != id);
         let held = Held { order, goal, is_begun: false, path: None };
         if self.current.is_none() {
             self.current = Some(held);
@@ -126,6 +131,28 @@ impl GoalQueue {
             self.tell(&id);
         }
         self.status(Some(&id))
+    }
+
+    /// Keeps that a goal was refused ([`offer`](Self::offer)), and tells it, for a sender who gets no
+    /// reply. Sent again, the goal is a new one; what is known of another goal of the id stays.
+    pub fn refuse(&mut self, order: GoalOrder, refusal: ErrorReply) {
+        let status = GoalStatus {
+            state: GoalState::Failed,
+            id: Some(order.id.clone()),
+            code: Some(refusal.code),
+            reason: Some(refusal.message),
+            ..GoalStatus::idle(&self.robot)
+        };
+        self.news.push(status.clone());
+        if self.order(&order.id).is_none() {
+            self.ended.retain(|ended| ended.order.id != order.id);
+            if self.ended.iter().filter(|ended| ended.is_refused).count() >= REMEMBERED_REFUSED
+                && let Some(oldest) = self.ended.iter().position(|ended| ended.is_refused)
+            {
+                self.ended.remove(oldest);
+            }
+            self.remember(Ended { order, status, is_refused: true });
+        }
     }
 
     /// Drops a goal: the robot stands, or goes on to the next one. Without an id it drops all. One
@@ -243,9 +270,11 @@ impl GoalQueue {
         std::mem::take(&mut self.news)
     }
 
+    /// The order of a goal that was taken.
     fn order(&self, id: &str) -> Option<&GoalOrder> {
         let held = self.current.iter().chain(&self.waiting).map(|held| &held.order);
-        held.chain(self.ended.iter().map(|ended| &ended.order)).find(|order| order.id == id)
+        let ended = self.ended.iter().filter(|ended| !ended.is_refused).map(|ended| &ended.order);
+        held.chain(ended).find(|order| order.id == id)
     }
 
     fn tell(&mut self, id: &str) {
@@ -257,7 +286,11 @@ impl GoalQueue {
         let (code, reason) = why.map_or((None, None), |(code, reason)| (code, Some(reason)));
         let status = GoalStatus { code, reason, ..self.status_of(&held, state) };
         self.news.push(status.clone());
-        self.ended.push_back(Ended { order: held.order, status });
+        self.remember(Ended { order: held.order, status, is_refused: false });
+    }
+
+    fn remember(&mut self, ended: Ended) {
+        self.ended.push_back(ended);
         if self.ended.len() > REMEMBERED {
             self.ended.pop_front();
         }

@@ -10,6 +10,7 @@
 mod config;
 mod division;
 mod frontier;
+mod half_seen;
 mod missing_links;
 mod search;
 mod seen_squares;
@@ -31,7 +32,7 @@ use fht_navigation::motion::safe_command;
 use fht_perception::frame::{LaserScan, Twist};
 use fht_perception::grid::OccupancyGrid;
 use fht_perception::pose::{Point2, Pose2};
-use search::{Goal, Underway};
+use search::{Goal, Sought, Underway};
 use serde::{Deserialize, Serialize};
 use setbacks::Setbacks;
 use std::fmt;
@@ -111,6 +112,8 @@ pub struct Explorer {
     /// Since when no other explorer has had a goal, as seen by one that has none.
     quiet_since_us: Option<u64>,
     setbacks: Setbacks,
+    /// Where the robot went to look at half-seen floor again, and how often.
+    second_looks: Setbacks,
     team: Team,
     /// What holds on the map; nothing before the robot knows where in the map it is.
     rules: Arc<Rules>,
@@ -142,6 +145,7 @@ impl Explorer {
             returns: 0,
             quiet_since_us: None,
             setbacks: Setbacks::default(),
+            second_looks: Setbacks::default(),
             team: Team::default(),
             rules: Arc::default(),
             began_us: None,
@@ -317,10 +321,13 @@ impl Explorer {
                 tracing::debug!(
                     x = coords.x,
                     y = coords.y,
-                    is_seam = goal.is_seam,
+                    sought = ?goal.sought,
                     at_us = self.chosen_us,
                     "going to see"
                 );
+                if goal.sought == Sought::HalfSeen && answer.underway != Some(goal.target) {
+                    self.second_looks.record(goal.target, self.chosen_us, &self.config.setbacks);
+                }
                 // The robot is there already, and still it is the best to look at.
                 let is_back =
                     self.goal.as_ref().is_some_and(|old| old.reached_us.is_some() && old.target == goal.target);
@@ -345,10 +352,12 @@ impl Explorer {
             self.chosen_us = time_us;
         }
         let (config, setbacks, team) = (self.config.clone(), self.setbacks.clone(), self.team.clone());
+        let second_looks = self.second_looks.clone();
         let (rules, map_from_base) = (Arc::clone(&self.rules), *map_from_base);
         self.wanted = Some(Search {
             config,
             setbacks,
+            second_looks,
             team,
             rules,
             map_from_base,
@@ -364,9 +373,14 @@ impl Explorer {
         let config = &self.config;
         let (mut is_spent, mut is_idle) = (true, true);
         if let Some(goal) = &self.goal {
-            let others: &[_] = if goal.is_seam { &[] } else { &self.team.seen };
-            let known = Knowledge { grid, others };
-            let seen = frontier::frontier_cells_near(&known, goal.target, config.goal_radius_m) < config.goal_cells;
+            let (at, radius_m) = (goal.target, config.goal_radius_m);
+            let known = Knowledge { grid, others: &self.team.seen };
+            let left = match goal.sought {
+                Sought::Frontier => frontier::frontier_cells_near(&known, at, radius_m),
+                Sought::Seam => frontier::frontier_cells_near(&Knowledge::alone(grid), at, radius_m),
+                Sought::HalfSeen => half_seen::half_seen_cells_near(&known, at, radius_m),
+            };
+            let seen = left < config.goal_cells;
             let looked = goal.reached_us.is_some_and(|at| seconds(at, time_us) >= config.look_s);
             let is_answered = !self.is_asking && self.wanted.is_none();
             if looked && !seen && is_answered {
@@ -391,7 +405,7 @@ impl Explorer {
                 stand: goal.stand,
                 robot_radius_m: goal.robot_radius_m,
                 remaining_m: goal.follower.remaining_m(),
-                is_seam: goal.is_seam,
+                sought: goal.sought,
             };
             let underway = self.goal.as_ref().map(underway);
             self.ask(map_from_base, time_us, underway);

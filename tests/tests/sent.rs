@@ -352,6 +352,33 @@ fn a_second_robot_of_the_name_is_refused_and_the_first_says_its_last_word() {
 }
 
 #[test]
+fn a_goal_that_was_put_and_refused_is_told_to_who_asks_and_a_robot_started_anew_has_not_arrived() {
+    let mut site = Site::start("2");
+    site.send_first("id=home;to=home");
+    site.arrives("home");
+    let key = Key::robot(&museum(), "tug", RobotTopic::Goal).to_string();
+    site.session.put(&key, r#"{"id": "p", "to": "upstairs"}"#).wait().unwrap();
+    let refused = site.until("it is refused", Some(GoalTopic::Status), "id=p", |_| true);
+    assert_eq!((refused.state, refused.code), (GoalState::Failed, Some(ErrorCode::UnknownPlace)), "{refused:?}");
+    assert!(refused.reason.unwrap().contains("no place called upstairs"));
+
+    let waiting = start(
+        Role::MapServer,
+        &["send", "museum", "tug", "far", "--id", "c", "--wait-arrived", "--connect", &site.endpoint],
+    );
+    site.until("it is sent", Some(GoalTopic::Status), "id=c", |status| !status.state.is_final());
+    site.robot.kill().unwrap();
+    site.robot = Process::start(Path::new(PROGRAMS), Role::ClientRobot, serve(&site.endpoint, "20")).unwrap();
+    match waiting.finish(PATIENCE) {
+        Err(ProcessError::Failed { stderr, status, .. }) => {
+            assert!(stderr.contains("tug did not arrive: goal c is ") && stderr.contains("started anew"), "{stderr}");
+            assert_eq!(status.code(), Some(1), "what was given is not wrong: {stderr}");
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
 fn a_robot_whose_map_was_replaced_by_another_one_of_the_name_forgets_its_place_and_its_goals() {
     let mut site = Site::start("2");
     site.send_first("id=a;to=far");

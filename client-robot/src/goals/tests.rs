@@ -98,6 +98,36 @@ fn the_same_goal_again_is_the_same_and_another_one_needs_another_id() {
 }
 
 #[test]
+fn a_goal_that_was_put_and_refused_stays_failed_until_it_is_sent_again() {
+    let mut goals = ready();
+    let refusal = ErrorReply::new(ErrorCode::UnknownPlace, "there is no dock");
+    goals.refuse(order("a"), refusal.clone());
+    assert_eq!(news(&mut goals), said(&[("a", GoalState::Failed)]));
+    for id in [None, Some("a")] {
+        let status = goals.status(id).expect("it is remembered");
+        assert_eq!((status.state, status.code), (GoalState::Failed, Some(ErrorCode::UnknownPlace)));
+        assert_eq!((status.id.as_deref(), status.reason.as_deref()), (Some("a"), Some("there is no dock")));
+    }
+    // Refused again, it is one; taken, it is what it is.
+    goals.refuse(order("a"), refusal.clone());
+    assert_eq!(send(&mut goals, "a").map(|status| status.state), Ok(GoalState::Driving));
+    goals.next_task();
+    goals.observe(&step(Some(TaskOutcome::Arrived)), way(0.0));
+    assert_eq!(goals.status(Some("a")).map(|status| status.state), Ok(GoalState::Arrived));
+    // Another goal under a known id takes nothing away from that one.
+    goals.take_news();
+    goals.refuse(GoalOrder { to_nearest: true, ..order("a") }, refusal);
+    assert_eq!(news(&mut goals), said(&[("a", GoalState::Failed)]));
+    assert_eq!(goals.status(Some("a")).map(|status| status.state), Ok(GoalState::Arrived));
+    // A flood of them takes no other's place.
+    for number in 0..100 {
+        goals.refuse(order(&format!("f{number}")), ErrorReply::new(ErrorCode::UnknownPlace, "there is no dock"));
+    }
+    assert_eq!(goals.status(Some("a")).map(|status| status.state), Ok(GoalState::Arrived));
+    assert!(goals.status(Some("f99")).is_ok() && goals.status(Some("f0")).is_err());
+}
+
+#[test]
 fn a_goal_that_is_cancelled_lets_the_robot_stand_or_go_on_to_the_next() {
     let mut goals = ready();
     assert!(goals.cancel(None).is_err_and(|error| error.code == ErrorCode::UnknownGoal));

@@ -118,6 +118,22 @@ fn a_robot_leaves_the_place_where_it_stands() {
 }
 
 #[test]
+fn a_path_over_nodes_begins_with_no_way_through_a_wall_at_the_border_of_a_rectangle() {
+    let map = hall();
+    // Nearer to the rectangle than to the mesh, which keeps away from its border: the wall stands
+    // between, and the path over nodes would enter the rectangle just behind it.
+    for x in [2.0, 3.0, 4.0, 5.0, 6.0] {
+        for y in [-0.26, -0.3, -0.35, -0.45] {
+            let start = at(x, y);
+            let behind = plan(&map, start, at(5.0, 3.0), PathEnds::Unknown);
+            assert!(matches!(behind, Err(RouteError::NoPath { .. })), "{start:?}: {behind:?}");
+        }
+    }
+    // Where there is no wall, it is left.
+    assert!(plan(&map, at(7.5, -0.3), at(5.0, 3.0), PathEnds::Unknown).is_ok());
+}
+
+#[test]
 fn ground_that_a_scan_passed_over_is_known() {
     let map = hall();
     // Through the gap, where beams returned from nothing, nobody knows what is there.

@@ -76,6 +76,30 @@ fn what_others_have_written_since_stays() {
 }
 
 #[test]
+fn what_others_have_touched_and_put_back_is_taken_back_as_if_they_had_not() {
+    let put_back = [(OTHER, place(9.0)), (DESK, place(1.0)), (OTHER, place(2.0)), (OTHER, place(1.0))];
+    let map = log(&put_back);
+    assert_eq!(dock(&then(map.clone(), inverse(&map, DESK, 1).unwrap().ops)), Some(9.0), "as it was before");
+    // As one who takes a merge back does: by which increments they are.
+    let of_merge = inverse_of(&map, DESK, OTHER, |increment| increment.number == 1).unwrap();
+    assert_eq!(of_merge.words.len(), 1);
+    let mut untouched = map.clone();
+    untouched.increments.truncate(2);
+    assert_eq!(inverse(&untouched, DESK, 1).unwrap(), inverse(&map, DESK, 1).unwrap());
+    // Taken away and put there again; and what was nothing before.
+    let away = Op::SetPlace { name: "dock".parse().unwrap(), pose: None };
+    let map = log(&[(DESK, place(1.0)), (OTHER, away), (OTHER, place(1.0))]);
+    assert_eq!(dock(&then(map.clone(), inverse(&map, DESK, 1).unwrap().ops)), None);
+    // Not what is somewhere else in the end, and not what was folded meanwhile.
+    let map = log(&[(DESK, place(1.0)), (OTHER, place(1.0)), (OTHER, place(2.0))]);
+    assert!(matches!(inverse(&map, DESK, 1), Err(InverseError::Overwritten { .. })));
+    let mut map = log(&put_back);
+    let folded = map.increments.remove(2);
+    map.folds.push(whole(&folded));
+    assert!(matches!(inverse(&map, DESK, 1), Err(InverseError::Overwritten { .. })));
+}
+
+#[test]
 fn what_was_folded_is_not_taken_back() {
     let mut map = log(&[(DESK, place(1.0)), (DESK, place(2.0))]);
     map.folds.push(whole(&map.increments.remove(0)));

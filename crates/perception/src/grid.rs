@@ -165,11 +165,27 @@ impl OccupancyGrid {
     /// into, or that a thin pole stands in, some beams say this and some that.
     #[must_use]
     pub fn is_surely_free(&self, cell: Cell) -> bool {
-        let doubt = 4.5 * self.config.miss_log_odds; // half a beam for rounding
         self.bounds.index(cell).is_some_and(|index| {
             let Seen { ended, passed } = self.seen[index];
-            self.log_odds[index] <= doubt && (ended < 2 || u16::from(ended) * 9 < u16::from(passed))
+            self.log_odds[index] <= self.doubt() && (ended < 2 || u16::from(ended) * 9 < u16::from(passed))
         })
+    }
+
+    /// Whether a cell is free, but not beyond doubt ([`is_surely_free`](Self::is_surely_free)),
+    /// because too few scans of this robot's own have passed it: more of them would tell.
+    #[must_use]
+    pub fn is_barely_free(&self, cell: Cell) -> bool {
+        self.state(cell) == CellState::Free
+            && self.bounds.index(cell).is_some_and(|index| {
+                let Seen { ended, passed } = self.seen[index];
+                self.log_odds[index] > self.doubt() && passed > 0 && ended < 2
+            })
+    }
+
+    /// What is free beyond doubt has log-odds of at most this: five scans passed, less half of one
+    /// for rounding.
+    fn doubt(&self) -> f32 {
+        4.5 * self.config.miss_log_odds
     }
 
     /// What is known of the cell that contains `point`.

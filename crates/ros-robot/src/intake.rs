@@ -22,6 +22,9 @@ const TILT_LIMIT_RAD: f64 = 0.2;
 /// Stamps that differ by more than this come from different clocks, seconds.
 const OTHER_CLOCK_S: f64 = 1.0;
 
+/// Where others drive the robot, it is told what keeps frames from coming after this, seconds.
+const OTHERS_GAP_S: f64 = 2.0;
+
 /// What became of the messages.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct IntakeReport {
@@ -33,8 +36,9 @@ pub struct IntakeReport {
     pub panoramas: u64,
     /// Scans whose odometry did not come in time.
     pub frames_late: u64,
-    /// Scans that were lost: dropped from a full queue, of no sense, without a transform, or older
-    /// than the one before.
+    /// Scans that were lost: on the way here (by the numbers that the publisher gives them, if it
+    /// does), dropped from a full queue, of no sense, without a transform, or older than the one
+    /// before.
     pub frames_lost: u64,
     /// Odometry that cannot be used.
     pub odometry_refused: u64,
@@ -77,6 +81,8 @@ pub(crate) struct Intake {
     pictures: Option<Pictures>,
     /// What keeps scans from becoming frames.
     obstacle: Option<String>,
+    /// Scans that have not come here.
+    missed: u64,
     report: IntakeReport,
 }
 
@@ -97,6 +103,7 @@ impl Intake {
             scan: Heard::default(),
             odometry: Heard::default(),
             obstacle: None,
+            missed: 0,
             report: IntakeReport::default(),
             config,
         }
@@ -108,7 +115,8 @@ impl Intake {
     }
 
     pub(crate) fn report(&self) -> IntakeReport {
-        IntakeReport { odometry_jumps: self.track.jumps(), ..self.report.clone() }
+        let frames_lost = self.report.frames_lost.saturating_add(self.missed);
+        IntakeReport { odometry_jumps: self.track.jumps(), frames_lost, ..self.report.clone() }
     }
 
     /// The newest stamp of the sensors: what time it is for the robot.
@@ -122,9 +130,11 @@ impl Intake {
         self.base_frame.clone().unwrap_or_else(|| "base_link".to_owned())
     }
 
-    /// How long a sensor may say nothing, seconds.
-    pub(crate) fn silent_after_s(&self) -> f64 {
-        self.config.silent_after_s
+    /// How long no frame may come before it is told why, seconds: a robot that this program drives
+    /// stands then; where others drive, short gaps are nothing to tell of.
+    pub(crate) fn told_after_s(&self) -> f64 {
+        let silent_after_s = self.config.silent_after_s;
+        if self.config.others_drive { silent_after_s.max(OTHERS_GAP_S) } else { silent_after_s }
     }
 
     /// The time is told.
@@ -280,6 +290,11 @@ impl Intake {
     /// `count` scans were dropped before they came here.
     pub(crate) fn lose_scans(&mut self, count: u64) {
         self.report.frames_lost += count;
+    }
+
+    /// So many scans have not come here so far: fewer, if some come late after all.
+    pub(crate) fn set_missed(&mut self, missed: u64) {
+        self.missed = missed;
     }
 
     fn lose(&mut self, why: String) {

@@ -90,6 +90,13 @@ impl Sights {
             Self::Points(points) => points.dropped(),
         }
     }
+
+    fn missed(&self) -> u64 {
+        match self {
+            Self::Scans(scans) => scans.missed(),
+            Self::Points(points) => points.missed(),
+        }
+    }
 }
 
 /// With a queue of `depth` at least.
@@ -243,6 +250,7 @@ impl RosRobot {
         let dropped = self.sights.dropped();
         self.intake.lose_scans(dropped - self.dropped);
         self.dropped = dropped;
+        self.intake.set_missed(self.sights.missed());
     }
 
     fn take_clock(&mut self) {
@@ -326,8 +334,8 @@ impl RosRobot {
     }
 
     /// Says once what keeps frames from coming, when none has come for a while.
-    fn tell_trouble(&mut self, silent_after: Duration) {
-        if self.last_frame.elapsed() < silent_after {
+    fn tell_trouble(&mut self, told_after: Duration) {
+        if self.last_frame.elapsed() < told_after {
             return;
         }
         if let Some(trouble) = self.trouble()
@@ -382,7 +390,7 @@ fn wall_ns(received: &Received) -> u64 {
 /// there on is of another run.
 impl Sensors for RosRobot {
     async fn sense(&mut self) -> Result<SensorFrame, RobotError> {
-        let silent_after = Duration::try_from_secs_f64(self.intake.silent_after_s()).unwrap_or(Duration::MAX);
+        let told_after = Duration::try_from_secs_f64(self.intake.told_after_s()).unwrap_or(Duration::MAX);
         loop {
             self.take_all();
             self.tell_doubts();
@@ -396,7 +404,7 @@ impl Sensors for RosRobot {
                 }
                 return Ok(frame);
             }
-            self.tell_trouble(silent_after);
+            self.tell_trouble(told_after);
             self.arrival().await;
         }
     }

@@ -47,6 +47,7 @@ mod error;
 mod goals;
 mod inbox;
 mod keys;
+mod missed;
 mod names;
 mod node;
 mod publisher;

@@ -4,6 +4,7 @@ use crate::attachment::{Attachment, Gid};
 use crate::error::RosError;
 use crate::inbox::Inbox;
 use crate::keys::EndpointKind;
+use crate::missed::Missed;
 use crate::node::{Declared, RosNode};
 use crate::qos::{Qos, QosDurability};
 use fht_ros_messages::{RosMessage, cdr};
@@ -84,6 +85,14 @@ impl<M> Subscription<M> {
     pub fn dropped(&self) -> u64 {
         self.raw.inbox.dropped()
     }
+
+    /// How many messages have not come here, by the numbers that their publishers give them: lost
+    /// on the way, or published while the link was away. One that comes late after all counts no
+    /// more.
+    #[must_use]
+    pub fn missed(&self) -> u64 {
+        self.raw.door.missed.lock().unwrap_or_else(PoisonError::into_inner).count()
+    }
 }
 
 impl<M: for<'a> Deserialize<'a>> Subscription<M> {
@@ -100,6 +109,7 @@ impl<M: for<'a> Deserialize<'a>> Subscription<M> {
 pub(crate) struct RawSubscription {
     pub(crate) declared: Declared,
     pub(crate) inbox: Arc<Inbox<Received>>,
+    door: Arc<Door>,
     _subscriber: Subscriber<()>,
     _publishers: Option<Subscriber<()>>,
     _node: RosNode,
@@ -108,9 +118,13 @@ pub(crate) struct RawSubscription {
 impl RawSubscription {
     pub(crate) async fn new(node: &RosNode, topic: &str, ros_type: &str, qos: Qos) -> Result<Self, RosError> {
         let declared = node.declare(EndpointKind::Subscription, topic, ros_type, qos).await?;
-        let door = Arc::new(Door { inbox: Arc::new(Inbox::new(qos.kept())), seen: Mutex::default() });
-        let (inbox, session) = (Arc::clone(&door.inbox), node.session());
-        let live = Arc::clone(&door);
+        let door = Arc::new(Door {
+            inbox: Arc::new(Inbox::new(qos.kept())),
+            seen: Mutex::default(),
+            missed: Mutex::default(),
+        });
+        let (own, session) = (Arc::clone(&door), node.session());
+        let (inbox, live) = (Arc::clone(&door.inbox), Arc::clone(&door));
         let failed = RosError::zenoh(format!("subscribe to {}", declared.name));
         let subscriber = session
             .declare_subscriber(declared.any_key.clone())
@@ -121,7 +135,8 @@ impl RawSubscription {
             QosDurability::TransientLocal => Some(history(session, &declared, qos.kept(), door).await?),
             QosDurability::Volatile => None,
         };
-        Ok(Self { declared, inbox, _subscriber: subscriber, _publishers: publishers, _node: node.clone() })
+        let (_subscriber, _publishers, _node) = (subscriber, publishers, node.clone());
+        Ok(Self { declared, inbox, door: own, _subscriber, _publishers, _node })
     }
 }
 
@@ -163,6 +178,7 @@ async fn history(
 struct Door {
     inbox: Arc<Inbox<Received>>,
     seen: Mutex<VecDeque<(Gid, i64)>>,
+    missed: Mutex<Missed>,
 }
 
 impl Door {
@@ -186,6 +202,8 @@ impl Door {
             if seen.len() > REMEMBERED {
                 seen.pop_front();
             }
+            drop(seen);
+            self.missed.lock().unwrap_or_else(PoisonError::into_inner).take(gid, sequence);
         }
         let bytes = sample.payload().to_bytes().into_owned();
         self.inbox.push(Received { bytes, attachment, arrived: Instant::now() });

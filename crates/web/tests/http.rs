@@ -28,6 +28,7 @@ async fn questions_arrive_as_they_are_written_for_zenoh_or_by_browsers() {
     for (path, status, said) in [
         ("/fht/louvre/head", 404, "there is no map louvre"),
         ("/fht/museum/path?from=0,0", 400, "parameter to is missing"),
+        ("/fht/museum/path?from=0,0;to=", 400, "parameter to is empty"),
         ("/fht/museum/path?from=0,0;to=1,1;colour=red", 400, "unknown parameter colour"),
         ("/fht/museum/since?piece_bytes=100", 400, "over HTTP there is one reply"),
         ("/fht/museum/dance", 404, "no question"),

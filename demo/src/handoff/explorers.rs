@@ -212,6 +212,7 @@ fn contacts_of(report: &ExploreReport) -> ContactFigures {
 /// Sums up several reports. The map is the last one's, the frame the first one's.
 fn sum(reports: Vec<(String, ExploreReport)>, explored_fraction: Option<f64>) -> Explored {
     let all = || reports.iter().map(|(_, report)| report);
+    let errors = || all().filter_map(|report| report.trajectory_error);
     let most = |of: fn(&ExploreReport) -> usize| all().map(of).max().unwrap_or(0);
     let figures = |(robot, report): &(String, ExploreReport)| ExplorerFigures {
         robot: robot.clone(),
@@ -224,13 +225,13 @@ fn sum(reports: Vec<(String, ExploreReport)>, explored_fraction: Option<f64>) ->
         world_from_map: all().map(|report| report.world_from_map).next().unwrap_or_default(),
         free_area_m2: all().map(|report| report.free_area_m2).fold(0.0, f64::max),
         explored_fraction: explored_fraction
-            .unwrap_or_else(|| all().map(|report| report.explored_fraction).fold(0.0, f64::max)),
+            .unwrap_or_else(|| all().filter_map(|report| report.explored_fraction).fold(0.0, f64::max)),
         main_nodes: most(|report| report.map.main_nodes),
         support_nodes: most(|report| report.map.support_nodes),
         edges: most(|report| report.map.edges),
         map_bytes: all().map(|report| report.map.map_bytes).sum(),
         wire_bytes: all().map(|report| report.map.wire_bytes).sum(),
-        error_mean_m: all().map(|report| report.trajectory_error.mean_m).fold(0.0, f64::max),
+        error_mean_m: errors().map(|error| error.mean_m).fold(0.0, f64::max),
         driven_m: all().map(|report| report.driven_m).sum(),
         collisions: all().map(|report| report.collisions).sum(),
         contacts: all().map(contacts_of).fold(ContactFigures::default(), |sum, more| sum + more),

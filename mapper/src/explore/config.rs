@@ -32,6 +32,10 @@ pub struct ExploreConfig {
     pub give_way_s: f64,
     /// What counts as a frontier.
     pub frontier: FrontierConfig,
+    /// When no frontier is left, the robot looks again at floor that it has seen for a moment only,
+    /// too short for a rectangle of the map, where so much of it hangs together, square metres.
+    /// Default 0.1.
+    pub min_half_seen_m2: f64,
     /// Terms of equation 1.
     pub utility: UtilityConfig,
     /// When a place is given up.
@@ -69,6 +73,7 @@ impl Default for ExploreConfig {
             distance: DistanceConfig::default(),
             give_way_s: 20.0,
             frontier: FrontierConfig::default(),
+            min_half_seen_m2: 0.1,
             utility: UtilityConfig::default(),
             setbacks: SetbackConfig::default(),
             team: DivisionConfig::default(),

@@ -77,6 +77,17 @@ pub struct Frontier {
     pub is_gap: bool,
 }
 
+impl Frontier {
+    /// Of cells of a grid with cells of `resolution_m` metres, counted in squares of `thinning_m`.
+    pub(super) fn of(mut cells: Vec<Cell>, resolution_m: f64, thinning_m: f64, is_gap: bool) -> Self {
+        cells.sort_unstable();
+        let per_square = (thinning_m / resolution_m).round().max(1.0) as i32;
+        let square = |cell: &Cell| (cell.i.div_euclid(per_square), cell.j.div_euclid(per_square));
+        let size = cells.iter().map(square).collect::<BTreeSet<_>>().len();
+        Self { cells, size, is_gap }
+    }
+}
+
 /// From where a frontier is best looked at.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
@@ -126,6 +137,11 @@ impl<'a> Knowledge<'a> {
         sight
     }
 
+    /// Whether this robot has seen a cell for a moment only, and nobody else that it is free.
+    pub(super) fn is_half_seen(&self, cell: Cell) -> bool {
+        self.grid.is_barely_free(cell) && self.hearsay(cell) != Sight::Free
+    }
+
     fn sight(&self, cell: Cell) -> Sight {
         match self.grid.state(cell) {
             CellState::Free => Sight::Free,
@@ -155,14 +171,17 @@ pub fn is_frontier(known: &Knowledge<'_>, cell: Cell) -> bool {
 /// Number of frontier cells whose centre is within `radius_m` of a point.
 #[must_use]
 pub fn frontier_cells_near(known: &Knowledge<'_>, point: Point2, radius_m: f64) -> usize {
-    let grid = known.grid;
+    cells_near(known.grid, point, radius_m).filter(|cell| is_frontier(known, *cell)).count()
+}
+
+/// The cells whose centre is within `radius_m` of a point.
+pub(super) fn cells_near(grid: &OccupancyGrid, point: Point2, radius_m: f64) -> impl Iterator<Item = Cell> {
     let centre = grid.cell_of(point);
     let reach = (radius_m / grid.resolution_m()).ceil() as i32;
-    let around = (-reach..=reach).flat_map(|dj| (-reach..=reach).map(move |di| (di, dj)));
+    let around = (-reach..=reach).flat_map(move |dj| (-reach..=reach).map(move |di| (di, dj)));
     around
-        .map(|(di, dj)| Cell { i: centre.i + di, j: centre.j + dj })
-        .filter(|&cell| (grid.centre(cell) - point).norm() <= radius_m && is_frontier(known, cell))
-        .count()
+        .map(move |(di, dj)| Cell { i: centre.i + di, j: centre.j + dj })
+        .filter(move |&cell| (grid.centre(cell) - point).norm() <= radius_m)
 }
 
 /// All frontiers in a region of the grid that are large enough there, in the order of their first
@@ -171,7 +190,6 @@ pub fn frontier_cells_near(known: &Knowledge<'_>, point: Point2, radius_m: f64) 
 pub fn find_frontiers(known: &Knowledge<'_>, bounds: CellBounds, config: &FrontierConfig) -> Vec<Frontier> {
     let grid = known.grid;
     let mut waiting = frontier_mask(known, &bounds);
-    let per_square = (config.thinning_m / grid.resolution_m()).round().max(1.0) as i32;
     let least_unknown = (config.min_unknown_m2 / grid.resolution_m().powi(2)).ceil() as usize;
     let gap_room = (config.gap_room_m / grid.resolution_m()).round() as i32;
     let mut frontiers = Vec::new();
@@ -179,16 +197,13 @@ pub fn find_frontiers(known: &Knowledge<'_>, bounds: CellBounds, config: &Fronti
         if !waiting[first] {
             continue;
         }
-        let mut cells = take_cluster(&mut waiting, &bounds, bounds.cell(first), config.join_cells);
+        let cells = take_cluster(&mut waiting, &bounds, bounds.cell(first), config.join_cells);
         let is_gap = cells.len() < config.min_cells;
         let room = if is_gap { gap_room } else { 0 };
         if (is_gap && cells.len() < config.gap_cells) || !opens_on(known, &cells, least_unknown, room) {
             continue;
         }
-        cells.sort_unstable();
-        let square = |cell: &Cell| (cell.i.div_euclid(per_square), cell.j.div_euclid(per_square));
-        let size = cells.iter().map(square).collect::<BTreeSet<_>>().len();
-        frontiers.push(Frontier { cells, size, is_gap });
+        frontiers.push(Frontier::of(cells, grid.resolution_m(), config.thinning_m, is_gap));
     }
     frontiers
 }
@@ -218,7 +233,7 @@ fn frontier_mask(known: &Knowledge<'_>, bounds: &CellBounds) -> Vec<bool> {
 }
 
 /// Takes the cells that hang together with `first` out of `waiting`.
-fn take_cluster(waiting: &mut [bool], bounds: &CellBounds, first: Cell, join: i32) -> Vec<Cell> {
+pub(super) fn take_cluster(waiting: &mut [bool], bounds: &CellBounds, first: Cell, join: i32) -> Vec<Cell> {
     let mut take = |cell: Cell| bounds.index(cell).is_some_and(|index| std::mem::take(&mut waiting[index]));
     let mut cells = Vec::new();
     if take(first) {
@@ -269,6 +284,24 @@ fn opens_on(known: &Knowledge<'_>, cells: &[Cell], count: usize, room: i32) -> b
     count == 0
 }
 
+impl Approach {
+    /// To see `target` from `stand`, if that can be reached.
+    fn by(distances: &DistanceField<'_>, stand: Cell, target: Cell) -> Option<Self> {
+        distances.distance_m(stand).map(|distance_m| Self { stand, target, distance_m })
+    }
+}
+
+/// The cheapest way to one of a frontier's own cells that `is_open` accepts.
+pub(super) fn own_approach(
+    frontier: &Frontier,
+    distances: &DistanceField<'_>,
+    is_open: impl Fn(Cell) -> bool,
+) -> Option<Approach> {
+    let cheaper = |a: &Approach, b: &Approach| a.distance_m.total_cmp(&b.distance_m).then(a.stand.cmp(&b.stand));
+    let open = frontier.cells.iter().copied().filter(|&cell| is_open(cell));
+    open.filter_map(|cell| Approach::by(distances, cell, cell)).min_by(cheaper)
+}
+
 /// The cheapest way to see a frontier: to one of its own cells, or, if the robot fits into none of
 /// them, to a cell near one of them with nothing in between. Only frontier cells that `is_open`
 /// accepts are looked at. `None` if there is no such cell that can be reached.
@@ -281,14 +314,11 @@ pub fn approach(
     config: &FrontierConfig,
     is_open: impl Fn(Cell) -> bool,
 ) -> Option<Approach> {
-    let at = |stand: Cell, target: Cell| {
-        distances.distance_m(stand).map(|distance_m| Approach { stand, target, distance_m })
-    };
-    let cheaper = |a: &Approach, b: &Approach| a.distance_m.total_cmp(&b.distance_m).then(a.stand.cmp(&b.stand));
-    let open: Vec<Cell> = frontier.cells.iter().copied().filter(|&cell| is_open(cell)).collect();
-    if let Some(own) = open.iter().filter_map(|&cell| at(cell, cell)).min_by(cheaper) {
+    if let Some(own) = own_approach(frontier, distances, &is_open) {
         return Some(own);
     }
+    let at = |stand: Cell, target: Cell| Approach::by(distances, stand, target);
+    let open: Vec<Cell> = frontier.cells.iter().copied().filter(|&cell| is_open(cell)).collect();
     // A few targets suffice: the cluster's cells lie next to each other.
     let reach = (config.vantage_reach_m / space.resolution_m()).floor() as i32;
     let every = (open.len() / 8).max(1);

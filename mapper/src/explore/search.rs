@@ -4,12 +4,13 @@
 use super::setbacks::Setbacks;
 use super::{ExploreConfig, utility, zone_keeping};
 use crate::explore::division::{Prospect, Team, Worth};
-use crate::explore::frontier::{self, Knowledge, find_frontiers};
+use crate::explore::frontier::{self, Frontier, Knowledge, find_frontiers};
+use crate::explore::half_seen::find_half_seen;
 use crate::explore::missing_links::MissingLinks;
 use fht_map::{MapState, Rules};
 use fht_navigation::motion::PathFollower;
 use fht_navigation::planning::{PlanConfig, Traversable, region_around};
-use fht_perception::grid::{Cell, OccupancyGrid};
+use fht_perception::grid::{Cell, CellBounds, OccupancyGrid};
 use fht_perception::pose::{Point2, Pose2, wrap_angle};
 use fht_proto::Square;
 use std::borrow::Cow;
@@ -29,7 +30,18 @@ const HOME_REACH_M: f64 = 0.5;
 /// A way that has become longer by more than this is no longer the way that was chosen, metres.
 const DETOUR_M: f64 = 2.0;
 
-/// A frontier the robot is on its way to.
+/// What a robot goes to see.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sought {
+    /// What lies beyond a frontier.
+    Frontier,
+    /// A frontier of its own beyond which another robot has seen on.
+    Seam,
+    /// Floor that was seen for a moment only.
+    HalfSeen,
+}
+
+/// A place the robot is on its way to.
 #[derive(Clone, Debug)]
 pub(super) struct Goal {
     pub(super) target: Point2,
@@ -39,8 +51,7 @@ pub(super) struct Goal {
     pub(super) robot_radius_m: f64,
     pub(super) follower: PathFollower,
     pub(super) reached_us: Option<u64>,
-    /// Whether another robot has seen what lies beyond.
-    pub(super) is_seam: bool,
+    pub(super) sought: Sought,
 }
 
 /// A goal that the robot is driving to already.
@@ -51,7 +62,7 @@ pub(super) struct Underway {
     pub(super) robot_radius_m: f64,
     /// What was left of the way, metres.
     pub(super) remaining_m: f64,
-    pub(super) is_seam: bool,
+    pub(super) sought: Sought,
 }
 
 /// A question: where to drive, or how to get on to where the robot is driving already.
@@ -59,6 +70,8 @@ pub(super) struct Underway {
 pub struct Search {
     pub(super) config: ExploreConfig,
     pub(super) setbacks: Setbacks,
+    /// Where the robot went to look at half-seen floor again.
+    pub(super) second_looks: Setbacks,
     pub(super) team: Team,
     pub(super) rules: Arc<Rules>,
     pub(super) map_from_base: Pose2,
@@ -77,7 +90,8 @@ struct Quest<'a> {
     free: &'a OccupancyGrid,
     /// What need not be seen any more.
     known: Knowledge<'a>,
-    /// Only frontiers at which the map lacks a link, wherever they are.
+    sought: Sought,
+    /// Of seams, only those at which the map lacks a link.
     seams: Option<MissingLinks<'a>>,
 }
 
@@ -121,16 +135,17 @@ impl Search {
         let seams = || self.map.as_ref().map(|map| MissingLinks::of(map, &free, plan, config));
         // Another one may have joined a seam's ends since.
         let is_open = |underway: &Underway| {
-            !underway.is_seam || seams().is_some_and(|seams| seams.is_missing_link(underway.target))
+            underway.sought != Sought::Seam || seams().is_some_and(|seams| seams.is_missing_link(underway.target))
         };
         let kept = || self.underway.filter(is_open).and_then(|underway| self.way_on(&free, &underway));
         let known = Knowledge { grid: &free, others: &self.team.seen };
-        let unseen = Quest { free: &free, known, seams: None };
+        let quest = |known, sought, seams| Quest { free: &free, known, sought, seams };
         let goal = self
             .way_out(&free, &seen)
             .or_else(kept)
-            .or_else(|| self.choose(&unseen))
-            .or_else(|| self.choose(&Quest { free: &free, known: Knowledge::alone(grid), seams: Some(seams()?) }));
+            .or_else(|| self.choose(&quest(known, Sought::Frontier, None)))
+            .or_else(|| self.choose(&quest(Knowledge::alone(grid), Sought::Seam, Some(seams()?))))
+            .or_else(|| self.choose(&quest(known, Sought::HalfSeen, None)));
         let underway = self.underway.map(|underway| underway.target);
         SearchResult { underway, goal, is_among_people: self.is_among_people }
     }
@@ -162,7 +177,7 @@ impl Search {
             robot_radius_m: plan.robot_radius_m,
             follower: PathFollower::new(self.config.follow.clone(), space.shorten(&distances.path_to(stand))),
             reached_us: None,
-            is_seam: false,
+            sought: Sought::Frontier,
         })
     }
 
@@ -179,7 +194,7 @@ impl Search {
             robot_radius_m: underway.robot_radius_m,
             follower: PathFollower::new(self.config.follow.clone(), space.shorten(&path.points)),
             reached_us: None,
-            is_seam: underway.is_seam,
+            sought: underway.sought,
         })
     }
 
@@ -187,8 +202,12 @@ impl Search {
     /// tried again. A robot that is boxed in squeezes out first.
     fn choose(&self, quest: &Quest<'_>) -> Option<Goal> {
         let config = &self.config;
-        let allowed = |target: Point2| self.setbacks.allows(target, self.time_us, &config.setbacks);
-        let allowed_later = |target: Point2| self.setbacks.allows_later(target, &config.setbacks);
+        // So that it ends, however the grid changes its mind.
+        let may_look = |target: Point2| {
+            quest.sought != Sought::HalfSeen || self.second_looks.allows_later(target, &config.setbacks)
+        };
+        let allowed_later = |target: Point2| self.setbacks.allows_later(target, &config.setbacks) && may_look(target);
+        let allowed = |target: Point2| self.setbacks.allows(target, self.time_us, &config.setbacks) && may_look(target);
         let later = || {
             let rests = self.setbacks.has_resting(self.time_us, &config.setbacks);
             rests.then(|| self.best_goal(quest, config, allowed_later)).flatten()
@@ -222,8 +241,9 @@ impl Search {
         let grid = quest.free;
         let position = Point2::from(map_from_base.translation.vector);
         let is_open = |cell: Cell| accept(grid.centre(cell));
-        // To look twice whether a link is missing costs more than to look far.
-        let mut limit_m = if quest.seams.is_some() { f64::INFINITY } else { NEAR_M };
+        // To look twice whether a link is missing costs more than to look far, and once no frontier is
+        // left, nothing is to be overtaken.
+        let mut limit_m = if quest.sought == Sought::Frontier { NEAR_M } else { f64::INFINITY };
         loop {
             let region = region_around(grid, position, limit_m + config.frontier.vantage_reach_m + REGION_MARGIN_M);
             let is_all = region == grid.bounds();
@@ -231,7 +251,7 @@ impl Search {
                 limit_m = f64::INFINITY;
             }
             let in_reach = |cell: &Cell| is_open(*cell) && (grid.centre(*cell) - position).norm() <= limit_m;
-            let mut frontiers = find_frontiers(&quest.known, region, &config.frontier);
+            let mut frontiers = quest.frontiers(region, config);
             frontiers.retain(|frontier| frontier.cells.iter().any(in_reach));
             // Without the cost of a search for ways to nowhere.
             if frontiers.is_empty() {
@@ -244,7 +264,12 @@ impl Search {
             let space = Traversable::in_region(grid, &config.plan, region);
             let distances = space.distances_within(position, limit_m);
             let candidates = frontiers.iter().filter_map(|frontier| {
-                let approach = frontier::approach(frontier, grid, &space, &distances, &config.frontier, is_open)?;
+                let approach = if quest.sought == Sought::HalfSeen {
+                    // Where the robot does not fit, nothing is lost.
+                    frontier::own_approach(frontier, &distances, is_open)?
+                } else {
+                    frontier::approach(frontier, grid, &space, &distances, &config.frontier, is_open)?
+                };
                 if frontier.is_gap && approach.distance_m > config.frontier.gap_reach_m {
                     return None;
                 }
@@ -252,7 +277,7 @@ impl Search {
                     target: grid.centre(approach.target),
                     distance_m: approach.distance_m,
                     // Who told of a seam does not know that nothing joins it.
-                    is_told: quest.seams.is_none() && !frontier.cells.iter().any(|cell| grid.is_own(*cell)),
+                    is_told: quest.sought == Sought::Frontier && !frontier.cells.iter().any(|cell| grid.is_own(*cell)),
                     is_gap: frontier.is_gap,
                 };
                 let share = match self.team.worth(&prospect, &config.team) {
@@ -278,12 +303,24 @@ impl Search {
                         robot_radius_m: config.plan.robot_radius_m,
                         follower: PathFollower::new(config.follow.clone(), space.shorten(&path)),
                         reached_us: None,
-                        is_seam: quest.seams.is_some(),
+                        sought: quest.sought,
                     };
                     return Some(goal);
                 }
                 _ if is_all => return None,
                 _ => limit_m *= WIDEN,
+            }
+        }
+    }
+}
+
+impl Quest<'_> {
+    /// What there is of it in a region.
+    fn frontiers(&self, region: CellBounds, config: &ExploreConfig) -> Vec<Frontier> {
+        match self.sought {
+            Sought::Frontier | Sought::Seam => find_frontiers(&self.known, region, &config.frontier),
+            Sought::HalfSeen => {
+                find_half_seen(&self.known, region, config.min_half_seen_m2, config.frontier.thinning_m)
             }
         }
     }

@@ -4,11 +4,14 @@ use fht_perception::pose::pose;
 use fht_proto::{AuthorId, SeenArea, Square};
 use std::sync::Arc;
 
+/// After so many scans, what is free is so beyond doubt.
+const LOOKS: usize = 5;
+
 /// What a robot at (0, 0) sees in a closed square room of side 4 m.
 fn closed_room() -> (OccupancyGrid, LaserScan) {
     let scan = LaserScan::all_round(720, |cos, sin| 2.0 / cos.abs().max(sin.abs()));
     let mut grid = OccupancyGrid::new(GridConfig::default());
-    for _ in 0..3 {
+    for _ in 0..LOOKS {
         grid.integrate(&pose(0.0, 0.0, 0.0), &scan);
     }
     (grid, scan)
@@ -24,7 +27,7 @@ fn half_seen_room() -> (OccupancyGrid, LaserScan) {
         }
     });
     let mut grid = OccupancyGrid::new(GridConfig::default());
-    for _ in 0..3 {
+    for _ in 0..LOOKS {
         grid.integrate(&pose(0.0, 0.0, 0.0), &half);
     }
     (grid, scan)
@@ -176,4 +179,69 @@ fn where_others_left_off_is_reached_through_what_they_have_seen() {
     explorer.set_team(Team { mates: vec![mate], told: Arc::default(), seen });
     step(&mut explorer, &grid, &here, &scan, 0);
     assert!(explorer.goal().is_some_and(|goal| (5.5..6.5).contains(&goal.x)), "{:?}", explorer.goal());
+}
+
+/// The closed room, of which the quarter to the left and ahead was seen by one scan only.
+fn room_with_a_half_seen_corner() -> (OccupancyGrid, LaserScan) {
+    let (_, scan) = closed_room();
+    let mut most = scan.clone();
+    most.ranges_m[..180].fill(f32::NAN);
+    let mut grid = OccupancyGrid::new(GridConfig::default());
+    grid.integrate(&pose(0.0, 0.0, 0.0), &scan);
+    for _ in 1..LOOKS {
+        grid.integrate(&pose(0.0, 0.0, 0.0), &most);
+    }
+    (grid, scan)
+}
+
+#[test]
+fn a_corner_seen_for_a_moment_is_looked_at_again() {
+    let (mut grid, scan) = room_with_a_half_seen_corner();
+    let corner = grid.cell_of(Point2::new(scan.angle(90).cos(), scan.angle(90).sin()));
+    assert!(grid.is_barely_free(corner), "the fixture");
+    let mut explorer = Explorer::new(ExploreConfig { first_look_s: 0.0, ..ExploreConfig::default() });
+    let here = pose(-1.0, -1.0, 0.0);
+    step(&mut explorer, &grid, &here, &scan, 0);
+    let goal = explorer.goal().expect("the corner is half seen");
+    assert!(grid.is_barely_free(grid.cell_of(goal)), "{goal:?}");
+    // Once it has been seen, it is no goal any more, and nothing is left.
+    for _ in 1..LOOKS {
+        grid.integrate(&pose(0.0, 0.0, 0.0), &scan);
+    }
+    step(&mut explorer, &grid, &here, &scan, 1_000_000);
+    assert_eq!(explorer.step(&grid, &here, &scan, 1_200_000), ExploreStep::Done(Ending::Complete));
+}
+
+#[test]
+fn a_patch_too_small_for_a_rectangle_is_left() {
+    let (grid, scan) = room_with_a_half_seen_corner();
+    let config = ExploreConfig { first_look_s: 0.0, min_half_seen_m2: 20.0, ..ExploreConfig::default() };
+    let mut explorer = Explorer::new(config);
+    let here = pose(-1.0, -1.0, 0.0);
+    step(&mut explorer, &grid, &here, &scan, 0);
+    assert_eq!(explorer.step(&grid, &here, &scan, 200_000), ExploreStep::Done(Ending::Complete));
+}
+
+#[test]
+fn half_seen_floor_that_stays_so_does_not_keep_a_robot_for_ever() {
+    // Nothing that it sees from there is taken into the grid.
+    let (grid, scan) = room_with_a_half_seen_corner();
+    let mut explorer = Explorer::new(ExploreConfig { first_look_s: 0.0, ..ExploreConfig::default() });
+    let (mut here, mut visits) = (pose(-1.0, -1.0, 0.0), Vec::<Point2>::new());
+    for frame in 0..10 * 60 * 5 {
+        if let ExploreStep::Done(ending) = step(&mut explorer, &grid, &here, &scan, frame * 200_000) {
+            assert_eq!(ending, Ending::Complete);
+            assert!(!visits.is_empty());
+            let most = visits.iter().map(|at| visits.iter().filter(|other| *other == at).count()).max();
+            assert!(most <= Some(2), "{visits:?}");
+            return;
+        }
+        if let Some(goal) = explorer.goal() {
+            here = pose(goal.x, goal.y, 0.0);
+            if visits.last() != Some(&goal) {
+                visits.push(goal);
+            }
+        }
+    }
+    panic!("still looking after ten minutes: {visits:?}");
 }

@@ -7,6 +7,7 @@ use super::running::{RunEnd, exploring_spinner, increments, runtime};
 use super::settings::MapperFile;
 use fht_program::{ProgramFailure, Stop, print_line};
 use fht_sim::SimConfig;
+use fht_sim::scoring::TrajectoryError;
 use fht_worker::Pace;
 use indicatif::ProgressBar;
 use std::path::{Path, PathBuf};
@@ -113,29 +114,29 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
 }
 
 fn print_report(report: &ExploreReport) {
-    print_line!("explored    {:.1} % of {:.0} m²", report.explored_fraction * 100.0, report.free_area_m2);
+    match report.explored_fraction {
+        Some(fraction) => print_line!("explored    {:.1} % of {:.0} m²", fraction * 100.0, report.free_area_m2),
+        None => print_line!("explored    unknown: the robot never found its place in the map"),
+    }
     print_line!("ended       {}", report.map.ending);
     if let Some([seconds, metres]) = report.joined.filter(|[seconds, _]| *seconds > 0.0) {
         print_line!("joined      the map after {seconds:.0} s and {metres:.1} m");
     }
     report.map.print_size("");
-    print_line!(
-        "trajectory  {:.1} m driven, mean error {:.3} m and {:.2}°, greatest {:.3} m, {} collisions",
-        report.driven_m,
-        report.trajectory_error.mean_m,
-        report.trajectory_error.mean_deg,
-        report.trajectory_error.max_m,
-        report.collisions
-    );
+    let error = report.trajectory_error.map_or("errors unknown".to_owned(), |error| {
+        let TrajectoryError { mean_m, max_m, mean_deg } = error;
+        format!("mean error {mean_m:.3} m and {mean_deg:.2}°, greatest {max_m:.3} m")
+    });
+    print_line!("trajectory  {:.1} m driven, {error}, {} collisions", report.driven_m, report.collisions);
     let closures = report.map.closures.iter().sum::<usize>();
-    match report.own_main_nodes {
-        0 => print_line!("nodes       none of the main nodes is this robot's; {closures} loop closures"),
-        own => print_line!(
-            "nodes       {:.0} % of the {own} main nodes that it made within 0.05 m of the truth, greatest error {:.3} m; \
-             {closures} loop closures",
-            report.main_nodes_within_5cm * 100.0,
-            report.main_node_error_max_m
+    match (report.main_nodes_within_5cm, report.main_node_error_max_m) {
+        (Some(within), Some(error_max_m)) => print_line!(
+            "nodes       {:.0} % of the {} main nodes that it made within 0.05 m of the truth, greatest error \
+             {error_max_m:.3} m; {closures} loop closures",
+            within * 100.0,
+            report.own_main_nodes
         ),
+        _ => print_line!("nodes       none of the main nodes is this robot's; {closures} loop closures"),
     }
     print_line!(
         "time        {:.0} s of robot time in {:.1} s; slowest frame {:.0} ms",

@@ -55,8 +55,10 @@ pub struct ExploreReport {
     pub map: MapFigures,
     /// Area that is free and that the robot can see from where it can drive, square metres.
     pub free_area_m2: f64,
-    /// Share of that area that the grid knows.
-    pub explored_fraction: f64,
+    /// Share of that area that the grid knows; none if the robot never knew where in the map it is:
+    /// nobody can say what of the building that grid shows.
+    #[serde(default)]
+    pub explored_fraction: Option<f64>,
     /// Distance truly driven, metres.
     pub driven_m: f64,
     /// Times that the robot touched a wall or a thing.
@@ -67,17 +69,21 @@ pub struct ExploreReport {
     /// Other robots in the building, if it is shared and there were any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robots: Option<RobotFigures>,
-    /// Error of the poses of all frames as they were known at the frame.
-    pub trajectory_error: TrajectoryError,
+    /// Error of the poses of all frames as they were known at the frame; none if none was known.
+    #[serde(default)]
+    pub trajectory_error: Option<TrajectoryError>,
     /// Error of the same poses as they are known at the end.
-    pub corrected_trajectory_error: TrajectoryError,
+    #[serde(default)]
+    pub corrected_trajectory_error: Option<TrajectoryError>,
     /// Main nodes of the map that this robot made, and that were scored.
     #[serde(default)]
     pub own_main_nodes: usize,
-    /// Share of the main nodes that lie within 0.05 m of where they truly were seen.
-    pub main_nodes_within_5cm: f64,
-    /// Greatest error of a main node's position, metres.
-    pub main_node_error_max_m: f64,
+    /// Share of these that lie within 0.05 m of where they truly were seen; none if there are none.
+    #[serde(default)]
+    pub main_nodes_within_5cm: Option<f64>,
+    /// Greatest error of the position of one of these, metres.
+    #[serde(default)]
+    pub main_node_error_max_m: Option<f64>,
     /// Simulated seconds.
     pub sim_s: f64,
     /// Seconds on the clock.

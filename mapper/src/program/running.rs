@@ -193,7 +193,12 @@ impl RunEnd<'_> {
         let count = self.map.written.saturating_sub(self.map.acknowledged);
         let fate = self.spool.map_or_else(
             || "lost (--spool DIR keeps them)".to_owned(),
-            |dir| format!("kept in {} for the next run of this robot", dir.display()),
+            |dir| {
+                let dir = dir.display();
+                format!(
+                    "kept in {dir} for the next run of this robot on this map, which sends them first (--spool {dir})"
+                )
+            },
         );
         format!("{count} of {} increments not acknowledged, {fate}", self.map.written)
     }

@@ -80,6 +80,9 @@ impl ExplorationScore {
         let truth: Vec<Pose2> = self.located.iter().map(|(_, truth)| *truth).collect();
         let node_errors_m = main_node_errors(mapper.map(), mapper, &self.true_poses, world_from_map);
         let near = node_errors_m.iter().filter(|error_m| **error_m < NEAR_M).count();
+        let own_main_nodes = node_errors_m.len();
+        // Of nothing nobody is to think that it was measured.
+        let error = |poses: &[Pose2]| (!poses.is_empty()).then(|| trajectory_error(poses, &truth, world_from_map));
         let at = world_from_map.translation;
         let seen = Seen { truth: &self.true_poses, world: &self.world, world_from_map, mapper };
         let robots = seen.robots(&self.robots, self.radius_m, self.truth.robot_contacts());
@@ -89,16 +92,16 @@ impl ExplorationScore {
             joined: self.joined,
             map: MapFigures::of(summary, mapper),
             free_area_m2,
-            explored_fraction,
+            explored_fraction: self.joined.map(|_| explored_fraction),
             driven_m: self.truth.driven_m(),
             collisions: self.truth.collisions(),
             people: seen.people(&self.people, self.truth.contacts()),
             robots: robots.map(|robots| RobotFigures { returns_in_scans: self.returns_on_robots, ..robots }),
-            trajectory_error: trajectory_error(&online, &truth, world_from_map),
-            corrected_trajectory_error: trajectory_error(&corrected, &truth, world_from_map),
-            own_main_nodes: node_errors_m.len(),
-            main_nodes_within_5cm: near as f64 / node_errors_m.len().max(1) as f64,
-            main_node_error_max_m: node_errors_m.into_iter().fold(0.0, f64::max),
+            trajectory_error: error(&online),
+            corrected_trajectory_error: error(&corrected),
+            own_main_nodes,
+            main_nodes_within_5cm: (own_main_nodes > 0).then(|| near as f64 / own_main_nodes as f64),
+            main_node_error_max_m: node_errors_m.into_iter().reduce(f64::max),
             sim_s: self.sim_s,
             wall_s: self.took.as_secs_f64(),
             kept,
@@ -148,4 +151,43 @@ pub fn main_node_errors(map: &MapState, mapper: &Mapper, truth: &[Pose2], world_
         Some((place.coords - truth.translation.vector).norm())
     };
     map.main_nodes().filter_map(error_of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::explore::Ending;
+    use crate::mapping::MapperConfig;
+    use fht_proto::AuthorId;
+    use fht_sim::{SimConfig, load};
+
+    #[test]
+    fn of_a_robot_that_never_found_its_place_nothing_is_said_to_be_measured() {
+        let world = Arc::new(load("museum", None, 1).expect("a built-in world"));
+        let start = world.start();
+        let simulator = Simulator::new(world, SimConfig::default(), start, 1);
+        let mut score = ExplorationScore::new(&simulator, None);
+        let mapper = Mapper::joining(MapperConfig::default(), AuthorId(1), None, None).expect("a mapper");
+        score.on_start(&mapper);
+        let summary = MappingSummary {
+            ending: Ending::Unplaced,
+            robot_error: None,
+            frames: 0,
+            frames_refused: 0,
+            version: 0,
+            vector: None,
+            written: 0,
+            frame_max: Duration::ZERO,
+            published: None,
+        };
+        let report = score.report(&summary, &mapper, Kept::default());
+        assert_eq!((report.joined, report.explored_fraction), (None, None));
+        assert!(report.trajectory_error.is_none() && report.corrected_trajectory_error.is_none());
+        assert_eq!(
+            (report.own_main_nodes, report.main_nodes_within_5cm, report.main_node_error_max_m),
+            (0, None, None)
+        );
+        let json = serde_json::to_value(&report).expect("JSON");
+        assert!(json["trajectory_error"].is_null() && json["explored_fraction"].is_null(), "{json}");
+    }
 }

@@ -13,7 +13,7 @@ use fht_proto::api::reply::Head;
 use fht_proto::{AuthorId, Increment, MapName, ParseIdError, RobotName};
 use fht_session::{SessionConfig, SessionError};
 use std::collections::VecDeque;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use zenoh::Session;
 use zenoh::liveliness::LivelinessToken;
@@ -67,6 +67,14 @@ pub enum LinkedError {
     /// Publishing failed.
     #[error(transparent)]
     Publish(#[from] PublishError),
+    /// Publishing has ended before the run was published whole.
+    #[error("{error}; {}", fate(spool.as_deref()))]
+    NotPublished {
+        /// Why.
+        error: PublishError,
+        /// Where what is not acknowledged waits, if it is kept.
+        spool: Option<PathBuf>,
+    },
     /// The robot's disk is of no use.
     #[error(transparent)]
     Spool(#[from] SpoolError),
@@ -93,6 +101,30 @@ pub enum LinkedError {
     /// The run ended early: a defect.
     #[error("the mapping loop failed: {0}")]
     Loop(#[from] tokio::task::JoinError),
+}
+
+/// What becomes of what the server has not acknowledged.
+fn fate(spool: Option<&Path>) -> String {
+    match spool {
+        Some(file) => format!(
+            "what is not acknowledged is kept in {}: when the reason is gone, the next run of this robot on this map \
+             sends it first (--spool {})",
+            file.display(),
+            file.parent().unwrap_or(file).display()
+        ),
+        None => "what is not acknowledged is lost (--spool DIR keeps it)".to_owned(),
+    }
+}
+
+impl LinkedError {
+    /// Publishing has ended; `spool` is where the rest waits. Of a spool that has failed nothing is
+    /// promised.
+    fn not_published(error: PublishError, spool: Option<&Path>) -> Self {
+        match error {
+            PublishError::Spool(_) => Self::Publish(error),
+            error => Self::NotPublished { error, spool: spool.map(Path::to_owned) },
+        }
+    }
 }
 
 /// A session with a server, over which a run is published.
@@ -200,6 +232,8 @@ impl Linked {
             let basis = head.map(|head| head.vector).unwrap_or_default();
             spool.begin(RunOrigin { is_founder: matches!(entry, MapEntry::Found { .. }), basis }).await?;
         }
+        let kept_in = spool.as_ref().map(|spool| spool.file().to_owned());
+        let failed = |error| LinkedError::not_published(error, kept_in.as_deref());
         let (outbox, publisher) = outbox(session.clone(), map, AuthorId::of_robot(&robot), stored, spool, window);
         let mut publisher = tokio::spawn(publisher);
         // Once the outbox is closed, the publisher ends when everything is acknowledged.
@@ -214,11 +248,11 @@ impl Linked {
         };
         let published = tokio::select! {
             biased;
-            published = &mut publisher => published??,
+            published = &mut publisher => published?.map_err(failed)?,
             () = enough => {
                 closed.leave();
                 match tokio::time::timeout(LEAVE_TIME, &mut publisher).await {
-                    Ok(published) => published??,
+                    Ok(published) => published?.map_err(failed)?,
                     Err(_) => {
                         publisher.abort();
                         closed.progress()
@@ -295,5 +329,26 @@ impl<'a> Handover<'a> {
     #[must_use]
     pub fn has_ended(&self) -> bool {
         self.outbox.is_some_and(Outbox::has_ended)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fht_proto::api::reply::{ErrorCode, ErrorReply};
+
+    #[test]
+    fn who_is_refused_is_told_where_the_rest_is_and_how_it_is_sent() {
+        let refused = || PublishError::Refused(ErrorReply::new(ErrorCode::NotPermitted, "this robot may not write"));
+        let said = LinkedError::not_published(refused(), Some(Path::new("waiting/museum.a.spool"))).to_string();
+        for part in
+            ["this robot may not write", "kept in waiting/museum.a.spool", "next run of this robot", "--spool waiting)"]
+        {
+            assert!(said.contains(part), "{part}: {said}");
+        }
+        let said = LinkedError::not_published(refused(), None).to_string();
+        assert!(said.contains("is lost (--spool DIR keeps it)"), "{said}");
+        let broken = SpoolError::InUse { file: PathBuf::from("waiting/museum.a.spool") };
+        assert!(!LinkedError::not_published(broken.into(), Some(Path::new("waiting"))).to_string().contains("is kept"));
     }
 }

@@ -230,7 +230,7 @@ fn question<'a>(
             let given = Parameters::of("snapshot", parameters, &known)?;
             let version = given.parsed("version", "a whole number")?.map(Moment::Version);
             let vector = given.vector("vector")?.map(Moment::Vector);
-            let release = given.text("release").map(release_name).transpose()?.map(Moment::Release);
+            let release = given.text("release")?.map(release_name).transpose()?.map(Moment::Release);
             let mut moments = version.into_iter().chain(vector).chain(release);
             let moment = moments.next().unwrap_or(Moment::Now);
             if moments.next().is_some() {
@@ -243,7 +243,7 @@ fn question<'a>(
             let known = ["from", "to", "to_nearest", "release", "footprint", "goal_yaw", "fmt"];
             let given = Parameters::of("path", parameters, &known)?;
             let place = |name| given.required(name, "path?from=0,0;to=5,3").and_then(str::parse);
-            let on = match given.text("release") {
+            let on = match given.text("release")? {
                 None => PathOn::Enabled,
                 Some("head") => PathOn::Head,
                 Some(name) => PathOn::Release(release_name(name)?),
@@ -277,7 +277,7 @@ fn question<'a>(
             let given = Parameters::of("diff", parameters, &["from", "to", "fmt"])?;
             given.in_json("diff")?;
             let from = Moment::parse(given.required("from", "diff?from=2026-11-21.1;to=head")?)?;
-            let to = given.text("to").map_or(Ok(Moment::Now), Moment::parse)?;
+            let to = given.text("to")?.map_or(Ok(Moment::Now), Moment::parse)?;
             Ok(Question::Diff { from, to })
         }
         Topic::Match => {
@@ -297,6 +297,6 @@ fn question<'a>(
 /// The question for what `have` lacks of `moment`.
 fn increments(given: &Parameters<'_>, moment: Moment, have: VersionVector) -> Result<Question, ErrorReply> {
     let max_bytes = given.limit("max_bytes", SERIES_BYTES)?;
-    let piece_bytes = given.text("piece_bytes").map(|_| given.limit("piece_bytes", SERIES_BYTES)).transpose()?;
+    let piece_bytes = given.text("piece_bytes")?.map(|_| given.limit("piece_bytes", SERIES_BYTES)).transpose()?;
     Ok(Question::Increments { moment, have, max_bytes, piece_bytes, format: given.format(Format::Postcard)? })
 }

@@ -9,11 +9,12 @@ mod way_back;
 
 pub use element::InverseError;
 
+use crate::crdt::compaction::whole;
 use crate::crdt::register::content_hash;
 use crate::crdt::state::MapState;
 use element::Element;
 use fht_proto::model::compaction::Series;
-use fht_proto::{AuthorId, CompactedSeries, Increment, Op, Stamp};
+use fht_proto::{AuthorId, CompactedSeries, Increment, Op, ReleaseId, Stamp};
 use std::collections::{BTreeMap, BTreeSet};
 use way_back::WayBack;
 
@@ -124,6 +125,73 @@ enum Overwritten {
     Left,
 }
 
+/// Things that others have written over since and put back as they had been written, with the stamp
+/// of that first writing. What is compared is the state, and not who wrote last: it is as if nobody
+/// had touched them.
+type PutBack = BTreeMap<Element, Stamp>;
+
+fn put_back_since(map: &Series, mine: &Writes<'_>, others: &Writes<'_>) -> PutBack {
+    let is_put_back = |(element, own): &(&Element, &Newest<'_>)| {
+        let newest = others.get(element);
+        element.is_one_value() && newest.is_some_and(|newest| newest.stamp > own.stamp && newest.op == own.op)
+    };
+    let mut put_back: PutBack =
+        mine.iter().filter(is_put_back).map(|(element, own)| (element.clone(), own.stamp)).collect();
+    // What was folded cannot be left out of what is begun from.
+    for (stamp, _, op) in map.folds.iter().flat_map(CompactedSeries::stamped) {
+        let element = Element::of(stamp.author, op);
+        if put_back.get(&element).is_some_and(|own| stamp > *own) {
+            put_back.remove(&element);
+        }
+    }
+    put_back
+}
+
+/// Whether a write has touched something, or has put it back, that is as if it never was.
+fn is_moot(put_back: &PutBack, element: &Element, stamp: Stamp) -> bool {
+    put_back.get(element).is_some_and(|own| stamp > *own)
+}
+
+/// The newest writes of others to what is `mine`.
+fn writes_of_others<'a>(map: &'a Series, kept: &[&'a Increment], mine: &Writes<'_>, put_back: &PutBack) -> Writes<'a> {
+    let mut others = Writes::new();
+    for (stamp, op) in folded_and_kept(map, kept) {
+        let element = Element::of(stamp.author, op);
+        if mine.contains_key(&element) && !is_moot(put_back, &element, stamp) {
+            note(&mut others, element, stamp, op);
+        }
+    }
+    others
+}
+
+fn folded_and_kept<'a>(map: &'a Series, kept: &[&'a Increment]) -> impl Iterator<Item = (Stamp, &'a Op)> {
+    let of_folds = map.folds.iter().flat_map(CompactedSeries::stamped).map(|(stamp, _, op)| (stamp, op));
+    of_folds.chain(kept.to_vec().into_iter().flat_map(Increment::stamped))
+}
+
+/// The map without what is taken back, and without what is moot.
+fn state_before(map: &Series, kept: &[&Increment], put_back: &PutBack) -> MapState {
+    let mut before = MapState::new();
+    map.folds.iter().for_each(|fold| before.apply_fold(fold));
+    for increment in kept {
+        let is_whole = increment.stamped().all(|(stamp, op)| !is_moot(put_back, &Element::of(stamp.author, op), stamp));
+        if is_whole {
+            before.apply(increment);
+        } else {
+            // Writes are stamped by their place: those that are moot give way to what was before.
+            let mut fold = whole(increment);
+            for rest in &mut fold.rests {
+                rest.ops.retain(|(index, op)| {
+                    let stamp = Stamp { hlc_us: increment.hlc_us, author: increment.author, op: *index };
+                    !is_moot(put_back, &Element::of(increment.author, op), stamp)
+                });
+            }
+            before.apply_fold(&fold);
+        }
+    }
+    before
+}
+
 fn take_back(
     map: &Series,
     (author, by): (AuthorId, AuthorId),
@@ -133,22 +201,22 @@ fn take_back(
 ) -> Result<Inverse, InverseError> {
     let (undone, kept): (Vec<_>, Vec<_>) =
         map.increments.iter().partition(|increment| increment.author == author && is_undone(increment));
-    let (mut mine, mut others) = (Writes::new(), Writes::new());
+    let mut mine = Writes::new();
     for (stamp, op) in undone.iter().flat_map(|increment| increment.stamped()) {
         note(&mut mine, Element::of(author, op), stamp, op);
     }
-    let of_folds = map.folds.iter().flat_map(CompactedSeries::stamped).map(|(stamp, _, op)| (stamp, op));
-    let of_kept = kept.iter().flat_map(|increment| increment.stamped());
-    let mut releases = BTreeSet::new();
-    for (stamp, op) in of_folds.chain(of_kept) {
-        let element = Element::of(stamp.author, op);
-        if let Element::Release(id) = &element {
-            releases.insert(id.clone());
-        }
-        if mine.contains_key(&element) {
-            note(&mut others, element, stamp, op);
-        }
-    }
+    let others = writes_of_others(map, &kept, &mine, &PutBack::new());
+    let put_back = match overwritten {
+        Overwritten::Refused => put_back_since(map, &mine, &others),
+        Overwritten::Left => PutBack::new(),
+    };
+    let others = if put_back.is_empty() { others } else { writes_of_others(map, &kept, &mine, &put_back) };
+    let mut releases: BTreeSet<ReleaseId> = folded_and_kept(map, &kept)
+        .filter_map(|(stamp, op)| match Element::of(stamp.author, op) {
+            Element::Release(id) => Some(id),
+            _ => None,
+        })
+        .collect();
     let is_over = |element: &Element, own: &Newest<'_>| others.get(element).filter(|newest| newest.stamp > own.stamp);
     if overwritten == Overwritten::Refused
         && let Some((element, newest)) = mine.iter().find_map(|(element, own)| Some((element, is_over(element, own)?)))
@@ -160,9 +228,7 @@ fn take_back(
         Element::Release(id) => Some(id.clone()),
         _ => None,
     }));
-    let mut before = MapState::new();
-    map.folds.iter().for_each(|fold| before.apply_fold(fold));
-    kept.iter().for_each(|increment| before.apply(increment));
+    let before = state_before(map, &kept, &put_back);
     let mut now = before.clone();
     undone.iter().for_each(|increment| now.apply(increment));
 

@@ -110,18 +110,30 @@ impl FreeSpace {
         !self.views.is_empty() && self.unmapped_mm(way) > self.approach.unseen_start_mm
     }
 
-    /// Whether the straight way from an end of a path to another place leads through one of the
-    /// walls around it. What was seen under a robot where it stands is not there, and a start just
-    /// outside of the mesh is left in any case.
+    /// Whether the straight way from an end of a path to a place on the mesh leads through one of the
+    /// walls around it. A start just outside of the mesh is left in any case.
     pub(crate) fn crosses(&self, lines: &[[Corner; 2]], [place, to]: [Corner; 2], end: PathEnd) -> bool {
-        let length_mm = distance(place, to);
+        let is_spared = end == PathEnd::Start && distance(place, to) <= self.approach.start_mm;
+        !is_spared && self.leads_through(lines, [place, to], end)
+    }
+
+    /// Whether the straight way from an end of a path to another place leads through one of the
+    /// walls around it. What was seen under a robot where it stands is not there.
+    pub(crate) fn leads_through(&self, lines: &[[Corner; 2]], [place, to]: [Corner; 2], end: PathEnd) -> bool {
         let checked = match end {
             PathEnd::Known => return false,
             PathEnd::Goal => [place, to],
-            PathEnd::Start if length_mm <= self.approach.start_mm => return false,
-            PathEnd::Start => [between([place, to], (self.approach.body_mm / length_mm).min(1.0)), to],
+            PathEnd::Start => [between([place, to], (self.approach.body_mm / distance(place, to)).min(1.0)), to],
         };
         lines.iter().any(|line| meet(*line, checked))
+    }
+
+    /// Whether a place lies in the mesh, or so little outside that a robot there gets some way into it
+    /// whatever was seen there.
+    pub(crate) fn is_beside_mesh(&self, place: Corner) -> bool {
+        let reach_mm = self.approach.start_mm;
+        let mut borders = self.mesh.borders_around(place, reach_mm);
+        self.mesh.triangle_at(place).is_some() || borders.any(|(_, _, nearest)| distance(nearest, place) <= reach_mm)
     }
 
     /// How much of a way leads over ground that no rectangle covers and no main node saw,

@@ -205,6 +205,20 @@ impl Rules {
         self.obeyed_by(to, PathEnds::Known, || shortest_path::plan_between_nodes(graph, space, ends))
     }
 
+    /// What is closed, for people who ask why there is no path: what robots found blocked first, since
+    /// that is new and nobody may know of it, then edges, then zones.
+    fn closed_in_words(&self) -> Vec<String> {
+        let mut obeyed = self.obeyed();
+        obeyed.sort_by_key(|rule| match rule {
+            Obeyed::Blocked { .. } => 0,
+            Obeyed::ClosedEdge { .. } => 1,
+            Obeyed::KeepOut { .. } => 2,
+        });
+        let more = obeyed.len().saturating_sub(MOST_NAMED);
+        let named = obeyed.iter().take(MOST_NAMED).map(in_words);
+        named.chain((more > 0).then(|| format!("{more} more (rules)"))).collect()
+    }
+
     fn obeyed_by(
         &self,
         to: FixedPoint,
@@ -218,11 +232,14 @@ impl Rules {
         plan().map_err(|route| {
             // What is closed has nothing to do with where the map ends.
             let is_far = matches!(route, RouteError::OutOfMap { .. });
-            let closed: Vec<String> = self.obeyed().iter().take(8).map(in_words).collect();
+            let closed = self.closed_in_words();
             if closed.is_empty() || is_far { PlanError::Route(route) } else { PlanError::Closed { route, closed } }
         })
     }
 }
+
+/// So many of the things that are closed are named when there is no path.
+const MOST_NAMED: usize = 4;
 
 fn in_words(obeyed: &Obeyed) -> String {
     match obeyed {
@@ -278,6 +295,38 @@ fn crossing((a, b): (FixedPoint, FixedPoint), (c, d): (FixedPoint, FixedPoint)) 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fht_proto::{AuthorId, NodeId};
+
+    #[test]
+    fn of_much_that_is_closed_the_reports_are_named_first_and_the_rest_is_counted() {
+        let corners = [(1.0, 1.0), (2.0, 1.0), (2.0, 2.0)].map(|(x, y)| FixedPoint::from_metres(x, y)).to_vec();
+        let zone = |number: u32| {
+            (
+                format!("zone-{number}").parse().expect("a label"),
+                Zone { rule: ZoneRule::KeepOut, corners: corners.clone() },
+            )
+        };
+        let [a, b] = [1, 2].map(|number| NodeId { author: AuthorId(1), number });
+        let blocked = |robot: &str| BlockedBy {
+            robot: robot.to_owned(),
+            edges: BTreeSet::from([EdgeKey::new(a, b)]),
+            places: BTreeSet::new(),
+        };
+        let mut rules =
+            Rules { keep_out: (0..8).map(zone).collect(), blocked: vec![blocked("amr-7")], ..Rules::default() };
+        let refusal = |rules: &Rules| {
+            let [from, to] = [FixedPoint::default(), FixedPoint::from_metres(9.0, 9.0)];
+            let none = || Err(RouteError::no_path(from, to));
+            rules.obeyed_by(to, PathEnds::Unknown, none).map_err(|error| error.to_string())
+        };
+        let said = refusal(&rules).expect_err("there is none");
+        let expected =
+            "; these are closed: what amr-7 found blocked, zone zone-0, zone zone-1, zone zone-2, 5 more (rules)";
+        assert!(said.ends_with(expected), "{said}");
+        rules.keep_out.truncate(3);
+        let said = refusal(&rules).expect_err("there is none");
+        assert!(said.ends_with("what amr-7 found blocked, zone zone-0, zone zone-1, zone zone-2"), "{said}");
+    }
 
     #[test]
     fn a_way_is_slow_where_it_lies_in_the_zone() {

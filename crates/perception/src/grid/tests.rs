@@ -96,3 +96,18 @@ fn non_finite_poses_and_ranges_change_nothing() {
     grid.integrate(&pose(0.0, 0.0, 0.0), &scan);
     assert!(grid.free_area_m2().abs() < 1e-9);
 }
+
+#[test]
+fn what_fewer_than_five_scans_passed_is_barely_free() {
+    let mut grid = OccupancyGrid::new(GridConfig::default());
+    let place = grid.cell_of(Point2::new(1.0, 0.5));
+    let mut told = grid.clone();
+    assert!(!grid.is_barely_free(place), "unknown");
+    for scans in 1..=6 {
+        grid.integrate(&pose(0.0, 0.0, 0.0), &room_scan());
+        assert_eq!((grid.is_barely_free(place), grid.is_surely_free(place)), (scans < 5, scans >= 5), "{scans}");
+    }
+    told.integrate_told(&pose(0.0, 0.0, 0.0), &room_scan());
+    assert_eq!(told.state(place), CellState::Free);
+    assert!(!told.is_barely_free(place), "others have seen that");
+}

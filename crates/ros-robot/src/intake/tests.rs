@@ -80,6 +80,25 @@ fn who_only_listens_gets_one_after_the_other() {
 }
 
 #[test]
+fn what_was_lost_on_the_way_is_counted_and_what_comes_late_after_all_is_not() {
+    let mut intake = intake();
+    intake.lose_scans(2);
+    intake.set_missed(5);
+    assert_eq!(intake.report().frames_lost, 7);
+    intake.set_missed(4);
+    assert_eq!(intake.report().frames_lost, 6);
+}
+
+#[test]
+fn short_gaps_are_told_of_a_robot_that_is_driven_and_of_no_other() {
+    let told_after_s = |others_drive, silent_after_s| {
+        let config = RosRobotConfig { others_drive, silent_after_s, ..RosRobotConfig::default() };
+        Intake::new(config, "/scan", "/odom", "/clock").told_after_s()
+    };
+    assert_eq!((told_after_s(false, 0.35), told_after_s(true, 0.35), told_after_s(true, 5.0)), (0.35, 2.0, 5.0));
+}
+
+#[test]
 fn odometry_may_come_in_transforms() {
     let config = RosRobotConfig { odometry: "/tf".to_owned(), ..RosRobotConfig::default() };
     let mut intake = Intake::new(config, "/scan", "/tf", "/clock");

@@ -21,7 +21,7 @@ use std::path::PathBuf;
 pub struct KnobsArgs {
     #[command(flatten)]
     maps: MapArgs,
-    /// Knobs, one at a time [default: all].
+    /// Knobs, separated by commas, each varied by itself [default: all].
     #[arg(long, value_enum, value_delimiter = ',')]
     knobs: Vec<Knob>,
     /// Starts in each world, drawn as for `relocalize`; the authors' own come on top.

@@ -16,7 +16,8 @@ use std::path::PathBuf;
 /// Which maps.
 #[derive(Clone, Debug, Args)]
 pub struct MapArgs {
-    /// Buildings: museum, office, or paths of map.yaml and .world files.
+    /// Buildings: museum, office, or paths of map.yaml and .world files, separated by
+    /// commas.
     #[arg(long, value_delimiter = ',', default_value = "museum,office")]
     pub worlds: Vec<String>,
     /// Seed of the exploration, and of what is drawn in it.

@@ -29,7 +29,7 @@ pub struct PathsArgs {
     pub maps: MapArgs,
     #[command(flatten)]
     pub pairs: PairArgs,
-    /// Systems; those that share a map and a planner share the result.
+    /// Systems, separated by commas; those that share a map and a planner share the result.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "ours,main-only,mr-topomap,amcl")]
     pub systems: Vec<System>,
     #[command(flatten)]

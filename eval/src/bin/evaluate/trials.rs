@@ -15,7 +15,7 @@ pub struct TrialArgs {
     /// authors' own come on top.
     #[arg(long, default_value_t = 100)]
     pub starts: u64,
-    /// Systems.
+    /// Systems, separated by commas.
     #[arg(
         long,
         value_enum,
@@ -23,7 +23,8 @@ pub struct TrialArgs {
         default_value = "ours,ours-lidar,main-only,mr-topomap,amcl,amcl-nav2"
     )]
     pub systems: Vec<System>,
-    /// Buildings as mapped, or with a tenth of what is movable gone, shifted or new.
+    /// Buildings as mapped, or with a tenth of what is movable gone, shifted or new;
+    /// separated by commas.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "as-mapped,furniture-moved")]
     pub columns: Vec<Column>,
     /// Distance after which a drive ends, metres.

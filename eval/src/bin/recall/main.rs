@@ -59,7 +59,7 @@ enum Command {
     Features {
         #[command(flatten)]
         world: WorldArgs,
-        /// Seeds of the drawings.
+        /// Seeds of the drawings, separated by commas.
         #[arg(long, value_delimiter = ',', required = true)]
         seeds: Vec<u64>,
     },

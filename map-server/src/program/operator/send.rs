@@ -97,7 +97,17 @@ pub(super) async fn arrived(session: &Session, map: &MapName, sent: GoalStatus) 
         match asked {
             _ if status.state.is_final() => {}
             Ok(news) => (status, heard) = (news, Instant::now()),
-            Err(error @ OperatorError::Refused(ErrorReply { code: ErrorCode::UnknownGoal, .. })) => return Err(error),
+            // It took this goal, and remembers the last that ended.
+            Err(OperatorError::Refused(ErrorReply { code: ErrorCode::UnknownGoal, .. })) => {
+                let why =
+                    ": that is the last that it said; it knows nothing of this goal any more: it was started anew";
+                return Err(OperatorError::NotArrived {
+                    robot: status.robot,
+                    id,
+                    state: status.state,
+                    why: why.to_owned(),
+                });
+            }
             // The link may come back. Meanwhile the server answers in the robot's place.
             Err(error) if heard.elapsed() <= PATIENCE => tracing::debug!("asked in vain: {error}"),
             Err(_) => {

@@ -23,7 +23,7 @@ pub fn parse_goal<'a>(
         let id = given.required("id", "goal?id=7;to=dock").and_then(checked_id)?;
         let number = |name| given.parsed::<f64>(name, "a number");
         let (x, y, yaw) = (number("x")?, number("y")?, number("yaw")?);
-        let to = match (given.text("to"), x, y) {
+        let to = match (given.text("to")?, x, y) {
             (Some(to), None, None) => to.parse()?,
             (None, Some(x), Some(y)) => PlaceRef::Point(point(x, y)?),
             (None, None, None) => {
@@ -153,6 +153,9 @@ mod tests {
         for (json, expected) in [
             ("{}", "parameter id is missing"),
             (r#"{"id": "7"}"#, "say where to"),
+            (r#"{"id": "", "to": "dock"}"#, "parameter id is empty"),
+            (r#"{"id": "7", "to": ""}"#, "parameter to is empty"),
+            (r#"{"id": "7", "to": "", "x": 1, "y": 2}"#, "parameter to is empty"),
             (r#"{"id": "7", "too": "dock"}"#, "unknown parameter too; a goal takes: id, to, x"),
             (r#"{"id": "7/8", "to": "dock"}"#, "is not 1 to 64 letters"),
             (long.as_str(), "is not 1 to 64 letters"),

@@ -79,8 +79,11 @@ impl<'a> Parameters<'a> {
     }
 
     pub(super) fn required(&self, name: &str, example: &str) -> Result<&'a str, ErrorReply> {
-        let missing = || bad_request(format!("parameter {name} is missing; for example: {example}"));
-        self.values.get(name).copied().filter(|value| !value.is_empty()).ok_or_else(missing)
+        match self.given(name) {
+            None => Err(bad_request(format!("parameter {name} is missing; for example: {example}"))),
+            Some("") => Err(bad_request(format!("parameter {name} is empty; for example: {example}"))),
+            Some(value) => Ok(value),
+        }
     }
 
     /// What was given, also if that is nothing: where a parameter left out means something else.
@@ -88,8 +91,13 @@ impl<'a> Parameters<'a> {
         self.values.get(name).copied()
     }
 
-    pub(super) fn text(&self, name: &str) -> Option<&'a str> {
-        self.values.get(name).copied().filter(|value| !value.is_empty())
+    /// What was given, if the parameter was: nothing is no text, and does not stand for a parameter
+    /// left out.
+    pub(super) fn text(&self, name: &str) -> Result<Option<&'a str>, ErrorReply> {
+        match self.given(name) {
+            Some("") => Err(bad_request(format!("parameter {name} is empty: give a value, or leave it out"))),
+            value => Ok(value),
+        }
     }
 
     pub(super) fn parsed<T: FromStr>(&self, name: &str, expected: &str) -> Result<Option<T>, ErrorReply> {
@@ -129,6 +137,34 @@ impl<'a> Parameters<'a> {
 #[cfg(test)]
 mod tests {
     use super::shown;
+    use crate::api::keys::{Key, Topic};
+    use crate::api::request::parse;
+
+    #[test]
+    fn an_empty_value_is_none_and_does_not_stand_for_a_parameter_left_out() {
+        let asked = |topic, parameters: &str| {
+            let key = Key::topic(&"museum".parse().expect("a name"), topic);
+            let pairs = parameters.split(';').filter_map(|pair| pair.split_once('='));
+            parse(key, pairs, None).map_err(|error| error.message)
+        };
+        for (topic, parameters, name) in [
+            (Topic::Path, "from=0,0;to=", "to"),
+            (Topic::Path, "from=;to=1,1", "from"),
+            (Topic::Path, "from=0,0;to=1,1;release=", "release"),
+            (Topic::Snapshot, "release=", "release"),
+            (Topic::Snapshot, "piece_bytes=", "piece_bytes"),
+            (Topic::Diff, "from=1;to=", "to"),
+            (Topic::Nodes, "near=", "near"),
+        ] {
+            let refused = asked(topic, parameters);
+            let expected = format!("parameter {name} is empty");
+            assert!(refused.as_ref().is_err_and(|said| said.starts_with(&expected)), "{parameters}: {refused:?}");
+        }
+        assert!(asked(Topic::Diff, "from=1").is_ok() && asked(Topic::Path, "from=0,0;to=1,1").is_ok());
+        assert!(asked(Topic::Path, "from=0,0").is_err_and(|said| said.contains("parameter to is missing")));
+        // Nothing is a vector and a page.
+        assert!(asked(Topic::Since, "vector=").is_ok() && asked(Topic::Nodes, "near=0,0;after=").is_ok());
+    }
 
     #[test]
     fn what_is_cut_off_is_marked() {

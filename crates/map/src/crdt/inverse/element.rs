@@ -121,6 +121,14 @@ impl Element {
             Op::SetDatum { .. } => Self::Datum,
         }
     }
+
+    /// Whether one write says all of it, so that the same write again brings the same about.
+    pub(super) fn is_one_value(&self) -> bool {
+        match self {
+            Self::Edge(_) | Self::Closure(_) | Self::Place(_) | Self::Zone(_) | Self::FloorPlan | Self::Datum => true,
+            Self::Node(_) | Self::Model(_) | Self::Release(_) | Self::Enabled => false,
+        }
+    }
 }
 
 impl fmt::Display for Element {

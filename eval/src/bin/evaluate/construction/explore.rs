@@ -6,6 +6,7 @@ use crate::output::{OutputArgs, say};
 use clap::Args;
 use fht_program::flags::count;
 use fht_proto::MapName;
+use fht_sim::scoring::TrajectoryError;
 use fht_sim::{SimConfig, SimSetup};
 use mapper::explore::Ending;
 use mapper::program::{ExploreReport, ExploreTask, explore};
@@ -14,16 +15,17 @@ use serde::Serialize;
 
 #[derive(Debug, Args)]
 pub struct ExploreArgs {
-    /// Buildings: museum, office, or paths of Nav2 map.yaml or Gazebo .world files.
+    /// Buildings: museum, office, or paths of Nav2 map.yaml or Gazebo .world files, separated
+    /// by commas.
     #[arg(long, value_delimiter = ',', default_value = "museum,office")]
     worlds: Vec<String>,
     /// Seeds of noise and light, from 1 up to this.
     #[arg(long, default_value_t = 10, value_parser = count)]
     seeds: u64,
-    /// Factors of the wheels' drift.
+    /// Factors of the wheels' drift, separated by commas.
     #[arg(long, value_delimiter = ',', default_value = "1,2", value_parser = drift)]
     drifts: Vec<f64>,
-    /// Numbers of people who walk about meanwhile.
+    /// Numbers of people who walk about meanwhile, separated by commas.
     #[arg(long, value_delimiter = ',', default_value = "0")]
     people: Vec<u16>,
     /// Without cameras: several times faster, and loops are closed by geometry alone.
@@ -92,17 +94,15 @@ fn explore_once(setup: SimSetup, drift: f64, cameras: bool) -> Result<ExploreRep
 fn line(row: &Row) -> String {
     let Row { world, seed, drift, people, report } = row;
     let met = report.people.unwrap_or_default();
-    let (then, end) = (&report.trajectory_error, &report.corrected_trajectory_error);
+    let error = |error: Option<TrajectoryError>| match error {
+        Some(TrajectoryError { mean_m, mean_deg, max_m }) => format!("{mean_m:.3} m, {mean_deg:.2}°, {max_m:.3} m"),
+        None => "none".to_owned(),
+    };
+    let (then, end) = (error(report.trajectory_error), error(report.corrected_trajectory_error));
+    let within = report.main_nodes_within_5cm.map_or("none".to_owned(), |share| format!("{:.1} %", 100.0 * share));
+    let most = report.main_node_error_max_m.map_or("none".to_owned(), |error_m| format!("{error_m:.3} m"));
     format!(
-        "| {world} | {drift} | {people} | {seed} | {:.3} m, {:.2}°, {:.3} m | {:.3} m, {:.2}°, {:.3} m | {:.1} % | {:.3} m | {} + {} | {}, {:.0} s | {}, {} | {} |",
-        then.mean_m,
-        then.mean_deg,
-        then.max_m,
-        end.mean_m,
-        end.mean_deg,
-        end.max_m,
-        100.0 * report.main_nodes_within_5cm,
-        report.main_node_error_max_m,
+        "| {world} | {drift} | {people} | {seed} | {then} | {end} | {within} | {most} | {} + {} | {}, {:.0} s | {}, {} | {} |",
         report.map.closures[0],
         report.map.closures[1],
         report.map.ending,
@@ -114,17 +114,18 @@ fn line(row: &Row) -> String {
 }
 
 fn summary(rows: &[Row]) -> String {
-    let worst = |value: fn(&ExploreReport) -> f64| rows.iter().map(|row| value(&row.report)).fold(0.0, f64::max);
-    let least = rows.iter().map(|row| row.report.main_nodes_within_5cm).fold(1.0, f64::min);
+    let worst =
+        |value: fn(&ExploreReport) -> Option<f64>| rows.iter().filter_map(|row| value(&row.report)).fold(0.0, f64::max);
+    let least = rows.iter().filter_map(|row| row.report.main_nodes_within_5cm).fold(1.0, f64::min);
     format!(
         "{} explorations, {} complete; worst mean error as known then {:.3} m and {:.2}°, at the end {:.3} m and {:.2}°; least \
          share of main nodes within 0.05 m: {:.1} %",
         rows.len(),
         rows.iter().filter(|row| row.report.map.ending == Ending::Complete).count(),
-        worst(|report| report.trajectory_error.mean_m),
-        worst(|report| report.trajectory_error.mean_deg),
-        worst(|report| report.corrected_trajectory_error.mean_m),
-        worst(|report| report.corrected_trajectory_error.mean_deg),
+        worst(|report| report.trajectory_error.map(|error| error.mean_m)),
+        worst(|report| report.trajectory_error.map(|error| error.mean_deg)),
+        worst(|report| report.corrected_trajectory_error.map(|error| error.mean_m)),
+        worst(|report| report.corrected_trajectory_error.map(|error| error.mean_deg)),
         100.0 * least
     )
 }

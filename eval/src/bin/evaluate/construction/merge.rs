@@ -16,7 +16,8 @@ use std::sync::Arc;
 
 #[derive(Debug, Args)]
 pub struct MergeArgs {
-    /// Buildings: museum, office, or paths of map.yaml and .world files.
+    /// Buildings: museum, office, or paths of map.yaml and .world files, separated by
+    /// commas.
     #[arg(long, value_delimiter = ',', default_value = "museum,office")]
     worlds: Vec<String>,
     /// Starts in each building, drawn at random.

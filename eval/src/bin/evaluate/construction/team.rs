@@ -19,7 +19,8 @@ use std::sync::Arc;
 
 #[derive(Debug, Args)]
 pub struct TeamArgs {
-    /// Buildings: museum, office, or paths of Nav2 map.yaml or Gazebo .world files.
+    /// Buildings: museum, office, or paths of Nav2 map.yaml or Gazebo .world files, separated
+    /// by commas.
     #[arg(long, value_delimiter = ',', default_value = "office")]
     worlds: Vec<String>,
     /// Seeds of noise, wheels and starts, from 1 up to this.
