@@ -88,6 +88,14 @@ async fn why_read_only(session: &Session) -> String {
     maps.read_only.unwrap_or_default()
 }
 
+/// The first increments of the map. How many are acknowledged; no more are on their way then.
+async fn begin(session: &Session) -> u64 {
+    for number in 1..=BEFORE {
+        session.put(key(ANA, number), bytes(ANA, number)).await.unwrap();
+    }
+    head_when(session, |head| head.version == BEFORE).await.version
+}
+
 /// A server with some increments; its file is harmed, and mended, and the server starts again.
 /// `says` is what it says of the harm.
 async fn scenario(harm: impl FnOnce(&Place), mend: impl FnOnce(&Place), says: &str) {
@@ -96,10 +104,7 @@ async fn scenario(harm: impl FnOnce(&Place), mend: impl FnOnce(&Place), says: &s
     let mut server = Server::with(&place.data(), &endpoint, &[], &log);
     let session = client(&endpoint).await;
     until_up(&session).await;
-    let acknowledged = write_until(&session, |head| head.version >= BEFORE).await.version;
-    // What is still on its way.
-    tokio::time::sleep(Duration::from_millis(500)).await;
-    let acknowledged = head(&session).await.unwrap().version.max(acknowledged);
+    let acknowledged = begin(&session).await;
     std::fs::copy(place.file(), place.backup()).unwrap();
 
     harm(&place);
@@ -193,7 +198,7 @@ async fn a_store_that_is_gone_is_missed_though_nobody_writes() {
     let _server = Server::with(&place.data(), &endpoint, &[], &place.beside("log"));
     let session = client(&endpoint).await;
     until_up(&session).await;
-    write_until(&session, |head| head.version >= BEFORE).await;
+    begin(&session).await;
     std::fs::rename(place.file(), place.beside("away")).unwrap();
     head_when(&session, |head| head.read_only).await;
     assert!(!place.file().exists(), "no other store is begun in its place");
