@@ -58,8 +58,8 @@ fn blocked_paths(map: &MapState, world: &World, world_from_map: &Pose2) -> (usiz
     (blocked, planned)
 }
 
-/// A room of 8 m by 6 m in the file `room.yaml` of a folder: a partition from its south wall, a desk
-/// in its middle, a cabinet and a shelf at walls.
+/// A room of 8 m by 6 m in the file `room.yaml` of a folder: a partition from its south wall, a
+/// desk in its middle, a cabinet and a shelf at walls.
 fn furnished_room(folder: &Path) -> Arc<World> {
     const CELLS: (usize, usize) = (168, 128);
     let metres = |cell: usize| (cell as f64 + 0.5) * 0.05 - 0.2;
