@@ -89,7 +89,9 @@ fn furnished_room(folder: &Path) -> Arc<World> {
 fn uncovered(team: &TeamRun, world: &World) -> (usize, usize) {
     let plan = world.plan();
     let fits = plan.reachable(Point2::from(world.start().translation.vector), SimConfig::default().radius_m);
-    let rectangles: Vec<_> = (team.map.nodes())
+    let rectangles: Vec<_> = team
+        .map
+        .nodes()
         .filter_map(|node| Some((node.free_space?.min(node.pose.position), node.free_space?.max(node.pose.position))))
         .collect();
     let is_covered = |at: Point2| {
