@@ -133,8 +133,8 @@ impl GoalQueue {
         self.status(Some(&id))
     }
 
-    /// Keeps that a goal was refused ([`offer`](Self::offer)), and tells it, for a sender who gets no
-    /// reply. Sent again, the goal is a new one; what is known of another goal of the id stays.
+    /// Keeps that a goal was refused ([`offer`](Self::offer)), and tells it, for a sender who gets
+    /// no reply. Sent again, the goal is a new one; what is known of another goal of the id stays.
     pub fn refuse(&mut self, order: GoalOrder, refusal: ErrorReply) {
         let status = GoalStatus {
             state: GoalState::Failed,

@@ -1,12 +1,12 @@
-//! Floor that was seen for a moment only: known, so no frontier leads there, but by too few scans for
-//! a rectangle of the map. When no frontier is left, the robot looks again.
+//! Floor that was seen for a moment only: known, so no frontier leads there, but by too few scans
+//! for a rectangle of the map. When no frontier is left, the robot looks again.
 
 use super::frontier::{Frontier, Knowledge, cells_near, take_cluster};
 use fht_perception::grid::CellBounds;
 use fht_perception::pose::Point2;
 
-/// The patches of at least `min_m2` square metres of half-seen floor in a region of the grid, in the
-/// order of their first cells; their size is counted in squares of `thinning_m` metres.
+/// The patches of at least `min_m2` square metres of half-seen floor in a region of the grid, in
+/// the order of their first cells; their size is counted in squares of `thinning_m` metres.
 pub(super) fn find_half_seen(known: &Knowledge<'_>, bounds: CellBounds, min_m2: f64, thinning_m: f64) -> Vec<Frontier> {
     let resolution_m = known.grid.resolution_m();
     let count = bounds.width() * bounds.height();

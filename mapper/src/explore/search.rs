@@ -241,8 +241,8 @@ impl Search {
         let grid = quest.free;
         let position = Point2::from(map_from_base.translation.vector);
         let is_open = |cell: Cell| accept(grid.centre(cell));
-        // To look twice whether a link is missing costs more than to look far, and once no frontier is
-        // left, nothing is to be overtaken.
+        // To look twice whether a link is missing costs more than to look far, and once no frontier
+        // is left, nothing is to be overtaken.
         let mut limit_m = if quest.sought == Sought::Frontier { NEAR_M } else { f64::INFINITY };
         loop {
             let region = region_around(grid, position, limit_m + config.frontier.vantage_reach_m + REGION_MARGIN_M);

@@ -110,8 +110,8 @@ impl FreeSpace {
         !self.views.is_empty() && self.unmapped_mm(way) > self.approach.unseen_start_mm
     }
 
-    /// Whether the straight way from an end of a path to a place on the mesh leads through one of the
-    /// walls around it. A start just outside of the mesh is left in any case.
+    /// Whether the straight way from an end of a path to a place on the mesh leads through one of
+    /// the walls around it. A start just outside of the mesh is left in any case.
     pub(crate) fn crosses(&self, lines: &[[Corner; 2]], [place, to]: [Corner; 2], end: PathEnd) -> bool {
         let is_spared = end == PathEnd::Start && distance(place, to) <= self.approach.start_mm;
         !is_spared && self.leads_through(lines, [place, to], end)
@@ -128,8 +128,8 @@ impl FreeSpace {
         lines.iter().any(|line| meet(*line, checked))
     }
 
-    /// Whether a place lies in the mesh, or so little outside that a robot there gets some way into it
-    /// whatever was seen there.
+    /// Whether a place lies in the mesh, or so little outside that a robot there gets some way into
+    /// it whatever was seen there.
     pub(crate) fn is_beside_mesh(&self, place: Corner) -> bool {
         let reach_mm = self.approach.start_mm;
         let mut borders = self.mesh.borders_around(place, reach_mm);

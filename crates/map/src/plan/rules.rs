@@ -205,8 +205,8 @@ impl Rules {
         self.obeyed_by(to, PathEnds::Known, || shortest_path::plan_between_nodes(graph, space, ends))
     }
 
-    /// What is closed, for people who ask why there is no path: what robots found blocked first, since
-    /// that is new and nobody may know of it, then edges, then zones.
+    /// What is closed, for people who ask why there is no path: what robots found blocked first,
+    /// since that is new and nobody may know of it, then edges, then zones.
     fn closed_in_words(&self) -> Vec<String> {
         let mut obeyed = self.obeyed();
         obeyed.sort_by_key(|rule| match rule {

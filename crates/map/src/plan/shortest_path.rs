@@ -207,8 +207,8 @@ fn checked(space: &FreeSpace, route: NodeRoute, config: &NodeRouteConfig) -> Opt
     let is_walled = |leg: &[Corner], place: Corner, at: PathEnd| {
         let lines = space.wall_lines(place, config.max_detour_m * 1000.0);
         at == PathEnd::Goal && leg.len() > 1 && space.is_in_wall(place)
-            // What stood under the robot is passed by where it stands, and nowhere else; only who stands
-            // beside the mesh, and not beside some rectangle, gets some way out of there.
+            // What stood under the robot is passed by where it stands, and nowhere else; only who
+            // stands beside the mesh, and not beside some rectangle, gets some way out of there.
             || leg.windows(2).enumerate().any(|(number, pair)| match (number, at) {
                 (0, PathEnd::Start) if space.is_beside_mesh(place) => false,
                 (0, at) => space.leads_through(&lines, [pair[0], pair[1]], at),
