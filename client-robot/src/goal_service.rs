@@ -135,6 +135,9 @@ impl GoalDesk for GoalService {
                 self.send(Outgoing::Reply(query, outcome.map(stamped)));
             }
         }
+        for order in self.inbox.take_refused() {
+            goals.refuse(order, inbox::busy());
+        }
         let news = goals.take_news();
         if !news.is_empty() || self.said.is_none_or(|said| said.elapsed() >= SAY_EVERY) {
             self.said = Some(Instant::now());

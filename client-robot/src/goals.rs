@@ -136,6 +136,9 @@ impl GoalQueue {
     /// Keeps that a goal was refused ([`offer`](Self::offer)), and tells it, for a sender who gets
     /// no reply. Sent again, the goal is a new one; what is known of another goal of the id stays.
     pub fn refuse(&mut self, order: GoalOrder, refusal: ErrorReply) {
+        if self.order(&order.id) == Some(&order) {
+            return; // it was taken before
+        }
         let status = GoalStatus {
             state: GoalState::Failed,
             id: Some(order.id.clone()),

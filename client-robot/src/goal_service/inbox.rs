@@ -14,6 +14,9 @@ use zenoh::query::Query;
 const MAX_GOALS: usize = 16;
 /// All that waits: a flood of goals leaves room for a cancellation.
 const MAX_REQUESTS: usize = 48;
+/// Goals that were put when the robot had too much to do, of which it is told: nobody else hears of
+/// their refusal.
+const MAX_REFUSED: usize = 64;
 
 /// What a robot is told or asked.
 #[derive(Debug, PartialEq)]
@@ -81,12 +84,25 @@ fn read<'a>(
 
 /// What has come, in its order.
 #[derive(Default)]
-pub(super) struct Inbox(Mutex<VecDeque<Request>>);
+struct Waiting {
+    requests: VecDeque<Request>,
+    /// Put, and not taken.
+    refused: Vec<GoalOrder>,
+}
+
+/// What has come and waits for the robot.
+#[derive(Default)]
+pub(super) struct Inbox(Mutex<Waiting>);
 
 impl Inbox {
     /// All that has come since the last time.
     pub(super) fn take(&self) -> Vec<Request> {
-        self.lock().drain(..).collect()
+        self.lock().requests.drain(..).collect()
+    }
+
+    /// The goals that were put since the last time when too much waited already.
+    pub(super) fn take_refused(&self) -> Vec<GoalOrder> {
+        std::mem::take(&mut self.lock().refused)
     }
 
     /// Takes what was put under one of the robot's keys.
@@ -110,15 +126,20 @@ impl Inbox {
     fn push(&self, ask: Ask, query: Option<Query>) -> Result<(), ErrorReply> {
         let mut waiting = self.lock();
         let most = if matches!(ask, Ask::Send(_)) { MAX_GOALS } else { MAX_REQUESTS };
-        if waiting.len() >= most {
+        if waiting.requests.len() >= most {
+            if let (Ask::Send(order), None) = (ask, query)
+                && waiting.refused.len() < MAX_REFUSED
+            {
+                waiting.refused.push(order);
+            }
             return Err(busy());
         }
-        waiting.push_back(Request { ask, query });
+        waiting.requests.push_back(Request { ask, query });
         Ok(())
     }
 
     // A panic while it was held is a bug, and leaves every request whole.
-    fn lock(&self) -> MutexGuard<'_, VecDeque<Request>> {
+    fn lock(&self) -> MutexGuard<'_, Waiting> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -129,7 +150,7 @@ pub(super) fn refuse(query: &Query, refusal: &ErrorReply) -> Result<(), zenoh::E
 }
 
 /// The refusal of what comes too fast.
-fn busy() -> ErrorReply {
+pub(super) fn busy() -> ErrorReply {
     ErrorReply::new(ErrorCode::Busy, "the robot was told too much at a time; ask again")
 }
 
@@ -169,6 +190,10 @@ mod tests {
         let requests = inbox.take();
         assert_eq!((requests.len(), &requests[MAX_GOALS].ask), (MAX_GOALS + 1, &Ask::Cancel(None)));
         assert!(inbox.take().is_empty());
+        let refused: Vec<String> = inbox.take_refused().into_iter().map(|order| order.id).collect();
+        let expected: Vec<String> = (MAX_GOALS..MAX_GOALS + MAX_REFUSED).map(|id| id.to_string()).collect();
+        assert_eq!(refused, expected, "of so many the sender hears");
+        assert!(inbox.take_refused().is_empty());
     }
 
     #[test]

@@ -86,7 +86,9 @@ impl OperatorJournal {
 
     /// What is left of folded increments has taken their place.
     pub fn take_fold(journal: &mut Arc<Self>, series: &CompactedSeries) {
-        let is_in = |at: &JournalCursor| at.author == series.author && at.number <= series.last;
+        // One author's folded increments are several series where a release that is kept lies between.
+        let numbers = series.first..=series.last;
+        let is_in = |at: &JournalCursor| at.author == series.author && numbers.contains(&at.number);
         if journal.changes.keys().any(is_in) {
             let kept = Arc::make_mut(journal);
             kept.changes.retain(|at, _| !is_in(at));
@@ -248,5 +250,29 @@ mod tests {
         assert_eq!(told(&folded), told(&read_anew), "before and after a restart");
         let folded: Vec<_> = folded.newest_first(None).map(|(at, change)| (at.number, change.is_folded)).collect();
         assert_eq!(folded, [(3, false), (2, true)]);
+    }
+
+    #[test]
+    fn what_is_left_of_one_series_is_told_beside_the_next() {
+        let all: Vec<_> = (1..=4).map(|number| increment(ADA, number, vec![place(&format!("p{number}"))])).collect();
+        let series = |first: u64, last: u64| CompactedSeries {
+            author: ADA,
+            first,
+            last,
+            rests: all[first as usize - 1..last as usize]
+                .iter()
+                .map(|increment| fht_proto::model::compaction::Rest {
+                    number: increment.number,
+                    hlc_us: increment.hlc_us,
+                    ops: vec![(0, increment.ops[0].clone())],
+                })
+                .collect(),
+        };
+        let mut journal = journal_of(&all);
+        for part in [series(1, 2), series(3, 4)] {
+            OperatorJournal::take_fold(&mut journal, &part);
+        }
+        let numbers: Vec<_> = told(&journal).into_iter().map(|(_, number, _)| number).collect();
+        assert_eq!(numbers, [4, 3, 2, 1]);
     }
 }

@@ -35,7 +35,7 @@ function item({ at_us: at, author, name, words, folded }) {
       {},
       isTime ? el("time", { datetime: when.toISOString(), class: "soft" }, when.toLocaleString()) : null,
       ` ${name ?? author}: ${words.join("; ")}`,
-      folded ? el("span", { class: "soft" }, " (folded: what still counts)") : null,
+      folded ? el("span", { class: "soft" }, " (folded: what is left of it)") : null,
     ),
   );
 }

@@ -1,7 +1,7 @@
 //! What operators change, as it is posted. Operations are called as in increments.
 
 use fht_proto::api::reply::{DatumView, ErrorReply, FloorPlanView, RuleView};
-use fht_proto::api::request::{bad_request, shown};
+use fht_proto::api::request::{bad_request, shown_upto};
 use fht_proto::model::validate::Validate;
 use fht_proto::{
     Datum, EdgeKey, FixedPoint, FixedPose, Increment, Label, MapName, NodeId, PlanImage, ReleaseName, Zone, ZoneRule,
@@ -189,8 +189,10 @@ impl MapChangeOrder {
     /// # Errors
     /// `BAD_REQUEST`, with what is wrong.
     pub fn parse(map: MapName, body: &[u8]) -> Result<Self, ErrorReply> {
+        /// Characters of a reason: what was expected comes last.
+        const MOST: usize = 400;
         let posted: Posted = serde_json::from_slice(body)
-            .map_err(|error| bad_request(format!("the body is no change: {}", shown(&error.to_string()))))?;
+            .map_err(|error| bad_request(format!("the body is no change: {}", shown_upto(&error.to_string(), MOST))))?;
         let mut force = false;
         let change = match posted {
             Posted::SetPlace { name, pose: at, force: is_sure } => {

@@ -44,6 +44,7 @@ pub(crate) fn router(site: Arc<Site>) -> Router {
         .route("/api/preview/{map}", post(preview))
         .route("/metrics", get(metrics))
         .fallback(nothing_there)
+        .method_not_allowed_fallback(another_method)
         .layer(from_fn_with_state(Arc::clone(&site), guard))
         .with_state(site)
 }
@@ -51,6 +52,11 @@ pub(crate) fn router(site: Arc<Site>) -> Router {
 async fn nothing_there() -> WebRefusal {
     let text = "nothing is here: ask /fht/maps, /fht/MAP/TOPIC or /";
     WebRefusal::new(StatusCode::NOT_FOUND, ErrorCode::BadRequest, text)
+}
+
+async fn another_method() -> WebRefusal {
+    let text = "a change or a preview is a POST, and everything else is asked with GET";
+    WebRefusal::new(StatusCode::METHOD_NOT_ALLOWED, ErrorCode::BadRequest, text)
 }
 
 type Asked = Result<WebAnswer, WebRefusal>;
@@ -128,7 +134,7 @@ struct Myself<'a> {
 
 async fn me(State(site): AnySite, Extension(visitor): Extension<Visitor>) -> Response {
     let rights = site.rights(&visitor);
-    let myself = Myself { name: visitor.name(), role: visitor.role(), rights, zenoh: site.zenoh() };
+    let myself = Myself { name: visitor.name(), role: visitor.role(rights), rights, zenoh: site.zenoh() };
     with_type("application/json", serde_json::to_vec(&myself).unwrap_or_default())
 }
 

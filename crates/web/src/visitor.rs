@@ -35,10 +35,11 @@ impl Visitor {
         }
     }
 
-    /// Its role, if it is known.
-    pub(crate) fn role(&self) -> Option<MemberRole> {
+    /// Its role, if it is known. Who changes maps from this machine is an operator while the list of
+    /// roles says so.
+    pub(crate) fn role(&self, rights: Rights) -> Option<MemberRole> {
         match self {
-            Self::Local(name) => name.as_ref().map(|_| MemberRole::Operator),
+            Self::Local(name) => name.as_ref().filter(|_| rights == Rights::Change).map(|_| MemberRole::Operator),
             Self::Member(role, _) => Some(*role),
             Self::Stranger => None,
         }

@@ -63,6 +63,8 @@ async fn the_page_is_served_under_a_strict_policy() {
     }
     let me = site.get("/api/me").await;
     assert_eq!(me.body, r#"{"rights":"look"}"#);
+    let other = site.get("/api/change/museum").await;
+    assert!(other.status == 405 && other.body.contains("is a POST"), "{other:?}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -50,7 +50,7 @@ impl Ingest {
             let name = writers.name(*author).unwrap_or_default();
             tracing::warn!(
                 "map {map} has {count} increments of {name} that its role does not allow, from before the roles: \
-                 map-server undo {map} --author {name} --against-roles FILE takes them back"
+                 map-server undo {map} --author {name} --against-roles FILE takes back those that are not folded"
             );
         }
         self.admission = Some(Admission::new(list, quotas));

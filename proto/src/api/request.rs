@@ -10,7 +10,7 @@ use crate::{Descriptor, FixedPoint, Footprint, MapName, ReleaseId, ReleaseName, 
 pub use goal::{is_goal, parse_goal, parse_goal_id};
 pub use order::{AdminOrder, parse_order};
 use parameters::Parameters;
-pub use parameters::{Format, bad_request, shown};
+pub use parameters::{Format, bad_request, shown, shown_upto};
 
 /// A state of a map.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -46,7 +46,7 @@ pub(super) fn in_words(journal: &JournalReply) -> String {
     }
     let line = |entry: &JournalEntry| {
         let who = entry.name.clone().unwrap_or_else(|| entry.author.to_string());
-        let folded = if entry.folded { " (folded: what still counts)" } else { "" };
+        let folded = if entry.folded { " (folded: what is left of it)" } else { "" };
         format!("{}  {who}  {}{folded}", utc_text(entry.at_us), entry.words.join("; "))
     };
     journal.entries.iter().map(line).collect::<Vec<_>>().join("\n")
@@ -69,7 +69,7 @@ mod tests {
         };
         let entries = vec![entry(u64::MAX, None), entry(1_795_824_000_000_000, Some("ada"))];
         let text = in_words(&JournalReply { map: map.clone(), version: 2, entries, next: None });
-        let expected = "9999-12-31T23:59:59Z  0000000a  place dock is taken away (folded: what still counts)\n\
+        let expected = "9999-12-31T23:59:59Z  0000000a  place dock is taken away (folded: what is left of it)\n\
                         2026-11-28T00:00:00Z  ada  place dock is taken away";
         assert_eq!(text, expected);
         let none = in_words(&JournalReply { map, version: 0, entries: Vec::new(), next: None });

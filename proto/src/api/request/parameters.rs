@@ -23,10 +23,14 @@ pub fn bad_request(message: String) -> ErrorReply {
 /// Text from outside, cut to a sensible length for a message; what was cut off ends in `…`.
 #[must_use]
 pub fn shown(text: &str) -> String {
-    /// Characters.
-    const MOST: usize = 80;
+    shown_upto(text, 80)
+}
+
+/// The same, up to so many characters.
+#[must_use]
+pub fn shown_upto(text: &str, most: usize) -> String {
     let mut letters = text.chars();
-    let mut shown: String = letters.by_ref().take(MOST).collect();
+    let mut shown: String = letters.by_ref().take(most).collect();
     if letters.next().is_some() {
         shown.push('…');
     }
