@@ -57,6 +57,9 @@ use witness::Witnesses;
 
 /// Frames between a job of the back end and its result.
 const BACK_END_DELAY_FRAMES: u64 = 40;
+/// While the robot is lost nothing is mapped, so a job and its result are at most this far apart in
+/// robot time, microseconds: a job that is under way and the search after it make twice as much.
+const LOST_DELAY_US: u64 = 2_000_000;
 
 /// A keyframe as the front end remembers it.
 #[derive(Clone, Copy, Debug)]
@@ -126,6 +129,9 @@ pub struct Slam {
     /// Where the wheels were when a scan was last put into the submaps.
     averaged_odom_from_base: Pose2,
     frame: u64,
+    /// When the result of the back end's job is taken at the latest, robot time in microseconds:
+    /// only while the robot is lost.
+    awaited_us: Option<u64>,
     /// What the back end has not been given yet.
     next_job: BackEndJob,
     /// What others have told, as the grid shows it.
@@ -162,6 +168,7 @@ impl Slam {
             last_sighting: None,
             averaged_odom_from_base: Pose2::identity(),
             frame: 0,
+            awaited_us: None,
             next_job: BackEndJob::default(),
             hearsay: Hearsay::default(),
             frames: 0,
@@ -213,16 +220,36 @@ impl Slam {
 
     /// Takes in one frame.
     pub fn update(&mut self, frame: &SensorFrame) -> SlamUpdate {
-        let outcome = self.back_end.take_due(self.frame);
+        let outcome = self.take_from_back_end(frame.time_us);
         let is_corrected = outcome.is_some_and(|outcome| self.take_result(outcome, &frame.odom_from_base));
         let update = self.track(frame);
+        self.submit_to_back_end(frame.time_us);
+        self.frame += 1;
+        SlamUpdate { is_corrected, ..update }
+    }
+
+    /// Gives the back end what is new, if that is worth a job and the back end has none.
+    fn submit_to_back_end(&mut self, now_us: u64) {
         let job = &self.next_job;
         let is_worth_it = !job.keyframes.is_empty() || !job.told.is_empty() || job.lost.is_some();
         if is_worth_it && self.back_end.is_idle() {
             self.back_end.submit(std::mem::take(&mut self.next_job), self.frame + BACK_END_DELAY_FRAMES);
         }
-        self.frame += 1;
-        SlamUpdate { is_corrected, ..update }
+        if self.tracking != Tracking::Lost {
+            self.awaited_us = None;
+        } else if self.back_end.is_pending() && self.awaited_us.is_none() {
+            self.awaited_us = Some(now_us.saturating_add(LOST_DELAY_US));
+        }
+    }
+
+    /// The result of the back end's job, if it is due at this time of the robot.
+    fn take_from_back_end(&mut self, now_us: u64) -> Option<BackEndResult> {
+        let is_awaited = self.awaited_us.is_some_and(|until_us| now_us >= until_us);
+        let outcome = self.back_end.take_due(if is_awaited { u64::MAX } else { self.frame });
+        if outcome.is_some() {
+            self.awaited_us = None;
+        }
+        outcome
     }
 
     /// After the last frame: the graph is closed and optimised as well as it can be.

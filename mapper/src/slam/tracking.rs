@@ -11,6 +11,7 @@ use fht_perception::frame::LaserScan;
 use fht_perception::grid::{Cell, CellState};
 use fht_perception::matching::{Prior, ScanMatch, SearchWindow, alignments, refine_with_prior};
 use fht_perception::pose::{Point2, Pose2};
+use fht_perception::shared_view::Verdict;
 use std::sync::Arc;
 
 /// A beam that ends this far behind a wall of the grid has gone through it, metres.
@@ -78,7 +79,11 @@ impl Slam {
         let was_contradicted = std::mem::take(&mut self.is_contradicted);
         // A match that explains little may be of another place.
         let is_good = score.is_some_and(|score| score >= self.config.good_score);
-        let word = if is_good { WheelsWord::Confirmed } else { self.hear_witnesses(scan, &latest.odom_from_base) };
+        let (word, step) = if is_good {
+            (WheelsWord::Confirmed, Verdict::Agree)
+        } else {
+            self.hear_witnesses(scan, &latest.odom_from_base)
+        };
         self.remember(scan, &latest.odom_from_base, word);
         if score.is_some() {
             return self.believe(Tracking::Matched);
@@ -104,7 +109,10 @@ impl Slam {
         if is_lost && self.contradicted_m >= self.config.lost_after_m && !self.has_given_up() {
             self.tracking = Tracking::Lost;
             self.was_lost = true;
-            self.next_job.lost = Some(Lost { points: points.to_vec(), odom_from_base: latest.odom_from_base });
+            // One of two scans that contradict each other was taken in a bush or in a crowd: it
+            // shows no place.
+            let asked = Lost { points: points.to_vec(), odom_from_base: latest.odom_from_base };
+            self.next_job.lost = Some(asked).filter(|_| step != Verdict::Contradict);
         } else {
             self.tracking = Tracking::Wheels;
         }

@@ -13,8 +13,9 @@ use nalgebra::Vector3;
 use std::sync::Arc;
 
 impl Slam {
-    /// Holds the newest scan against what was seen before, where the wheels say.
-    pub(super) fn hear_witnesses(&mut self, scan: &LaserScan, odom_from_base: &Pose2) -> WheelsWord {
+    /// Holds the newest scan against what was seen before, where the wheels say; and what the scan
+    /// before alone says of it.
+    pub(super) fn hear_witnesses(&self, scan: &LaserScan, odom_from_base: &Pose2) -> (WheelsWord, Verdict) {
         let config = &self.config.view;
         let verdict = |witness: &Witness| {
             let moved = self.calibration.correct(&(witness.odom_from_base.inverse() * odom_from_base));
@@ -23,13 +24,14 @@ impl Slam {
         let step = self.witnesses.newest.as_ref().map_or(Verdict::Open, verdict);
         let is_broken = self.witnesses.is_broken || step == Verdict::Contradict;
         let agrees = |witness: &Witness| verdict(witness) == Verdict::Agree;
-        if (!is_broken && step == Verdict::Agree) || self.witnesses.believed.iter().rev().any(agrees) {
+        let word = if (!is_broken && step == Verdict::Agree) || self.witnesses.believed.iter().rev().any(agrees) {
             WheelsWord::Confirmed
         } else if is_broken {
             WheelsWord::Refuted
         } else {
             WheelsWord::Open
-        }
+        };
+        (word, step)
     }
 
     /// Whether the wheels and the scan before leave room for a match: it is where the wheels' word
