@@ -86,7 +86,7 @@ impl OperatorJournal {
 
     /// What is left of folded increments has taken their place.
     pub fn take_fold(journal: &mut Arc<Self>, series: &CompactedSeries) {
-        // One author's folded increments are several series where a release that is kept lies between.
+        // An author's folded increments are several series if a kept release lies between them.
         let numbers = series.first..=series.last;
         let is_in = |at: &JournalCursor| at.author == series.author && numbers.contains(&at.number);
         if journal.changes.keys().any(is_in) {

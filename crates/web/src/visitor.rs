@@ -35,8 +35,8 @@ impl Visitor {
         }
     }
 
-    /// Its role, if it is known. Who changes maps from this machine is an operator while the list of
-    /// roles says so.
+    /// Its role, if it is known. Who changes maps from this machine is an operator while the list
+    /// of roles says so.
     pub(crate) fn role(&self, rights: Rights) -> Option<MemberRole> {
         match self {
             Self::Local(name) => name.as_ref().filter(|_| rights == Rights::Change).map(|_| MemberRole::Operator),

@@ -1,5 +1,5 @@
-//! What is taken though a limit is reached: operators must be able to close and to take away what is
-//! on a full map.
+//! What is taken though a limit is reached: operators must be able to close and to take away what
+//! is on a full map.
 
 use crate::ingest::admission::Admission;
 use crate::ingest::check::Checked;

@@ -84,7 +84,7 @@ pub(super) fn preview(
     let planning = &view.running;
     let rules = sources.active_rules.rules(view, now_us);
     let space = planning.free_space(&rules, &Footprint::default());
-    // What robots run may be a release, and another one then; what operators write holds on it, too.
+    // What robots run may be a release, and another one then; operators' rules hold on it, too.
     let changed_rules = Rules::of(&state, rules.blocked.clone());
     let run = view.would_run(&Arc::new(state), sources.log.as_ref()).map_err(internal)?;
     let changed = run.state();

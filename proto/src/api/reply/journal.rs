@@ -48,7 +48,7 @@ pub struct JournalEntry {
     pub name: Option<String>,
     /// The increment's place in the author's sequence, from 1.
     pub number: u64,
-    /// Whether the increment is folded: then only that is told which the newest state or a release needs.
+    /// Whether it is folded: then only what the newest state or a release needs is told.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub folded: bool,
     /// What it did, a sentence each; of very many things the first.
