@@ -366,7 +366,9 @@ fn a_goal_that_was_put_and_refused_is_told_to_who_asks_and_a_robot_started_anew_
         Role::MapServer,
         &["send", "museum", "tug", "far", "--id", "c", "--wait-arrived", "--connect", &site.endpoint],
     );
-    site.until("it is sent", Some(GoalTopic::Status), "id=c", |status| !status.state.is_final());
+    site.until("it drives", Some(GoalTopic::Status), "id=c", |status| status.state == GoalState::Driving);
+    // Its word that it drives is on its way to the sender.
+    std::thread::sleep(Duration::from_secs(2));
     site.robot.kill().unwrap();
     site.robot = Process::start(Path::new(PROGRAMS), Role::ClientRobot, serve(&site.endpoint, "20")).unwrap();
     match waiting.finish(PATIENCE) {

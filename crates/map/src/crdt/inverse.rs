@@ -166,7 +166,7 @@ fn writes_of_others<'a>(map: &'a Series, kept: &[&'a Increment], mine: &Writes<'
 
 fn folded_and_kept<'a>(map: &'a Series, kept: &[&'a Increment]) -> impl Iterator<Item = (Stamp, &'a Op)> {
     let of_folds = map.folds.iter().flat_map(CompactedSeries::stamped).map(|(stamp, _, op)| (stamp, op));
-    of_folds.chain(kept.to_vec().into_iter().flat_map(Increment::stamped))
+    of_folds.chain(kept.iter().copied().flat_map(Increment::stamped))
 }
 
 /// The map without what is taken back, and without what is moot.
