@@ -61,7 +61,7 @@ pub(super) enum Displacement {
 
 /// Whether an error of a [`MarkedFile`] says that the file is not the one under its name.
 pub(super) fn is_displacement(error: &io::Error) -> bool {
-    error.get_ref().is_some_and(|inner| inner.is::<Displacement>())
+    matches!(error.get_ref(), Some(inner) if inner.is::<Displacement>())
 }
 
 /// A file as it was left.
