@@ -5,9 +5,10 @@
 use crate::pilot::{DriveGoal, Failure, Pilot, PilotConfig, PilotStep, Task, TaskOutcome};
 use fht_client::{FreeSpaceCache, LiveReplica, PathSource};
 use fht_localization::LiveLandmarks;
-use fht_map::{MapState, NodeRef, Rules};
+use fht_map::plan::node_route::check_goal;
+use fht_map::{MapState, NodeRef, NodeRouteConfig, PlanError, Rules};
 use fht_perception::frame::{Panorama, SensorFrame};
-use fht_perception::pose::{Point2, Pose2, from_fixed};
+use fht_perception::pose::{Point2, Pose2, fixed_point, from_fixed};
 use fht_perception::robot::{Robot, RobotError, SilenceConfig, Supervised};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, known_names};
 use fht_proto::{Descriptor, Footprint, Label, NodeId};
@@ -414,6 +415,15 @@ pub(crate) fn place_of(goal: &MissionGoal, map: &dyn MapSource) -> Result<DriveG
         }
         MissionGoal::None | MissionGoal::FarNode(_) => Err(unknown(ErrorCode::UnknownPlace, "place for no goal")),
     }
+}
+
+/// Refuses a goal that no path could end at, unless the robot may drive to the nearest point.
+pub(crate) fn check_on_map(goal: &DriveGoal, map: &dyn MapSource) -> Result<(), ErrorReply> {
+    let mut checked = Ok(());
+    if !goal.to_nearest {
+        map.view(&mut |map| checked = check_goal(map, fixed_point(goal.position), &NodeRouteConfig::default()));
+    }
+    Ok(checked.map_err(PlanError::Route)?)
 }
 
 /// A node drawn from the farthest third of those that a robot of this footprint can reach from

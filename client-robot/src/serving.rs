@@ -3,12 +3,11 @@
 
 use crate::goals::{GoalPath, GoalQueue};
 use crate::mission::{
-    Director, MapSource, MissionConfig, MissionError, MissionGoal, MissionObserver, Services, direct, place_of,
+    Director, MapSource, MissionConfig, MissionError, MissionGoal, MissionObserver, Services, check_on_map, direct,
+    place_of,
 };
 use crate::pilot::{DriveGoal, Failure, Pilot, PilotStep, Task, TaskOutcome};
-use fht_map::plan::node_route::check_goal;
-use fht_map::{NodeRouteConfig, PlanError};
-use fht_perception::pose::{Point2, fixed_point, pose};
+use fht_perception::pose::{Point2, pose};
 use fht_perception::robot::{Robot, Supervised};
 use fht_proto::api::goal::GoalOrder;
 use fht_proto::api::reply::{ErrorReply, PlaceRef};
@@ -132,10 +131,6 @@ pub fn locate(order: &GoalOrder, map: &dyn MapSource) -> Result<DriveGoal, Error
         PlaceRef::Named(name) => MissionGoal::Named(name.clone()),
     };
     let goal = DriveGoal { to_nearest: order.to_nearest, ..place_of(&goal, map)? };
-    if !goal.to_nearest {
-        let mut checked = Ok(());
-        map.view(&mut |map| checked = check_goal(map, fixed_point(goal.position), &NodeRouteConfig::default()));
-        checked.map_err(PlanError::Route)?;
-    }
+    check_on_map(&goal, map)?;
     Ok(goal)
 }

@@ -187,6 +187,8 @@ impl Explorer {
     /// What the others are about.
     pub fn set_team(&mut self, team: Team) {
         self.has_lost_mate |= self.team.mates.iter().any(|mate| !mate.is_finished && !team.is_at_work(mate.author));
+        // What one that died had seen and did not write is to be seen again.
+        self.has_lost_mate |= self.team.seen.iter().any(|seen| !team.has_word_of(seen.author()));
         self.team = team;
     }
 
@@ -412,10 +414,10 @@ impl Explorer {
         }
     }
 
-    /// Whether a robot that has nothing left waits for the others: as long as one of them has a
-    /// goal, and a little longer, because between two goals it has none.
+    /// Whether a robot that has nothing left waits for the others: as long as one of them is busy,
+    /// and a little longer, because between two goals it has none.
     fn has_to_wait(&mut self, time_us: u64) -> bool {
-        if self.team.has_goals() {
+        if self.team.is_busy() {
             self.quiet_since_us = Some(time_us);
         }
         let quiet_since_us = *self.quiet_since_us.get_or_insert(time_us);

@@ -370,6 +370,7 @@ impl<'a> Run<'a> {
         robot: R,
         mut observer: O,
     ) -> Result<MappingOutcome<R, O>, RunError> {
+        peers.as_ref().into_iter().for_each(|peers| peers.begin_finish(&self.mapper));
         let is_whole = self.frames == 0 || self.finish_map();
         let written = self.hand_over();
         self.handover.finish().await;

@@ -241,7 +241,7 @@ fn what_the_server_says_is_as_the_schemas_have_it() {
     site.say(RobotTopic::Pose, &pose_of_robot());
     site.say(
         RobotTopic::Goal,
-        &ExplorerGoal { at: [0.0, 1.0], target: Some([4.0, 0.5]), remaining_m: 4.3, finished: false },
+        &ExplorerGoal { at: [0.0, 1.0], target: Some([4.0, 0.5]), remaining_m: 4.3, finished: false, finishing: false },
     );
     let goal = GoalStatus {
         state: GoalState::Failed,

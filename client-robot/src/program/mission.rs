@@ -11,8 +11,10 @@ use super::recording::Recording;
 use super::report::{MissionReport, print_report, tell};
 use super::scoring::MissionScore;
 use super::settings::{ClientFile, ClientSection};
-use crate::mission::{MapSource, MissionConfig, MissionError, MissionGoal, MissionObserver, Services, run};
-use crate::pilot::{Pilot, PilotStep};
+use crate::mission::{
+    MapSource, MissionConfig, MissionError, MissionGoal, MissionObserver, Services, check_on_map, place_of, run,
+};
+use crate::pilot::{DriveGoal, Pilot, PilotStep};
 use fht_client::{LiveReplica, ServerPaths};
 use fht_descriptor::{DescriptorError, DescriptorNet, Fetching};
 use fht_perception::frame::{Panorama, SensorFrame};
@@ -51,7 +53,7 @@ pub(super) fn mission(
 
     let OnMap { session, presence, alive: _alive, replica } = OnMap::join(&file, Some(&net), waiting, stop)?;
     let goal = &called_random(goal, &replica);
-    require(goal, &map, &replica, waiting)?;
+    require(goal, file.client.to_nearest, &map, &replica, waiting)?;
     let mut paths =
         ServerPaths::new(&session, map.clone(), &name, &replica, &file.client.paths).map_err(CliError::Thread)?;
     let mut describe = describing(&mut net);
@@ -154,27 +156,36 @@ pub(super) fn called_random(goal: &MissionGoal, replica: &LiveReplica) -> Missio
     name.map_or_else(|| goal.clone(), MissionGoal::Named)
 }
 
-/// Before the robot drives: that the map has the goal.
+/// Before the robot drives: that the map has the goal, and that a point is on it unless the robot
+/// may go `to_nearest`.
 pub(super) fn require(
     goal: &MissionGoal,
+    to_nearest: bool,
     map: &MapName,
     replica: &LiveReplica,
     waiting: &Waiting,
 ) -> Result<(), CliError> {
     let mut content = waiting.for_content();
     loop {
-        let (is_there, what) = match goal {
-            MissionGoal::Named(name) => (MapSource::place(replica, name).is_some(), format!("place called {name}")),
-            MissionGoal::Node(id) => (replica.running().node(*id).is_some(), format!("node {id}")),
-            MissionGoal::None | MissionGoal::Point(_) | MissionGoal::Pose(_) | MissionGoal::FarNode(_) => return Ok(()),
+        let unknown =
+            |what: String| CliError::UnknownGoal { map: map.clone(), what, known: known_names(replica.places()) };
+        let refusal = match goal {
+            MissionGoal::Named(name) if MapSource::place(replica, name).is_none() => {
+                unknown(format!("place called {name}"))
+            }
+            MissionGoal::Node(id) if replica.running().node(*id).is_none() => unknown(format!("node {id}")),
+            MissionGoal::Point(_) | MissionGoal::Pose(_) => {
+                let place =
+                    place_of(goal, replica).and_then(|place| check_on_map(&DriveGoal { to_nearest, ..place }, replica));
+                match place {
+                    Ok(()) => return Ok(()),
+                    Err(refused) => CliError::Refused(refused),
+                }
+            }
+            MissionGoal::Named(_) | MissionGoal::Node(_) | MissionGoal::None | MissionGoal::FarNode(_) => return Ok(()),
         };
-        if is_there {
-            return Ok(());
-        }
-        let known = known_names(replica.places());
-        let unknown = CliError::UnknownGoal { map: map.clone(), what, known };
-        if !content.goes_on(&unknown) {
-            return Err(unknown);
+        if !content.goes_on(&refusal) {
+            return Err(refusal);
         }
         std::thread::sleep(ASK_AGAIN);
     }

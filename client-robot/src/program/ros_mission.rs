@@ -55,7 +55,7 @@ pub(super) fn ros_mission(
     let mut net = file.robot.cameras.then(|| descriptor_net(&mut file)).transpose()?;
     let OnMap { session, presence, alive: _alive, replica } = OnMap::join(&file, net.as_ref(), waiting, stop)?;
     let goal = &called_random(goal, &replica);
-    require(goal, &map, &replica, waiting)?;
+    require(goal, file.client.to_nearest, &map, &replica, waiting)?;
     let mut paths =
         ServerPaths::new(&session, map.clone(), &name, &replica, &file.client.paths).map_err(CliError::Thread)?;
     let display = Display::new(args, &name);

@@ -22,7 +22,7 @@ pub struct MapView {
     /// Finds things in the newest state, if it is large.
     pub(super) index: Arc<HeadIndex>,
     /// An enabled release whose increments are all here but do not add up to it: they were
-    /// compacted before it arrived.
+    /// compacted before it arrived, or its digest is wrong.
     broken: Option<ReleaseId>,
 }
 
@@ -95,6 +95,9 @@ impl MapView {
         } else {
             None
         };
+        if is_here && read.is_none() && !is_broken {
+            tracing::warn!(map = %head.map, release = %id, "the release that is enabled does not add up to its digest: it is not used");
+        }
         let broken = (is_here && read.is_none()).then(|| id.clone());
         // Until all of a release is here, robots go on with what they ran, and so does the server.
         let ran = before.map(|view| &view.running).filter(|running| running.release().is_some());

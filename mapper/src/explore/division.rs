@@ -49,6 +49,8 @@ pub struct Teammate {
     pub remaining_m: f64,
     /// Whether it has nothing left to see.
     pub is_finished: bool,
+    /// Whether it drives no more and is writing the last of its map.
+    pub is_finishing: bool,
 }
 
 impl Teammate {
@@ -62,6 +64,7 @@ impl Teammate {
             target: goal.target.map(point),
             remaining_m: goal.remaining_m,
             is_finished: goal.finished,
+            is_finishing: goal.finishing,
         }
     }
 }
@@ -146,14 +149,19 @@ impl Team {
         self.seen.iter().any(|seen| seen.author() == author && seen.square_at(place) != Square::Unseen)
     }
 
+    /// Whether something counts that a robot says of what it has seen.
+    pub(super) fn has_word_of(&self, author: AuthorId) -> bool {
+        self.seen.iter().any(|seen| seen.author() == author)
+    }
+
     /// Whether an explorer is there that has not finished.
     pub(super) fn is_at_work(&self, author: AuthorId) -> bool {
         self.mates.iter().any(|mate| mate.author == author && !mate.is_finished)
     }
 
-    /// Whether some other explorer is on its way to something.
-    pub(super) fn has_goals(&self) -> bool {
-        self.mates.iter().any(|mate| !mate.is_finished && mate.target.is_some())
+    /// Whether some other explorer is on its way to something, or writes the last of its map.
+    pub(super) fn is_busy(&self) -> bool {
+        self.mates.iter().any(|mate| !mate.is_finished && (mate.target.is_some() || mate.is_finishing))
     }
 
     /// Whether some other explorer has not finished.
@@ -170,7 +178,14 @@ mod tests {
     fn mate(author: u32, at: f64, target: Option<f64>, remaining_m: f64) -> Teammate {
         let place = |x: f64| Point2::new(x, 0.0);
         let target = target.map(place);
-        Teammate { author: AuthorId(author), at: place(at), target, remaining_m, is_finished: false }
+        Teammate {
+            author: AuthorId(author),
+            at: place(at),
+            target,
+            remaining_m,
+            is_finished: false,
+            is_finishing: false,
+        }
     }
 
     fn prospect(x: f64, distance_m: f64) -> Prospect {

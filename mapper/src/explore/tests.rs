@@ -121,6 +121,7 @@ fn who_waits_for_another_one_takes_over_when_that_one_is_gone() {
         target,
         remaining_m: 0.0,
         is_finished: false,
+        is_finishing: false,
     };
     let config = ExploreConfig { team: DivisionConfig { claim_m: 10.0, ..DivisionConfig::default() }, ..config };
     let mut explorer = Explorer::new(config);
@@ -132,6 +133,46 @@ fn who_waits_for_another_one_takes_over_when_that_one_is_gone() {
     explorer.set_team(Team::default());
     assert!(matches!(step(&mut explorer, &grid, &here, &scan, 20_000_000), ExploreStep::Drive(_)));
     assert_eq!(explorer.goal(), target);
+}
+
+#[test]
+fn who_has_nothing_left_waits_for_one_that_writes_its_map_and_goes_on_if_that_one_dies() {
+    let (grid, scan) = half_seen_room();
+    let config = ExploreConfig { first_look_s: 0.0, ..ExploreConfig::default() };
+    let here = pose(-1.0, 0.0, 0.0);
+    let quiet_s = config.team.quiet_s as u64;
+    // The other one has seen all, and has not written it yet.
+    let bounds = CellBounds { min: Cell { i: -100, j: -100 }, max: Cell { i: 100, j: 100 } };
+    let squares = bounds.width() * bounds.height();
+    let area = SeenArea {
+        author: AuthorId(2),
+        upto: 1,
+        square_mm: 50,
+        west: bounds.min.i,
+        south: bounds.min.j,
+        width: bounds.width() as u16,
+        runs: SeenArea::runs_of((0..squares).map(|_| Square::Free)),
+    };
+    let seen = vec![Arc::new(SeenSquares::new(&area, grid.resolution_m()).expect("cells are its squares"))];
+    let at = here.translation.vector.into();
+    let mate =
+        Teammate { author: AuthorId(2), at, target: None, remaining_m: 0.0, is_finished: false, is_finishing: true };
+    let mut explorer = Explorer::new(config);
+    explorer.set_team(Team { mates: vec![mate.clone()], told: Arc::default(), seen: seen.clone() });
+    for second in 0..2 * quiet_s {
+        let done = step(&mut explorer, &grid, &here, &scan, second * 1_000_000);
+        assert_eq!(done, ExploreStep::Drive(Twist::default()), "after {second} s");
+    }
+    let mut heir = explorer.clone();
+    // It has written all: nothing is left.
+    let mate = Teammate { is_finished: true, is_finishing: false, ..mate };
+    explorer.set_team(Team { mates: vec![mate], told: Arc::default(), seen });
+    step(&mut explorer, &grid, &here, &scan, 3 * quiet_s * 1_000_000);
+    assert!(explorer.has_ended() && explorer.is_complete());
+    // It dies: its word counts no more.
+    heir.set_team(Team::default());
+    step(&mut heir, &grid, &here, &scan, 3 * quiet_s * 1_000_000);
+    assert!(heir.goal().is_some());
 }
 
 #[test]
@@ -174,6 +215,7 @@ fn where_others_left_off_is_reached_through_what_they_have_seen() {
         target: Some(Point2::new(-30.0, 0.0)),
         remaining_m: 30.0,
         is_finished: false,
+        is_finishing: false,
     };
     let seen = vec![Arc::new(SeenSquares::new(&area, grid.resolution_m()).expect("cells are its squares"))];
     explorer.set_team(Team { mates: vec![mate], told: Arc::default(), seen });

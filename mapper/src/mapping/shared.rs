@@ -105,6 +105,7 @@ impl Mapper {
             target: self.explorer.goal().map(|target| [target.x, target.y]),
             remaining_m: self.explorer.remaining_m(),
             finished: self.explorer.is_complete(),
+            finishing: false,
         })
     }
 

@@ -84,6 +84,18 @@ struct Fellow {
     seen: Option<SeenArea>,
 }
 
+impl Fellow {
+    /// Whether it has nothing left to see, and all that it has written of that is here.
+    fn has_finished(&self) -> bool {
+        self.goal.as_ref().is_some_and(|goal| goal.finished) && !self.is_awaited()
+    }
+
+    /// Whether increments of what it says to have seen are still on their way.
+    fn is_awaited(&self) -> bool {
+        self.offered.as_ref().is_some_and(|area| area.upto > 0)
+    }
+}
+
 /// What all have said, by name.
 #[derive(Default)]
 struct Heard {
@@ -145,12 +157,15 @@ impl Heard {
     /// Those who are there, and those who have said that they have nothing left to see.
     fn mates(&self) -> Vec<Teammate> {
         let told = self.fellows.iter().filter_map(|(robot, fellow)| Some((robot, fellow, fellow.goal.as_ref()?)));
-        told.filter(|(_, fellow, goal)| fellow.is_there || goal.finished)
+        told.filter(|(_, fellow, _)| fellow.is_there || fellow.has_finished())
             .map(|(robot, fellow, goal)| {
                 // One that is lost, or hangs, goes nowhere.
                 let is_old = fellow.said.is_none_or(|said| said.elapsed() > GOAL_LASTS);
                 let target = goal.target.filter(|_| !is_old);
-                Teammate::new(AuthorId::of_robot(robot), &ExplorerGoal { target, ..goal.clone() })
+                let finished = fellow.has_finished();
+                let finishing = !is_old && !finished && (goal.finishing || goal.finished);
+                let goal = ExplorerGoal { target, finished, finishing, ..goal.clone() };
+                Teammate::new(AuthorId::of_robot(robot), &goal)
             })
             .collect()
     }
@@ -279,11 +294,16 @@ impl Peers {
         }
     }
 
-    /// After the last frame: the others learn that this robot has nothing left to see.
+    /// After the last frame, before the map is finished: the others wait for the last of it.
+    pub fn begin_finish(&self, mapper: &Mapper) {
+        self.tell_goal(mapper.goal().map(|goal| ExplorerGoal { finished: false, finishing: true, ..goal }));
+    }
+
+    /// After the last of the map: the others learn that this robot has nothing left to see.
     pub fn finish(&mut self, mapper: &Mapper) {
         self.tell_seen(mapper);
         self.presence.publish_last(&mapper.whereabouts(), self.vector(mapper), None);
-        self.tell_goal(mapper);
+        self.tell_goal(mapper.goal());
     }
 
     /// The increments of the mapper's map: what of it was taken from others, and all that this
@@ -318,9 +338,7 @@ impl Peers {
             }
         }
         // One that died may have seen what it made no nodes of.
-        let counts = |fellow: &Fellow| {
-            fellow.seen.is_some() && (fellow.is_there || fellow.goal.as_ref().is_some_and(|goal| goal.finished))
-        };
+        let counts = |fellow: &Fellow| fellow.seen.is_some() && (fellow.is_there || fellow.has_finished());
         let believed: BTreeSet<String> =
             heard.fellows.iter().filter(|(_, fellow)| counts(fellow)).map(|(robot, _)| robot.clone()).collect();
         is_news |= believed != self.believed;
@@ -334,11 +352,11 @@ impl Peers {
 
     fn publish_whereabouts(&self, mapper: &Mapper) {
         self.presence.publish(&mapper.whereabouts(), self.vector(mapper), None);
-        self.tell_goal(mapper);
+        self.tell_goal(mapper.goal());
     }
 
-    fn tell_goal(&self, mapper: &Mapper) {
-        if let Some(goal) = mapper.goal() {
+    fn tell_goal(&self, goal: Option<ExplorerGoal>) {
+        if let Some(goal) = goal {
             self.presence.put_json(RobotTopic::Goal, &goal);
         }
     }

@@ -177,9 +177,12 @@ pub struct ExplorerGoal {
     pub target: Option<[f64; 2]>,
     /// How far that is along its path, metres.
     pub remaining_m: f64,
-    /// Whether it has nothing left to explore.
+    /// Whether it has nothing left to explore, and has written all of its map.
     #[serde(default)]
     pub finished: bool,
+    /// Whether it drives no more and is writing the last of its map.
+    #[serde(default)]
+    pub finishing: bool,
 }
 
 impl Validate for ExplorerGoal {

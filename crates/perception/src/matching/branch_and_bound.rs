@@ -6,9 +6,11 @@
 //! by then fits less well than what was. The first windows of one heading are bounded all at once:
 //! each point adds a shifted picture to theirs.
 
+mod islands;
 mod windows;
 
 use crate::pose::{Point2, Pose2, wrap_angle};
+use islands::{Ground, Island, Layout, lay_out};
 use serde::{Deserialize, Serialize};
 
 /// How a building is searched.
@@ -90,7 +92,8 @@ pub struct PoseCandidate {
 #[derive(Clone, Debug)]
 pub struct WallPyramid {
     config: BranchAndBoundConfig,
-    min: Point2,
+    /// What is shown where, by column.
+    islands: Vec<Island>,
     width: usize,
     height: usize,
     /// By level: how well a point fits at best in the window of 2^level cells that begins here, 0
@@ -108,38 +111,45 @@ const MOST_CELLS: f64 = 64e6;
 
 impl WallPyramid {
     /// Draws `walls` (points on them) and `places` where a robot can stand, no farther apart than a
-    /// cell. `None` without either, or when they are too far apart for a building.
+    /// cell. `None` without either. Parts of a building that are far apart lie side by side in the
+    /// picture; of more than it holds, those with the fewest walls are left out.
     #[must_use]
     pub fn new(walls: &[Point2], places: &[Point2], config: &BranchAndBoundConfig) -> Option<Self> {
         let resolution = config.resolution_m;
-        let first = walls.first()?;
-        let all = walls.iter().chain(places);
-        let (low, high) = all.fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
         // All points of a scan taken anywhere inside fall into the picture.
         let side = 1_usize << config.levels;
         let margin = config.reach_m + config.blur_m + resolution * (2 * side) as f64;
-        let size = (high - low).map(|metres| (metres + 2.0 * margin) / resolution);
-        if places.is_empty() || !(size.x * size.y).is_finite() || size.x * size.y > MOST_CELLS {
+        let lay_out = |parts: &[Ground]| lay_out(parts, resolution, margin, side, MOST_CELLS);
+        if walls.is_empty() || places.is_empty() {
             return None;
         }
-        let whole = |cells: f64| (cells.ceil() as usize + 1).next_multiple_of(side);
-        let (width, height) = (whole(size.x), whole(size.y));
-        let min = Point2::new(low.x - margin, low.y - margin);
+        let mut parts = vec![Ground { walls: walls.to_vec(), places: places.to_vec() }];
+        let mut layout = lay_out(&parts);
+        if layout.islands.contains(&None) {
+            parts = islands::parts(walls, places, 2.0 * margin);
+            layout = lay_out(&parts);
+        }
+        let Layout { width, height, islands } = layout;
         let mut pyramid = Self {
             config: config.clone(),
-            min,
+            islands: islands.iter().flatten().copied().collect(),
             width,
             height,
             fits: Vec::new(),
             standable: Vec::new(),
             phases: Vec::new(),
         };
-        let mut fits = vec![0_u8; width * height];
-        walls.iter().for_each(|wall| pyramid.draw(wall, &mut fits));
-        let mut standable = vec![0_u8; width * height];
-        for place in places {
-            let (i, j) = pyramid.cell_of(place);
-            standable[j * width + i] = 1;
+        if pyramid.islands.is_empty() {
+            return None;
+        }
+        let (mut fits, mut standable) = (vec![0_u8; width * height], vec![0_u8; width * height]);
+        for (part, island) in parts.iter().zip(&islands) {
+            let Some(island) = island else { continue };
+            part.walls.iter().for_each(|wall| pyramid.draw(island, wall, &mut fits));
+            for place in &part.places {
+                let (i, j) = island.cell_of(place);
+                standable[j * width + i] = 1;
+            }
         }
         pyramid.fits = pyramid.widened(fits);
         pyramid.standable = pyramid.widened(standable);
@@ -158,18 +168,13 @@ impl WallPyramid {
         (0..side * side).map(phase).collect()
     }
 
-    fn cell_of(&self, point: &Point2) -> (usize, usize) {
-        let cell = (point - self.min) / self.config.resolution_m;
-        (cell.x as usize, cell.y as usize)
-    }
-
-    fn draw(&self, wall: &Point2, fits: &mut [u8]) {
+    fn draw(&self, island: &Island, wall: &Point2, fits: &mut [u8]) {
         let (resolution, blur) = (self.config.resolution_m, self.config.blur_m);
-        let (i, j) = self.cell_of(wall);
+        let (i, j) = island.cell_of(wall);
         let reach = (blur / resolution).ceil() as usize;
         for y in j.saturating_sub(reach)..=(j + reach).min(self.height - 1) {
             for x in i.saturating_sub(reach)..=(i + reach).min(self.width - 1) {
-                let centre = self.min + nalgebra::Vector2::new(x as f64 + 0.5, y as f64 + 0.5) * resolution;
+                let centre = island.point_at(x as f64 + 0.5, y as f64 + 0.5);
                 let fit = (255.0 * (1.0 - (centre - wall).norm() / blur).max(0.0)) as u8;
                 let cell = &mut fits[y * self.width + x];
                 *cell = (*cell).max(fit);

@@ -124,7 +124,7 @@ pub enum OperatorError {
     /// An import has ended before the end of the file.
     #[error(
         "{reason}; part of map {map} is there (version {version} of {of}): when the reason is gone, the import goes on \
-         from there; `map-server delete {map}` takes it away"
+         from there, or `map-server delete {map}` takes it away"
     )]
     PartlyImported {
         /// The map.

@@ -191,11 +191,12 @@ pub(super) async fn enable(
         None => None,
         Some(name) => {
             let view = find(&releases, name)?;
+            if !view.available {
+                let why = format!("the server does not have all of release {name}, or not with its digest");
+                return Err(OperatorError::Usage(why));
+            }
             if view.enabled {
                 return Ok(Changed::Nothing(releases));
-            }
-            if !view.available {
-                return Err(OperatorError::Usage(format!("the server does not have all of release {name}")));
             }
             Some(id_of(view)?)
         }

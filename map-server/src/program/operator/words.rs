@@ -73,7 +73,7 @@ pub(super) fn releases_in_words(reply: &ReleasesReply) -> String {
     }
     let line = |release: &ReleaseView| {
         let mark = if release.enabled { "ENABLED" } else { "" };
-        let lack = if release.available { "" } else { "not all of it is here" };
+        let lack = if release.available { "" } else { "not used: not all of it is here, or its digest is wrong" };
         let line = format!("{}@{}  version {:<6} {mark} {lack}", release.name, release.author, release.version);
         line.trim_end().to_owned()
     };

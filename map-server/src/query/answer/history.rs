@@ -152,7 +152,11 @@ pub(super) fn releases(view: &MapView, log: &dyn IncrementLog) -> Result<Answer,
             made_us: release.made_us,
             enabled: enabled.as_ref() == Some(release.id),
             available: view.head.vector.covers(&release.release.vector)
-                && (release.release.vector.covers(&floor.vector) || is_intact(view, log, release.release)),
+                && match enabled.as_ref() {
+                    // It was read when it was enabled.
+                    Some(id) if id == release.id => view.running.release() == Some(id),
+                    _ => release.release.vector.covers(&floor.vector) || is_intact(view, log, release.release),
+                },
         })
         .collect();
     releases.sort_by(|a, b| (a.made_us, &a.name, &a.author).cmp(&(b.made_us, &b.name, &b.author)));

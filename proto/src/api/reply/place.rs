@@ -54,7 +54,10 @@ fn read_point(text: &str, what: &str, or: &str) -> Result<FixedPoint, ErrorReply
     let refused = |why: String| ErrorReply::new(ErrorCode::BadRequest, &why);
     let number = |text: &str| text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
     let pair = text.split_once(',').and_then(|(x, y)| number(x).zip(number(y)));
-    let shown: String = text.chars().take(80).collect();
+    let shown: String = match text.trim() {
+        "" => "an empty text".to_owned(),
+        text => text.chars().take(80).collect(),
+    };
     let Some((x, y)) = pair else {
         return Err(refused(format!("{shown} is not a {what}: give x,y in metres, such as 1.5,-2{or}")));
     };
