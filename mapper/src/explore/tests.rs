@@ -141,9 +141,10 @@ fn who_has_nothing_left_waits_for_one_that_writes_its_map_and_goes_on_if_that_on
     let config = ExploreConfig { first_look_s: 0.0, ..ExploreConfig::default() };
     let here = pose(-1.0, 0.0, 0.0);
     let quiet_s = config.team.quiet_s as u64;
-    // The other one has seen all, and has not written it yet.
-    let bounds = CellBounds { min: Cell { i: -100, j: -100 }, max: Cell { i: 100, j: 100 } };
+    // The other one has seen all, up to walls all around, and has not written it yet.
+    let bounds = CellBounds { min: Cell { i: -100, j: -100 }, max: Cell { i: 101, j: 101 } };
     let squares = bounds.width() * bounds.height();
+    let square = |cell: Cell| if cell.i.abs().max(cell.j.abs()) == 100 { Square::Occupied } else { Square::Free };
     let area = SeenArea {
         author: AuthorId(2),
         upto: 1,
@@ -151,7 +152,7 @@ fn who_has_nothing_left_waits_for_one_that_writes_its_map_and_goes_on_if_that_on
         west: bounds.min.i,
         south: bounds.min.j,
         width: bounds.width() as u16,
-        runs: SeenArea::runs_of((0..squares).map(|_| Square::Free)),
+        runs: SeenArea::runs_of((0..squares).map(|index| square(bounds.cell(index)))),
     };
     let seen = vec![Arc::new(SeenSquares::new(&area, grid.resolution_m()).expect("cells are its squares"))];
     let at = here.translation.vector.into();
