@@ -10,6 +10,7 @@
 //! | `tracking` | whether the robot is where it thinks it is, and how a lost one is found again |
 //! | `wheels_word` | whether the wheels and the scans agree |
 //! | `witness` | what was seen a moment ago |
+//! | `heading_walk` | how far the wheels' heading is to be believed |
 //! | `keyframe` | the scans that join submaps and the graph |
 //! | `submap` | walls and free space that some keyframes saw |
 //! | `graph` | the keyframes and what was measured between them |
@@ -27,6 +28,7 @@ mod config;
 mod estimate;
 mod foreign_nodes;
 mod graph;
+mod heading_walk;
 mod joining;
 mod keyframe;
 mod submap;
@@ -50,6 +52,7 @@ use fht_perception::matching::Prior;
 use fht_perception::pose::{Point2, Pose2};
 use fht_worker::{BackgroundWorker, Pace};
 use foreign_nodes::Hearsay;
+use heading_walk::HeadingWalk;
 use nalgebra::Matrix3;
 use std::sync::Arc;
 use submap::Submap;
@@ -102,6 +105,7 @@ struct Latest {
 pub struct Slam {
     config: SlamConfig,
     calibration: OdometryCalibration,
+    heading_walk: HeadingWalk,
     active: Option<(Active, Latest)>,
     keyframes: Vec<Keyframe>,
     /// Poses of the keyframes in the map frame.
@@ -152,6 +156,7 @@ impl Slam {
         let mut back_end = BackEnd::new(config.grid.clone(), config.submap.clone(), config.closure.clone());
         Ok(Self {
             calibration: OdometryCalibration::new(config.odometry.clone()),
+            heading_walk: HeadingWalk::default(),
             active: None,
             keyframes: Vec::new(),
             poses: Vec::new(),
@@ -321,6 +326,10 @@ impl Slam {
         // Whoever doubts where it is must be convinced.
         let is_in_doubt = self.is_contradicted || self.was_lost;
         let matched = matched.filter(|found| !is_in_doubt || self.is_convincing(&active.older, &points, found));
+        let matched = self.hold_heading(&active.older, &points, matched, &prior, &motion);
+        let fitting = matched.as_ref().filter(|found| found.score >= self.config.good_score);
+        let by_scan = fitting.map(|found| latest.submap_from_base.inverse() * found.reference_from_moving);
+        self.heading_walk.learn(&motion, by_scan.as_ref());
         latest.submap_from_base = matched.as_ref().map_or(predicted, |found| found.reference_from_moving);
         latest.odom_from_base = frame.odom_from_base;
         let driven_m = motion.translation.vector.norm();

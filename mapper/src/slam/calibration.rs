@@ -103,6 +103,18 @@ impl OdometryCalibration {
         rotation * Matrix3::from_diagonal(&diagonal) * rotation.transpose()
     }
 
+    /// Variance of a corrected turn, rad².
+    #[must_use]
+    pub fn turn_variance(&self, turn_rad: f64) -> f64 {
+        turn_rad * turn_rad * (self.noise.turn_sigma_per_rad.powi(2) + self.turn.variance)
+    }
+
+    /// The variance of the heading's walk that is taken for granted, rad²/m.
+    #[must_use]
+    pub fn walk_variance_per_m(&self) -> f64 {
+        self.noise.heading_sigma_per_sqrt_m.powi(2)
+    }
+
     /// Learns from a stretch of which both the wheels' and the scans' word are known.
     /// `scan_information` is what the scans alone know of its end (map frame), `yaw` the heading
     /// there.

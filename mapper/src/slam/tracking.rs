@@ -60,7 +60,7 @@ impl Slam {
     }
 
     /// Whether nothing speaks against the robot being where the wheels say.
-    fn is_doubtless(&self) -> bool {
+    pub(super) fn is_doubtless(&self) -> bool {
         !(self.is_contradicted || self.was_lost || self.is_found_again)
     }
 
