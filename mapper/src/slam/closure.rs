@@ -4,10 +4,11 @@
 //! * Close at hand, where little has been driven since both places were joined: refinement from
 //!   where the graph says.
 //! * After a long way: a correlative search, as wide as the way was long.
+//! * After a very long way: a search in all submaps that may be near (`wide`).
 //! * Where the panorama looks like an earlier one: a search at all headings, whatever the graph
 //!   says.
 //!
-//! What the last two find is believed only when several keyframes say the same. What is believed
+//! What the last three find is believed only when several keyframes say the same. What is believed
 //! may still be wrong: the optimisation gives it a robust weight.
 //!
 //! A run that has joined a map is also matched to what the map's nodes saw (`anchors`).
@@ -17,6 +18,8 @@ mod config;
 mod look_alike;
 mod lost;
 mod matching;
+mod places;
+mod wide;
 
 pub use config::ClosureConfig;
 pub(super) use matching::with_floor;
@@ -116,6 +119,8 @@ pub struct LoopCloser {
     /// The keyframe of the newest sighting for which a look-alike was tried.
     tried_alike: Option<usize>,
     pending: Vec<Pending>,
+    /// The newest keyframe that stood out in a search of all submaps that may be near.
+    stood_out: Option<usize>,
     tension: f64,
     /// How far the anchors pulled at the graph after it was last optimised.
     relaxed: f64,
@@ -136,6 +141,7 @@ impl LoopCloser {
             sightings: Vec::new(),
             tried_alike: None,
             pending: Vec::new(),
+            stood_out: None,
             tension: 0.0,
             relaxed: 0.0,
             is_graduated: false,
@@ -154,6 +160,7 @@ impl LoopCloser {
         let index = graph.add(keyframe.links);
         self.points.push(keyframe.points);
         self.close(index, graph);
+        self.close_wide(index, graph);
         self.anchor(index, graph);
         self.submaps.extend(keyframe.finished);
     }

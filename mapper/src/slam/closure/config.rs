@@ -36,6 +36,12 @@ pub struct ClosureConfig {
     pub tries: usize,
     /// Keyframes between searches. Default 4.
     pub search_every: usize,
+    /// Keyframes between searches in all submaps that may be near, where the half width would be
+    /// greater than the greatest. Default 16.
+    pub wide_every: usize,
+    /// Growth of the half width of headings in that search, radians per square root of a metre: four
+    /// times what the wheels' heading is believed to walk. Default 0.035 (2°).
+    pub wide_rad_per_sqrt_m: f64,
     /// Least explained share of the points that a submap can judge. Default 0.8.
     pub min_agreement: f64,
     /// Least explained share of all points. Default 0.4.
@@ -91,6 +97,8 @@ impl Default for ClosureConfig {
             refine_m: 0.45,
             tries: 8,
             search_every: 4,
+            wide_every: 16,
+            wide_rad_per_sqrt_m: 0.035,
             min_agreement: 0.8,
             min_overlap: 0.4,
             agreeing: 3,
