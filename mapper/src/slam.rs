@@ -10,7 +10,8 @@
 //! | `tracking` | whether the robot is where it thinks it is, and how a lost one is found again |
 //! | `wheels_word` | whether the wheels and the scans agree |
 //! | `witness` | what was seen a moment ago |
-//! | `heading_walk` | how far the wheels' heading is to be believed |
+//! | `heading_walk` | how far the wheels' heading walks off |
+//! | `held_heading` | what of a scan's heading is believed beside wheels that are proven |
 //! | `keyframe` | the scans that join submaps and the graph |
 //! | `submap` | walls and free space that some keyframes saw |
 //! | `graph` | the keyframes and what was measured between them |
@@ -29,6 +30,7 @@ mod estimate;
 mod foreign_nodes;
 mod graph;
 mod heading_walk;
+mod held_heading;
 mod joining;
 mod keyframe;
 mod submap;

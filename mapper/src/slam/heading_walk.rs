@@ -1,15 +1,8 @@
-//! Wheels that have proven themselves hold the heading.
-//!
-//! On a straight stretch the heading of the wheels walks off that of the scans: a random walk whose
-//! variance grows with the distance. How far it walks is learnt. Some wheels do no better than is
-//! taken for granted, and then scans alone say where the robot heads. Others are *proven*: where a
-//! scan turns such a robot by more than they let it, as bushes do that fit in many ways, the wheels
-//! are right; and where it does not, both are heard.
+//! How far the wheels' heading walks off that of the scans, on straight stretches: a random walk
+//! whose variance grows with the distance. Some wheels do no better than is taken for granted;
+//! others do.
 
-use super::Slam;
-use super::submap::Submap;
-use fht_perception::matching::{Prior, ScanMatch, refine_with_prior};
-use fht_perception::pose::{Point2, Pose2, pose, wrap_angle};
+use fht_perception::pose::{Pose2, wrap_angle};
 use std::collections::VecDeque;
 
 /// Length of a stretch, metres: a submap grows for about as long, and its heading is one.
@@ -26,13 +19,6 @@ const MEDIAN_OF_SQUARE: f64 = 0.4549;
 /// Half the normal quantile of 95 %: so many times the root of their number, the rank of the
 /// number that is beyond the median with that certainty lies above the middle.
 const RANKS_ABOVE: f64 = 0.82;
-/// Wheels are proven when the variance of their walk is less than this share of what is taken for
-/// granted: those that are just as good are now and then learnt to be a little better.
-const PROVEN_SHARE: f64 = 0.5;
-/// Information of a heading that no scan moves, rad⁻².
-const HELD_INFORMATION: f64 = 1e12;
-/// A heading that is held by less than this is not worth another match, radians: 1 cm at 10 m.
-const LEAST_HELD_RAD: f64 = 0.001;
 
 /// What has been learnt of the wheels' heading, and how well they know it now.
 #[derive(Clone, Debug, Default)]
@@ -41,7 +27,7 @@ pub(super) struct HeadingWalk {
     /// Squared differences per metre, rad²/m, oldest first.
     learnt: VecDeque<f64>,
     /// Variance of the heading relative to the submap before the newest motion, rad².
-    variance: f64,
+    pub variance: f64,
 }
 
 /// The stretch that is being driven.
@@ -91,7 +77,7 @@ impl HeadingWalk {
     /// Between the wheels' heading, which has become less certain by `growth` (rad²), and that of a
     /// scan, off by `off_rad` with variance `scan`: what of that is to be believed, radians. Of a
     /// scan beyond `most_sigmas` nothing is.
-    fn weigh(&mut self, growth: f64, off_rad: f64, scan: f64, most_sigmas: f64) -> f64 {
+    pub fn weigh(&mut self, growth: f64, off_rad: f64, scan: f64, most_sigmas: f64) -> f64 {
         self.variance += growth;
         let both = self.variance + scan;
         if off_rad * off_rad > most_sigmas * most_sigmas * both {
@@ -103,57 +89,10 @@ impl HeadingWalk {
     }
 }
 
-impl Slam {
-    /// A match with the heading between what it says and what wheels that are proven say
-    /// (`prior`, after `motion`).
-    pub(super) fn hold_heading(
-        &mut self,
-        submap: &Submap,
-        points: &[Point2],
-        found: Option<ScanMatch>,
-        prior: &Prior,
-        motion: &Pose2,
-    ) -> Option<ScanMatch> {
-        let scan_variance = |found: &ScanMatch| found.covariance[(2, 2)] + self.config.closure.floor_rad.powi(2);
-        let scan = found.as_ref().map_or(0.0, scan_variance);
-        let granted = self.calibration.walk_variance_per_m();
-        let proven = self.heading_walk.variance_per_m().filter(|variance| *variance < PROVEN_SHARE * granted);
-        let Some(variance_per_m) = proven.filter(|_| self.is_doubtless()) else {
-            self.heading_walk.variance = scan;
-            return found;
-        };
-        let turn = self.calibration.turn_variance(motion.rotation.angle());
-        let growth = variance_per_m * motion.translation.vector.norm() + turn;
-        let Some(found) = found else {
-            self.heading_walk.variance += growth;
-            return None;
-        };
-        let predicted = &prior.reference_from_moving;
-        let off_rad = wrap_angle(found.reference_from_moving.rotation.angle() - predicted.rotation.angle());
-        let believed_rad = self.heading_walk.weigh(growth, off_rad, scan, self.config.wheels_sigmas);
-        if (off_rad - believed_rad).abs() < LEAST_HELD_RAD {
-            return Some(found);
-        }
-        let mut held = prior.clone();
-        let heading_rad = predicted.rotation.angle() + believed_rad;
-        held.reference_from_moving = pose(predicted.translation.x, predicted.translation.y, heading_rad);
-        held.information[(2, 2)] += HELD_INFORMATION;
-        let held = refine_with_prior(submap.cloud(), points, &held, &self.config.matching);
-        let is_convincing = |found: &ScanMatch| self.is_convincing(submap, points, found);
-        // Walls that fit as the scan says, and not where the wheels say: these have slipped.
-        let has_slipped = is_convincing(&found) && !held.as_ref().is_some_and(is_convincing);
-        let Some(mut held) = held.filter(|_| !has_slipped) else {
-            self.heading_walk.variance = scan;
-            return has_slipped.then_some(found);
-        };
-        held.covariance[(2, 2)] += self.heading_walk.variance;
-        Some(held)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fht_perception::pose::pose;
 
     /// So many metres straight on, in steps of 0.2 m, while the scans turn the robot by `off` per
     /// stretch.

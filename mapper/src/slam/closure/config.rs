@@ -39,8 +39,8 @@ pub struct ClosureConfig {
     /// Keyframes between searches in all submaps that may be near, where the half width would be
     /// greater than the greatest. Default 16.
     pub wide_every: usize,
-    /// Growth of the half width of headings in that search, radians per square root of a metre: four
-    /// times what the wheels' heading is believed to walk. Default 0.035 (2°).
+    /// Growth of the half width of headings in that search, radians per square root of a metre:
+    /// four times what the wheels' heading is believed to walk. Default 0.035 (2°).
     pub wide_rad_per_sqrt_m: f64,
     /// Least explained share of the points that a submap can judge. Default 0.8.
     pub min_agreement: f64,
