@@ -98,7 +98,7 @@ fn far_ground_hides_nothing() {
     let pyramid = WallPyramid::new(&building(), &free, &config).expect("a building");
     assert!(is_found(&pyramid.find(&scan(&truth), &[]), &truth));
 
-    // Half of another building far off: the same scan fits there, too.
+    // The same building once more, far off: the scan fits there, too.
     let twin = |points: Vec<Point2>| {
         points.clone().into_iter().chain(points.into_iter().map(|point| point + shift)).collect::<Vec<_>>()
     };
