@@ -34,6 +34,7 @@ pub struct EvidenceGrid {
 }
 
 /// What was seen from one place: a scanner and the ends of its beams, map frame.
+#[derive(Clone, Debug)]
 pub struct Sighting {
     /// The scanner.
     pub from: Point2,
@@ -62,8 +63,8 @@ impl EvidenceGrid {
             .fold((Point2::new(f64::MAX, f64::MAX), Point2::new(f64::MIN, f64::MIN)), |(low, high), point| {
                 (low.inf(&point), high.sup(&point))
             });
-        let size = (high - low).map(|metres| metres / CELL_M + 4.0);
-        if !(size.x * size.y).is_finite() || size.x < 0.0 || size.x * size.y > MOST_CELLS {
+        let size = Self::size_in_cells(low, high);
+        if size.x < 0.0 || !Self::holds(low, high) {
             return Self::default();
         }
         let (width, height) = (size.x.ceil() as usize, size.y.ceil() as usize);
@@ -80,6 +81,17 @@ impl EvidenceGrid {
             space.put_wall(*end);
         }
         space
+    }
+
+    /// Whether there are cells enough for what lies between two corners.
+    #[must_use]
+    pub fn holds(low: Point2, high: Point2) -> bool {
+        let size = Self::size_in_cells(low, high);
+        (size.x * size.y).is_finite() && size.x * size.y <= MOST_CELLS
+    }
+
+    fn size_in_cells(low: Point2, high: Point2) -> Vector2<f64> {
+        (high - low).map(|metres| metres / CELL_M + 4.0)
     }
 
     /// The middles of all cells known to be free.

@@ -6,11 +6,9 @@
 //! by then fits less well than what was. The first windows of one heading are bounded all at once:
 //! each point adds a shifted picture to theirs.
 
-mod islands;
 mod windows;
 
 use crate::pose::{Point2, Pose2, wrap_angle};
-use islands::{Ground, Island, Layout, lay_out};
 use serde::{Deserialize, Serialize};
 
 /// How a building is searched.
@@ -67,6 +65,17 @@ impl Default for BranchAndBoundConfig {
     }
 }
 
+impl BranchAndBoundConfig {
+    /// Around the building: all points of a scan taken anywhere inside fall into the picture.
+    fn margin_m(&self) -> f64 {
+        self.reach_m + self.blur_m + self.resolution_m * (2_usize << self.levels) as f64
+    }
+
+    fn size_in_cells(&self, low: Point2, high: Point2) -> nalgebra::Vector2<f64> {
+        (high - low).map(|metres| (metres + 2.0 * self.margin_m()) / self.resolution_m)
+    }
+}
+
 /// Places that something else than the scan speaks for, as a picture of them does.
 #[derive(Clone, Copy, Debug)]
 pub struct Favour {
@@ -92,8 +101,7 @@ pub struct PoseCandidate {
 #[derive(Clone, Debug)]
 pub struct WallPyramid {
     config: BranchAndBoundConfig,
-    /// What is shown where, by column.
-    islands: Vec<Island>,
+    min: Point2,
     width: usize,
     height: usize,
     /// By level: how well a point fits at best in the window of 2^level cells that begins here, 0
@@ -111,50 +119,47 @@ const MOST_CELLS: f64 = 64e6;
 
 impl WallPyramid {
     /// Draws `walls` (points on them) and `places` where a robot can stand, no farther apart than a
-    /// cell. `None` without either. Parts of a building that are far apart lie side by side in the
-    /// picture; of more than it holds, those with the fewest walls are left out.
+    /// cell. `None` without either, or when they are too far apart for a building.
     #[must_use]
     pub fn new(walls: &[Point2], places: &[Point2], config: &BranchAndBoundConfig) -> Option<Self> {
-        let resolution = config.resolution_m;
-        // All points of a scan taken anywhere inside fall into the picture.
-        let side = 1_usize << config.levels;
-        let margin = config.reach_m + config.blur_m + resolution * (2 * side) as f64;
-        let lay_out = |parts: &[Ground]| lay_out(parts, resolution, margin, side, MOST_CELLS);
-        if walls.is_empty() || places.is_empty() {
+        let first = walls.first()?;
+        let all = walls.iter().chain(places);
+        let (low, high) = all.fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
+        if places.is_empty() || !Self::holds(low, high, config) {
             return None;
         }
-        let mut parts = vec![Ground { walls: walls.to_vec(), places: places.to_vec() }];
-        let mut layout = lay_out(&parts);
-        if layout.islands.contains(&None) {
-            parts = islands::parts(walls, places, 2.0 * margin);
-            layout = lay_out(&parts);
-        }
-        let Layout { width, height, islands } = layout;
+        let side = 1_usize << config.levels;
+        let (margin, size) = (config.margin_m(), config.size_in_cells(low, high));
+        let whole = |cells: f64| (cells.ceil() as usize + 1).next_multiple_of(side);
+        let (width, height) = (whole(size.x), whole(size.y));
+        let min = Point2::new(low.x - margin, low.y - margin);
         let mut pyramid = Self {
             config: config.clone(),
-            islands: islands.iter().flatten().copied().collect(),
+            min,
             width,
             height,
             fits: Vec::new(),
             standable: Vec::new(),
             phases: Vec::new(),
         };
-        if pyramid.islands.is_empty() {
-            return None;
-        }
-        let (mut fits, mut standable) = (vec![0_u8; width * height], vec![0_u8; width * height]);
-        for (part, island) in parts.iter().zip(&islands) {
-            let Some(island) = island else { continue };
-            part.walls.iter().for_each(|wall| pyramid.draw(island, wall, &mut fits));
-            for place in &part.places {
-                let (i, j) = island.cell_of(place);
-                standable[j * width + i] = 1;
-            }
+        let mut fits = vec![0_u8; width * height];
+        walls.iter().for_each(|wall| pyramid.draw(wall, &mut fits));
+        let mut standable = vec![0_u8; width * height];
+        for place in places {
+            let (i, j) = pyramid.cell_of(place);
+            standable[j * width + i] = 1;
         }
         pyramid.fits = pyramid.widened(fits);
         pyramid.standable = pyramid.widened(standable);
         pyramid.phases = pyramid.phases();
         Some(pyramid)
+    }
+
+    /// Whether a picture can hold what lies between two corners.
+    #[must_use]
+    pub fn holds(low: Point2, high: Point2, config: &BranchAndBoundConfig) -> bool {
+        let size = config.size_in_cells(low, high);
+        (size.x * size.y).is_finite() && size.x * size.y <= MOST_CELLS
     }
 
     fn phases(&self) -> Vec<Vec<u8>> {
@@ -168,13 +173,18 @@ impl WallPyramid {
         (0..side * side).map(phase).collect()
     }
 
-    fn draw(&self, island: &Island, wall: &Point2, fits: &mut [u8]) {
+    fn cell_of(&self, point: &Point2) -> (usize, usize) {
+        let cell = (point - self.min) / self.config.resolution_m;
+        (cell.x as usize, cell.y as usize)
+    }
+
+    fn draw(&self, wall: &Point2, fits: &mut [u8]) {
         let (resolution, blur) = (self.config.resolution_m, self.config.blur_m);
-        let (i, j) = island.cell_of(wall);
+        let (i, j) = self.cell_of(wall);
         let reach = (blur / resolution).ceil() as usize;
         for y in j.saturating_sub(reach)..=(j + reach).min(self.height - 1) {
             for x in i.saturating_sub(reach)..=(i + reach).min(self.width - 1) {
-                let centre = island.point_at(x as f64 + 0.5, y as f64 + 0.5);
+                let centre = self.min + nalgebra::Vector2::new(x as f64 + 0.5, y as f64 + 0.5) * resolution;
                 let fit = (255.0 * (1.0 - (centre - wall).norm() / blur).max(0.0)) as u8;
                 let cell = &mut fits[y * self.width + x];
                 *cell = (*cell).max(fit);

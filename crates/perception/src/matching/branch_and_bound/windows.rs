@@ -1,6 +1,5 @@
 //! The search: windows of places, opened best first.
 
-use super::islands::Island;
 use super::{Favour, PoseCandidate, WallPyramid};
 use crate::matching::correlative::thin;
 use crate::pose::{Point2, pose, wrap_angle};
@@ -162,7 +161,8 @@ impl Search<'_> {
     /// The middle of a window.
     fn place(&self, level: u32, i: usize, j: usize) -> Point2 {
         let half = 0.5 * f64::from(1_u32 << level);
-        Island::of_column(&self.pyramid.islands, i).point_at(i as f64 + half, j as f64 + half)
+        let cell = nalgebra::Vector2::new(i as f64 + half, j as f64 + half);
+        self.pyramid.min + cell * self.pyramid.config.resolution_m
     }
 
     fn alignment(&self, window: &Window) -> PoseCandidate {
