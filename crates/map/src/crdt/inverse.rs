@@ -125,15 +125,21 @@ enum Overwritten {
     Left,
 }
 
-/// Things that others have written over since and put back as they had been written, with the stamp
-/// of that first writing. What is compared is the state, and not who wrote last: it is as if nobody
-/// had touched them.
+/// Things that others have changed since and put back as they had been written, with the stamp of
+/// that first writing. What is compared is the state, and not who wrote last: it is as if nobody had
+/// touched them. Who writes what is there already means it, and is no such case.
 type PutBack = BTreeMap<Element, Stamp>;
 
-fn put_back_since(map: &Series, mine: &Writes<'_>, others: &Writes<'_>) -> PutBack {
+fn put_back_since(map: &Series, kept: &[&Increment], mine: &Writes<'_>, others: &Writes<'_>) -> PutBack {
+    let stamped = kept.iter().copied().flat_map(Increment::stamped);
+    let changed: BTreeSet<Element> = stamped
+        .filter_map(|(stamp, op)| {
+            let element = Element::of(stamp.author, op);
+            mine.get(&element).is_some_and(|own| stamp > own.stamp && op != own.op).then_some(element)
+        })
+        .collect();
     let is_put_back = |(element, own): &(&Element, &Newest<'_>)| {
-        let newest = others.get(element);
-        element.is_one_value() && newest.is_some_and(|newest| newest.stamp > own.stamp && newest.op == own.op)
+        element.is_one_value() && changed.contains(element) && others.get(element).is_some_and(|it| it.op == own.op)
     };
     let mut put_back: PutBack =
         mine.iter().filter(is_put_back).map(|(element, own)| (element.clone(), own.stamp)).collect();
@@ -207,7 +213,7 @@ fn take_back(
     }
     let others = writes_of_others(map, &kept, &mine, &PutBack::new());
     let put_back = match overwritten {
-        Overwritten::Refused => put_back_since(map, &mine, &others),
+        Overwritten::Refused => put_back_since(map, &kept, &mine, &others),
         Overwritten::Left => PutBack::new(),
     };
     let others = if put_back.is_empty() { others } else { writes_of_others(map, &kept, &mine, &put_back) };
