@@ -9,12 +9,14 @@ use fht_proto::api::compact::{CompactPath, CompactPathWithGoal};
 use fht_proto::api::fleet::{FleetReply, LocalizationState, RobotRole, RobotStatus};
 use fht_proto::api::keys::{Key, RobotTopic};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Obeyed, ReleasesReply};
-use fht_proto::{FixedPoint, Increment, Op, Zone, ZoneRule, decode, encode};
+use fht_proto::{
+    AuthorId, Digest, FixedPoint, Increment, Op, Release, ReleaseId, VersionVector, Zone, ZoneRule, decode, encode,
+};
 use serde_json::Value;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 use support::site::Site;
-use support::{BEN, Server, ask, client, free_endpoint, head_when, key, museum, until_up};
+use support::{ANA, BEN, Server, ask, client, free_endpoint, head_when, key, museum, until_up};
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn paths_obey_what_operators_write() {
@@ -150,6 +152,28 @@ async fn a_path_to_a_named_place_tells_the_heading_there() {
     }
     let refused = site.refused("from=0,0;to=north;goal_yaw=90").await;
     assert!(refused.message.contains("true or false"), "{refused}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_release_that_does_not_add_up_to_its_digest_is_not_used() {
+    let site = Site::with(6).await;
+    // A foreign operator's, who counts wrongly and enables what came of it.
+    let stranger = AuthorId(77);
+    let id = ReleaseId { author: stranger, name: "spring".parse().unwrap() };
+    let mut vector = VersionVector::default();
+    vector.set(ANA, 3);
+    let release = Release { vector, digest: Digest([7; 32]) };
+    let ops = vec![Op::PutRelease { name: id.name.clone(), release }, Op::Enable { release: Some(id) }];
+    let wrong = Increment { author: stranger, number: 1, hlc_us: 9_000_000, ops };
+    site.session.put(key(stranger, 1), encode(&wrong).unwrap()).await.unwrap();
+    head_when(&site.session, |head| head.vector.get(stranger) == 1).await;
+    let releases: ReleasesReply = serde_json::from_value(site.run(&["release", "list", "museum"])).unwrap();
+    assert!(releases.releases[0].enabled && !releases.releases[0].available, "{releases:?}");
+    // The newest state is what robots get, and it is said that it is not the release.
+    let path = site.path("from=0,0;to=5,0").await.unwrap();
+    assert!(path.version == 7 && path.release.is_none(), "{path:?}");
+    assert_eq!(site.refused("from=0,0;to=5,0;release=spring").await.code, ErrorCode::UnknownVersion);
+    assert!(site.complaint(&["release", "enable", "museum", "spring"]).contains("not with its digest"));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -76,7 +76,9 @@ pub struct StartError {
 fn in_words(start: &Pose2) -> String {
     // The sum takes the sign from a zero.
     let short = |value: f64| round(value, 1000.0) + 0.0;
-    let [x, y, yaw] = [start.translation.x, start.translation.y, start.rotation.angle().to_degrees()].map(short);
+    // What is no place of any building is not written out with all its digits.
+    let shown = |value: f64| if value.abs() < 1e7 { short(value).to_string() } else { format!("{value:e}") };
+    let [x, y, yaw] = [start.translation.x, start.translation.y, start.rotation.angle().to_degrees()].map(shown);
     format!("{x},{y},{yaw}")
 }
 

@@ -1,9 +1,11 @@
 //! `map-server check`, `map-server rescue` and `map-server restore`: what can be done with a store
 //! whose file is damaged, or not wanted. They work on files; no server runs on these meanwhile.
 
+use super::operator::counted;
 use crate::rescue::{RescueError, Rescued, RescuedAuthor, Restored, check, check_archives, rescue, restore};
 use clap::Subcommand;
 use fht_program::{ProgramFailure, print_line};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// What can be done with a store while no server uses it.
@@ -70,10 +72,12 @@ impl Repair {
                 let source = source.unwrap_or_else(|| data.to_owned());
                 let archives = check_archives(&source).map_err(|error| ProgramFailure::of(error.is_input(), error))?;
                 if let Some(authors) = archives {
-                    return print(&Rescued { damage: None, authors }, "exported map", "are whole", json);
+                    let maps: BTreeSet<&str> = authors.iter().map(|author| author.map.as_str()).collect();
+                    let of = if maps.len() == 1 { "the exported map is" } else { "the exported maps are" };
+                    return print(&Rescued { damage: None, authors }, of, "are whole", json);
                 }
                 let found = check(&source, &std::env::temp_dir()).map_err(not_rescued)?;
-                print(&found, "store", if found.damage.is_some() { "can be rescued" } else { "are whole" }, json)?;
+                print(&found, "the store is", if found.damage.is_some() { "can be rescued" } else { "are whole" }, json)?;
                 match &found.damage {
                     None => Ok(()),
                     Some(damage) => Err(ProgramFailure::of_run(format!("{} is damaged: {damage}", source.display()))),
@@ -81,7 +85,7 @@ impl Repair {
             }
             Self::Rescue { source, target } => {
                 let rescued = rescue(&source, &target).map_err(not_rescued)?;
-                print(&rescued, "store", "rescued", json)?;
+                print(&rescued, "the store is", "rescued", json)?;
                 if rescued.damage.is_some() && rescued.authors.is_empty() {
                     return Err(ProgramFailure::of_run(format!("nothing of {} can be read", source.display())));
                 }
@@ -114,7 +118,7 @@ fn print_restored(restored: &Restored, json: bool) -> Result<(), ProgramFailure>
     }
     let Restored { file, replaced, authors } = restored;
     for RescuedAuthor { map, author, last, .. } in authors {
-        print_line!("map {map}, author {author}: {last} increments");
+        print_line!("map {map}, author {author}: {}", counted(*last, "increment"));
     }
     print_line!("{} is the backup now", file.display());
     match replaced {
@@ -130,8 +134,8 @@ fn print(found: &Rescued, of: &str, what: &str, json: bool) -> Result<(), Progra
         return Ok(());
     }
     match &found.damage {
-        None => print_line!("the {of} is whole"),
-        Some(damage) => print_line!("the {of} is damaged: {damage}"),
+        None => print_line!("{of} whole"),
+        Some(damage) => print_line!("{of} damaged: {damage}"),
     }
     for RescuedAuthor { map, author, last, lost, first_lost, .. } in &found.authors {
         let numbers: Vec<String> = first_lost.iter().map(ToString::to_string).collect();

@@ -73,7 +73,7 @@ fn point(x: f64, y: f64) -> Result<FixedPoint, ErrorReply> {
     let most = FixedPoint::MAX_M;
     let is_near = |metres: f64| metres.abs() <= most;
     let far =
-        || bad_request(format!("({x}, {y}) lies outside of all maps: x and y are metres, from -{most} to {most}"));
+        || bad_request(format!("({x:?}, {y:?}) lies outside of all maps: x and y are metres, from -{most} to {most}"));
     (is_near(x) && is_near(y)).then(|| FixedPoint::from_metres(x, y)).ok_or_else(far)
 }
 
