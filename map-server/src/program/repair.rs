@@ -77,7 +77,8 @@ impl Repair {
                     return print(&Rescued { damage: None, authors }, of, "are whole", json);
                 }
                 let found = check(&source, &std::env::temp_dir()).map_err(not_rescued)?;
-                print(&found, "the store is", if found.damage.is_some() { "can be rescued" } else { "are whole" }, json)?;
+                let what = if found.damage.is_some() { "can be rescued" } else { "are whole" };
+                print(&found, "the store is", what, json)?;
                 match &found.damage {
                     None => Ok(()),
                     Some(damage) => Err(ProgramFailure::of_run(format!("{} is damaged: {damage}", source.display()))),

@@ -151,7 +151,9 @@ fn planning_state(view: &MapView, sources: &AnswerSources, on: &PathOn) -> Resul
             sources.active_rules.other(other(Some(id.clone()), release.digest), || {
                 let planning =
                     PlanningState::of_release(&view.head.map, &id, &release, sources.log.as_ref()).map_err(internal)?;
-                planning.ok_or_else(|| unknown(format!("this server does not have all of release {id}, or not with its digest")))
+                planning.ok_or_else(|| {
+                    unknown(format!("this server does not have all of release {id}, or not with its digest"))
+                })
             })
         }
     }
