@@ -3,6 +3,7 @@
 
 mod children;
 
+pub(crate) use children::is_over;
 pub use children::leave_nothing_behind;
 
 use children::lock;

@@ -60,6 +60,8 @@ pub fn main_with_args(args: Vec<OsString>) -> ExitCode {
         return ExitCode::FAILURE;
     }
     fht_program::logging::init("error");
+    // As zenohd, which is built to.
+    fht_program::zenoh_threads::end_with_panics();
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build();
     let outcome = config(&cli).and_then(|config| runtime?.block_on(run(config)));
     match outcome {

@@ -13,7 +13,7 @@
 //! | [`ProgramFailure`] | – | how a program ends that does not what it was told |
 //! | [`Waiting`] | – | how long a server, a map or a place is waited for |
 //! | [`Stop`] | – | ending soon when asked to, with files in order |
-//! | [`zenoh_threads`] | – | one thread for Zenoh's links in a program that speaks TLS |
+//! | [`zenoh_threads`] | – | one thread for Zenoh's links in a program that speaks TLS; what a panic there ends |
 //!
 //! A configuration is an ordinary structure:
 //!

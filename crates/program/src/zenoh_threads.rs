@@ -1,4 +1,5 @@
-//! One thread for all of Zenoh's links, in a program that speaks TLS.
+//! Zenoh's threads: one for all of its links in a program that speaks TLS, and the end of a server
+//! of which one has failed.
 //!
 //! Zenoh reads and writes a TLS connection on several threads at once, which ends the process when
 //! the connection fails at a bad moment (`docs/upstream.md`). It takes the number of its threads
@@ -8,12 +9,28 @@
 use std::ffi::OsString;
 use std::path::Path;
 
+/// What the names of Zenoh's threads begin with.
+const NAMES: [&str; 5] = ["acc-", "app-", "net-", "rx-", "tx-"];
 /// The variable that Zenoh reads.
 const VARIABLE: &str = "ZENOH_RUNTIME";
 /// One thread reads, writes, accepts and routes.
 const ONE_THREAD: &str = "(rx: (worker_threads: 1), tx: (handover: rx), acc: (handover: rx), net: (handover: rx))";
 /// What TLS endpoints begin with.
 const TLS: &str = "tls/";
+
+/// From now on a panic in a thread of Zenoh ends the process (SIGABRT), as it ends zenohd. What goes
+/// on after one routes nothing any more and answers nobody, while those who look after it see it
+/// run (`docs/upstream.md`). For servers: a robot drives on without its session.
+pub fn end_with_panics() {
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        usual(panic);
+        if std::thread::current().name().is_some_and(|name| NAMES.iter().any(|begin| name.starts_with(begin))) {
+            crate::tell_line!("a thread of Zenoh has failed: this program ends, to be started again");
+            std::process::abort();
+        }
+    }));
+}
 
 /// Starts this program again on one thread of Zenoh, if `args` name a TLS endpoint or a file with
 /// one. Call it first in `main`. It returns if that is not so, if the variable is set already, or

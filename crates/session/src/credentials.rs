@@ -52,8 +52,7 @@ pub enum CredentialError {
     },
     /// The certificate's role is not the program's.
     #[error(
-        "transport.link.tls.connect_certificate: {} is of {common_name}, which may not {}: that takes a certificate of \
-         an {role}",
+        "transport.link.tls.connect_certificate: {} is of {common_name}, which may not {}",
         file.display(), deed_of(role)
     )]
     OtherRole {
@@ -61,7 +60,7 @@ pub enum CredentialError {
         file: PathBuf,
         /// Whom it names: `ROLE:NAME`.
         common_name: String,
-        /// What the program is: `explorer` or `operator`.
+        /// What the program is: `explorer`, `operator` or `server`.
         role: &'static str,
     },
     /// The key is not the certificate's.
@@ -97,9 +96,13 @@ pub enum CredentialError {
     },
 }
 
-/// What those of a role do, and others may not.
+/// What those of a role do and others may not, and what it takes.
 fn deed_of(role: &str) -> &'static str {
-    if role == "explorer" { "write maps" } else { "give orders or change maps" }
+    match role {
+        "explorer" => "write maps: that takes a certificate of an explorer",
+        "server" => "serve maps: that takes a certificate of a server",
+        _ => "give orders or change maps: that takes a certificate of an operator",
+    }
 }
 
 /// What is lacking without an option.
@@ -256,10 +259,9 @@ pub fn check_owner(
     role: &'static str,
     name: &str,
 ) -> Result<(), CredentialError> {
-    let tls = tls_options(config);
-    let file = tls.get("connect_certificate").and_then(serde_json::Value::as_str).map(PathBuf::from);
-    let Some(file) = file.filter(|_| needs_tls(endpoints)) else { return Ok(()) };
-    let Some(common_name) = common_name(&file) else { return Ok(()) };
+    let Some((file, pem)) = shown(config, endpoints, TlsSide::Connecting) else { return Ok(()) };
+    let Some(common_name) = common_name(&pem) else { return Ok(()) };
+    let file = PathBuf::from(file);
     match (role, common_name.split_once(':')) {
         ("explorer", Some(("client", _))) | ("operator", Some(("client" | "explorer", _))) => {
             Err(CredentialError::OtherRole { file, common_name, role })
@@ -273,9 +275,23 @@ pub fn check_owner(
     }
 }
 
-/// The common name in the first certificate of a PEM file, if there is one.
-fn common_name(file: &Path) -> Option<String> {
-    let pem = first_certificate(file)?;
+/// Checks that the certificate which a map-server shows to routers over TLS is not a robot's or an
+/// operator's: these would let it answer nobody. Other common names are left to the routers.
+///
+/// # Errors
+/// [`CredentialError::OtherRole`].
+pub fn check_server(config: &Config, endpoints: &[String]) -> Result<(), CredentialError> {
+    let Some((file, pem)) = shown(config, endpoints, TlsSide::Connecting) else { return Ok(()) };
+    match common_name(&pem) {
+        Some(common_name) if ["client:", "explorer:", "operator:"].iter().any(|role| common_name.starts_with(role)) => {
+            Err(CredentialError::OtherRole { file: file.into(), common_name, role: "server" })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The common name in a certificate, if there is one.
+fn common_name(pem: &Pem) -> Option<String> {
     let certificate = pem.parse_x509().ok()?;
     let name = certificate.subject().iter_common_name().next()?;
     name.as_str().ok().map(str::to_owned)

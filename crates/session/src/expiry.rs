@@ -34,8 +34,9 @@ impl Drop for Watched {
     }
 }
 
-/// Says, from when it expires, that the certificate which `config` shows on this side has expired,
-/// as long as the runtime runs. One that has expired already, and was let in, is not spoken of.
+/// Says, from when it expires, that the certificate which `config` shows on this side has expired.
+/// In a thread of its own: sessions outlive the runtime that they were opened in. One that has
+/// expired already, and was let in, is not spoken of.
 pub(crate) fn watch(config: &Config, endpoints: &[String], side: TlsSide) {
     if valid_for(config, endpoints, side).is_none() {
         return; // there is none, or it was out of date before
@@ -43,16 +44,19 @@ pub(crate) fn watch(config: &Config, endpoints: &[String], side: TlsSide) {
     let tls = config.get_json("transport/link/tls").unwrap_or_default();
     let Some(watched) = Watched::begin(&tls, side) else { return };
     let (config, endpoints) = (config.clone(), endpoints.to_vec());
-    tokio::spawn(async move {
+    let look = move || {
         let _watched = watched;
         loop {
             let sentence = out_of_date(&config, &endpoints, side);
             if let Some(sentence) = &sentence {
                 tracing::warn!("{sentence}. {}", remedy(side));
             }
-            tokio::time::sleep(pause(sentence.is_some(), valid_for(&config, &endpoints, side))).await;
+            std::thread::sleep(pause(sentence.is_some(), valid_for(&config, &endpoints, side)));
         }
-    });
+    };
+    if let Err(error) = std::thread::Builder::new().name("expiry".to_owned()).spawn(look) {
+        tracing::warn!("nobody looks at when the certificate expires: {error}");
+    }
 }
 
 fn remedy(side: TlsSide) -> &'static str {

@@ -46,6 +46,15 @@ fn within(patience: Option<Duration>) -> String {
     patience.map(|patience| format!(" within {:.0} s", patience.as_secs_f64().ceil())).unwrap_or_default()
 }
 
+/// Checks that the certificate which a map-server shows to routers over TLS is not a robot's or an
+/// operator's.
+///
+/// # Errors
+/// [`ConnectError::Credentials`].
+pub fn check_server(config: &Config) -> Result<(), ConnectError> {
+    Ok(credentials::check_server(config, &endpoints(config))?)
+}
+
 /// Opens a session.
 ///
 /// A client that `config` lets wait (`connect.timeout_ms` of −1) tries all endpoints again and

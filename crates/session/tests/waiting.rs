@@ -1,6 +1,9 @@
 //! Clients that wait for their routers and go back to them, on loopback.
 
-use fht_session::{ConnectError, SessionConfig, check_owner, homecoming, open_configured, without_source_paths};
+use fht_session::{
+    ConnectError, SessionConfig, check_owner, check_server, homecoming, open_configured, read_config, set_endpoints,
+    without_source_paths,
+};
 use std::net::TcpListener;
 use std::time::{Duration, Instant};
 use zenoh::Config;
@@ -141,6 +144,21 @@ fn a_certificate_of_another_robot_is_refused_before_anybody_connects() {
     let told = said("tls/localhost:7447", "client", "amr-7");
     assert!(told.contains("is of explorer:ana, but this client is called amr-7"), "{told}");
     assert_eq!(said("tls/localhost:7447", "client", "ana"), "", "an explorer may ask under its name");
+    // Nor is it a map-server's.
+    let of_server = || {
+        let mut config = read_config(Some(&file)).expect("read");
+        set_endpoints(&mut config, "connect/endpoints", &["tls/localhost:7447".to_owned()]).expect("accepted");
+        check_server(&config)
+    };
+    let told = of_server().err().map(|error| error.to_string()).unwrap_or_default();
+    assert!(
+        told.contains("is of explorer:ana, which may not serve maps: that takes a certificate of a server"),
+        "{told}"
+    );
+    for name in ["server:maps", "router:hall"] {
+        self::certificate(folder.path(), name);
+        assert!(of_server().is_ok(), "{name}");
+    }
 }
 
 #[tokio::test]

@@ -4,7 +4,7 @@
 use super::config::{Crew, HandoffConfig, HandoffError};
 use super::programs::{Bars, read_report, session, world_args};
 use super::report::{ContactFigures, ExplorerFigures};
-use crate::process::{Process, Role};
+use crate::process::{Process, ProcessError, Role, is_over};
 use fht_perception::pose::Point2;
 use fht_proto::api::keys::{RobotTopic, robots_of};
 use fht_proto::{Digest, MapName, SeenArea, SharedWorldName, Square, VersionVector, decode};
@@ -96,21 +96,42 @@ pub(super) fn explore(
         Crew::Team(count) => {
             let witness = Witness::start(config, map)?;
             let job = &job;
-            let reports = std::thread::scope(|scope| {
+            let outcomes = std::thread::scope(|scope| {
                 // The first explorer sets the map's frame, so the others start after it has begun
                 // the map.
                 let (begun, is_begun) = std::sync::mpsc::channel();
-                let first = scope.spawn(move || Ok((name(0), job.run(0, true, Some(begun))?)));
+                let first = scope.spawn(move || job.run_in_team(0, Some(begun)));
                 // If the first one fails, its own result says so.
                 let _ = is_begun.recv();
-                let other = |number: usize| move || Ok((name(number), job.run(number, true, None)?));
-                let others = (1..count).map(|number| scope.spawn(other(number)));
+                let others = (1..count).map(|number| scope.spawn(move || job.run_in_team(number, None)));
                 let threads: Vec<_> = std::iter::once(first).chain(others).collect();
-                let joined = threads.into_iter().map(|thread| thread.join().map_err(|_| HandoffError::Thread)?);
+                let joined = threads.into_iter().map(|thread| thread.join().map_err(|_| HandoffError::Thread));
                 joined.collect::<Result<Vec<_>, HandoffError>>()
             })?;
             let (_, seen) = witness.explored(&world);
-            Ok(sum(reports, Some(seen)))
+            let (mut reports, mut failures) = (Vec::new(), Vec::new());
+            for (robot, outcome) in outcomes {
+                match outcome {
+                    Ok(report) => reports.push((robot, report)),
+                    Err(error) => failures.push((robot, error)),
+                }
+            }
+            // The others have explored what one that failed had not.
+            if reports.is_empty()
+                && let Some((_, error)) = failures.pop()
+            {
+                return Err(error);
+            }
+            let mut explored = sum(reports, Some(seen));
+            let failed = |(robot, error): (String, HandoffError)| ExplorerFigures {
+                robot,
+                ending: error.to_string(),
+                joined: None,
+                driven_m: None,
+                sim_s: 0.0,
+            };
+            explored.explorers.extend(failures.into_iter().map(failed));
+            Ok(explored)
         }
         Crew::Succession => {
             let witness = Witness::start(config, map)?;
@@ -182,6 +203,17 @@ impl Job<'_> {
         read_report(&self.config.folder.join(format!("{}.json", name(number))))
     }
 
+    /// The same, beside others that go on if it fails, which is said at once.
+    fn run_in_team(&self, number: usize, begun: Option<Sender<()>>) -> (String, Result<ExploreReport, HandoffError>) {
+        let outcome = self.run(number, true, begun);
+        if let Err(error) = &outcome
+            && !was_interrupted(error)
+        {
+            self.bars.say(&format!("{}: {error}; the others go on", name(number)));
+        }
+        (name(number), outcome)
+    }
+
     /// Runs the first explorer until it has seen half of the building, and kills it. Returns how
     /// long it worked, robot seconds.
     fn run_until_half(&self) -> Result<f64, HandoffError> {
@@ -201,6 +233,14 @@ impl Job<'_> {
         bar.finish_with_message(format!("killed half-way, after {died_s:.0} s of robot time"));
         Ok(died_s)
     }
+}
+
+/// Whether an explorer ended as it was told to, with this program: Ctrl-C is sent to both.
+fn was_interrupted(error: &HandoffError) -> bool {
+    /// SIGHUP, SIGINT and SIGTERM, as exit codes.
+    const TOLD: [i32; 3] = [129, 130, 143];
+    let HandoffError::Process(ProcessError::Failed { status, .. }) = error else { return false };
+    status.code().is_some_and(|code| TOLD.contains(&code)) || is_over()
 }
 
 fn contacts_of(report: &ExploreReport) -> ContactFigures {

@@ -22,6 +22,11 @@ impl Bars {
         Self { lines: MultiProgress::new(), are_shown: config.progress }
     }
 
+    /// Tells something above the lines, or where these are not shown.
+    pub(super) fn say(&self, text: &str) {
+        self.lines.suspend(|| fht_program::tell_line!("handoff: {text}"));
+    }
+
     /// A spinner for one program.
     pub(super) fn add(&self, program: String) -> ProgressBar {
         if !self.are_shown {

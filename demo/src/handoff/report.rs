@@ -11,13 +11,13 @@ use std::ops::Add;
 pub struct ExplorerFigures {
     /// Its name.
     pub robot: String,
-    /// How it ended, or `killed`.
+    /// How it ended, `killed`, or how it failed.
     pub ending: String,
     /// Seconds and metres after which it knew its place in the map, if it joined one.
     pub joined: Option<[f64; 2]>,
-    /// Driven, metres; unknown if it was killed.
+    /// Driven, metres; unknown if it was killed or failed.
     pub driven_m: Option<f64>,
-    /// Robot time from its start to its end, seconds.
+    /// Robot time from its start to its end, seconds; 0 if it failed.
     pub sim_s: f64,
 }
 
@@ -226,11 +226,13 @@ impl HandoffReport {
             let joined = explorer.joined.filter(|[seconds, _]| *seconds > 0.0);
             writeln!(
                 f,
-                "  {:<12}{}{}{:.0} s of robot time: {}",
+                "  {:<12}{}{}{}{}",
                 explorer.robot,
                 joined.map_or_else(String::new, |[s, m]| format!("joined the map after {s:.0} s and {m:.1} m, ")),
                 explorer.driven_m.map_or_else(String::new, |metres| format!("{metres:.0} m, ")),
-                explorer.sim_s,
+                Some(explorer.sim_s)
+                    .filter(|s| *s > 0.0)
+                    .map_or_else(String::new, |s| format!("{s:.0} s of robot time: ")),
                 explorer.ending
             )?;
         }

@@ -31,6 +31,11 @@ pub(super) fn spawn(command: &mut Command) -> std::io::Result<(Arc<Mutex<Child>>
     Ok((child, id))
 }
 
+/// Whether this program has been interrupted, and its children are killed.
+pub(crate) fn is_over() -> bool {
+    CHILDREN.lock().unwrap_or_else(PoisonError::into_inner).is_over
+}
+
 /// When this program is interrupted, its children are killed, and `folder`, in which they work, is
 /// removed.
 pub fn leave_nothing_behind(stop: &Stop, folder: &Path) {

@@ -158,6 +158,7 @@ pub async fn open(link: &ServerEndpoints) -> Result<Session, ServerSessionError>
     if !reaches_anyone(&config) {
         return Err(ServerSessionError::NoEndpoint);
     }
+    fht_session::check_server(&config).map_err(ServerSessionError::Link)?;
     let is_client = config.get_json("mode").is_ok_and(|mode| mode == "\"client\"");
     // Those that were given, or those of the file.
     let listen = listening_at(&config);

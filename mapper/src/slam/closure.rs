@@ -30,7 +30,7 @@ use crate::haste::Haste;
 use fht_perception::pose::{Point2, Pose2, wrap_angle};
 use fht_perception::pose_graph::{GraphConfig, PoseConstraint, chi2};
 use fht_proto::NodeId;
-use matching::{Candidate, match_within};
+use matching::{Candidate, Reference, match_within};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -168,8 +168,13 @@ impl LoopCloser {
     /// Half widths of the uncertainty after a way: metres and radians.
     fn uncertainty(&self, way_m: f64) -> (f64, f64) {
         let config = &self.config;
-        let window_m = (config.window_m + config.window_per_m * way_m).min(config.max_window_m);
-        (window_m, (config.window_rad + config.window_rad_per_m * way_m).min(PI))
+        let window_rad = (config.window_rad + config.window_rad_per_m * way_m).min(PI);
+        (self.window_m(way_m).min(config.max_window_m), window_rad)
+    }
+
+    /// The first of these, however great.
+    fn window_m(&self, way_m: f64) -> f64 {
+        self.config.window_m + self.config.window_per_m * way_m
     }
 
     fn is_plausible(&self, edge: &PoseConstraint, way_m: f64, graph: &KeyframeGraph) -> bool {
@@ -237,9 +242,9 @@ impl LoopCloser {
     fn close(&mut self, index: usize, graph: &mut KeyframeGraph) {
         let candidates = self.candidates(index, graph);
         let (near, far): (Vec<_>, Vec<_>) =
-            candidates.into_iter().partition(|candidate| candidate.window_m <= self.config.refine_m);
+            candidates.into_iter().partition(|candidate| candidate.is_refined(&self.config));
         for candidate in near.iter().take(self.config.tries) {
-            match self.match_to(index, candidate) {
+            match self.match_to(index, candidate, graph) {
                 Some(edge) => {
                     self.counts.near += 1;
                     self.join(edge, graph);
@@ -248,13 +253,21 @@ impl LoopCloser {
             }
         }
         if index.is_multiple_of(self.config.search_every)
-            && let Some(candidate) = far.first()
+            && let Some(candidate) = self.most_seen(index, &far)
         {
-            match self.match_to(index, candidate) {
+            match self.match_to(index, candidate, graph) {
                 Some(edge) => self.take_far(edge, graph),
                 None => self.counts.refused += 1,
             }
         }
+    }
+
+    /// Of candidates the one that has looked at most of what a keyframe sees: a scanner of half a
+    /// turn that comes back along its way faces what the nearest one had in its back.
+    fn most_seen<'a>(&self, index: usize, candidates: &'a [Candidate]) -> Option<&'a Candidate> {
+        candidates
+            .iter()
+            .min_by_key(|candidate| self.submaps[candidate.submap].judge(&self.points[index], &candidate.guess).unseen)
     }
 
     /// A closure found by searching: held back until enough others agree.
@@ -287,13 +300,24 @@ impl LoopCloser {
         self.is_graduated = true;
     }
 
-    fn match_to(&self, index: usize, candidate: &Candidate) -> Option<PoseConstraint> {
-        self.match_within(&self.submaps[candidate.submap], index, candidate)
+    fn match_to(&self, index: usize, candidate: &Candidate, graph: &KeyframeGraph) -> Option<PoseConstraint> {
+        let submap = &self.submaps[candidate.submap];
+        let beside = if candidate.is_refined(&self.config) { Vec::new() } else { self.beside(candidate.submap, graph) };
+        self.match_within(Reference { submap, beside }, index, candidate)
     }
 
-    /// Matches a keyframe to a submap within a candidate's window.
-    fn match_within(&self, submap: &Submap, index: usize, candidate: &Candidate) -> Option<PoseConstraint> {
-        match_within(submap, (index, &self.points[index]), candidate, &self.config)
+    /// The submaps made before and after one, and the pose of its frame in theirs.
+    fn beside(&self, number: usize, graph: &KeyframeGraph) -> Vec<(&Submap, Pose2)> {
+        let (poses, reach) = (graph.poses(), self.config.far_beside);
+        let map_from_submap = poses[self.submaps[number].first()];
+        let numbers = number.saturating_sub(reach)..=number.saturating_add(reach).min(self.submaps.len() - 1);
+        let others = numbers.filter(|other| *other != number).map(|other| &self.submaps[other]);
+        others.map(|other| (&**other, poses[other.first()].inverse() * map_from_submap)).collect()
+    }
+
+    /// Matches a keyframe to a reference within a candidate's window.
+    fn match_within(&self, reference: Reference<'_>, index: usize, candidate: &Candidate) -> Option<PoseConstraint> {
+        match_within(&reference, (index, &self.points[index]), candidate, &self.config)
     }
 
     /// After the last keyframe: every keyframe is matched to all finished submaps near it, and all
@@ -355,7 +379,7 @@ impl LoopCloser {
             let guess = graph.poses()[self.submaps[submap].first()].inverse() * here;
             Candidate { submap, guess, window_m, window_rad, distance_m }
         });
-        candidates.filter_map(|candidate| self.match_to(index, &candidate)).collect()
+        candidates.filter_map(|candidate| self.match_to(index, &candidate, graph)).collect()
     }
 }
 

@@ -170,7 +170,9 @@ impl OpenStore {
         let database = opened.map_err(|panic| broken(damage(&panic)))?.map_err(|error| match error {
             DatabaseError::DatabaseAlreadyOpen => StoreError::InUse { dir: dir.to_owned() },
             DatabaseError::Storage(redb::StorageError::Corrupted(reason)) => broken(reason),
-            DatabaseError::Storage(redb::StorageError::Io(error)) if error.kind() == ErrorKind::InvalidData => {
+            DatabaseError::Storage(redb::StorageError::Io(error))
+                if matches!(error.kind(), ErrorKind::InvalidData | ErrorKind::UnexpectedEof) =>
+            {
                 broken(error.to_string())
             }
             other => StoreError::Open { dir: dir.to_owned(), reason: other.to_string() },

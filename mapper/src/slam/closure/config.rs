@@ -34,11 +34,17 @@ pub struct ClosureConfig {
     pub refine_m: f64,
     /// Submaps tried with each keyframe by refinement. Default 8.
     pub tries: usize,
+    /// Submaps made before and after one that is searched that say, too, whether the keyframe fits.
+    /// Default 2.
+    pub far_beside: usize,
     /// Keyframes between searches. Default 4.
     pub search_every: usize,
     /// Keyframes between searches in all submaps that may be near, where the half width would be
     /// greater than the greatest. Default 16.
     pub wide_every: usize,
+    /// Growth of the half width of that search with the length of the way, metres per metre. Default
+    /// 0.1.
+    pub wide_window_per_m: f64,
     /// Growth of the half width of headings in that search, radians per square root of a metre:
     /// four times what the wheels' heading is believed to walk. Default 0.035 (2°).
     pub wide_rad_per_sqrt_m: f64,
@@ -96,8 +102,10 @@ impl Default for ClosureConfig {
             window_rad_per_m: 0.01,
             refine_m: 0.45,
             tries: 8,
+            far_beside: 2,
             search_every: 4,
             wide_every: 16,
+            wide_window_per_m: 0.1,
             wide_rad_per_sqrt_m: 0.035,
             min_agreement: 0.8,
             min_overlap: 0.4,

@@ -27,8 +27,8 @@ impl LoopCloser {
         let mut is_tried = false;
         for submap in &self.submaps {
             let way_m = submap.keyframes().map(|member| ways[member]).fold(f64::INFINITY, f64::min);
-            let window_m = config.window_m + config.window_per_m * way_m;
-            if window_m <= config.max_window_m || distance_m(submap, index, graph) > config.reach_m + window_m {
+            let is_wide = self.window_m(way_m) > config.max_window_m;
+            if !is_wide || distance_m(submap, index, graph) > config.reach_m + config.wide_window_per_m * way_m {
                 continue;
             }
             is_tried = true;
