@@ -56,8 +56,11 @@ fn fill(dir: &Path) {
 }
 
 #[test]
-fn an_empty_file_and_one_of_something_else_are_damaged() {
-    for bytes in [Vec::new(), vec![7; 5000]] {
+fn an_empty_file_one_of_something_else_and_the_beginning_of_one_are_damaged() {
+    let whole = tempfile::tempdir().unwrap();
+    fill(whole.path());
+    let beginning = std::fs::read(whole.path().join(FILE_NAME)).unwrap()[..100].to_vec();
+    for bytes in [Vec::new(), vec![7; 5000], beginning] {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join(FILE_NAME), &bytes).unwrap();
         let error = RedbLog::open(dir.path()).err().unwrap();
@@ -66,7 +69,14 @@ fn an_empty_file_and_one_of_something_else_are_damaged() {
         let (code, said) = refused_start(dir.path(), &support::free_endpoint());
         assert!(code == Some(1) && said.contains("backup"), "{said}");
         assert!(bytes.is_empty() == said.contains("move the file away"), "{said}");
-        assert!(check(dir.path(), &dir.path().join("scratch")).unwrap().damage.is_some());
+        let scratch = dir.path().join("scratch");
+        let damage = check(dir.path(), &scratch).unwrap().damage.unwrap();
+        assert!(!damage.contains("scratch"), "{damage}");
+        // Where nothing was found there is no store that somebody would take for one.
+        for _ in 0..2 {
+            assert!(rescue(dir.path(), &scratch).unwrap().authors.is_empty());
+            assert!(!scratch.join(FILE_NAME).exists());
+        }
     }
 }
 
