@@ -368,10 +368,13 @@ pub fn main_with_args(args: Vec<OsString>) -> ExitCode {
     let link = ConnectArgs { connect: cli.link.connect, zenoh_config: cli.link.zenoh_config, wait: None };
     let link = link.over(&file.connect);
     let outcome = match cli.command {
-        None => serve(config, reload, |_| Ok(())).map_err(|error| {
-            let is_input = error.is_input();
-            ProgramFailure::of(is_input, error)
-        }),
+        None => {
+            fht_program::zenoh_threads::end_with_panics();
+            serve(config, reload, |_| Ok(())).map_err(|error| {
+                let is_input = error.is_input();
+                ProgramFailure::of(is_input, error)
+            })
+        }
         Some(Command::Operate(operation)) => operate(operation, &cli.operator, link, file.merge)
             .map_err(|error| ProgramFailure::of(error.is_input(), error)),
         Some(Command::Completions(shell)) => {

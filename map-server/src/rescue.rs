@@ -77,8 +77,8 @@ fn file_of(source: &Path) -> Result<PathBuf, RescueError> {
 /// Copies everything that still reads of the store in `source`, a data directory or its file, into
 /// a new one in the directory `target`. An undamaged store is copied as it is. Of a damaged one
 /// each author's increments up to the last one that is lost become compacted ones without loss, in
-/// which those that are lost have left nothing; so all others go on as they were. Of one of which
-/// nothing reads no new one is made.
+/// which those that are lost have left nothing; so all others go on as they were. If nothing can be
+/// read, no store is made.
 ///
 /// # Errors
 /// [`RescueError`].
@@ -165,11 +165,8 @@ fn examine(file: &Path, copy: &Path) -> Result<Result<Vec<RescuedAuthor>, String
         Ok(Ok(catalog)) => Ok(rebuild::of_catalog(&catalog)),
         Ok(Err(StoreError::Broken { reason, .. })) => Err(reason),
         // What is said of the copy is said of the store.
-        Ok(Err(error)) => {
-            let original = file.parent().unwrap_or(file);
-            let said = error.to_string().replace(&to.display().to_string(), &file.display().to_string());
-            Err(said.replace(&copy.display().to_string(), &original.display().to_string()))
-        }
+        Ok(Err(StoreError::Open { reason, .. })) => Err(reason),
+        Ok(Err(error)) => Err(error.to_string().replace(&to.display().to_string(), &file.display().to_string())),
         Err(_) => Err(format!("it was not read within {} s", patience.as_secs())),
     })
 }

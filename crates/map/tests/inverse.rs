@@ -94,9 +94,13 @@ fn what_others_have_touched_and_put_back_is_taken_back_as_if_they_had_not() {
     // Not what is somewhere else in the end, and not what was folded meanwhile.
     let map = log(&[(DESK, place(1.0)), (OTHER, place(1.0)), (OTHER, place(2.0))]);
     assert!(matches!(inverse(&map, DESK, 1), Err(InverseError::Overwritten { .. })));
-    // Nor what another has written without changing it: that stands by itself.
-    let map = log(&[(OTHER, place(9.0)), (DESK, place(1.0)), (OTHER, place(1.0))]);
-    assert!(matches!(inverse(&map, DESK, 1), Err(InverseError::Overwritten { .. })));
+    // Nor what another has written without changing it, at once or once it was put back: that stands
+    // by itself.
+    for since in [&[1.0][..], &[2.0, 1.0, 1.0], &[1.0, 2.0, 1.0]] {
+        let mut writes = vec![(OTHER, place(9.0)), (DESK, place(1.0))];
+        writes.extend(since.iter().map(|x| (OTHER, place(*x))));
+        assert!(matches!(inverse(&log(&writes), DESK, 1), Err(InverseError::Overwritten { .. })), "{since:?}");
+    }
     let mut map = log(&put_back);
     let folded = map.increments.remove(2);
     map.folds.push(whole(&folded));
@@ -190,12 +194,25 @@ proptest! {
         if let Ok(back) = inverse(&map, DESK, count) {
             let is_kept = |it: &&Increment| it.author != DESK || it.number + count <= last;
             let mut without: Vec<Increment> = map.increments.iter().filter(is_kept).cloned().collect();
-            let undone = map.increments.iter().filter(|it| !is_kept(it));
-            let newest: BTreeMap<String, u64> =
-                undone.flat_map(|it| it.ops.iter().filter_map(one_value).map(|value| (value, it.hlc_us))).collect();
+            // What was undone of each, when, and what others have made of it since.
+            let mut newest: BTreeMap<String, (u64, Vec<Op>)> = BTreeMap::new();
+            for undone in map.increments.iter().filter(|it| !is_kept(it)) {
+                for (value, op) in undone.ops.iter().filter_map(|op| Some((one_value(op)?, op))) {
+                    newest.insert(value, (undone.hlc_us, vec![op.clone()]));
+                }
+            }
             for it in &mut without {
-                let is_since = |value: &String| newest.get(value).is_some_and(|undone_us| it.hlc_us > *undone_us);
-                it.ops.retain(|op| !one_value(op).as_ref().is_some_and(is_since));
+                it.ops.retain(|op| {
+                    let since = one_value(op).and_then(|value| newest.get_mut(&value));
+                    let Some((_, values)) = since.filter(|(undone_us, _)| it.hlc_us > *undone_us) else { return true };
+                    values.push(op.clone());
+                    false
+                });
+            }
+            for (value, (_, ops)) in newest {
+                let is_put_back = ops.first() == ops.last();
+                let is_meant = ops.windows(2).any(|two| two[0] == two[1] && two[0] == ops[0]);
+                prop_assert!(ops.len() == 1 || is_put_back && !is_meant, "{} is somebody else's: {:?}", value, ops);
             }
             let expected = state_of(&without);
             prop_assert_eq!(seen(&state_of(&then(map.clone(), back.ops).increments)), seen(&expected));

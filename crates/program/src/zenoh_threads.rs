@@ -20,7 +20,8 @@ const TLS: &str = "tls/";
 
 /// From now on a panic in a thread of Zenoh ends the process (SIGABRT), as it ends zenohd. What goes
 /// on after one routes nothing any more and answers nobody, while those who look after it see it
-/// run (`docs/upstream.md`). For servers: a robot drives on without its session.
+/// run (`docs/upstream.md`). For servers: a robot drives on without its session. Hooks that are set
+/// later, and catch what they expect, go before it.
 pub fn end_with_panics() {
     let usual = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
@@ -86,6 +87,25 @@ fn names_tls(file: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn a_panic_in_a_thread_of_zenoh_ends_the_process_and_one_elsewhere_does_not() {
+        use std::os::unix::process::ExitStatusExt;
+        const THREAD: &str = "FHT_TEST_THREAD";
+        if let Ok(name) = std::env::var(THREAD) {
+            end_with_panics();
+            let thread = std::thread::Builder::new().name(name).spawn(|| panic!("on purpose"));
+            assert!(thread.unwrap().join().is_err());
+            return;
+        }
+        for (name, signal) in [("rx-0", Some(6)), ("net-12", Some(6)), ("writer", None)] {
+            let mut again = std::process::Command::new(std::env::current_exe().unwrap());
+            let this = "zenoh_threads::tests::a_panic_in_a_thread_of_zenoh_ends_the_process_and_one_elsewhere_does_not";
+            let output = again.args(["--exact", this]).env(THREAD, name).output().unwrap();
+            assert_eq!(output.status.signal(), signal, "{name}: {output:?}");
+        }
+    }
 
     #[test]
     fn tls_is_found_in_arguments_and_files() {

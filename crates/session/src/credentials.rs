@@ -53,7 +53,7 @@ pub enum CredentialError {
     /// The certificate's role is not the program's.
     #[error(
         "transport.link.tls.connect_certificate: {} is of {common_name}, which may not {}",
-        file.display(), deed_of(role)
+        file.display(), what_it_takes(role)
     )]
     OtherRole {
         /// The certificate.
@@ -96,8 +96,8 @@ pub enum CredentialError {
     },
 }
 
-/// What those of a role do and others may not, and what it takes.
-fn deed_of(role: &str) -> &'static str {
+/// What only those of a role may do, and what that takes.
+fn what_it_takes(role: &str) -> &'static str {
     match role {
         "explorer" => "write maps: that takes a certificate of an explorer",
         "server" => "serve maps: that takes a certificate of a server",
@@ -282,8 +282,9 @@ pub fn check_owner(
 /// [`CredentialError::OtherRole`].
 pub fn check_server(config: &Config, endpoints: &[String]) -> Result<(), CredentialError> {
     let Some((file, pem)) = shown(config, endpoints, TlsSide::Connecting) else { return Ok(()) };
-    match common_name(&pem) {
-        Some(common_name) if ["client:", "explorer:", "operator:"].iter().any(|role| common_name.starts_with(role)) => {
+    let Some(common_name) = common_name(&pem) else { return Ok(()) };
+    match common_name.split_once(':') {
+        Some(("client" | "explorer" | "operator", _)) => {
             Err(CredentialError::OtherRole { file: file.into(), common_name, role: "server" })
         }
         _ => Ok(()),

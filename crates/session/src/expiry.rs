@@ -17,35 +17,24 @@ const BEYOND: Duration = Duration::from_secs(1);
 /// What is watched already: several sessions may have one certificate.
 static WATCHED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 
-/// It is watched as long as this is there.
-struct Watched(String);
-
-impl Watched {
-    fn begin(tls: &str, side: TlsSide) -> Option<Self> {
-        let key = format!("{side:?} {tls}");
-        let is_new = WATCHED.lock().unwrap_or_else(PoisonError::into_inner).insert(key.clone());
-        is_new.then_some(Self(key))
-    }
-}
-
-impl Drop for Watched {
-    fn drop(&mut self) {
-        WATCHED.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.0);
-    }
+/// Whether a certificate is watched from now on, and was not before.
+fn is_new(tls: &str, side: TlsSide) -> bool {
+    WATCHED.lock().unwrap_or_else(PoisonError::into_inner).insert(format!("{side:?} {tls}"))
 }
 
 /// Says, from when it expires, that the certificate which `config` shows on this side has expired.
-/// In a thread of its own: sessions outlive the runtime that they were opened in. One that has
-/// expired already, and was let in, is not spoken of.
+/// In a thread of its own, as long as the program runs: sessions outlive the runtime that they were
+/// opened in. One that has expired already, and was let in, is not spoken of.
 pub(crate) fn watch(config: &Config, endpoints: &[String], side: TlsSide) {
     if valid_for(config, endpoints, side).is_none() {
         return; // there is none, or it was out of date before
     }
     let tls = config.get_json("transport/link/tls").unwrap_or_default();
-    let Some(watched) = Watched::begin(&tls, side) else { return };
+    if !is_new(&tls, side) {
+        return;
+    }
     let (config, endpoints) = (config.clone(), endpoints.to_vec());
     let look = move || {
-        let _watched = watched;
         loop {
             let sentence = out_of_date(&config, &endpoints, side);
             if let Some(sentence) = &sentence {
@@ -85,11 +74,8 @@ mod tests {
     }
 
     #[test]
-    fn a_certificate_is_watched_once_and_again_when_nobody_watches_it() {
-        let first = Watched::begin("{a: 1}", TlsSide::Connecting);
-        assert!(first.is_some() && Watched::begin("{a: 1}", TlsSide::Connecting).is_none());
-        assert!(Watched::begin("{a: 1}", TlsSide::Listening).is_some(), "another certificate");
-        drop(first);
-        assert!(Watched::begin("{a: 1}", TlsSide::Connecting).is_some());
+    fn a_certificate_is_watched_once() {
+        assert!(is_new("{a: 1}", TlsSide::Connecting) && !is_new("{a: 1}", TlsSide::Connecting));
+        assert!(is_new("{a: 1}", TlsSide::Listening), "another certificate");
     }
 }

@@ -4,7 +4,7 @@
 use super::config::{Crew, HandoffConfig, HandoffError};
 use super::programs::{Bars, read_report, session, world_args};
 use super::report::{ContactFigures, ExplorerFigures};
-use crate::process::{Process, ProcessError, Role, is_over};
+use crate::process::{Process, Role, is_over};
 use fht_perception::pose::Point2;
 use fht_proto::api::keys::{RobotTopic, robots_of};
 use fht_proto::{Digest, MapName, SeenArea, SharedWorldName, Square, VersionVector, decode};
@@ -17,6 +17,7 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 use zenoh::Wait;
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::Sample;
@@ -101,8 +102,8 @@ pub(super) fn explore(
                 // the map.
                 let (begun, is_begun) = std::sync::mpsc::channel();
                 let first = scope.spawn(move || job.run_in_team(0, Some(begun)));
-                // If the first one fails, its own result says so.
-                let _ = is_begun.recv();
+                // If the first one fails before that, there is nothing to join.
+                let count = if is_begun.recv().is_ok() { count } else { 1 };
                 let others = (1..count).map(|number| scope.spawn(move || job.run_in_team(number, None)));
                 let threads: Vec<_> = std::iter::once(first).chain(others).collect();
                 let joined = threads.into_iter().map(|thread| thread.join().map_err(|_| HandoffError::Thread));
@@ -110,27 +111,22 @@ pub(super) fn explore(
             })?;
             let (_, seen) = witness.explored(&world);
             let (mut reports, mut failures) = (Vec::new(), Vec::new());
-            for (robot, outcome) in outcomes {
+            for (number, outcome) in outcomes.into_iter().enumerate() {
                 match outcome {
-                    Ok(report) => reports.push((robot, report)),
-                    Err(error) => failures.push((robot, error)),
+                    Ok(report) => reports.push((name(number), report)),
+                    Err(error) => failures.push((number, error)),
                 }
             }
             // The others have explored what one that failed had not.
             if reports.is_empty()
-                && let Some((_, error)) = failures.pop()
+                && let Some((_, error)) = failures.into_iter().next()
             {
                 return Err(error);
             }
             let mut explored = sum(reports, Some(seen));
-            let failed = |(robot, error): (String, HandoffError)| ExplorerFigures {
-                robot,
-                ending: error.to_string(),
-                joined: None,
-                driven_m: None,
-                sim_s: 0.0,
-            };
-            explored.explorers.extend(failures.into_iter().map(failed));
+            for (number, error) in failures {
+                explored.explorers.insert(number, failed(number, &error));
+            }
             Ok(explored)
         }
         Crew::Succession => {
@@ -139,7 +135,7 @@ pub(super) fn explore(
             let report = job.run(1, false, None)?;
             let mut explored = sum(vec![(name(1), report)], Some(witness.explored(&world).1));
             let ending = "killed".to_owned();
-            let dead = ExplorerFigures { robot: name(0), ending, joined: None, driven_m: None, sim_s: died_s };
+            let dead = ExplorerFigures { robot: name(0), ending, joined: None, driven_m: None, sim_s: Some(died_s) };
             explored.explorers.insert(0, dead);
             explored.sim_s += died_s;
             Ok(explored)
@@ -203,15 +199,16 @@ impl Job<'_> {
         read_report(&self.config.folder.join(format!("{}.json", name(number))))
     }
 
-    /// The same, beside others that go on if it fails, which is said at once.
-    fn run_in_team(&self, number: usize, begun: Option<Sender<()>>) -> (String, Result<ExploreReport, HandoffError>) {
-        let outcome = self.run(number, true, begun);
-        if let Err(error) = &outcome
-            && !was_interrupted(error)
-        {
-            self.bars.say(&format!("{}: {error}; the others go on", name(number)));
-        }
-        (name(number), outcome)
+    /// The same, beside others: if it fails, that is said at once.
+    fn run_in_team(&self, number: usize, begun: Option<Sender<()>>) -> Result<ExploreReport, HandoffError> {
+        /// Ctrl-C is sent to the explorers, too, and may reach them before this program.
+        const TO_HEAR_OF_IT: Duration = Duration::from_millis(300);
+        self.run(number, true, begun).inspect_err(|error| {
+            std::thread::sleep(TO_HEAR_OF_IT);
+            if !is_over() {
+                self.bars.say(&format!("{}: {error}", name(number)));
+            }
+        })
     }
 
     /// Runs the first explorer until it has seen half of the building, and kills it. Returns how
@@ -235,12 +232,10 @@ impl Job<'_> {
     }
 }
 
-/// Whether an explorer ended as it was told to, with this program: Ctrl-C is sent to both.
-fn was_interrupted(error: &HandoffError) -> bool {
-    /// SIGHUP, SIGINT and SIGTERM, as exit codes.
-    const TOLD: [i32; 3] = [129, 130, 143];
-    let HandoffError::Process(ProcessError::Failed { status, .. }) = error else { return false };
-    status.code().is_some_and(|code| TOLD.contains(&code)) || is_over()
+/// What is known of an explorer that failed: not what it said before.
+fn failed(number: usize, error: &HandoffError) -> ExplorerFigures {
+    let ending = error.to_string().lines().next().unwrap_or_default().to_owned();
+    ExplorerFigures { robot: name(number), ending, joined: None, driven_m: None, sim_s: None }
 }
 
 fn contacts_of(report: &ExploreReport) -> ContactFigures {
@@ -259,7 +254,7 @@ fn sum(reports: Vec<(String, ExploreReport)>, explored_fraction: Option<f64>) ->
         ending: report.map.ending.to_string(),
         joined: report.joined,
         driven_m: Some(report.driven_m),
-        sim_s: report.sim_s,
+        sim_s: Some(report.sim_s),
     };
     Explored {
         world_from_map: all().map(|report| report.world_from_map).next().unwrap_or_default(),

@@ -17,8 +17,8 @@ pub struct ExplorerFigures {
     pub joined: Option<[f64; 2]>,
     /// Driven, metres; unknown if it was killed or failed.
     pub driven_m: Option<f64>,
-    /// Robot time from its start to its end, seconds; 0 if it failed.
-    pub sim_s: f64,
+    /// Robot time from its start to its end, seconds; unknown if it failed.
+    pub sim_s: Option<f64>,
 }
 
 /// What became of the sensors' messages, if the robots spoke ROS.
@@ -230,9 +230,7 @@ impl HandoffReport {
                 explorer.robot,
                 joined.map_or_else(String::new, |[s, m]| format!("joined the map after {s:.0} s and {m:.1} m, ")),
                 explorer.driven_m.map_or_else(String::new, |metres| format!("{metres:.0} m, ")),
-                Some(explorer.sim_s)
-                    .filter(|s| *s > 0.0)
-                    .map_or_else(String::new, |s| format!("{s:.0} s of robot time: ")),
+                explorer.sim_s.map_or_else(String::new, |s| format!("{s:.0} s of robot time: ")),
                 explorer.ending
             )?;
         }

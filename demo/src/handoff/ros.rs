@@ -109,7 +109,7 @@ pub(super) fn explore(
         ending: explored.map.ending.to_string(),
         joined: None,
         driven_m: Some(truth.driven_m),
-        sim_s: explored.robot_s,
+        sim_s: Some(explored.robot_s),
     };
     let figures = RosFigures::of(&explored.intake, cpu_s);
     Ok((

@@ -73,8 +73,8 @@ impl Repair {
                 let archives = check_archives(&source).map_err(|error| ProgramFailure::of(error.is_input(), error))?;
                 if let Some(authors) = archives {
                     let maps: BTreeSet<&str> = authors.iter().map(|author| author.map.as_str()).collect();
-                    let of = if maps.len() == 1 { "the exported map is" } else { "the exported maps are" };
-                    return print(&Rescued { damage: None, authors }, of, "are whole", json);
+                    let subject = if maps.len() == 1 { "the exported map is" } else { "the exported maps are" };
+                    return print(&Rescued { damage: None, authors }, subject, "are whole", json);
                 }
                 let found = check(&source, &std::env::temp_dir()).map_err(not_rescued)?;
                 let what = if found.damage.is_some() { "can be rescued" } else { "are whole" };
@@ -129,14 +129,14 @@ fn print_restored(restored: &Restored, json: bool) -> Result<(), ProgramFailure>
     Ok(())
 }
 
-fn print(found: &Rescued, of: &str, what: &str, json: bool) -> Result<(), ProgramFailure> {
+fn print(found: &Rescued, subject: &str, what: &str, json: bool) -> Result<(), ProgramFailure> {
     if json {
         print_line!("{}", serde_json::to_string(found).map_err(ProgramFailure::of_run)?);
         return Ok(());
     }
     match &found.damage {
-        None => print_line!("{of} whole"),
-        Some(damage) => print_line!("{of} damaged: {damage}"),
+        None => print_line!("{subject} whole"),
+        Some(damage) => print_line!("{subject} damaged: {damage}"),
     }
     for RescuedAuthor { map, author, last, lost, first_lost, .. } in &found.authors {
         let numbers: Vec<String> = first_lost.iter().map(ToString::to_string).collect();

@@ -30,7 +30,7 @@ use crate::haste::Haste;
 use fht_perception::pose::{Point2, Pose2, wrap_angle};
 use fht_perception::pose_graph::{GraphConfig, PoseConstraint, chi2};
 use fht_proto::NodeId;
-use matching::{Candidate, Reference, match_within};
+use matching::{Candidate, match_within};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -165,16 +165,16 @@ impl LoopCloser {
         self.submaps.extend(keyframe.finished);
     }
 
-    /// Half widths of the uncertainty after a way: metres and radians.
+    /// Half width of the uncertainty after a way, metres: without a bound.
+    fn window_m(&self, way_m: f64) -> f64 {
+        self.config.window_m + self.config.window_per_m * way_m
+    }
+
+    /// Half widths of the uncertainty after a way, no wider than is searched: metres and radians.
     fn uncertainty(&self, way_m: f64) -> (f64, f64) {
         let config = &self.config;
         let window_rad = (config.window_rad + config.window_rad_per_m * way_m).min(PI);
         (self.window_m(way_m).min(config.max_window_m), window_rad)
-    }
-
-    /// The first of these, however great.
-    fn window_m(&self, way_m: f64) -> f64 {
-        self.config.window_m + self.config.window_per_m * way_m
     }
 
     fn is_plausible(&self, edge: &PoseConstraint, way_m: f64, graph: &KeyframeGraph) -> bool {
@@ -242,9 +242,9 @@ impl LoopCloser {
     fn close(&mut self, index: usize, graph: &mut KeyframeGraph) {
         let candidates = self.candidates(index, graph);
         let (near, far): (Vec<_>, Vec<_>) =
-            candidates.into_iter().partition(|candidate| candidate.is_refined(&self.config));
+            candidates.into_iter().partition(|candidate| candidate.window_m <= self.config.refine_m);
         for candidate in near.iter().take(self.config.tries) {
-            match self.match_to(index, candidate, graph) {
+            match self.match_to(index, candidate) {
                 Some(edge) => {
                     self.counts.near += 1;
                     self.join(edge, graph);
@@ -255,7 +255,7 @@ impl LoopCloser {
         if index.is_multiple_of(self.config.search_every)
             && let Some(candidate) = self.most_seen(index, &far)
         {
-            match self.match_to(index, candidate, graph) {
+            match self.match_to(index, candidate) {
                 Some(edge) => self.take_far(edge, graph),
                 None => self.counts.refused += 1,
             }
@@ -300,24 +300,13 @@ impl LoopCloser {
         self.is_graduated = true;
     }
 
-    fn match_to(&self, index: usize, candidate: &Candidate, graph: &KeyframeGraph) -> Option<PoseConstraint> {
-        let submap = &self.submaps[candidate.submap];
-        let beside = if candidate.is_refined(&self.config) { Vec::new() } else { self.beside(candidate.submap, graph) };
-        self.match_within(Reference { submap, beside }, index, candidate)
+    fn match_to(&self, index: usize, candidate: &Candidate) -> Option<PoseConstraint> {
+        self.match_within(&self.submaps[candidate.submap], index, candidate)
     }
 
-    /// The submaps made before and after one, and the pose of its frame in theirs.
-    fn beside(&self, number: usize, graph: &KeyframeGraph) -> Vec<(&Submap, Pose2)> {
-        let (poses, reach) = (graph.poses(), self.config.far_beside);
-        let map_from_submap = poses[self.submaps[number].first()];
-        let numbers = number.saturating_sub(reach)..=number.saturating_add(reach).min(self.submaps.len() - 1);
-        let others = numbers.filter(|other| *other != number).map(|other| &self.submaps[other]);
-        others.map(|other| (&**other, poses[other.first()].inverse() * map_from_submap)).collect()
-    }
-
-    /// Matches a keyframe to a reference within a candidate's window.
-    fn match_within(&self, reference: Reference<'_>, index: usize, candidate: &Candidate) -> Option<PoseConstraint> {
-        match_within(&reference, (index, &self.points[index]), candidate, &self.config)
+    /// Matches a keyframe to a submap within a candidate's window.
+    fn match_within(&self, submap: &Submap, index: usize, candidate: &Candidate) -> Option<PoseConstraint> {
+        match_within(submap, (index, &self.points[index]), candidate, &self.config)
     }
 
     /// After the last keyframe: every keyframe is matched to all finished submaps near it, and all
@@ -379,7 +368,7 @@ impl LoopCloser {
             let guess = graph.poses()[self.submaps[submap].first()].inverse() * here;
             Candidate { submap, guess, window_m, window_rad, distance_m }
         });
-        candidates.filter_map(|candidate| self.match_to(index, &candidate, graph)).collect()
+        candidates.filter_map(|candidate| self.match_to(index, &candidate)).collect()
     }
 }
 
@@ -388,4 +377,50 @@ fn distance_m(submap: &Submap, index: usize, graph: &KeyframeGraph) -> f64 {
     let here = graph.poses()[index].translation.vector;
     let apart = |member: usize| (graph.poses()[member].translation.vector - here).norm();
     submap.keyframes().map(apart).fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::slam::submap::SubmapConfig;
+    use fht_perception::frame::LaserScan;
+    use fht_perception::pose::pose;
+
+    /// What a scanner of half a turn sees at `x` in a hall of 40 by 5 metres, facing along it or
+    /// back.
+    fn scan(x: f64, faces_back: bool) -> LaserScan {
+        let (turn, angle_increment) = (if faces_back { PI } else { 0.0 }, PI / 180.0);
+        let range = |index: usize| {
+            let (sin, cos) = (turn - PI / 2.0 + index as f64 * angle_increment).sin_cos();
+            let along_m = if cos > 0.0 { (20.0 - x) / cos } else { (-20.0 - x) / cos };
+            along_m.min(2.5 / sin.abs()) as f32
+        };
+        LaserScan {
+            base_from_sensor: Pose2::identity(),
+            angle_min: turn - PI / 2.0,
+            angle_increment,
+            range_min_m: 0.1,
+            range_max_m: 80.0,
+            ranges_m: (0..180).map(range).collect(),
+        }
+    }
+
+    #[test]
+    fn who_comes_back_is_matched_to_what_was_seen_and_not_to_where_the_robot_was() {
+        let mut closer = LoopCloser::new(ClosureConfig::default());
+        // On the way out: here, and 8 m before.
+        for (first, x) in [(0, 0.0), (1, -8.0)] {
+            let out = scan(x, false);
+            closer.submaps.push(Arc::new(Submap::begin(first, &SubmapConfig::default(), &out, &out.points_in_base())));
+        }
+        closer.points.push(Arc::new(scan(0.0, true).points_in_base()));
+        let candidate = |submap: usize, x: f64| {
+            // The graph is off by half a metre.
+            let guess = pose(0.5 - x, 0.2, 0.0);
+            Candidate { submap, guess, window_m: 2.0, window_rad: 0.3, distance_m: x.abs() }
+        };
+        let chosen = closer.most_seen(0, &[candidate(0, 0.0), candidate(1, -8.0)]).map(|chosen| chosen.submap);
+        assert_eq!(chosen, Some(1));
+        assert!(closer.most_seen(0, &[]).is_none());
+    }
 }

@@ -148,79 +148,17 @@ impl Submap {
     /// How a scan taken at `submap_from_base` fits.
     #[must_use]
     pub fn judge(&self, points: &[Point2], submap_from_base: &Pose2) -> SubmapFit {
-        judge_among(&[(self, *submap_from_base)], points)
-    }
-
-    /// Whether a point in its frame is on a wall.
-    fn explains(&self, point: &SeenPoint) -> bool {
-        self.cloud.explains(point, self.config.explained_m)
-    }
-
-    /// Whether a point in its frame is in space that was seen empty.
-    fn is_empty_at(&self, point: &SeenPoint) -> bool {
-        self.space.state_at(point.position) == CellState::Free
-    }
-}
-
-/// How a scan fits several submaps together, in each of which it was taken at the pose beside it: on
-/// a wall of one, or else in space that one saw empty.
-#[must_use]
-pub fn judge_among(submaps: &[(&Submap, Pose2)], points: &[Point2]) -> SubmapFit {
-    let mut verdict = SubmapFit::default();
-    for point in points.iter().copied().map(SeenPoint::of_scan) {
-        if submaps.iter().any(|(submap, from_base)| submap.explains(&point.transformed(from_base))) {
-            verdict.explained += 1;
-        } else if submaps.iter().any(|(submap, from_base)| submap.is_empty_at(&point.transformed(from_base))) {
-            verdict.contradicted += 1;
-        } else {
-            verdict.unseen += 1;
+        let mut verdict = SubmapFit::default();
+        for point in points {
+            let point = SeenPoint::of_scan(*point).transformed(submap_from_base);
+            if self.cloud.explains(&point, self.config.explained_m) {
+                verdict.explained += 1;
+            } else if self.space.state_at(point.position) == CellState::Free {
+                verdict.contradicted += 1;
+            } else {
+                verdict.unseen += 1;
+            }
         }
-    }
-    verdict
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use fht_perception::pose::pose;
-    use std::f64::consts::PI;
-
-    /// What a scanner sees from the middle of a room of 8 by 5 metres, over half a turn from
-    /// `angle_min`.
-    fn half_turn(angle_min: f64) -> LaserScan {
-        let angle_increment = PI / 180.0;
-        let range = |index: usize| {
-            let (sin, cos) = (angle_min + index as f64 * angle_increment).sin_cos();
-            (4.0 / cos.abs()).min(2.5 / sin.abs()) as f32
-        };
-        LaserScan {
-            base_from_sensor: Pose2::identity(),
-            angle_min,
-            angle_increment,
-            range_min_m: 0.1,
-            range_max_m: 30.0,
-            ranges_m: (0..180).map(range).collect(),
-        }
-    }
-
-    #[test]
-    fn a_scan_that_two_submaps_have_seen_half_of_each_is_seen_whole_by_both_together() {
-        let submap = |angle_min: f64| {
-            let scan = half_turn(angle_min);
-            Submap::begin(0, &SubmapConfig::default(), &scan, &scan.points_in_base())
-        };
-        let (ahead, behind) = (submap(-PI / 2.0), submap(PI / 2.0));
-        let whole: Vec<Point2> =
-            [half_turn(-PI / 2.0), half_turn(PI / 2.0)].iter().flat_map(LaserScan::points_in_base).collect();
-        let here = Pose2::identity();
-        for alone in [ahead.judge(&whole, &here), behind.judge(&whole, &here)] {
-            assert!((0.49..0.55).contains(&alone.overlap()) && alone.agreement() > 0.99, "{alone:?}");
-        }
-        let together = judge_among(&[(&ahead, here), (&behind, here)], &whole);
-        assert_eq!(together.explained, whole.len(), "{together:?}");
-        // What the one has not seen the other contradicts.
-        let aside = pose(0.5, 0.0, 0.0);
-        let wrong = judge_among(&[(&ahead, aside), (&behind, aside)], &whole);
-        assert!(wrong.contradicted > 60 && wrong.agreement() < 0.7, "{wrong:?}");
+        verdict
     }
 }

@@ -127,22 +127,32 @@ enum Overwritten {
 
 /// Things that others have changed since and put back as they had been written, with the stamp of
 /// that first writing. What is compared is the state, and not who wrote last: it is as if nobody had
-/// touched them. Who writes what is there already means it, and is no such case.
+/// touched them. Whoever writes what is there anyway wants it there: then it is not as if nobody had.
 type PutBack = BTreeMap<Element, Stamp>;
 
 fn put_back_since(map: &Series, kept: &[&Increment], mine: &Writes<'_>, others: &Writes<'_>) -> PutBack {
-    let stamped = kept.iter().copied().flat_map(Increment::stamped);
-    let changed: BTreeSet<Element> = stamped
-        .filter_map(|(stamp, op)| {
-            let element = Element::of(stamp.author, op);
-            mine.get(&element).is_some_and(|own| stamp > own.stamp && op != own.op).then_some(element)
-        })
-        .collect();
-    let is_put_back = |(element, own): &(&Element, &Newest<'_>)| {
-        element.is_one_value() && changed.contains(element) && others.get(element).is_some_and(|it| it.op == own.op)
+    let ends_alike = |(element, own): &(&Element, &Newest<'_>)| {
+        let newest = others.get(element);
+        element.is_one_value() && newest.is_some_and(|newest| newest.stamp > own.stamp && newest.op == own.op)
     };
     let mut put_back: PutBack =
-        mine.iter().filter(is_put_back).map(|(element, own)| (element.clone(), own.stamp)).collect();
+        mine.iter().filter(ends_alike).map(|(element, own)| (element.clone(), own.stamp)).collect();
+    if put_back.is_empty() {
+        return put_back;
+    }
+    let mut since: BTreeMap<Element, Vec<(Stamp, &Op)>> = BTreeMap::new();
+    for (stamp, op) in kept.iter().copied().flat_map(Increment::stamped) {
+        let element = Element::of(stamp.author, op);
+        if is_moot(&put_back, &element, stamp) {
+            since.entry(element).or_default().push((stamp, op));
+        }
+    }
+    put_back.retain(|element, _| {
+        let (Some(own), Some(writes)) = (mine.get(element), since.get_mut(element)) else { return false };
+        writes.sort_by_key(|(stamp, _)| *stamp);
+        let before = std::iter::once(own.op).chain(writes.iter().map(|(_, op)| *op));
+        !before.zip(writes.iter()).any(|(before, (_, op))| before == *op && *op == own.op)
+    });
     // What was folded cannot be left out of what is begun from.
     for (stamp, _, op) in map.folds.iter().flat_map(CompactedSeries::stamped) {
         let element = Element::of(stamp.author, op);

@@ -3,7 +3,7 @@
 //! A node stays where its maker has it; if the maker moves it, the keyframes anchored to it follow.
 
 use super::LoopCloser;
-use super::matching::{Candidate, Reference};
+use super::matching::Candidate;
 use crate::slam::foreign_nodes::ToldNode;
 use crate::slam::graph::{Anchor, KeyframeGraph};
 use crate::slam::submap::{Submap, SubmapConfig};
@@ -73,7 +73,7 @@ impl LoopCloser {
         let guess = map_from_node.inverse() * graph.poses()[index];
         let distance_m = guess.translation.vector.norm();
         let candidate = Candidate { submap: 0, guess, window_m, window_rad, distance_m };
-        let Some(edge) = self.match_within(Reference { submap, beside: Vec::new() }, index, &candidate) else {
+        let Some(edge) = self.match_within(submap, index, &candidate) else {
             self.counts.refused += 1;
             return;
         };

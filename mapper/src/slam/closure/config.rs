@@ -34,9 +34,6 @@ pub struct ClosureConfig {
     pub refine_m: f64,
     /// Submaps tried with each keyframe by refinement. Default 8.
     pub tries: usize,
-    /// Submaps made before and after one that is searched that say, too, whether the keyframe fits.
-    /// Default 2.
-    pub far_beside: usize,
     /// Keyframes between searches. Default 4.
     pub search_every: usize,
     /// Keyframes between searches in all submaps that may be near, where the half width would be
@@ -102,7 +99,6 @@ impl Default for ClosureConfig {
             window_rad_per_m: 0.01,
             refine_m: 0.45,
             tries: 8,
-            far_beside: 2,
             search_every: 4,
             wide_every: 16,
             wide_window_per_m: 0.1,

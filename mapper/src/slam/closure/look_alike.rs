@@ -38,7 +38,7 @@ impl LoopCloser {
             Candidate { submap, guess: member, window_m: self.config.look_alike_m, window_rad: PI, distance_m: 0.0 };
         // Many places look alike; it is another one when it is farther off than the way can have
         // led astray.
-        let found = self.match_to(sighting.keyframe, &candidate, graph);
+        let found = self.match_to(sighting.keyframe, &candidate);
         match found.filter(|edge| self.is_plausible(edge, ways[there], graph)) {
             Some(edge) => {
                 self.counts.look_alike += 1;

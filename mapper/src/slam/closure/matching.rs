@@ -1,7 +1,7 @@
 //! Keyframes matched to submaps, and which matches are good enough.
 
 use super::config::ClosureConfig;
-use crate::slam::submap::{Submap, SubmapFit, judge_among};
+use crate::slam::submap::{Submap, SubmapFit};
 use fht_perception::matching::{ScanMatch, SearchWindow, alignments, refine};
 use fht_perception::pose::{Point2, Pose2};
 use fht_perception::pose_graph::PoseConstraint;
@@ -17,39 +17,15 @@ pub(super) struct Candidate {
     pub(super) distance_m: f64,
 }
 
-impl Candidate {
-    /// Whether refinement from where the graph says is enough.
-    pub(super) fn is_refined(&self, config: &ClosureConfig) -> bool {
-        self.window_m <= config.refine_m
-    }
-}
-
-/// What a keyframe is matched to.
-pub(super) struct Reference<'a> {
-    /// The submap whose walls it is aligned with.
-    pub(super) submap: &'a Submap,
-    /// Others, by which it is judged as well, and the pose of the submap's frame in theirs.
-    pub(super) beside: Vec<(&'a Submap, Pose2)>,
-}
-
-impl Reference<'_> {
-    /// How a scan fits that was taken at `submap_from_base`.
-    fn judge(&self, points: &[Point2], submap_from_base: &Pose2) -> SubmapFit {
-        let beside = self.beside.iter().map(|(other, from_submap)| (*other, from_submap * submap_from_base));
-        let all: Vec<(&Submap, Pose2)> = std::iter::once((self.submap, *submap_from_base)).chain(beside).collect();
-        judge_among(&all, points)
-    }
-}
-
-/// Matches a keyframe, seen as `points`, to what is known around a candidate within its window.
+/// Matches a keyframe, seen as `points`, to a submap within a candidate's window.
 pub(super) fn match_within(
-    reference: &Reference<'_>,
+    submap: &Submap,
     (index, points): (usize, &[Point2]),
     candidate: &Candidate,
     config: &ClosureConfig,
 ) -> Option<PoseConstraint> {
-    let (guess, submap) = (candidate.guess, reference.submap);
-    let aligned = if candidate.is_refined(config) {
+    let guess = candidate.guess;
+    let aligned = if candidate.window_m <= config.refine_m {
         refine(submap.cloud(), points, &guess, &config.matching).into_iter().collect()
     } else {
         let window = SearchWindow {
@@ -65,10 +41,7 @@ pub(super) fn match_within(
         off.translation.vector.norm() <= 1.5 * candidate.window_m + 0.1
             && off.rotation.angle().abs() <= 1.5 * candidate.window_rad
     };
-    let judged = aligned.into_iter().filter(is_inside).map(|found| {
-        let fit = reference.judge(points, &found.reference_from_moving);
-        (found, fit)
-    });
+    let judged = aligned.into_iter().filter(is_inside).map(|found| judge(submap, points, found));
     let (found, verdict) = judged.max_by(|(_, a), (_, b)| a.balance().cmp(&b.balance()))?;
     if verdict.agreement() < config.min_agreement || verdict.overlap() < config.min_overlap {
         return None;
@@ -76,6 +49,11 @@ pub(super) fn match_within(
     let information = with_floor(&found.covariance, config.floor_m, config.floor_rad)?;
     let measured = found.reference_from_moving;
     Some(PoseConstraint { from: submap.first(), to: index, measured, information, is_doubtful: true })
+}
+
+pub(super) fn judge(submap: &Submap, points: &[Point2], found: ScanMatch) -> (ScanMatch, SubmapFit) {
+    let verdict = submap.judge(points, &found.reference_from_moving);
+    (found, verdict)
 }
 
 /// Information of a match whose covariance is at least the floor; `None` if it is none: a graph

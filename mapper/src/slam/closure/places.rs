@@ -1,6 +1,7 @@
 //! Places anywhere in a submap, found without a guess; and whether one of them stands out.
 
 use super::config::ClosureConfig;
+use super::matching::judge;
 use crate::slam::submap::{Submap, SubmapFit};
 use fht_perception::matching::{ScanMatch, SearchWindow, alignments};
 use fht_perception::pose::{Point2, Pose2, pose};
@@ -47,7 +48,7 @@ pub(super) fn places(
         half_yaw_rad,
     };
     alignments(submap.cloud(), points, &window, &config.matching).into_iter().map(move |found| {
-        let fit = submap.judge(points, &found.reference_from_moving);
+        let (found, fit) = judge(submap, points, found);
         let map_from_base = map_from_submap * found.reference_from_moving;
         Place { found, fit, map_from_base }
     })
