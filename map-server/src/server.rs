@@ -52,6 +52,7 @@ pub async fn run_beside<T>(
     shutdown: impl Future<Output = ()>,
     beside: impl Fn(&Session) -> Result<T, zenoh::Error>,
 ) -> Result<(), ServerError> {
+    network::check_certificate(&config.link)?;
     warn_of_strangers(&config);
     warn_of_openings(&config);
     let shutdown = pin!(shutdown);

@@ -148,6 +148,14 @@ pub fn open_to_strangers(link: &ServerEndpoints) -> Result<Vec<String>, Configur
     Ok(exposed(&to_zenoh(link)?))
 }
 
+/// Checks that a server has no robot's or operator's certificate, which would let it answer nobody.
+///
+/// # Errors
+/// [`ServerSessionError`].
+pub fn check_certificate(link: &ServerEndpoints) -> Result<(), ServerSessionError> {
+    fht_session::check_server(&to_zenoh(link)?).map_err(ServerSessionError::Link)
+}
+
 /// Opens the session. A client waits for its routers and tries all of them
 /// ([`fht_session::open_configured`]).
 ///
@@ -158,7 +166,6 @@ pub async fn open(link: &ServerEndpoints) -> Result<Session, ServerSessionError>
     if !reaches_anyone(&config) {
         return Err(ServerSessionError::NoEndpoint);
     }
-    fht_session::check_server(&config).map_err(ServerSessionError::Link)?;
     let is_client = config.get_json("mode").is_ok_and(|mode| mode == "\"client\"");
     // Those that were given, or those of the file.
     let listen = listening_at(&config);
