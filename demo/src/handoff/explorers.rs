@@ -118,10 +118,8 @@ pub(super) fn explore(
                 }
             }
             // The others have explored what one that failed had not.
-            if reports.is_empty()
-                && let Some((_, error)) = failures.into_iter().next()
-            {
-                return Err(error);
+            if reports.is_empty() && !failures.is_empty() {
+                return Err(failures.swap_remove(0).1);
             }
             let mut explored = sum(reports, Some(seen));
             for (number, error) in failures {
