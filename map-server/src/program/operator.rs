@@ -45,4 +45,3 @@ mod write;
 
 pub(super) use arguments::{Operation, OperatorArgs};
 pub(super) use error::OperatorError;
-pub(super) use words::counted;

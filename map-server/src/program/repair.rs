@@ -1,7 +1,6 @@
 //! `map-server check`, `map-server rescue` and `map-server restore`: what can be done with a store
 //! whose file is damaged, or not wanted. They work on files; no server runs on these meanwhile.
 
-use super::operator::counted;
 use crate::rescue::{RescueError, Rescued, RescuedAuthor, Restored, check, check_archives, rescue, restore};
 use clap::Subcommand;
 use fht_program::{ProgramFailure, print_line};
@@ -119,7 +118,8 @@ fn print_restored(restored: &Restored, json: bool) -> Result<(), ProgramFailure>
     }
     let Restored { file, replaced, authors } = restored;
     for RescuedAuthor { map, author, last, .. } in authors {
-        print_line!("map {map}, author {author}: {}", counted(*last, "increment"));
+        let end = if *last == 1 { "" } else { "s" };
+        print_line!("map {map}, author {author}: {last} increment{end}");
     }
     print_line!("{} is the backup now", file.display());
     match replaced {

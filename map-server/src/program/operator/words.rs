@@ -4,7 +4,7 @@ use fht_proto::api::reply::{Head, MapsReply, ReleaseView, ReleasesReply, RuleVie
 use std::time::{Duration, UNIX_EPOCH};
 
 /// So many of something, whose name only needs an `s` where there are several.
-pub(in crate::program) fn counted(count: u64, one: &str) -> String {
+pub(super) fn counted(count: u64, one: &str) -> String {
     let end = if count == 1 { "" } else { "s" };
     format!("{count} {one}{end}")
 }
