@@ -94,8 +94,8 @@ fn what_others_have_touched_and_put_back_is_taken_back_as_if_they_had_not() {
     // Not what is somewhere else in the end, and not what was folded meanwhile.
     let map = log(&[(DESK, place(1.0)), (OTHER, place(1.0)), (OTHER, place(2.0))]);
     assert!(matches!(inverse(&map, DESK, 1), Err(InverseError::Overwritten { .. })));
-    // Nor what another has written without changing it, at once or once it was put back: that stands
-    // by itself.
+    // Nor what another has written without changing it, at once or once it was put back: that
+    // stands by itself.
     for since in [&[1.0][..], &[2.0, 1.0, 1.0], &[1.0, 2.0, 1.0]] {
         let mut writes = vec![(OTHER, place(9.0)), (DESK, place(1.0))];
         writes.extend(since.iter().map(|x| (OTHER, place(*x))));

@@ -18,10 +18,10 @@ const ONE_THREAD: &str = "(rx: (worker_threads: 1), tx: (handover: rx), acc: (ha
 /// What TLS endpoints begin with.
 const TLS: &str = "tls/";
 
-/// From now on a panic in a thread of Zenoh ends the process (SIGABRT), as it ends zenohd. What goes
-/// on after one routes nothing any more and answers nobody, while those who look after it see it
-/// run (`docs/upstream.md`). For servers: a robot drives on without its session. Hooks that are set
-/// later, and catch what they expect, go before it.
+/// From now on a panic in a thread of Zenoh ends the process (SIGABRT), as it ends zenohd. What
+/// goes on after one routes nothing any more and answers nobody, while those who look after it see
+/// it run (`docs/upstream.md`). For servers: a robot drives on without its session. Hooks that are
+/// set later, and catch what they expect, go before it.
 pub fn end_with_panics() {
     let usual = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

@@ -126,8 +126,8 @@ enum Overwritten {
 }
 
 /// Things that others have changed since and put back as they had been written, with the stamp of
-/// that first writing. What is compared is the state, and not who wrote last: it is as if nobody had
-/// touched them. Whoever writes what is there anyway wants it there: then it is not as if nobody had.
+/// that first writing. What is compared is the state, and not who wrote last: it is as if nobody
+/// had touched them. Whoever writes what is there anyway wants it there: then it is not so.
 type PutBack = BTreeMap<Element, Stamp>;
 
 fn put_back_since(map: &Series, kept: &[&Increment], mine: &Writes<'_>, others: &Writes<'_>) -> PutBack {

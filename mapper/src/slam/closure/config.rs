@@ -39,8 +39,8 @@ pub struct ClosureConfig {
     /// Keyframes between searches in all submaps that may be near, where the half width would be
     /// greater than the greatest. Default 16.
     pub wide_every: usize,
-    /// Growth of the half width of that search with the length of the way, metres per metre. Default
-    /// 0.1.
+    /// Growth of the half width of that search with the length of the way, metres per metre.
+    /// Default 0.1.
     pub wide_window_per_m: f64,
     /// Growth of the half width of headings in that search, radians per square root of a metre:
     /// four times what the wheels' heading is believed to walk. Default 0.035 (2°).
