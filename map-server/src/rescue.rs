@@ -163,9 +163,8 @@ fn examine(file: &Path, copy: &Path) -> Result<Result<Vec<RescuedAuthor>, String
     let patience = PATIENCE.0 + PATIENCE.1 * u32::try_from(length >> 20).unwrap_or(u32::MAX);
     Ok(match answer.recv_timeout(patience) {
         Ok(Ok(catalog)) => Ok(rebuild::of_catalog(&catalog)),
-        Ok(Err(StoreError::Broken { reason, .. })) => Err(reason),
+        Ok(Err(StoreError::Broken { reason, .. } | StoreError::Open { reason, .. })) => Err(reason),
         // What is said of the copy is said of the store.
-        Ok(Err(StoreError::Open { reason, .. })) => Err(reason),
         Ok(Err(error)) => Err(error.to_string().replace(&to.display().to_string(), &file.display().to_string())),
         Err(_) => Err(format!("it was not read within {} s", patience.as_secs())),
     })
