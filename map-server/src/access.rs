@@ -42,7 +42,7 @@ mod site_roles;
 
 pub use backbone::router_id;
 #[cfg(feature = "program")]
-pub(crate) use command::{AccessArgs, AccessCommandError, read_roles};
+pub(crate) use command::{AccessArgs, AccessCommandError, ServerRoles, read_roles};
 #[cfg(feature = "program")]
 pub(crate) use denials::layer as denials_layer;
 #[cfg(feature = "program")]

@@ -45,4 +45,4 @@ pub(crate) use query_rooms::CostClass;
 pub(crate) use queryable::QueryService;
 pub(crate) use robot_topics::{RobotTopicSubscriptions, learn_blockages, subscribe_robot_topics};
 pub use session::ServerSessionError;
-pub(crate) use session::{check_certificate, open, open_to_strangers, successor, to_zenoh};
+pub(crate) use session::{check_certificate, open, open_to_strangers, own_name, successor, to_zenoh};

@@ -1,11 +1,12 @@
 //! All tests of the workspace, several programs at a time: `cargo xtask test`.
 //!
 //! `cargo test` runs one test program after the other, and most of those that start processes wait
-//! for something: side by side they take about half of the time. What a program prints is shown in
-//! one piece when it ends. One that does not end is killed.
+//! for something: side by side they take about half of the time. A program of many modules
+//! (`tests/NAME/main.rs`) runs once for each of them. What one prints is shown in one piece when it
+//! ends. One that does not end is killed.
 
 use serde::Deserialize;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::io::{Read, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -20,13 +21,24 @@ const LIMIT: Duration = Duration::from_secs(900);
 const POLL: Duration = Duration::from_millis(50);
 /// With the operators' page and traces: what is built once serves their tests, too.
 const PAGE: &str = "--features=map-server/web,map-server/otel";
-/// Builds all tests.
-const BUILD: [&str; 6] =
-    ["test", "--release", "--workspace", PAGE, "--no-run", "--message-format=json-render-diagnostics"];
+/// Builds all tests, and no examples, which clippy has seen.
+const BUILD: [&str; 7] =
+    ["test", "--release", "--workspace", "--tests", PAGE, "--no-run", "--message-format=json-render-diagnostics"];
 /// Test programs that need what not everybody has installed: one program of each list.
 const NEEDS: [(&str, &[&[&str]]); 2] = [
     ("ros_rclpy.rs", &[&["cmake"], &["python3.11"]]),
     ("web_browser.rs", &[&["chromium", "chromium-browser", "google-chrome"], &["npm"]]),
+];
+/// Those that take minutes are begun first, so that none is left alone at the end.
+const LONG: [&str; 8] = [
+    "explorers.rs",
+    "footprints.rs",
+    "handoff.rs",
+    "interrupted.rs",
+    "merge.rs",
+    "real_slam.rs",
+    "replay.rs",
+    "shared_world.rs",
 ];
 /// Zenoh's TLS may crash where two threads are at one connection (`docs/upstream.md`).
 const ONE_THREAD: (&str, &str) =
@@ -78,11 +90,13 @@ struct Target {
     src_path: PathBuf,
 }
 
-/// A test program.
+/// A test program, or one of its modules.
 struct Program {
     executable: PathBuf,
     source: PathBuf,
     package: PathBuf,
+    /// Only these of its tests; none: all.
+    tests: Vec<String>,
 }
 
 /// How a program ended.
@@ -171,9 +185,14 @@ fn build(root: &Path) -> Result<VecDeque<Program>, TestError> {
     let programs = artifacts.filter(|artifact| artifact.profile.test).filter_map(|artifact| {
         let Artifact { executable, manifest_path, target, .. } = artifact;
         let package = manifest_path.parent()?.to_owned();
-        Some(Program { executable: executable?, source: target.src_path, package })
+        Some(Program { executable: executable?, source: target.src_path, package, tests: Vec::new() })
     });
-    Ok(programs.collect())
+    let mut all = Vec::new();
+    for program in programs {
+        if program.source.ends_with("main.rs") { all.extend(program.modules()?) } else { all.push(program) }
+    }
+    all.sort_by_key(|program| !program.source.file_name().is_some_and(|name| LONG.iter().any(|long| name == *long)));
+    Ok(all.into())
 }
 
 /// Builds the foreign ROS 2 programs of the tests, which are no part of the workspace. The tests
@@ -194,6 +213,25 @@ fn build_foreign(root: &Path, programs: &VecDeque<Program>) -> Result<(), TestEr
 }
 
 impl Program {
+    /// A program for each of its modules that has tests.
+    fn modules(self) -> Result<Vec<Self>, TestError> {
+        let failed = || system(self.executable.display().to_string());
+        let listed = Command::new(&self.executable).args(["--list", "--format", "terse"]).output().map_err(failed())?;
+        let listed = String::from_utf8_lossy(&listed.stdout);
+        let mut modules: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+        for name in listed.lines().filter_map(|line| line.strip_suffix(": test")) {
+            let (module, _) = name.split_once("::").unwrap_or(("main", name));
+            modules.entry(module).or_default().push(name.to_owned());
+        }
+        let of_module = |(module, tests)| Self {
+            executable: self.executable.clone(),
+            source: self.source.with_file_name(format!("{module}.rs")),
+            package: self.package.clone(),
+            tests,
+        };
+        Ok(modules.into_iter().map(of_module).collect())
+    }
+
     /// What it needs and is not installed: one of these.
     fn missing(&self) -> Option<&'static [&'static str]> {
         let name = self.source.file_name()?;
@@ -203,7 +241,8 @@ impl Program {
 
     /// Whether it opens sessions with TLS itself.
     fn is_of_a_secured_site(&self) -> bool {
-        std::fs::read_to_string(&self.source).is_ok_and(|text| text.lines().any(|line| line == "mod site;"))
+        std::fs::read_to_string(&self.source)
+            .is_ok_and(|text| text.lines().any(|line| line.starts_with("use crate::site::")))
     }
 
     fn run(&self) -> Result<Ended, TestError> {
@@ -213,6 +252,8 @@ impl Program {
         let begin = Instant::now();
         let tls = self.is_of_a_secured_site().then_some(ONE_THREAD);
         let mut child = Command::new(&self.executable)
+            .args(self.tests.first().map(|_| "--exact"))
+            .args(&self.tests)
             .envs(tls)
             .current_dir(&self.package)
             .env("CARGO_MANIFEST_DIR", &self.package)

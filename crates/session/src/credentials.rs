@@ -291,6 +291,12 @@ pub fn check_server(config: &Config, endpoints: &[String]) -> Result<(), Credent
     }
 }
 
+/// The name in the certificate that a map-server shows, if it is a server's.
+pub fn server_name(config: &Config, endpoints: &[String]) -> Option<String> {
+    let (_, pem) = shown(config, endpoints, TlsSide::Connecting)?;
+    Some(common_name(&pem)?.strip_prefix("server:")?.to_owned())
+}
+
 /// The common name in a certificate, if there is one.
 fn common_name(pem: &Pem) -> Option<String> {
     let certificate = pem.parse_x509().ok()?;

@@ -46,4 +46,4 @@ pub use homecoming::homecoming;
 pub use replacement::{abandon, replacement};
 pub use robot_session::{SessionConfig, SessionError, check_owner, open, open_within};
 pub use trouble::{in_words, without_source_paths};
-pub use waiting::{ConnectError, check_server, listening_at, open_configured};
+pub use waiting::{ConnectError, check_server, listening_at, open_configured, server_name};

@@ -55,6 +55,13 @@ pub fn check_server(config: &Config) -> Result<(), ConnectError> {
     Ok(credentials::check_server(config, &endpoints(config))?)
 }
 
+/// The name in the certificate that a map-server shows to routers over TLS: of the common name
+/// `server:NAME`. None with another role, and without a certificate.
+#[must_use]
+pub fn server_name(config: &Config) -> Option<String> {
+    credentials::server_name(config, &endpoints(config))
+}
+
 /// Opens a session.
 ///
 /// A client that `config` lets wait (`connect.timeout_ms` of −1) tries all endpoints again and

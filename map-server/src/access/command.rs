@@ -71,13 +71,22 @@ fn read(file: &Path) -> Result<String, AccessCommandError> {
     std::fs::read_to_string(file).map_err(|source| AccessCommandError::Read { file: file.to_owned(), source })
 }
 
-/// Who may write what, from a list of roles.
+/// What a server takes of a list of roles.
+pub(crate) struct ServerRoles {
+    /// Who may write what.
+    pub(crate) writers: WriterRoles,
+    /// Who may serve.
+    pub(crate) servers: Vec<String>,
+}
+
+/// Reads a list of roles for a server.
 ///
 /// # Errors
 /// [`AccessCommandError`], which names the file.
-pub(crate) fn read_roles(file: &Path) -> Result<WriterRoles, AccessCommandError> {
+pub(crate) fn read_roles(file: &Path) -> Result<ServerRoles, AccessCommandError> {
     let in_file = |source| AccessCommandError::Access { file: file.to_owned(), source };
-    parse(&read(file)?).and_then(|roles| roles.writers()).map_err(in_file)
+    let roles = parse(&read(file)?).map_err(in_file)?;
+    Ok(ServerRoles { writers: roles.writers().map_err(in_file)?, servers: roles.servers })
 }
 
 impl AccessArgs {

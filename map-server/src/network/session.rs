@@ -156,6 +156,11 @@ pub fn check_certificate(link: &ServerEndpoints) -> Result<(), ServerSessionErro
     fht_session::check_server(&to_zenoh(link)?).map_err(ServerSessionError::Link)
 }
 
+/// The server's name in the certificate that it shows to routers, if it is a server's.
+pub fn own_name(link: &ServerEndpoints) -> Option<String> {
+    fht_session::server_name(&to_zenoh(link).ok()?)
+}
+
 /// Opens the session. A client waits for its routers and tries all of them
 /// ([`fht_session::open_configured`]).
 ///

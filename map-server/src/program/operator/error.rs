@@ -31,7 +31,10 @@ pub enum OperatorError {
     #[error("Zenoh refuses: {}", fht_session::in_words(.0))]
     Zenoh(#[from] zenoh::Error),
     /// Nobody answered in time.
-    #[error("no map-server answered; is it up, and may this operator ask it? (access control drops silently)")]
+    #[error(
+        "no map-server answered: is one up, and in the list of roles, and may this operator ask it? (access control \
+         drops silently)"
+    )]
     Silent,
     /// An order was sent, and nobody has said what became of it.
     #[error("{}; it may have been carried out: see `map-server {see}`", Self::Silent)]

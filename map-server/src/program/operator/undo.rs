@@ -38,8 +38,8 @@ impl Undone {
             (None, _) => Self::Newest(last),
             (Some(author), None) => Self::All(author),
             (Some(author), Some(file)) => {
-                let writers = read_roles(file).map_err(|error| OperatorError::Usage(error.to_string()))?;
-                Self::AgainstRoles { author, writers }
+                let roles = read_roles(file).map_err(|error| OperatorError::Usage(error.to_string()))?;
+                Self::AgainstRoles { author, writers: roles.writers }
             }
         })
     }
