@@ -61,6 +61,7 @@ while [ $# -gt 0 ]; do
             [ -r "$2" ] || fail "$2, which has the passphrase, cannot be read"
             passphrase=
             IFS= read -r passphrase <"$2" || [ -n "$passphrase" ] || fail "$2, which has the passphrase, is empty"
+            [ -n "$passphrase" ] || fail "the first line of $2, which has the passphrase, is empty"
             shift 2
             ;;
         --no-passphrase)
@@ -79,9 +80,8 @@ while [ $# -gt 0 ]; do
 done
 [ $# -ge 1 ] || { usage >&2; exit 1; }
 case $days in
-    '' | *[!0-9]* | ??????*) fail "--days $days is not a number of days from 1 to 99999" ;;
+    '' | 0* | *[!0-9]* | ??????*) fail "--days $days is not a number of days from 1 to 99999" ;;
 esac
-[ "$days" -gt 0 ] || fail "--days $days is not a number of days from 1 to 99999"
 command -v openssl >/dev/null 2>&1 || fail "openssl is not installed"
 
 role=$1
@@ -93,11 +93,11 @@ for argument in "$@"; do
 done
 # Keys and whatever else is made here belong to who made them.
 umask 077
-mkdir -p "$out"
-work=$(mktemp -d)
-restores=
-trap '[ -z "$restores" ] || stty "$restores"; rm -rf "$work"' EXIT
+mkdir -p -- "$out"
+work= restores= renewed=
+trap '[ -z "$restores" ] || stty "$restores"; rm -rf "$work" ${renewed:+"$renewed"}' EXIT
 trap 'exit 1' HUP INT TERM
+work=$(mktemp -d)
 
 # Runs openssl; what it says is shown only when it fails.
 quietly() {
@@ -133,18 +133,33 @@ publish() {
     echo "$out/$1.pem, $out/$1.key"
 }
 
+# All files of the authority were in DIR/old, and none in their places.
+if [ -e "$out/old/ca.key" ] && [ ! -e "$out/ca.key" ]; then
+    fail "a renewal of the authority broke off: mv $out/old/* $out/ and rmdir $out/old take it back"
+fi
 if [ "$role" = renew-authority ]; then
     [ $# -eq 0 ] || fail "renew-authority takes no further arguments"
     [ -r "$out/ca.key" ] && [ -r "$out/ca.pem" ] || fail "$out has no authority; run: make-certificates.sh --out $out authority"
     [ ! -e "$out/old" ] || fail "$out/old exists: finish-authority, and move it away first"
-    mkdir "$out/old"
-    mv "$out"/*.pem "$out"/*.key "$out/old/"
+    if grep -q 'BEGIN ENCRYPTED' "$out/ca.key" && [ -z "$passphrase" ] && [ -n "$asks" ] && [ ! -t 0 ]; then
+        fail "$out/ca.key is encrypted: give the new one a passphrase, or --no-passphrase"
+    fi
     # The new key is stored as was asked for.
     plain=
     [ -n "$asks" ] || plain=--no-passphrase
-    FHT_CA_PASSPHRASE=$passphrase sh "$0" --out "$out" --days "$ca_days" $plain authority
+    # The old authority stays where it is until the new one is there: made beside it, it only has to be renamed.
+    renewed=$(mktemp -d "$out/renewed.XXXXXX")
+    FHT_CA_PASSPHRASE=$passphrase sh "$0" --out "$renewed" --days "$ca_days" $plain authority >"$work/made"
     # Whoever reads the first only, reads the one that signs from now on.
-    cat "$out/old/ca.pem" >>"$out/ca.pem"
+    cat "$renewed/ca.pem" "$out/ca.pem" >"$renewed/both.pem"
+    chmod 644 "$renewed/both.pem"
+    trap '' HUP INT TERM
+    mkdir "$out/old"
+    mv "$out"/*.pem "$out"/*.key "$out/old/"
+    mv "$renewed/ca.key" "$out/ca.key"
+    mv "$renewed/both.pem" "$out/ca.pem"
+    trap 'exit 1' HUP INT TERM
+    echo "$out/ca.pem, $out/ca.key"
     echo "$out/ca.pem holds both authorities; make all certificates anew, but those that are revoked"
     exit 0
 fi
@@ -219,6 +234,9 @@ else
     passphrase=
 fi
 
+# Of a DNS name, and of an IPv4 address.
+label='[a-zA-Z0-9_]([a-zA-Z0-9_-]{0,61}[a-zA-Z0-9_])?'
+byte='(25[0-5]|2[0-4][0-9]|1?[0-9]?[0-9])'
 # Robots only ever connect, so their certificates are no good for listening.
 purpose=clientAuth
 hosts=
@@ -227,11 +245,11 @@ case $role in
         [ "$role" = server ] || [ $# -ge 1 ] || fail "a router needs at least one HOST, the name or address that others connect to"
         for host in "$@"; do
             case $host in
-                '' | *[!a-zA-Z0-9.:_-]*) fail "'$host' is neither a DNS name nor an IP address" ;;
-                *:* ) kind=IP ;;
-                *[!0-9.]*) kind=DNS ;;
-                *) kind=IP ;;
+                *:*) kind=IP of='[0-9a-fA-F:.]{2,45}' ;;
+                *[!0-9.]*) kind=DNS of="($label[.])*$label" ;;
+                *) kind=IP of="($byte[.]){3}$byte" ;;
             esac
+            printf '%s' "$host" | grep -Exq "$of" || fail "'$host' is neither a DNS name nor an IP address"
             hosts="$hosts${hosts:+,}$kind:$host"
             purpose="clientAuth, serverAuth"
         done

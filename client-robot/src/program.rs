@@ -54,7 +54,7 @@ pub fn command() -> clap::Command {
 }
 
 /// Runs the program. Exit code 0: the task is done; 1: it failed, and the robot said why; 2:
-/// wrong usage or bad input; 130 or 143: it was interrupted.
+/// wrong usage or bad input; 130, 143 or 129: it was interrupted.
 pub fn main_with_args(args: Vec<OsString>) -> ExitCode {
     let cli: Cli = match parse_args(args) {
         Ok(cli) => cli,

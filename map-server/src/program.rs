@@ -124,7 +124,7 @@ Examples:
 Topics of a map: head, path?from=X,Y;to=NAME, nodes?near=X,Y;radius=R, since?vector=V,
 snapshot?version=N, match, releases, diff?from=A;to=B, rules, fleet, journal
 
-Exit code 0: done; 1: it failed; 2: wrong usage or bad input; 130 or 143: it was interrupted.";
+Exit code 0: done; 1: it failed; 2: wrong usage or bad input; 130, 143 or 129: it was interrupted.";
 
 impl Cli {
     /// The flags over what the file says.

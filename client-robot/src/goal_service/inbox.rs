@@ -71,7 +71,8 @@ fn read<'a>(
     payload: Option<&ZBytes>,
 ) -> Result<Ask, ErrorReply> {
     if let Some(length) = payload.map(ZBytes::len).filter(|length| *length > GoalOrder::MAX_BYTES) {
-        return Err(bad_request(format!("{length} bytes are too many for a goal")));
+        let most = GoalOrder::MAX_BYTES;
+        return Err(bad_request(format!("{length} bytes are too many for a goal: at most {most}")));
     }
     let payload = payload.map(ZBytes::to_bytes);
     let payload = payload.as_deref();

@@ -28,12 +28,17 @@ pub enum PictureError {
 }
 
 /// The name of a picture that was given none: what was done (`explore`), in which world or log (a
-/// name or a path), and by which seed, such as `explore-museum-1.png`.
+/// name or a path), and by which seed, such as `explore-museum-1.png`. A world in a file is told from
+/// a built-in one of the same name: `explore-museum-yaml-1.png`.
 #[must_use]
 pub fn default_file(kind: &str, source: &str, seed: Option<u64>) -> PathBuf {
-    let stem = Path::new(source).file_stem().map_or_else(|| "map".into(), |stem| stem.to_string_lossy());
+    let source = Path::new(source);
+    let stem = source.file_stem().map_or_else(|| "map".into(), |stem| stem.to_string_lossy());
+    // A log needs none: there are no built-in ones.
+    let format = source.extension().filter(|_| seed.is_some());
+    let format = format.map(|format| format!("-{}", format.to_string_lossy())).unwrap_or_default();
     let seed = seed.map(|seed| format!("-{seed}")).unwrap_or_default();
-    format!("{kind}-{stem}{seed}.png").into()
+    format!("{kind}-{stem}{format}{seed}.png").into()
 }
 
 /// Writes a picture.
@@ -51,7 +56,7 @@ mod tests {
     fn names_say_what_where_and_by_which_seed() {
         for (kind, source, seed, expected) in [
             ("explore", "museum", Some(1), "explore-museum-1.png"),
-            ("handoff", "floors/second.yaml", Some(3), "handoff-second-3.png"),
+            ("handoff", "floors/second.yaml", Some(3), "handoff-second-yaml-3.png"),
             ("replay", "../data/intel/", None, "replay-intel.png"),
             ("replay", "..", None, "replay-map.png"),
         ] {

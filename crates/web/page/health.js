@@ -152,7 +152,9 @@ function drawQuestions(boxes, before, now, seconds) {
       const was = counted(before);
       const all = counted(now);
       const lately = all.map(({ upto, count }, index) => ({ upto, count: count - (was[index]?.count ?? 0) }));
-      const of = (outcome) => figure(now, "fht_queries_total", { topic, outcome });
+      const count = (figures, outcome) => figure(figures, "fht_queries_total", { topic, outcome });
+      // A server that was started anew counts anew.
+      const of = (outcome) => Math.max(0, count(now, outcome) - count(before, outcome));
       const asked = lately.reduce((sum, { count }) => sum + count, 0);
       return { topic, of, lately, all, asked };
     })

@@ -25,7 +25,7 @@ pub struct Roles {
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
     /// The text is not JSON5, or has other fields.
-    #[error("not understood: {0}")]
+    #[error("not understood (a comma, a bracket or a quote may be missing there, or just before): {0}")]
     Syntax(#[from] json5::Error),
     /// A configuration must be an object.
     #[error("not understood: a configuration begins with a brace")]

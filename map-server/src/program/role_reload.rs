@@ -3,6 +3,8 @@
 use crate::access::{AccessCommandError, RoleList, RoleListWriter, ServerRoles, read_roles};
 use crate::config::ServerEndpoints;
 use crate::network::own_name;
+use fht_map::WriterRoles;
+use fht_proto::AuthorId;
 use std::path::{Path, PathBuf};
 use tokio::signal::unix::{SignalKind, signal};
 
@@ -41,8 +43,8 @@ impl RoleReload {
         Ok((list.clone(), Self { file: file.to_owned(), list, writer, servers }))
     }
 
-    /// Warns of a server that the list does not have: routers drop silently what it declares. It may
-    /// serve all the same, for theirs may be a newer one.
+    /// Warns of a server that the list does not have: routers drop silently what it declares. It
+    /// serves all the same, for their list may be a newer one.
     pub(super) fn warn_of_unlisted(&self, link: &ServerEndpoints) {
         let Some(name) = own_name(link) else { return };
         if !self.servers.contains(&name) {
@@ -58,13 +60,60 @@ impl RoleReload {
         let (file, before) = (self.file.display(), self.list.now());
         match read_roles(&self.file) {
             Ok(ServerRoles { writers: roles, .. }) => {
-                let revoked: Vec<&str> = before.names().filter(|name| !roles.names().any(|now| now == *name)).collect();
-                let (count, gone) = (roles.names().count(), revoked.join(", "));
-                let gone = if gone.is_empty() { String::new() } else { format!("; not any more: {gone}") };
-                tracing::warn!("{file} was read anew: {count} robots and operators have a role{gone}");
+                let (count, changed) = (roles.names().count(), changes(&before, &roles));
+                tracing::warn!("{file} was read anew: {count} robots and operators have a role{changed}");
                 self.writer.replace(roles);
             }
             Err(error) => tracing::error!("the list of roles stays as it was: {error}"),
         }
+    }
+}
+
+/// So many names of each kind are told.
+const TOLD: usize = 20;
+
+/// Who has another role than before, and who has none any more.
+fn changes(before: &WriterRoles, now: &WriterRoles) -> String {
+    let (mut gone, mut other) = (Vec::new(), Vec::new());
+    for name in before.names() {
+        let author = AuthorId::of_robot(name);
+        match (before.role(author), now.role(author)) {
+            (Some(_), None) => gone.push(name.to_owned()),
+            (Some(was), Some(is)) if was != is => other.push(format!("{name} ({was}, now {is})")),
+            _ => {}
+        }
+    }
+    let told = |what: &str, mut names: Vec<String>| {
+        names.sort();
+        let more = names.len().saturating_sub(TOLD);
+        names.truncate(TOLD);
+        match (names.is_empty(), more) {
+            (true, _) => String::new(),
+            (false, 0) => format!("; {what}: {}", names.join(", ")),
+            (false, more) => format!("; {what}: {} and {more} more", names.join(", ")),
+        }
+    };
+    told("another role", other) + &told("not any more", gone)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fht_map::WriterRole;
+
+    #[test]
+    fn who_has_another_role_or_none_is_told() {
+        let roles = |of: &[(WriterRole, &str)]| of.iter().map(|(role, name)| (*role, (*name).to_owned())).collect();
+        let before: WriterRoles = roles(&[
+            (WriterRole::Operator, "desk"),
+            (WriterRole::Explorer, "ana"),
+            (WriterRole::Client, "tug"),
+            (WriterRole::Explorer, "ben"),
+        ]);
+        let now = roles(&[(WriterRole::Explorer, "desk"), (WriterRole::Explorer, "ana"), (WriterRole::Client, "new")]);
+        assert_eq!(changes(&before, &now), "; another role: desk (operator, now explorer); not any more: ben, tug");
+        assert_eq!(changes(&now, &now), "");
+        let crowd: WriterRoles = (0..30).map(|number| (WriterRole::Client, format!("robot-{number:02}"))).collect();
+        assert!(changes(&crowd, &roles(&[])).ends_with("robot-19 and 10 more"));
     }
 }

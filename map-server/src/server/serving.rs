@@ -246,5 +246,6 @@ fn print_where(config: &ServerConfig, count: usize) {
         Some(quorum) => format!("{} storages", quorum.storages),
     };
     // A server whose log is full serves all the same.
-    let _ = writeln!(std::io::stderr(), "map-server: {count} map(s) in {place}, on {}", endpoints.join(", "));
+    let (s, endpoints) = (if count == 1 { "" } else { "s" }, endpoints.join(", "));
+    let _ = writeln!(std::io::stderr(), "map-server: {count} map{s} in {place}, on {endpoints}");
 }

@@ -372,7 +372,7 @@ fn a_server_that_strangers_reach_says_so_unless_that_is_meant() {
         let begin = Instant::now();
         loop {
             let said = std::fs::read_to_string(&log).unwrap();
-            if said.contains("map(s) in") {
+            if said.contains("map-server: 0 maps in ") {
                 server.terminate();
                 return said;
             }

@@ -94,7 +94,7 @@ impl RunArgs {
             fetching: if self.no_fetch || !robot.fetch { Fetching::Never } else { Fetching::Allowed },
             cameras: robot.cameras,
             max_s: section.max_sim_s,
-            wait: Waiting::new("mapper", self.link.wait, None).for_session(),
+            waiting: Waiting::new("mapper", self.link.wait, None),
             linger_s: self.linger.unwrap_or(section.linger_s),
             mapper: section.config.clone(),
             ..MappingTask::new(map, name)

@@ -6,8 +6,12 @@ use fht_proto::MapName;
 use fht_proto::api::reply::{ErrorCode, Head};
 use std::time::{Duration, Instant};
 
+/// What is known of a server that does not answer.
+const SILENCE: &str = "nobody answered: is a map-server up, and may this robot ask it? (access control drops silently)";
 /// How long the server has for one answer.
 pub(super) const ANSWER_TIMEOUT: Duration = Duration::from_secs(1);
+/// So often it is said what is waited for.
+const REMARK_EVERY: Duration = Duration::from_secs(5);
 /// Pause before a question is put again.
 pub(crate) const ASK_AGAIN: Duration = Duration::from_millis(200);
 
@@ -29,14 +33,15 @@ pub(super) async fn ask_head(session: &zenoh::Session, map: &MapName) -> Result<
         Ok(head) => Answer::Head(Box::new(head)),
         Err(AskError::Refused(reply)) if reply.code == ErrorCode::UnknownMap => Answer::NoMap,
         Err(AskError::Refused(reply)) => other(reply.message),
-        Err(AskError::Silent) => Answer::None { reason: "nobody answered".to_owned(), is_silent: true },
+        Err(AskError::Silent) => Answer::None { reason: SILENCE.to_owned(), is_silent: true },
         Err(AskError::Unreadable(reason)) => other(format!("a head that cannot be used: {reason}")),
         Err(AskError::Zenoh(error)) => return Err(error.into()),
     })
 }
 
 /// The head of a map as the server has it now; `None` when the server says that it has no such map.
-/// A server that is silent or busy is asked again, for as long as `patience`.
+/// A server that is silent or busy is asked again, for as long as `patience`; every five seconds
+/// that is logged (`WARN`).
 ///
 /// # Errors
 /// [`PublishError::NoAnswer`] when no server has answered by then, [`PublishError::Session`].
@@ -46,6 +51,7 @@ pub async fn find_head(
     patience: Duration,
 ) -> Result<Option<Head>, PublishError> {
     let begin = Instant::now();
+    let mut remark_at = REMARK_EVERY;
     loop {
         let reason = match ask_head(session, map).await? {
             Answer::Head(head) => return Ok(Some(*head)),
@@ -54,6 +60,10 @@ pub async fn find_head(
         };
         if begin.elapsed() >= patience {
             return Err(PublishError::NoAnswer { map: map.clone(), seconds: patience.as_secs(), reason });
+        }
+        if begin.elapsed() >= remark_at {
+            remark_at = begin.elapsed() + REMARK_EVERY;
+            tracing::warn!("waiting for a map-server to tell whether there is a map '{map}': {reason}");
         }
         tokio::time::sleep(ASK_AGAIN).await;
     }

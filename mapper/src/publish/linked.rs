@@ -7,7 +7,7 @@ use crate::publish::{
 };
 use crate::team::{EnterError, MapEntry, Peers};
 use fht_client::{Presence, ReplicaError};
-use fht_program::Stop;
+use fht_program::{Stop, Waiting};
 use fht_proto::api::fleet::RobotRole;
 use fht_proto::api::reply::Head;
 use fht_proto::{AuthorId, Increment, MapName, ParseIdError, RobotName};
@@ -18,8 +18,8 @@ use std::time::{Duration, Instant};
 use zenoh::Session;
 use zenoh::liveliness::LivelinessToken;
 
-/// How long the server may take to tell whether the map exists, and to acknowledge anything of what
-/// the last run has left.
+/// How long the server may take to send the map; and, without `--wait`, to tell whether there is
+/// one, and to acknowledge anything of what the last run has left.
 const SERVER_PATIENCE: Duration = Duration::from_secs(30);
 /// Within this the names of the robots that are there are known.
 const ROLL_CALL: Duration = Duration::from_secs(1);
@@ -36,8 +36,8 @@ const PARTING_TIME: Duration = Duration::from_millis(200);
 pub struct Publication {
     /// The server.
     pub link: SessionConfig,
-    /// How long to wait for it; none: for ever.
-    pub wait: Option<Duration>,
+    /// How long to wait for it, and for what it is asked first.
+    pub waiting: Waiting,
     /// The map.
     pub map: MapName,
     /// The robot; its author id follows from it.
@@ -159,11 +159,11 @@ impl Linked {
     /// # Errors
     /// [`LinkedError`].
     pub async fn open(publication: Publication) -> Result<Self, LinkedError> {
-        let Publication { link, wait, map, robot, spool, window, stop, .. } = &publication;
+        let Publication { link, waiting, map, robot, spool, window, stop, .. } = &publication;
         robot.parse::<RobotName>()?;
         let spool = spool.as_deref().map(|dir| Spool::open(dir, map, AuthorId::of_robot(robot))).transpose()?;
         stop.doing(format!("waiting for a server at {}", link.places()));
-        let session = fht_session::open_within(link, *wait).await?;
+        let session = fht_session::open_within(link, waiting.for_session()).await?;
         stop.doing("asking whether a robot of this name is there already");
         let presence = free_name(Presence::new(&session, map, robot, RobotRole::Explorer)?).await?;
         stop.doing(match &spool {
@@ -173,9 +173,10 @@ impl Linked {
             ),
             None => format!("asking the server about map '{map}'"),
         });
+        let patience = waiting.given_left().unwrap_or(SERVER_PATIENCE);
         let head = match &spool {
-            Some(spool) => deliver(&session, map, robot, spool, window, SERVER_PATIENCE).await?,
-            None => find_head(&session, map, SERVER_PATIENCE).await?,
+            Some(spool) => deliver(&session, map, robot, spool, window, patience).await?,
+            None => find_head(&session, map, patience).await?,
         };
         if let Some(deletion) = head.as_ref().and_then(|head| head.deletion.as_ref()) {
             return Err(PublishError::Refused(deletion.refusal(map)).into());

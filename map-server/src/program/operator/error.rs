@@ -115,7 +115,7 @@ pub enum OperatorError {
     #[error(transparent)]
     Unsound(#[from] RestoreError),
     /// Nothing is taken back.
-    #[error("map {map}: {}", source.with_names(names.iter().map(String::as_str)))]
+    #[error("map {map}: {}{}", source.with_names(names.iter().map(String::as_str)), which_stay(*folded))]
     Undo {
         /// The map.
         map: MapName,
@@ -123,6 +123,8 @@ pub enum OperatorError {
         names: Vec<String>,
         /// Why.
         source: InverseError,
+        /// Of the author's increments these stay anyway, up to this number.
+        folded: u64,
     },
     /// An import has ended before the end of the file.
     #[error(
@@ -175,6 +177,11 @@ pub enum OperatorError {
     /// The system gives no threads.
     #[error("no threads: {0}")]
     Runtime(std::io::Error),
+}
+
+/// What cannot be taken back, whatever was asked for.
+fn which_stay(folded: u64) -> String {
+    if folded == 0 { String::new() } else { format!("; increments 1 to {folded} are folded, and stay") }
 }
 
 impl OperatorError {

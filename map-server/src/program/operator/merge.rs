@@ -203,10 +203,11 @@ pub(super) fn in_words(reply: &MergeReply) -> String {
     lines.push(match &reply.written {
         Some((map, version)) => {
             let back = match reply.changes {
-                0 | 1 => format!("map-server undo {map}"),
-                changes => format!("map-server undo {map} --last {changes}"),
+                0 => format!("; nothing of {} was added to it", reply.second),
+                1 => format!("; `map-server undo {map}` takes it back"),
+                changes => format!("; `map-server undo {map} --last {changes}` takes it back"),
             };
-            format!("written     map {map} is at version {version}; `{back}` takes it back")
+            format!("written     map {map} is at version {version}{back}")
         }
         None if reply.is_dry_run => "written     nothing (--dry-run)".to_owned(),
         None => "written     nothing: there is nothing to change".to_owned(),

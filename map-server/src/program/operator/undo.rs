@@ -68,6 +68,9 @@ pub(super) struct TakenBack {
     words: Vec<String>,
 }
 
+/// Changes of operators whose names are looked up for a refusal.
+const NAMED: u64 = 200;
+
 /// Takes increments back.
 pub(super) async fn undo(
     session: &Session,
@@ -84,7 +87,8 @@ pub(super) async fn undo(
     let mut number = own.map(|increment| increment.number).chain(folded_numbers).max().unwrap_or(0);
     let robot = undone.robot().cloned();
     let folded = robot.as_ref().map_or(0, |robot| folded_upto(&series, AuthorId::of_robot(robot.as_str())));
-    let names = undone.robot().map(ToString::to_string).into_iter().chain([operator.to_owned()]).collect();
+    let mut names: Vec<String> =
+        undone.robot().map(ToString::to_string).into_iter().chain([operator.to_owned()]).collect();
     let computed = tokio::task::spawn_blocking(move || match undone {
         Undone::Newest(count) => inverse(&series, author, count),
         Undone::All(of) => inverse_of_all(&series, AuthorId::of_robot(of.as_str()), author),
@@ -96,8 +100,15 @@ pub(super) async fn undo(
         }
     })
     .await?;
-    let Inverse { first, last, ops, mut words } =
-        computed.map_err(|source| OperatorError::Undo { map: map.clone(), names, source })?;
+    let Inverse { first, last, ops, mut words } = match computed {
+        Ok(inverse) => inverse,
+        Err(source) => {
+            // Who was in the way: without the names there are still the ids.
+            let others = journal::ask(session, map, operator, NAMED).await.map(|journal| journal.entries);
+            names.extend(others.unwrap_or_default().into_iter().filter_map(|entry| entry.name));
+            return Err(OperatorError::Undo { map: map.clone(), names, source, folded });
+        }
+    };
     for op in &ops {
         if let Op::PutRelease { release, .. } = op {
             check_kept(session, map, release).await?;

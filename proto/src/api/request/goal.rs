@@ -96,7 +96,8 @@ fn read<'a, T>(
 /// The fields of a JSON object, each as a text.
 fn texts(payload: &[u8]) -> Result<Vec<(String, String)>, ErrorReply> {
     if payload.len() > GoalOrder::MAX_BYTES {
-        return Err(bad_request(format!("{} bytes are too many for a goal", payload.len())));
+        let (length, most) = (payload.len(), GoalOrder::MAX_BYTES);
+        return Err(bad_request(format!("{length} bytes are too many for a goal: at most {most}")));
     }
     let fields: Map<String, Value> = serde_json::from_slice(payload).map_err(|error| {
         bad_request(format!("the payload is no goal in JSON, such as {{id: 7, to: dock}}: {error}"))

@@ -58,7 +58,8 @@ pub enum InverseError {
     },
     /// The increments have changed nothing.
     #[error(
-        "there is nothing to take back: increments {first} to {last} of {author} have changed nothing that is left"
+        "there is nothing to take back: of what increments {first} to {last} of {author} have changed, nothing is left, \
+         or others have written it since"
     )]
     Unchanged {
         /// The author.
