@@ -31,7 +31,8 @@ fn status_of(code: ErrorCode) -> StatusCode {
         | ErrorCode::UnknownVersion
         | ErrorCode::UnknownNode
         | ErrorCode::UnknownPlace
-        | ErrorCode::UnknownGoal => StatusCode::NOT_FOUND,
+        | ErrorCode::UnknownGoal
+        | ErrorCode::UnknownRobot => StatusCode::NOT_FOUND,
         // The question is understood, and this is what is known about it.
         ErrorCode::NoPath
         | ErrorCode::OutOfMap

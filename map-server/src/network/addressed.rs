@@ -22,6 +22,8 @@ pub(super) enum Addressed {
     Robots,
     /// What is put and not asked for: the sentence says what to ask.
     NotAsked(String),
+    /// What a robot would answer that takes goals, and none of this name does.
+    NoRobot(String),
     /// Nothing that exists.
     Unknown,
 }
@@ -58,7 +60,7 @@ fn put_only(expression: &str) -> Addressed {
                 GoalTopic::ALL.map(|topic| format!("goal/{}", topic.as_str())).join(" and ")
             )),
         },
-        "robots" if is_of_goals(expression) => Addressed::NotAsked(format!(
+        "robots" if is_of_goals(expression) => Addressed::NoRobot(format!(
             "{key} is answered by the robot itself, and none of this name takes goals on this map: does client-robot \
              serve run? {PREFIX}/{map}/{fleet} answers which robots there are"
         )),
@@ -126,14 +128,15 @@ mod tests {
             ("fht/*/robots/*/status", "fht/MAP/fleet"),
             ("fht/a/refused/00000001", "fht/a/head"),
             ("fht/a/admin/dance", "retain, import"),
-            ("fht/a/robots/r/goal", "client-robot serve"),
-            ("fht/a/robots/r/goal/status", "client-robot serve"),
             ("fht/a/robots/*/goal", "fht/a/robots/ROBOT/goal"),
             ("fht/*/robots/*/goal", "goal/cancel and goal/status may have wildcards"),
             ("fht/a/robots/r/goal/*", "fht/a/robots/ROBOT/goal"),
         ] {
             let said = asked(others);
             assert!(matches!(&said, Addressed::NotAsked(text) if text.contains(instead)), "{others}: {said:?}");
+        }
+        for goals in ["fht/a/robots/r/goal", "fht/a/robots/r/goal/status"] {
+            assert!(matches!(asked(goals), Addressed::NoRobot(text) if text.contains("client-robot serve")), "{goals}");
         }
         assert_eq!(asked("fht/a/kept/00000001/1"), Addressed::Kept);
         for storages in ["fht/*/kept/**", "fht/a/kept/00000001/*", "fht/*/kept/*/1", "fht/-/kept/presence"] {

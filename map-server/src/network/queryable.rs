@@ -14,7 +14,7 @@ use crate::query::{Answer, AnswerSources, answer, answer_at_once, internal, json
 use crate::store::StoreError;
 use fht_proto::MapName;
 use fht_proto::api::keys::{Key, PREFIX, Topic};
-use fht_proto::api::reply::ErrorReply;
+use fht_proto::api::reply::{ErrorCode, ErrorReply};
 use fht_proto::api::request::{AdminOrder, Format, Question, Request, bad_request, parse, parse_order, shown};
 use std::sync::Arc;
 use std::time::Instant;
@@ -132,6 +132,7 @@ impl QueryService {
                 refuse(query, &bad_request(text), trace);
             }
             Addressed::NotAsked(text) => refuse(query, &bad_request(text), trace),
+            Addressed::NoRobot(text) => refuse(query, &ErrorReply::new(ErrorCode::UnknownRobot, &text), trace),
             Addressed::Unknown => {
                 let topics: Vec<&str> = Topic::ALL.iter().map(|topic| topic.as_str()).collect();
                 let text = format!(

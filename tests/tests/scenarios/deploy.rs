@@ -11,7 +11,8 @@ use std::collections::BTreeSet;
 use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
 
 const PROGRAMS: &str = env!("CARGO_BIN_EXE_programs");
 
@@ -81,8 +82,13 @@ fn the_script_makes_what_its_help_says_and_overwrites_nothing() {
         ("explorer ben host", "names no hosts"),
         ("router hall", "needs at least one HOST"),
         ("router hall a,b", "neither a DNS name nor"),
+        ("router hall hall..example", "neither a DNS name nor"),
+        ("router hall 10.0.1", "neither a DNS name nor"),
+        ("router hall 10.0.0.256", "neither a DNS name nor"),
+        ("router hall localhost:7447", "neither a DNS name nor"),
         ("--days 0 explorer ben", "not a number of days"),
         ("--days 1e3 explorer ben", "not a number of days"),
+        ("--days 08 explorer ben", "not a number of days"),
         ("--nights 3 explorer ben", "unknown option"),
         (&long, "longer than 55"),
     ] {
@@ -121,6 +127,34 @@ fn the_key_of_the_authority_is_encrypted_with_a_passphrase() {
     assert!(robot.starts_with("-----BEGIN PRIVATE KEY-----"), "robots start without a person");
     let verify = ["verify", "-CAfile", "ca.pem", "explorer-ana.pem"];
     assert!(Command::new("openssl").args(verify).current_dir(&out).output().unwrap().status.success());
+    // A renewal that fails leaves the old authority where it is.
+    let files = || {
+        let entries = std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        entries.collect::<BTreeSet<String>>()
+    };
+    let before = files();
+    for (passphrase, told) in [("short", "shorter than 8"), ("", "is encrypted: give the new one a passphrase")] {
+        let output = make(&["renew-authority"], passphrase);
+        assert!(!output.status.success() && said(&output).contains(told), "{}", said(&output));
+        assert_eq!(files(), before);
+    }
+    for wait_ms in [20, 60, 120] {
+        let mut renewal = Command::new("sh");
+        renewal.arg(deploy("make-certificates.sh")).arg("--out").arg(&out).args(of_file).arg("renew-authority");
+        let mut renewal = renewal.stdout(Stdio::null()).spawn().unwrap();
+        std::thread::sleep(Duration::from_millis(wait_ms));
+        Command::new("kill").arg(renewal.id().to_string()).status().unwrap();
+        if renewal.wait().unwrap().success() {
+            // It was faster: back to the old one.
+            std::fs::remove_file(out.join("ca.pem")).unwrap();
+            std::fs::remove_file(out.join("ca.key")).unwrap();
+            for file in std::fs::read_dir(out.join("old")).unwrap().map(|entry| entry.unwrap().path()) {
+                std::fs::rename(&file, out.join(file.file_name().unwrap())).unwrap();
+            }
+            std::fs::remove_dir(out.join("old")).unwrap();
+        }
+        assert_eq!(files(), before, "after {wait_ms} ms");
+    }
     // A new authority's key is stored as the old one was.
     for words in [&["renew-authority"][..], &["explorer", "ben"]] {
         let output = make(&[&of_file[..], words].concat(), "");

@@ -1,5 +1,6 @@
 //! An operator's last changes, taken back; or those of a robot that its role does not allow.
 
+use super::journal;
 use crate::access::read_roles;
 use crate::program::operator::asking::state_of;
 use crate::program::operator::error::OperatorError;

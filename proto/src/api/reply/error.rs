@@ -53,6 +53,8 @@ pub enum ErrorCode {
     Busy,
     /// The robot knows of no goal of this id.
     UnknownGoal,
+    /// No robot of this name takes goals on this map. It may come.
+    UnknownRobot,
     /// The robot did not get through: something is in its way, or at its goal.
     Blocked,
     /// The robot had no time left.
