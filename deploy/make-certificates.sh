@@ -147,7 +147,8 @@ if [ "$role" = renew-authority ]; then
     # The new key is stored as was asked for.
     plain=
     [ -n "$asks" ] || plain=--no-passphrase
-    # The old authority stays where it is until the new one is there: made beside it, it only has to be renamed.
+    # The old authority stays where it is until the new one is there: made beside it, it only has to
+    # be renamed.
     renewed=$(mktemp -d "$out/renewed.XXXXXX")
     FHT_CA_PASSPHRASE=$passphrase sh "$0" --out "$renewed" --days "$ca_days" $plain authority >"$work/made"
     # Whoever reads the first only, reads the one that signs from now on.

@@ -28,8 +28,8 @@ pub enum PictureError {
 }
 
 /// The name of a picture that was given none: what was done (`explore`), in which world or log (a
-/// name or a path), and by which seed, such as `explore-museum-1.png`. A world in a file is told from
-/// a built-in one of the same name: `explore-museum-yaml-1.png`.
+/// name or a path), and by which seed, such as `explore-museum-1.png`. A world in a file is told
+/// from a built-in one of the same name: `explore-museum-yaml-1.png`.
 #[must_use]
 pub fn default_file(kind: &str, source: &str, seed: Option<u64>) -> PathBuf {
     let source = Path::new(source);
