@@ -49,6 +49,12 @@ function layout(main, map) {
   const [said, under] = [el("span", { role: "status" }), el("span", { class: "soft" })];
   const corner = el("div", { class: "corner" });
   const isNarrow = matchMedia("(max-width: 52rem)").matches;
+  // Before the map is there, nothing is known of what it has and has not.
+  const side = el(
+    "section",
+    { class: "side", "aria-label": "About the map", "aria-busy": "true", tabindex: 0 },
+    PARTS.map(([name, title]) => section(title, !isNarrow || name === "path", boxes[name])),
+  );
   fill(
     main,
     el(
@@ -62,14 +68,10 @@ function layout(main, map) {
         el("div", { class: "canvas-box" }, canvas, corner),
         el("div", { class: "under" }, said, under),
       ),
-      el(
-        "section",
-        { class: "side", "aria-label": "About the map", tabindex: 0 },
-        PARTS.map(([name, title]) => section(title, !isNarrow || name === "path", boxes[name])),
-      ),
+      side,
     ),
   );
-  return { canvas, boxes, toolBox, said, under, corner };
+  return { canvas, boxes, toolBox, said, under, corner, side };
 }
 
 export function showMap(main, map, me) {
@@ -192,6 +194,7 @@ class MapPage {
   changed() {
     if (this.hasEnded) return;
     const { store, view } = this;
+    if (store.head) this.side.removeAttribute("aria-busy");
     // For those who measure how long it took.
     if (store.nodes.size && !this.isDrawn) requestAnimationFrame(() => performance.mark("map drawn"));
     this.isDrawn ||= store.nodes.size > 0;
