@@ -93,7 +93,8 @@ for argument in "$@"; do
 done
 # Keys and whatever else is made here belong to who made them.
 umask 077
-mkdir -p -- "$out"
+case $out in -*) out=./$out ;; esac
+mkdir -p "$out"
 work= restores= renewed=
 trap '[ -z "$restores" ] || stty "$restores"; rm -rf "$work" ${renewed:+"$renewed"}' EXIT
 trap 'exit 1' HUP INT TERM
@@ -133,10 +134,6 @@ publish() {
     echo "$out/$1.pem, $out/$1.key"
 }
 
-# All files of the authority were in DIR/old, and none in their places.
-if [ -e "$out/old/ca.key" ] && [ ! -e "$out/ca.key" ]; then
-    fail "a renewal of the authority broke off: mv $out/old/* $out/ and rmdir $out/old take it back"
-fi
 if [ "$role" = renew-authority ]; then
     [ $# -eq 0 ] || fail "renew-authority takes no further arguments"
     [ -r "$out/ca.key" ] && [ -r "$out/ca.pem" ] || fail "$out has no authority; run: make-certificates.sh --out $out authority"
@@ -147,8 +144,8 @@ if [ "$role" = renew-authority ]; then
     # The new key is stored as was asked for.
     plain=
     [ -n "$asks" ] || plain=--no-passphrase
-    # The old authority stays where it is until the new one is there: made beside it, it only has to
-    # be renamed.
+    # The old authority stays where it is until the new one takes its place: made beside it, it only
+    # has to be renamed.
     renewed=$(mktemp -d "$out/renewed.XXXXXX")
     FHT_CA_PASSPHRASE=$passphrase sh "$0" --out "$renewed" --days "$ca_days" $plain authority >"$work/made"
     # Whoever reads the first only, reads the one that signs from now on.
@@ -156,10 +153,15 @@ if [ "$role" = renew-authority ]; then
     chmod 644 "$renewed/both.pem"
     trap '' HUP INT TERM
     mkdir "$out/old"
-    mv "$out"/*.pem "$out"/*.key "$out/old/"
+    cp -p "$out"/*.pem "$out"/*.key "$out/old/"
     mv "$renewed/ca.key" "$out/ca.key"
     mv "$renewed/both.pem" "$out/ca.pem"
-    trap 'exit 1' HUP INT TERM
+    for file in "$out"/*.pem "$out"/*.key; do
+        case $file in
+            "$out"/ca.pem | "$out"/ca.key) ;;
+            *) rm "$file" ;;
+        esac
+    done
     echo "$out/ca.pem, $out/ca.key"
     echo "$out/ca.pem holds both authorities; make all certificates anew, but those that are revoked"
     exit 0
@@ -202,7 +204,7 @@ CONFIG
     else
         quietly openssl pkcs8 -topk8 -nocrypt -in "$work/plain" -out "$work/key"
         [ -z "$asks" ] ||
-            echo "make-certificates.sh: $out/ca.key has no passphrase: whoever reads it makes certificates for every role" >&2
+            echo "make-certificates.sh: ca.key has no passphrase: whoever reads it makes certificates for every role" >&2
     fi
     quietly openssl req -new -x509 -sha256 -key "$work/plain" -days "$ca_days" -config "$work/config" -out "$work/certificate"
     publish ca
@@ -246,7 +248,8 @@ case $role in
         [ "$role" = server ] || [ $# -ge 1 ] || fail "a router needs at least one HOST, the name or address that others connect to"
         for host in "$@"; do
             case $host in
-                *:*) kind=IP of='[0-9a-fA-F:.]{2,45}' ;;
+                '' | *[!a-zA-Z0-9.:_-]*) fail "'$host' is neither a DNS name nor an IP address" ;;
+                *:*) kind=IP of='[0-9a-fA-F]*(:[0-9a-fA-F.]*){2,}' ;;
                 *[!0-9.]*) kind=DNS of="($label[.])*$label" ;;
                 *) kind=IP of="($byte[.]){3}$byte" ;;
             esac

@@ -143,10 +143,7 @@ impl Cli {
         };
         // Other commands than serving need no roles.
         let roles = self.serve.roles.as_ref().or(file.roles.as_ref()).filter(|_| self.command.is_none());
-        let (writers, reload) = roles.map(|file| RoleReload::of(file)).transpose()?.unzip();
-        if let Some(reload) = &reload {
-            reload.warn_of_unlisted(&link);
-        }
+        let (writers, reload) = roles.map(|file| RoleReload::of(file, &link)).transpose()?.unzip();
         let config = ServerConfig {
             data: self.serve.data.clone().unwrap_or(file.data),
             storages: storages.map(quorum),

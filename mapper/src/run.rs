@@ -17,7 +17,7 @@ use crate::team::{MapEntry, Peers};
 use fht_descriptor::{DescriptorError, DescriptorNet, Fetching};
 use fht_perception::frame::SensorFrame;
 use fht_perception::robot::{Robot, RobotError, Sensors, SilenceConfig, Supervised};
-use fht_program::{Stop, Waiting};
+use fht_program::Stop;
 use fht_proto::{AuthorId, MapName, VersionVector, encode};
 use fht_session::SessionConfig;
 use std::ops::ControlFlow;
@@ -49,8 +49,9 @@ pub struct MappingTask {
     pub cameras: bool,
     /// Give up after this much time of the sensors' clock, seconds.
     pub max_s: f64,
-    /// How long to wait for a server, and for its answer.
-    pub waiting: Waiting,
+    /// How long to wait for a server and its first answer; none: for ever for the server, and for
+    /// half a minute for its answer.
+    pub wait: Option<Duration>,
     /// How long to wait for the server's last acknowledgement, seconds.
     pub linger_s: f64,
     /// How long the sensors may be silent.
@@ -76,7 +77,7 @@ impl MappingTask {
             fetching: Fetching::default(),
             cameras: true,
             max_s: 14_400.0,
-            waiting: Waiting::new("mapper", None, None),
+            wait: None,
             linger_s: 60.0,
             silence: SilenceConfig::default(),
             stop: Stop::default(),
@@ -193,8 +194,8 @@ fn net(task: &MappingTask) -> Result<Option<DescriptorNet>, DescriptorError> {
 fn publication(task: &MappingTask, link: SessionConfig) -> Publication {
     // What is no duration is for ever.
     let linger = Duration::try_from_secs_f64(task.linger_s.max(0.0)).unwrap_or(Duration::MAX);
-    let MappingTask { map, robot, spool, window, waiting, stop, .. } = task.clone();
-    Publication { link, waiting, map, robot, spool, window, linger, stop }
+    let MappingTask { map, robot, spool, window, wait, stop, .. } = task.clone();
+    Publication { link, wait, map, robot, spool, window, linger, stop }
 }
 
 /// How long finishing the map may go on after the run was told to end. Files are to be in order

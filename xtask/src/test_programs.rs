@@ -217,6 +217,9 @@ impl Program {
     fn modules(self) -> Result<Vec<Self>, TestError> {
         let failed = || system(self.executable.display().to_string());
         let listed = Command::new(&self.executable).args(["--list", "--format", "terse"]).output().map_err(failed())?;
+        if !listed.status.success() {
+            return Err(failed()(std::io::Error::other(format!("--list: {}", listed.status))));
+        }
         let listed = String::from_utf8_lossy(&listed.stdout);
         let mut modules: BTreeMap<&str, Vec<String>> = BTreeMap::new();
         for name in listed.lines().filter_map(|line| line.strip_suffix(": test")) {
@@ -241,8 +244,7 @@ impl Program {
 
     /// Whether it opens sessions with TLS itself.
     fn is_of_a_secured_site(&self) -> bool {
-        std::fs::read_to_string(&self.source)
-            .is_ok_and(|text| text.lines().any(|line| line.starts_with("use crate::site::")))
+        std::fs::read_to_string(&self.source).is_ok_and(|text| text.contains("crate::site"))
     }
 
     fn run(&self) -> Result<Ended, TestError> {

@@ -44,13 +44,6 @@ impl Waiting {
         Some(whole.saturating_sub(self.began.elapsed()))
     }
 
-    /// What is left of `--wait`, a year at most; none: it was not given.
-    #[must_use]
-    pub fn given_left(&self) -> Option<Duration> {
-        let given = self.given?.min(Duration::from_secs(365 * 24 * 3600));
-        Some(given.saturating_sub(self.began.elapsed()))
-    }
-
     /// For a server that can be reached to answer.
     #[must_use]
     pub fn for_answer(&self) -> Patience {
@@ -122,13 +115,11 @@ mod tests {
         let given = Waiting::new("p", Some(3.0), None);
         assert!(given.for_session().is_some_and(|left| left <= Duration::from_secs(3)));
         assert!(given.for_content().goes_on("a map"));
-        assert!(given.given_left().is_some_and(|left| left <= Duration::from_secs(3)) && robot.given_left().is_none());
         let never = Waiting::new("p", Some(0.0), None);
         assert!(!never.for_answer().goes_on("an answer") && never.for_session() == Some(Duration::ZERO));
         let brief = Waiting::new("p", None, Some(Duration::from_secs(1)));
         assert!(brief.for_answer().left().is_some_and(|left| left <= Duration::from_secs(1)));
         let for_ever = Waiting::new("p", Some(f64::INFINITY), Some(Waiting::USUAL));
         assert!(for_ever.for_session().is_none() && for_ever.for_content().goes_on("a place"));
-        assert!(for_ever.given_left().is_some_and(|left| left > Duration::from_secs(1_000_000)));
     }
 }

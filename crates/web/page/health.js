@@ -33,7 +33,10 @@ export function showHealth(main) {
 
   async function look() {
     try {
-      readings.push({ at: performance.now(), figures: readFigures(await askFigures()) });
+      const now = { at: performance.now(), figures: readFigures(await askFigures()) };
+      // A server that was started anew counts anew.
+      if (readings.length && hasFallen(readings.at(-1).figures, now.figures)) readings.length = 0;
+      readings.push(now);
       if (readings.length > WINDOW) readings.shift();
       draw(readings[0], readings.at(-1), boxes);
       drawLog(boxes.log, (await askWarnings()).lines);
@@ -51,6 +54,12 @@ export function showHealth(main) {
     live.end();
     clearInterval(timer);
   };
+}
+
+// Whether a count of questions is less than it was.
+function hasFallen(before, now) {
+  const counts = before.filter(({ name }) => name === "fht_queries_total");
+  return counts.some(({ name, labels, value }) => figure(now, name, labels) < value);
 }
 
 const number = (text) => [text, "number"];
@@ -153,8 +162,7 @@ function drawQuestions(boxes, before, now, seconds) {
       const all = counted(now);
       const lately = all.map(({ upto, count }, index) => ({ upto, count: count - (was[index]?.count ?? 0) }));
       const count = (figures, outcome) => figure(figures, "fht_queries_total", { topic, outcome });
-      // A server that was started anew counts anew.
-      const of = (outcome) => Math.max(0, count(now, outcome) - count(before, outcome));
+      const of = (outcome) => count(now, outcome) - count(before, outcome);
       const asked = lately.reduce((sum, { count }) => sum + count, 0);
       return { topic, of, lately, all, asked };
     })

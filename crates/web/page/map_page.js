@@ -152,7 +152,10 @@ class MapPage {
 
   follow(map) {
     const { store } = this;
-    const failed = (refused) => this.say(refused.message, "bad");
+    const failed = (refused) => {
+      this.side.removeAttribute("aria-busy");
+      this.say(refused.message, "bad");
+    };
     const handlers = {
       head: (head) => store.takeHead(head),
       grown: (grown) => store.takeGrown(grown),
@@ -194,7 +197,7 @@ class MapPage {
   changed() {
     if (this.hasEnded) return;
     const { store, view } = this;
-    if (store.head) this.side.removeAttribute("aria-busy");
+    if (store.isLoaded) this.side.removeAttribute("aria-busy");
     // For those who measure how long it took.
     if (store.nodes.size && !this.isDrawn) requestAnimationFrame(() => performance.mark("map drawn"));
     this.isDrawn ||= store.nodes.size > 0;

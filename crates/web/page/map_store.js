@@ -23,6 +23,7 @@ export class MapStore {
     this.head = null;
     this.version = -1;
     this.truncated = false;
+    this.isLoaded = false; // until then it is not known what the map has not
     this.walls = [];
     this.rules = { places: [], zones: [], closed_edges: [], blocked: [] };
     this.releases = [];
@@ -62,6 +63,8 @@ export class MapStore {
     this.redraw();
     this.head = await ask(this.map, "head");
     await Promise.all([this.loadRules(), this.loadWalls(), this.loadJournal()]);
+    this.isLoaded = true;
+    this.changed();
   }
 
   // Somebody looks elsewhere: of a large map other nodes are near then.

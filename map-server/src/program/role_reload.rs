@@ -29,7 +29,8 @@ pub(super) struct RoleReload {
     file: PathBuf,
     list: RoleList,
     writer: RoleListWriter,
-    servers: Vec<String>,
+    /// The server's own name in its certificate, if it shows a server's.
+    own_name: Option<String>,
 }
 
 impl RoleReload {
@@ -37,21 +38,23 @@ impl RoleReload {
     ///
     /// # Errors
     /// [`AccessCommandError`], which names the file.
-    pub(super) fn of(file: &Path) -> Result<(RoleList, Self), AccessCommandError> {
+    pub(super) fn of(file: &Path, link: &ServerEndpoints) -> Result<(RoleList, Self), AccessCommandError> {
         let ServerRoles { writers, servers } = read_roles(file)?;
         let (writer, list) = RoleList::replaceable(writers);
-        Ok((list.clone(), Self { file: file.to_owned(), list, writer, servers }))
+        let reload = Self { file: file.to_owned(), list: list.clone(), writer, own_name: own_name(link) };
+        reload.warn_of_unlisted(&servers);
+        Ok((list, reload))
     }
 
     /// Warns of a server that the list does not have: routers drop silently what it declares. It
     /// serves all the same, for their list may be a newer one.
-    pub(super) fn warn_of_unlisted(&self, link: &ServerEndpoints) {
-        let Some(name) = own_name(link) else { return };
-        if !self.servers.contains(&name) {
-            let (file, servers) = (self.file.display(), self.servers.join(", "));
+    fn warn_of_unlisted(&self, servers: &[String]) {
+        if let Some(name) = self.own_name.as_ref().filter(|name| !servers.contains(name)) {
+            let servers = if servers.is_empty() { "none".to_owned() } else { servers.join(", ") };
             tracing::warn!(
-                "its certificate is of server:{name}, and {file} has no server '{name}' (servers: {servers}): routers with \
-                 this list let it answer nobody"
+                "its certificate is of server:{name}, and {} has no server '{name}' (servers: {servers}): routers with \
+                 this list let it answer nobody",
+                self.file.display()
             );
         }
     }
@@ -59,9 +62,10 @@ impl RoleReload {
     fn reload(&self) {
         let (file, before) = (self.file.display(), self.list.now());
         match read_roles(&self.file) {
-            Ok(ServerRoles { writers: roles, .. }) => {
+            Ok(ServerRoles { writers: roles, servers }) => {
                 let (count, changed) = (roles.names().count(), changes(&before, &roles));
                 tracing::warn!("{file} was read anew: {count} robots and operators have a role{changed}");
+                self.warn_of_unlisted(&servers);
                 self.writer.replace(roles);
             }
             Err(error) => tracing::error!("the list of roles stays as it was: {error}"),

@@ -10,13 +10,17 @@ use crate::run::MappingTask;
 use clap::Args;
 use fht_descriptor::Fetching;
 use fht_picture::default_file;
+use fht_program::ProgramFailure;
 use fht_program::flags::{ConnectArgs, NamedFile, OutputFileError, ReportArgs};
 use fht_program::flags::{check_files, new_file, number, output_file, png_file, seconds};
-use fht_program::{ProgramFailure, Waiting};
 use fht_proto::{MapName, RobotName};
 use fht_session::check_owner;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// `--wait inf`: a year.
+const FOR_EVER: Duration = Duration::from_secs(365 * 24 * 3600);
 
 /// The robot's name if neither a flag nor the file says one.
 const DEFAULT_ROBOT: &str = "explorer";
@@ -94,7 +98,7 @@ impl RunArgs {
             fetching: if self.no_fetch || !robot.fetch { Fetching::Never } else { Fetching::Allowed },
             cameras: robot.cameras,
             max_s: section.max_sim_s,
-            waiting: Waiting::new("mapper", self.link.wait, None),
+            wait: self.link.wait.map(|wait_s| Duration::try_from_secs_f64(wait_s).unwrap_or(FOR_EVER).min(FOR_EVER)),
             linger_s: self.linger.unwrap_or(section.linger_s),
             mapper: section.config.clone(),
             ..MappingTask::new(map, name)

@@ -59,7 +59,8 @@ pub async fn find_head(
             Answer::None { reason, .. } => reason,
         };
         if begin.elapsed() >= patience {
-            return Err(PublishError::NoAnswer { map: map.clone(), seconds: patience.as_secs(), reason });
+            let seconds = patience.as_secs_f64().ceil() as u64;
+            return Err(PublishError::NoAnswer { map: map.clone(), seconds, reason });
         }
         if begin.elapsed() >= remark_at {
             remark_at = begin.elapsed() + REMARK_EVERY;

@@ -7,7 +7,7 @@ use crate::publish::{
 };
 use crate::team::{EnterError, MapEntry, Peers};
 use fht_client::{Presence, ReplicaError};
-use fht_program::{Stop, Waiting};
+use fht_program::Stop;
 use fht_proto::api::fleet::RobotRole;
 use fht_proto::api::reply::Head;
 use fht_proto::{AuthorId, Increment, MapName, ParseIdError, RobotName};
@@ -18,8 +18,8 @@ use std::time::{Duration, Instant};
 use zenoh::Session;
 use zenoh::liveliness::LivelinessToken;
 
-/// How long the server may take to send the map; and, without `--wait`, to tell whether there is
-/// one, and to acknowledge anything of what the last run has left.
+/// How long the server may take to send the map, and to acknowledge anything of what the last run
+/// has left; and to tell whether there is a map, if nobody says how long to wait.
 const SERVER_PATIENCE: Duration = Duration::from_secs(30);
 /// Within this the names of the robots that are there are known.
 const ROLL_CALL: Duration = Duration::from_secs(1);
@@ -36,8 +36,9 @@ const PARTING_TIME: Duration = Duration::from_millis(200);
 pub struct Publication {
     /// The server.
     pub link: SessionConfig,
-    /// How long to wait for it, and for what it is asked first.
-    pub waiting: Waiting,
+    /// How long to wait for it and its first answer; none: for ever for it, and for half a minute
+    /// for its answer.
+    pub wait: Option<Duration>,
     /// The map.
     pub map: MapName,
     /// The robot; its author id follows from it.
@@ -159,11 +160,12 @@ impl Linked {
     /// # Errors
     /// [`LinkedError`].
     pub async fn open(publication: Publication) -> Result<Self, LinkedError> {
-        let Publication { link, waiting, map, robot, spool, window, stop, .. } = &publication;
+        let began = Instant::now();
+        let Publication { link, wait, map, robot, spool, window, stop, .. } = &publication;
         robot.parse::<RobotName>()?;
         let spool = spool.as_deref().map(|dir| Spool::open(dir, map, AuthorId::of_robot(robot))).transpose()?;
         stop.doing(format!("waiting for a server at {}", link.places()));
-        let session = fht_session::open_within(link, waiting.for_session()).await?;
+        let session = fht_session::open_within(link, *wait).await?;
         stop.doing("asking whether a robot of this name is there already");
         let presence = free_name(Presence::new(&session, map, robot, RobotRole::Explorer)?).await?;
         stop.doing(match &spool {
@@ -173,10 +175,14 @@ impl Linked {
             ),
             None => format!("asking the server about map '{map}'"),
         });
-        let patience = waiting.given_left().unwrap_or(SERVER_PATIENCE);
+        let patience = wait.map_or(SERVER_PATIENCE, |wait| wait.saturating_sub(began.elapsed()));
+        let head = find_head(&session, map, patience).await;
         let head = match &spool {
-            Some(spool) => deliver(&session, map, robot, spool, window, patience).await?,
-            None => find_head(&session, map, patience).await?,
+            Some(spool) => {
+                head.map_err(|error| DeliverError::Publish { error, file: spool.file().to_owned() })?;
+                deliver(&session, map, robot, spool, window, SERVER_PATIENCE).await?
+            }
+            None => head?,
         };
         if let Some(deletion) = head.as_ref().and_then(|head| head.deletion.as_ref()) {
             return Err(PublishError::Refused(deletion.refusal(map)).into());

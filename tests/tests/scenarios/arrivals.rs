@@ -1,5 +1,6 @@
 //! How a robot ends: at the heading of the place that it was sent to, with words and an exit code
 //! that say what is true, and with its last pose and version known to everybody.
+
 use fht_demo::{Process, Role, free_endpoint};
 use fht_perception::pose::wrap_angle;
 use fht_proto::api::fleet::RobotPose;

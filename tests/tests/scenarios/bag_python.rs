@@ -1,5 +1,6 @@
 //! Bags between us and other people's programs: what we record, rosbags and mcap read; what rosbags
 //! and mcap write, we read.
+
 use fht_bag::{BagError, BagReport, Dropped, FrameConfig, Frames, TopicConfig, survey};
 use fht_demo::{Process, Role, free_endpoint};
 use fht_perception::frame::SensorFrame;

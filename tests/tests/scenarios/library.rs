@@ -1,5 +1,6 @@
 //! The examples of the library for integrators, run one after the other against a real server: a
 //! map, a path, an author, a follower, a robot of one's own, a recorded drive.
+
 #[path = "../../../crates/fht/examples/04_own_robot.rs"]
 #[allow(dead_code, missing_docs)]
 mod own_robot;

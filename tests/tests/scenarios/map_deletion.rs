@@ -1,5 +1,6 @@
 //! A map is deleted while it is explored: the explorer ends with the operator's reason, a robot
 //! that comes meanwhile is warned, and another exploration may begin a map of the same name.
+
 use fht_client::{AskError, ask_head};
 use fht_demo::{Process, ProcessError, Role, free_endpoint};
 use fht_proto::MapName;

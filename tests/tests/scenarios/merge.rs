@@ -1,5 +1,6 @@
 //! Two explorers map one building separately, from different starts; an operator merges their maps.
 //! Real processes: server, explorers, operator's commands. A map of another building is refused.
+
 use fht_demo::{Process, ProcessError, Role, free_endpoint};
 use fht_eval::{MadeMap, merge_and_measure, quantile_x};
 use fht_map::MapState;

@@ -2,6 +2,7 @@
 //! map, gets a path, reports a blocked edge and sees robots; a codec written from
 //! `docs/protocol.md` reads, writes and hashes as the server does; and everything that a running
 //! server says in JSON is as the schemas in `docs/schema` have it.
+
 use fht_demo::{Process, Role, free_endpoint};
 use fht_proto::api::fleet::{BlockedReport, ExplorerGoal, LocalizationState, RobotPose, RobotRole, RobotStatus};
 use fht_proto::api::goal::{GoalState, GoalStatus};

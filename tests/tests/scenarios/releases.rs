@@ -1,5 +1,6 @@
 //! What a robot runs: its copy as it grows, or the enabled release, wherever the copy is. What
 //! other robots found blocked applies to it at once. A real server and real sessions.
+
 use fht_client::{LiveReplica, ReplicaConfig, ask_head};
 use fht_proto::api::keys::{Key, RobotTopic};
 use fht_proto::{

@@ -1,5 +1,6 @@
 //! A recorded run that is played as a live ROS robot gives the map that its replay gives, to the
 //! last bit, where no frame came late.
+
 use fht_demo::{Process, ProcessError, Role, free_endpoint};
 use serde_json::Value;
 use std::ffi::OsStr;

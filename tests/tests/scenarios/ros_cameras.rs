@@ -1,5 +1,6 @@
 //! A ROS robot with four cameras: the explorer's main nodes have descriptors, another robot finds
 //! its place by its pictures on another day, and `mapper ros check` names the cameras.
+
 use fht_client::{LiveReplica, ReplicaConfig};
 use fht_demo::{Process, Role, free_endpoint};
 use fht_session::SessionConfig;

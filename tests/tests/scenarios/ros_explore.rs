@@ -2,6 +2,7 @@
 //! `/tf_static` and `/cmd_vel`. When its LiDAR falls silent the robot is stopped, the topic is
 //! named, and all goes on when it is back. `mapper ros check` says what a robot has. So it is with
 //! a robot behind zenoh-bridge-ros2dds, by what such a bridge writes.
+
 use fht_demo::{Role, free_endpoint};
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::pose::{Pose2, pose};

@@ -1,5 +1,6 @@
 //! The demo over ROS 2 topics: explorer and client drive simulated robots that speak ROS, each at a
 //! router of its own. They do as well as without ROS.
+
 use fht_demo::{HandoffConfig, free_endpoint, hand_off};
 use fht_tests::museum_demo::museum_demo;
 use std::path::Path;

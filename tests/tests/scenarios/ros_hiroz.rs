@@ -1,6 +1,7 @@
 //! Actions with another project's ROS 2 stack, hiroz, both ways: its clients ask our planner for
 //! paths and routes and send our robot, with feedback and results, and take a goal back; and it is
 //! a Nav2 that our client drives by.
+
 use fht_demo::{Process, Role, free_endpoint};
 use fht_perception::pose::{Point2, pose};
 use fht_ros_frames::{header_message, pose_message};

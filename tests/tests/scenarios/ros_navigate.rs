@@ -2,6 +2,7 @@
 //! the place of Nav2, and with `--drive nav2` the client sends them, and a Nav2 drives. The robot
 //! is a simulated one with ROS 2; the Nav2 is a small one made here, which drives straight ahead.
 //! People who point at wrong places (`initialpose`) do no harm.
+
 use fht_demo::{Process, Role, free_endpoint};
 use fht_perception::pose::{Point2, Pose2, pose, wrap_angle};
 use fht_ros::{ActionClient, ActionServer, ActiveGoal, NodeConfig, Publisher, Qos, RosNode, SentGoal, Subscription};

@@ -1,5 +1,6 @@
 //! A robot's network goes for ten seconds in the middle of exploring, twice, and the map-server
 //! restarts meanwhile: the robot stands, goes on, the map is complete, and nothing is lost.
+
 use fht_client::ask_head;
 use fht_demo::{Process, Role, free_endpoint};
 use fht_proto::api::reply::Head;

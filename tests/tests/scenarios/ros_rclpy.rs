@@ -1,5 +1,6 @@
 //! A robot whose nodes speak DDS: real rclpy from PyPI behind the Eclipse project's plugin for
 //! Zenoh, both unmodified. Its scans become a map, which it hears.
+
 use fht_demo::{Process, Role, free_endpoint};
 use fht_tests::foreign_ros;
 use fht_tests::packages::environment;

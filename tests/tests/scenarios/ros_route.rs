@@ -1,5 +1,6 @@
 //! `client-robot route` in the place of Nav2's planner server: an action client on a robot's graph
 //! asks for paths, and they are those of the fleet's map.
+
 use fht_demo::{Process, Role, free_endpoint};
 use fht_perception::pose::{Pose2, pose};
 use fht_proto::api::fleet::LocalizationState;

@@ -1,6 +1,7 @@
 //! A foreign ROS 2 peer, unmodified: PyPI's zenoh-ros2-sdk hears what our nodes publish (also what
 //! was published before it came), is a robot that we sense with and drive, and asks and answers
 //! services.
+
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::grid::CellState;
 use fht_perception::pose::{Point2, pose};

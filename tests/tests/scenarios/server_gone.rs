@@ -1,5 +1,6 @@
 //! The server is gone (SIGKILL), and robots continue with their own copies of the map: their paths
 //! are those that the server gave them before, and a robot that was driving arrives.
+
 use fht_client::{
     AskError, LiveReplica, PathQuestion, PathSource, PlannedPath, Planner, ReplicaConfig, ServerPaths,
     ServerPathsConfig, ask, ask_head, ask_path, planned_between,

@@ -1,5 +1,6 @@
 //! One simulated world for robots in processes of their own: they see each other, keep apart, and
 //! are in nobody's map.
+
 use fht_demo::{Crew, HandoffConfig, HandoffReport, Process, Role, free_endpoint, hand_off};
 use fht_tests::museum_demo::museum_demo;
 use mapper::program::ExploreReport;

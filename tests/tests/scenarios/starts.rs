@@ -1,5 +1,6 @@
 //! Programs refuse a start where the robot cannot stand, at once and with the nearest place where
 //! it can; the starts in the documents and in `--help` are free.
+
 use fht_demo::Role;
 use fht_perception::pose::parse;
 use fht_sim::{SimConfig, check_start, load};

@@ -1,4 +1,5 @@
 //! Writers and the map server: who may write, and what a writer learns when it may not.
+
 use fht_demo::free_endpoint;
 use fht_proto::api::keys::{Key, RobotTopic, Topic};
 use fht_proto::api::reply::{ErrorCode, ErrorReply};
@@ -10,8 +11,9 @@ use mapper::publish::{
     Backlog, DeliverError, Progress, PublishError, RunOrigin, Spool, WindowConfig, deliver, find_head, outbox,
 };
 use std::ops::RangeInclusive;
+use std::process::Command;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use zenoh::{Session, Wait};
@@ -223,14 +225,40 @@ async fn a_run_that_leaves_without_its_server_has_everything_in_the_spool() {
     alone.close().await.unwrap();
 }
 
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn silence_is_not_taken_for_an_unknown_map() {
-    let endpoint = free_endpoint().unwrap();
+/// A router, with no server behind it.
+async fn bare_router(endpoint: &str) -> zenoh::Session {
     let mut config = zenoh::Config::default();
     config.insert_json5("mode", "\"router\"").unwrap();
     config.insert_json5("listen/endpoints", &format!("[\"{endpoint}\"]")).unwrap();
     config.insert_json5("scouting/multicast/enabled", "false").unwrap();
-    let router = zenoh::open(config).await.unwrap();
+    zenoh::open(config).await.unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_server_that_does_not_answer_is_waited_for_as_long_as_was_asked_for() {
+    let endpoint = free_endpoint().unwrap();
+    let router = bare_router(&endpoint).await;
+    let begin = Instant::now();
+    let explore = move || {
+        let flags = ["role", "mapper", "--", "explore", "--no-cameras", "--wait", "7", "--connect", &endpoint];
+        Command::new(env!("CARGO_BIN_EXE_programs")).args(flags).output().unwrap()
+    };
+    let output = tokio::task::spawn_blocking(explore).await.unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    for part in
+        ["waiting for a map-server to tell whether", "no map server told within", "access control drops silently"]
+    {
+        assert!(said.contains(part), "{said}");
+    }
+    assert!(begin.elapsed() < Duration::from_secs(20), "{:?}", begin.elapsed());
+    router.close().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn silence_is_not_taken_for_an_unknown_map() {
+    let endpoint = free_endpoint().unwrap();
+    let router = bare_router(&endpoint).await;
     let robot = fht_session::open(&SessionConfig::from_options(vec![endpoint], None)).await.unwrap();
     let unknown = find_head(&robot, &museum(), Duration::from_millis(500)).await.unwrap_err();
     assert!(matches!(unknown, PublishError::NoAnswer { .. }), "{unknown}");

@@ -1,5 +1,6 @@
 //! A person with nothing but `pip install zenoh-cli` asks a running server: a path is printed, and
 //! a bad request prints the reason.
+
 use fht_demo::{Process, Role, free_endpoint};
 use fht_proto::api::reply::PathReply;
 use fht_session::SessionConfig;

@@ -115,7 +115,7 @@ pub enum OperatorError {
     #[error(transparent)]
     Unsound(#[from] RestoreError),
     /// Nothing is taken back.
-    #[error("map {map}: {}{}", source.with_names(names.iter().map(String::as_str)), which_stay(*folded))]
+    #[error("map {map}: {}{}", source.with_names(names.iter().map(String::as_str)), rest(source, *folded))]
     Undo {
         /// The map.
         map: MapName,
@@ -123,7 +123,7 @@ pub enum OperatorError {
         names: Vec<String>,
         /// Why.
         source: InverseError,
-        /// Of the author's increments these stay anyway, up to this number.
+        /// The number of the author's last increment that is folded; none: 0.
         folded: u64,
     },
     /// An import has ended before the end of the file.
@@ -179,9 +179,12 @@ pub enum OperatorError {
     Runtime(std::io::Error),
 }
 
-/// What cannot be taken back, whatever was asked for.
-fn which_stay(folded: u64) -> String {
-    if folded == 0 { String::new() } else { format!("; increments 1 to {folded} are folded, and stay") }
+/// What else there is of the author where nothing was found to take back.
+fn rest(source: &InverseError, folded: u64) -> String {
+    match source {
+        InverseError::Unchanged { .. } if folded > 0 => format!("; increments 1 to {folded} are folded, and stay"),
+        _ => String::new(),
+    }
 }
 
 impl OperatorError {
