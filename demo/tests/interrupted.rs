@@ -163,9 +163,20 @@ fn whoever_waits_for_a_server_ends_at_the_first_signal() {
     }
 }
 
+/// Whether Ctrl-C is ignored until a program cares for it, as in a shell's background job.
+fn is_interrupt_ignored() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|mask| mask & 0b10 != 0)
+}
+
 #[test]
 fn a_program_that_starts_ends_at_once() {
     for (signal, code) in SIGNALS {
+        if signal == "INT" && is_interrupt_ignored() {
+            println!("left out: SIGINT is ignored here until the program handles it, and may be lost before that");
+            continue;
+        }
         for wait_ms in [30, 100, 300] {
             let args = ["explore", "--world", "museum", "--offline"];
             let running = Running::program("mapper", &args);
