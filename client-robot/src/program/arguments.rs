@@ -25,7 +25,8 @@ use std::path::{Path, PathBuf};
   client-robot --config robot.toml go --to dock
 
 Exit code 0: the task is done; 1: it failed, and the robot said why; 2: wrong usage or bad input,
-such as a place that the map does not have; 130, 143 or 129: it was interrupted by Ctrl-C, SIGTERM or SIGHUP."
+such as a place that the map does not have; 130, 143 or 129: it was interrupted by Ctrl-C, SIGTERM
+or SIGHUP."
 )]
 pub(super) struct Cli {
     #[command(flatten)]

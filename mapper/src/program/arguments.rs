@@ -54,9 +54,9 @@ pub(super) enum Command {
   mapper explore --ros tcp/robot:7447 --map lab --cameras a/image,b/image,c/image,d/image
 
 Exit code 0: the map is complete and delivered; 1: it is not, or it failed; 2: wrong usage or bad
-input; 130, 143 or 129: it was interrupted. Ctrl-C (or SIGTERM) ends the exploration within a second,
-finishes the map as it is, and says what the server has not acknowledged; a second one ends the
-program at once. Set RUST_LOG=info (or debug) for logs.")]
+input; 130, 143 or 129: it was interrupted. Ctrl-C (or SIGTERM) ends the exploration within a
+second, finishes the map as it is, and says what the server has not acknowledged; a second one ends
+the program at once. Set RUST_LOG=info (or debug) for logs.")]
     Explore(Box<ExploreArgs>),
     /// Builds the map from a recorded run: a rosbag2 folder or an MCAP file with scans and
     /// odometry.
@@ -74,9 +74,9 @@ pictures) give nodes their appearance; without them the map has scans only. 'map
 what a bag has.
 
 Exit code 0: the map is made and delivered; 1: it is not; 2: wrong usage or bad input, such as a bag
-without scans; 130, 143 or 129: it was interrupted. Ctrl-C (or SIGTERM) ends the replay within a second
-and finishes the map as it is; a second one ends the program at once. Set RUST_LOG=info (or debug)
-for logs.")]
+without scans; 130, 143 or 129: it was interrupted. Ctrl-C (or SIGTERM) ends the replay within a
+second and finishes the map as it is; a second one ends the program at once. Set RUST_LOG=info (or
+debug) for logs.")]
     Replay(Box<ReplayArgs>),
     /// Says what is in a bag: topics, types, counts, times, and whether it can be read to its end.
     #[command(after_help = "Examples:
