@@ -64,7 +64,7 @@ pub async fn find_head(
         }
         if begin.elapsed() >= remark_at {
             remark_at = begin.elapsed() + REMARK_EVERY;
-            tracing::warn!("waiting for a map-server to tell whether there is a map '{map}': {reason}");
+            tracing::warn!(target: "mapper::notice", "waiting for a map-server to tell whether there is a map '{map}': {reason}");
         }
         tokio::time::sleep(ASK_AGAIN).await;
     }
