@@ -55,6 +55,8 @@ pub(crate) enum CliError {
     Record(#[from] fht_bag::WriteError),
     #[error(transparent)]
     Files(#[from] fht_program::flags::FileClash),
+    #[error("{0} is for a robot that speaks ROS 2: say which with --ros")]
+    OnlyWithRos(&'static str),
     #[error(transparent)]
     Mission(#[from] crate::mission::MissionError),
     #[error("the report cannot be written as JSON: {0}")]
@@ -71,6 +73,7 @@ impl CliError {
             Self::World(_)
             | Self::Record(fht_bag::WriteError::Exists { .. })
             | Self::Files(_)
+            | Self::OnlyWithRos(_)
             | Self::Graph(RosError::Name(_))
             | Self::Start(_)
             | Self::Descriptor(_)

@@ -23,7 +23,7 @@ use fht_perception::robot::{Paced, Robot};
 use fht_program::{Stop, Waiting, print_line};
 use fht_proto::api::goal::{GoalState, GoalStatus};
 use fht_ros_robot::{DrivenByNav2, Nav2Driver, live_silence};
-use fht_session::check_owner;
+use fht_session::{check_owner, check_serving};
 use fht_worker::Taking;
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -71,6 +71,7 @@ pub(super) fn serving(
     // Nothing waits for work beside the loop: the robot is one among others.
     (file.client.walls, file.client.paths.taking) = (Taking::WhenThere, Taking::WhenThere);
     check_owner(&file.connect, "client", file.name())?;
+    check_serving(&file.connect)?;
     let service = Service { args: &args.robot, waiting, stop, began: Instant::now() };
     let Some(endpoint) = &args.robot.ros else {
         let net = descriptor_net(&mut file)?;

@@ -80,6 +80,29 @@ impl NodeArgs {
 }
 
 impl GraphArgs {
+    /// The first of these flags that says something: it is of no use to a robot that speaks no ROS
+    /// 2.
+    #[must_use]
+    pub fn first_given(&self) -> Option<&'static str> {
+        let NodeArgs { namespace, domain, ros_keys, distribution } = &self.node;
+        let flags = [
+            ("--namespace", !namespace.is_empty()),
+            ("--domain", *domain != 0),
+            ("--ros-keys", *ros_keys != KeyForm::default()),
+            ("--distribution", *distribution != Distribution::default()),
+            ("--scan-topic", self.scan_topic.is_some()),
+            ("--points", self.points.is_some()),
+            ("--band", self.band.is_some()),
+            ("--beams", self.beams.is_some()),
+            ("--cameras", self.cameras.is_some()),
+            ("--odom-topic", self.odom_topic.is_some()),
+            ("--cmd-vel-topic", self.cmd_vel_topic.is_some()),
+            ("--use-sim-time", self.use_sim_time),
+            ("--base-frame", self.base_frame.is_some()),
+        ];
+        flags.into_iter().find_map(|(flag, is_given)| is_given.then_some(flag))
+    }
+
     /// These flags over what the file says.
     #[must_use]
     pub fn robot(&self, file: RosRobotConfig) -> RosRobotConfig {
@@ -121,7 +144,29 @@ fn band(text: &str) -> Result<(f64, f64), String> {
 
 #[cfg(test)]
 mod tests {
-    use super::{band, four};
+    use super::{GraphArgs, band, four};
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Program {
+        #[command(flatten)]
+        graph: GraphArgs,
+    }
+
+    #[test]
+    fn what_only_a_robot_with_ros_has_is_noticed() {
+        let first = |flags: &[&str]| {
+            let given = ["program"].iter().chain(flags);
+            Program::try_parse_from(given).map(|program| program.graph.first_given()).map_err(|error| error.to_string())
+        };
+        assert_eq!(first(&[]), Ok(None));
+        assert_eq!(first(&["--namespace", "r1", "--odom-topic", "tf"]), Ok(Some("--namespace")));
+        for flags in
+            [&["--domain", "3"][..], &["--ros-keys", "bridge"], &["--distribution", "humble"], &["--use-sim-time"]]
+        {
+            assert_eq!(first(flags), Ok(Some(flags[0])));
+        }
+    }
 
     #[test]
     fn cameras_are_four() {

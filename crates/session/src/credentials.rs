@@ -60,7 +60,7 @@ pub enum CredentialError {
         file: PathBuf,
         /// Whom it names: `ROLE:NAME`.
         common_name: String,
-        /// What the program is: `explorer`, `operator` or `server`.
+        /// What the program is: `explorer`, `operator`, `server` or `serving robot`.
         role: &'static str,
     },
     /// The key is not the certificate's.
@@ -101,6 +101,7 @@ fn what_it_takes(role: &str) -> &'static str {
     match role {
         "explorer" => "write maps: that takes a certificate of an explorer",
         "server" => "serve maps: that takes a certificate of a server",
+        "serving robot" => "take goals: that takes a certificate of a client or an explorer",
         _ => "give orders or change maps: that takes a certificate of an operator",
     }
 }
@@ -270,6 +271,21 @@ pub fn check_owner(
         (_, Some(("client" | "explorer" | "operator", owner))) if owner != name => {
             let (owner, name) = (owner.to_owned(), name.to_owned());
             Err(CredentialError::OtherName { file, owner, role, name, common_name })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Checks that the certificate which a robot shows that takes goals is not an operator's: routers
+/// would let it answer nobody.
+///
+/// # Errors
+/// [`CredentialError::OtherRole`].
+pub fn check_serving(config: &Config, endpoints: &[String]) -> Result<(), CredentialError> {
+    let Some((file, pem)) = shown(config, endpoints, TlsSide::Connecting) else { return Ok(()) };
+    match common_name(&pem) {
+        Some(common_name) if common_name.starts_with("operator:") => {
+            Err(CredentialError::OtherRole { file: file.into(), common_name, role: "serving robot" })
         }
         _ => Ok(()),
     }

@@ -44,6 +44,6 @@ pub use configuration::{ConfigurationError, read_config, set, set_default, set_e
 pub use credentials::CredentialError;
 pub use homecoming::homecoming;
 pub use replacement::{abandon, replacement};
-pub use robot_session::{SessionConfig, SessionError, check_owner, open, open_within};
+pub use robot_session::{SessionConfig, SessionError, check_owner, check_serving, open, open_within};
 pub use trouble::{in_words, without_source_paths};
 pub use waiting::{ConnectError, check_server, listening_at, open_configured, server_name};

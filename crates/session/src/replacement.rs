@@ -13,8 +13,8 @@ use zenoh::{Config, Session};
 
 /// How often a session is looked at.
 const EVERY: Duration = Duration::from_secs(1);
-/// So long a session may be without a router before another id is tried: longer than Zenoh waits
-/// between two attempts of its own.
+/// So long a session may be without a router before another id is tried, and so long routers have to
+/// let in others and not this one: longer than Zenoh waits between two attempts of its own.
 const ALONE: Duration = Duration::from_secs(4);
 /// So long the old session may take to end. Nobody hears it.
 const FAREWELL: Duration = Duration::from_secs(2);
@@ -33,22 +33,25 @@ pub async fn replacement(session: &Session, config: &Config) -> Session {
     if !is_ready {
         std::future::pending::<()>().await;
     }
-    let mut alone_since = None;
+    let (mut alone_since, mut refused_since) = (None, None);
     loop {
         tokio::time::sleep(EVERY).await;
         if is_connected(session).await {
-            alone_since = None;
+            (alone_since, refused_since) = (None, None);
             continue;
         }
         let since = *alone_since.get_or_insert_with(Instant::now);
         if since.elapsed() < ALONE {
             continue;
         }
-        let Ok(other) = attempt(config.clone()).await else { continue };
-        // It may have been let in at this very moment.
-        if is_connected(session).await {
-            alone_since = None;
-            let _ = other.close().await; // it was not needed
+        let Ok(other) = attempt(config.clone()).await else {
+            refused_since = None;
+            continue;
+        };
+        // Routers that have just come up let in whoever asks first: this session's turn comes, too.
+        let since = *refused_since.get_or_insert_with(Instant::now);
+        if is_connected(session).await || since.elapsed() < ALONE {
+            let _ = other.close().await; // it is not needed
             continue;
         }
         tracing::warn!(

@@ -114,6 +114,16 @@ pub fn check_owner(link: &SessionConfig, role: &'static str, name: &str) -> Resu
     Ok(credentials::check_owner(&config, &endpoints(&config), role, name).map_err(ConnectError::from)?)
 }
 
+/// Checks, before anybody connects, that the certificate which `link` names lets a robot take goals:
+/// an operator's does not.
+///
+/// # Errors
+/// [`SessionError`], with the certificate.
+pub fn check_serving(link: &SessionConfig) -> Result<(), SessionError> {
+    let config = config(link)?;
+    Ok(credentials::check_serving(&config, &endpoints(&config)).map_err(ConnectError::from)?)
+}
+
 fn config(link: &SessionConfig) -> Result<Config, ConfigurationError> {
     let mut config = read_config(link.zenoh_config.as_deref())?;
     let connect = match &link.zenoh_config {

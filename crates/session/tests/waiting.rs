@@ -1,8 +1,8 @@
 //! Clients that wait for their routers and go back to them, on loopback.
 
 use fht_session::{
-    ConnectError, SessionConfig, check_owner, check_server, homecoming, open_configured, read_config, set_endpoints,
-    without_source_paths,
+    ConnectError, SessionConfig, check_owner, check_server, check_serving, homecoming, open_configured, read_config,
+    set_endpoints, without_source_paths,
 };
 use std::net::TcpListener;
 use std::time::{Duration, Instant};
@@ -139,6 +139,13 @@ fn a_certificate_of_another_robot_is_refused_before_anybody_connects() {
     let told = said("tls/localhost:7447", "operator", "amr-7");
     assert!(told.contains("is of client:amr-7, which may not give orders or change maps: that takes"), "{told}");
     assert_eq!(said("tcp/localhost:7447", "client", "amr-8"), "", "nobody sees the certificate");
+    let serving = || {
+        let link = SessionConfig::from_options(vec!["tls/localhost:7447".to_owned()], Some(file.clone()));
+        check_serving(&link).err().map(|error| error.to_string()).unwrap_or_default()
+    };
+    assert_eq!(serving(), "");
+    self::certificate(folder.path(), "operator:desk");
+    assert!(serving().contains("is of operator:desk, which may not take goals"), "{}", serving());
     // The same files, of an explorer now.
     self::certificate(folder.path(), "explorer:ana");
     let told = said("tls/localhost:7447", "client", "amr-7");

@@ -28,6 +28,7 @@ export class ChangePanel {
 
   async send(order, words) {
     const shown = this.form.firstChild;
+    this.allTheSame?.remove();
     try {
       const reply = await change(this.store.map, order);
       const said = reply.words ? reply.words.join("; ") : words;
@@ -41,6 +42,11 @@ export class ChangePanel {
       return true;
     } catch (refused) {
       this.say(refused.message, "bad");
+      if (refused.message.includes("; with force")) {
+        const force = () => this.send({ ...order, force: true }, words);
+        this.allTheSame = el("button", { type: "button", onclick: force }, "Write it all the same");
+        this.form.append(this.allTheSame);
+      }
       return false;
     }
   }

@@ -22,7 +22,7 @@ export function showHealth(main) {
       el("h1", {}, "Health"),
       notice,
       section("Server", true, boxes.server),
-      section("Questions in the last minute", true, boxes.questions),
+      section("Questions since this page was opened, or in the last minute", true, boxes.questions),
       section("How long answers took", true, boxes.times),
       section("Maps", true, boxes.maps),
       section("This page", true, boxes.page),

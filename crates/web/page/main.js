@@ -24,9 +24,17 @@ function mapAsked() {
   }
 }
 
+// What can be a map's name: anything else there cannot be.
+const NAME = /^[a-z0-9_-]{1,64}$/i;
+
 function shows(map, me) {
   if (location.hash === "#health") return showHealth(main);
-  return map ? showMap(main, map, me) : showList(main);
+  if (!map) return showList(main);
+  if (!NAME.test(map)) {
+    fill(main, el("p", { class: "page bad", role: "alert" }, `there can be no map called ${map}`));
+    return () => {};
+  }
+  return showMap(main, map, me);
 }
 
 async function show() {

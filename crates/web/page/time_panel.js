@@ -11,6 +11,8 @@ export class TimePanel {
   constructor(box, store, { say }) {
     Object.assign(this, { store, say, playing: false, oldest: 1, wanted: null, isAsking: false });
     this.slider = el("input", { type: "range", min: 1, max: 1, value: 1, oninput: () => this.move() });
+    // Only who looks back asks how far.
+    for (const name of ["focus", "pointerenter"]) this.slider.addEventListener(name, () => this.lookBack());
     this.shows = el("output", {}, "the newest state");
     this.play = el(
       "button",
@@ -57,6 +59,16 @@ export class TimePanel {
     this.draw();
   }
 
+  // Finds out which versions are kept.
+  async lookBack() {
+    try {
+      this.oldest = Math.max(1, (await askPast(this.store.map, { version: this.newest })).oldest);
+      this.draw();
+    } catch (refused) {
+      this.say(refused.message, "bad");
+    }
+  }
+
   async load(version) {
     if (version >= this.newest) return this.set(null);
     try {
@@ -80,6 +92,7 @@ export class TimePanel {
 
   async run() {
     this.playing = true;
+    await this.lookBack();
     const last = this.newest;
     const at = Number(this.slider.value);
     const first = at >= last ? this.oldest : at;

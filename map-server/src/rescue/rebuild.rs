@@ -82,6 +82,10 @@ fn gaps(found: &FoundAuthor) -> Vec<(u64, u64)> {
 pub(super) fn write(found: Found, target: &Path) -> Result<(), RescueError> {
     let log = RedbLog::open(target)?;
     for (map, authors) in &found {
+        let lost = authors.values().flat_map(gaps).map(|(first, last)| last - first + 1).sum();
+        if lost > 0 {
+            log.note_lost(map, lost)?;
+        }
         let mut floor = CompactionFloor::default();
         let (mut series, mut rest) = (Vec::new(), Vec::new());
         for (author, found) in authors {

@@ -322,4 +322,12 @@ pub trait LogReader {
     /// # Errors
     /// [`StoreError::Disk`].
     fn floor(&self, map: &MapName) -> Result<CompactionFloor, StoreError>;
+
+    /// Whether increments of a map are lost (`rescue`): what a vector covers may not be whole.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn has_lost(&self, _: &MapName) -> Result<bool, StoreError> {
+        Ok(false)
+    }
 }

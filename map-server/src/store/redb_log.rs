@@ -10,6 +10,7 @@
 //! | `ends` | map, author | number of the last increment, and a sum: what a rescue goes by |
 //! | `deletions` | map | that it will be deleted, or was: JSON; absent until a map is to be |
 //! | `meta` | `format` | version of this layout |
+//! | `meta` | `lost/`map | how many of its increments a rescue did not find; absent: none |
 //!
 //! The log of a compacted map begins after its floor.
 
@@ -36,7 +37,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::ops::ControlFlow;
 use std::sync::{PoisonError, RwLock, RwLockReadGuard};
-use tables::{COMPACTED, FLOOR_VERSIONS, FLOORS, INCREMENTS, LOG, reading, writing};
+use tables::{COMPACTED, FLOOR_VERSIONS, FLOORS, INCREMENTS, LOG, META, reading, writing};
 
 /// The open store.
 ///
@@ -91,6 +92,11 @@ impl Drop for RedbLog {
     }
 }
 
+/// The note that increments of a map are lost.
+fn lost_key(map: &MapName) -> String {
+    format!("lost/{map}")
+}
+
 fn floor_of(read: &ReadTransaction, map: &MapName) -> Result<CompactionFloor, StoreError> {
     let versions = read.open_table(FLOOR_VERSIONS).map_err(reading)?;
     let version = versions.get(map.as_str()).map_err(reading)?.map_or(0, |version| version.value());
@@ -123,6 +129,20 @@ fn put_compacted(
     let mut versions = write.open_table(FLOOR_VERSIONS).map_err(writing)?;
     versions.insert(name, floor.version).map_err(writing)?;
     ends::note(write, floor.vector.iter().map(|(author, last)| ((name, author), last)))
+}
+
+impl RedbLog {
+    /// Notes that so many increments of a map are lost.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    pub(crate) fn note_lost(&self, map: &MapName, count: u64) -> Result<(), StoreError> {
+        self.write(|write| {
+            let mut meta = write.open_table(META).map_err(writing)?;
+            meta.insert(lost_key(map).as_str(), count).map_err(writing)?;
+            Ok(())
+        })
+    }
 }
 
 impl IncrementLog for RedbLog {
@@ -332,5 +352,12 @@ impl LogReader for RedbLog {
 
     fn floor(&self, map: &MapName) -> Result<CompactionFloor, StoreError> {
         self.read(|read| floor_of(read, map))
+    }
+
+    fn has_lost(&self, map: &MapName) -> Result<bool, StoreError> {
+        self.read(|read| {
+            let meta = read.open_table(META).map_err(reading)?;
+            Ok(meta.get(lost_key(map).as_str()).map_err(reading)?.is_some())
+        })
     }
 }

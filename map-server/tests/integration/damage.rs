@@ -1,7 +1,8 @@
 //! A damaged store: no panic and no hang, whatever bytes of its file are flipped or cut off; what
 //! still reads can be rescued, and nothing else is.
 
-use crate::support::{ANA, BEN, increment, museum, node, refused_start};
+use crate::support::site::Site;
+use crate::support::{ANA, BEN, Server, increment, museum, node, refused_start, until_up};
 use fht_proto::api::reply::ErrorCode;
 use fht_proto::api::request::parse;
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeKind, Op, VersionVector, decode, encode};
@@ -16,7 +17,7 @@ use map_server::store::{
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -290,6 +291,36 @@ fn whichever_page_is_lost_nobody_is_forgotten_and_numbers_go_on() {
     assert!(rescued.authors.iter().all(|author| author.lost == author.last), "{rescued:?}");
     assert_eq!((rescued.lost(), rescued.unknown_ends().count()), (66, 0));
     assert_eq!(vectors(&target), before);
+}
+
+/// It may have been enabled before: robots would drive on less than its maker saw.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_release_of_which_a_part_is_lost_cannot_be_had() {
+    const PAGE: usize = 4096;
+    let mut site = Site::with(40).await;
+    site.run(&["release", "create", "museum", "whole"]);
+    assert_eq!(site.run(&["release", "list", "museum"])["releases"][0]["available"], true);
+    assert_eq!(site.server.terminate(), Some(0));
+    let (source, target) = (site.dir.path().join("data"), site.dir.path().join("rescued"));
+    let whole = std::fs::read(source.join(FILE_NAME)).unwrap();
+    // One page with increments, so that the release itself is still known.
+    let pages: BTreeSet<usize> =
+        whole.windows(3).enumerate().filter(|(_, part)| part.starts_with(b"FHT")).map(|(at, _)| at / PAGE).collect();
+    let lost_one = pages.into_iter().find(|page| {
+        let mut damaged = whole.clone();
+        damaged[page * PAGE..(page + 1) * PAGE].fill(0);
+        std::fs::write(source.join(FILE_NAME), &damaged).unwrap();
+        let found = check(&source, site.dir.path()).unwrap();
+        found.lost() > 0 && found.authors.iter().all(|author| author.author == ANA || author.lost == 0)
+    });
+    assert!(lost_one.is_some(), "no page has only increments of the robot");
+    assert!(rescue(&source, &target).unwrap().lost() > 0);
+    assert!(RedbLog::open(&target).unwrap().has_lost(&museum()).unwrap());
+    site.server = Server::start(&target, &site.endpoint);
+    until_up(&site.session).await;
+    assert_eq!(site.run(&["release", "list", "museum"])["releases"][0]["available"], false);
+    let said = site.complaint(&["diff", "museum", "whole", "head"]);
+    assert!(said.contains("a part of release whole@") && said.contains("is lost"), "{said}");
 }
 
 /// A log that cannot be read any more.

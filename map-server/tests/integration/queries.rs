@@ -279,13 +279,15 @@ async fn wrong_questions_get_a_reason() {
         ("fht/museum/robots/r1/pose", "fht/museum/fleet"),
         ("fht/museum/robots/r1/status", "fht/museum/fleet"),
         ("fht/museum/robots/r1/blocked", "fht/museum/fleet"),
-        ("fht/museum/robots/r1/goal", "fht/museum/fleet"),
         ("fht/museum/robots/r1/seen", "fht/museum/fleet"),
         ("fht/museum/admin/sleep", "admin/ACTION"),
     ] {
         let error = server.error(key).await;
         assert!(error.code == BadRequest && error.message.contains(instead), "{key}: {error}");
     }
+    // What a robot would answer that may come.
+    let error = server.error("fht/museum/robots/r1/goal").await;
+    assert!(error.code == ErrorCode::UnknownRobot && error.message.contains("fht/museum/fleet"), "{error}");
     server.end().await;
 }
 

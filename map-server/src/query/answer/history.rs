@@ -46,11 +46,13 @@ fn vector_of(view: &MapView, log: &dyn IncrementLog, moment: &Moment) -> Result<
         Moment::Release(name) => {
             let id = find_release(&view.state, name).map_err(|text| error(ErrorCode::UnknownVersion, text))?;
             let release = view.state.annotations().release(&id);
-            let vector = release.map(|release| release.release.vector.clone());
-            let vector = vector.filter(|vector| head.vector.covers(vector));
-            vector.ok_or_else(|| {
+            let release = release.filter(|release| head.vector.covers(&release.release.vector)).ok_or_else(|| {
                 error(ErrorCode::UnknownVersion, format!("this server does not have all of release {id} yet"))
-            })
+            })?;
+            if log.reader().has_lost(map).map_err(internal)? && !is_intact(view, log, release.release) {
+                return Err(error(ErrorCode::UnknownVersion, format!("a part of release {id} is lost")));
+            }
+            Ok(release.release.vector.clone())
         }
     }
 }
@@ -141,6 +143,8 @@ pub(super) fn releases(view: &MapView, log: &dyn IncrementLog) -> Result<Answer,
     let annotations = view.state.annotations();
     let enabled = annotations.enabled().map(|release| release.id.clone());
     let floor = log.reader().floor(&view.head.map).map_err(internal)?;
+    let has_lost = log.reader().has_lost(&view.head.map).map_err(internal)?;
+    let is_whole = |release: &fht_proto::Release| !has_lost && release.vector.covers(&floor.vector);
     let mut releases: Vec<ReleaseView> = annotations
         .releases()
         .map(|release| ReleaseView {
@@ -155,7 +159,7 @@ pub(super) fn releases(view: &MapView, log: &dyn IncrementLog) -> Result<Answer,
                 && match enabled.as_ref() {
                     // It was read when it was enabled.
                     Some(id) if id == release.id => view.running.release() == Some(id),
-                    _ => release.release.vector.covers(&floor.vector) || is_intact(view, log, release.release),
+                    _ => is_whole(release.release) || is_intact(view, log, release.release),
                 },
         })
         .collect();
