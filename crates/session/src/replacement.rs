@@ -13,8 +13,8 @@ use zenoh::{Config, Session};
 
 /// How often a session is looked at.
 const EVERY: Duration = Duration::from_secs(1);
-/// So long a session may be without a router before another id is tried, and so long routers have to
-/// let in others and not this one: longer than Zenoh waits between two attempts of its own.
+/// So long a session may be without a router before another id is tried, and so long routers have
+/// to let in others and not this one: longer than Zenoh waits between two attempts of its own.
 const ALONE: Duration = Duration::from_secs(4);
 /// So long the old session may take to end. Nobody hears it.
 const FAREWELL: Duration = Duration::from_secs(2);

@@ -114,8 +114,8 @@ pub fn check_owner(link: &SessionConfig, role: &'static str, name: &str) -> Resu
     Ok(credentials::check_owner(&config, &endpoints(&config), role, name).map_err(ConnectError::from)?)
 }
 
-/// Checks, before anybody connects, that the certificate which `link` names lets a robot take goals:
-/// an operator's does not.
+/// Checks, before anybody connects, that the certificate which `link` names lets a robot take
+/// goals: an operator's does not.
 ///
 /// # Errors
 /// [`SessionError`], with the certificate.
