@@ -70,6 +70,35 @@ async function a_place_is_named_by_mouse_and_by_keyboard({ browser, url, foreign
   await ada.end();
 }
 
+async function what_is_doubtful_is_written_when_somebody_insists({ browser, url, foreign }) {
+  const ada = await Person.at(browser, `${url}#/museum`);
+  await ada.isLive();
+  await until("the map is there", async () => (await ada.side("Map").textContent()).includes("main"));
+  await ada.page.getByRole("button", { name: "Name a place" }).focus();
+  await ada.page.keyboard.press("Enter");
+  const form = ada.side("Places, zones, closures");
+  for (const [label, text] of [
+    ["name of the place", "moon"],
+    ["x, m", "500"],
+    ["y, m", "500"],
+  ]) {
+    await form.getByLabel(label).fill(text);
+  }
+  await ada.page.keyboard.press("Enter");
+  await until("it is doubted", async () => (await ada.said).includes("with force"));
+  const moon = async () => (await foreign.get("fht/museum/rules")).places.some(({ name }) => name === "moon");
+  check(!(await moon()), "nothing is written yet");
+  await ada.press("Write it all the same");
+  await until("it is written", moon);
+  await ada.press("Undo my last change");
+  await until("and taken back", async () => !(await moon()));
+  await ada.page.goto(`${url}#/no%20map`);
+  await until("no map has such a name", async () =>
+    (await ada.page.locator("main").textContent()).includes("there can be no map called no map"),
+  );
+  await ada.end();
+}
+
 async function the_map_goes_by_keyboard_alone({ browser, url }) {
   const ada = await Person.at(browser, `${url}#/museum`);
   await ada.isLive();
@@ -317,6 +346,7 @@ async function the_map_is_put_on_earth({ browser, url, foreign, server }) {
 export default [
   a_path_is_asked_by_two_clicks_and_its_line_copied,
   a_place_is_named_by_mouse_and_by_keyboard,
+  what_is_doubtful_is_written_when_somebody_insists,
   the_map_goes_by_keyboard_alone,
   a_zone_is_previewed_drawn_changed_and_taken_back,
   an_edge_is_closed_and_opened,
