@@ -288,6 +288,13 @@ case $role in
 esac
 quietly openssl ecparam -name prime256v1 -genkey -noout -out "$work/plain"
 quietly openssl pkcs8 -topk8 -nocrypt -in "$work/plain" -out "$work/key"
+# Of what has colons, openssl alone knows whether it is an address.
+case $hosts in
+    *IP:*:*)
+        openssl req -new -x509 -key "$work/key" -config "$work/config" -extensions leaf -out "$work/probe" 2>/dev/null ||
+            fail "these are not all DNS names and IP addresses: $*"
+        ;;
+esac
 quietly openssl req -new -sha256 -key "$work/key" -config "$work/config" -out "$work/request"
 # A serial number of its own, from the system's randomness: two people may issue at one time.
 quietly openssl x509 -req -sha256 -in "$work/request" -CA "$out/ca.pem" -CAkey "$out/ca.key" \

@@ -106,8 +106,8 @@ pub fn main_with_args(args: Vec<OsString>) -> ExitCode {
 /// Refuses a run that would destroy one of its own files, and a simulated robot with flags of one
 /// that speaks ROS 2.
 fn checked(robot: &RobotArgs, link: &LinkArgs, config: Option<&Path>) -> Result<(), CliError> {
-    if let Some(flag) = robot.graph.first_given().filter(|_| robot.ros.is_none()) {
-        return Err(CliError::OnlyWithRos(flag));
+    if robot.ros.is_none() {
+        robot.graph.check_none_given()?;
     }
     Ok(robot.check_files(link, config)?)
 }

@@ -46,7 +46,7 @@ pub(crate) struct BridgeArgs {
     #[arg(long, value_name = "NAME", default_value = "museum")]
     pub(crate) map: MapName,
     /// Where viewers connect. An address that other machines reach needs certificates.
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8765")]
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8765", value_parser = fht_program::flags::socket_address)]
     pub(crate) listen: SocketAddr,
     /// A page that may connect besides Foxglove's own and those of this machine, such as
     /// http://viewer:8080 (repeatable).

@@ -199,7 +199,7 @@ pub(super) struct RobotArgs {
     pub(super) quiet: bool,
     /// Use a robot that speaks ROS 2 over Zenoh, at its router (tcp/robot:7447), in place of a
     /// simulated one. Its figures are its own word: nobody knows the truth about it.
-    #[arg(long, value_name = "ENDPOINT", conflicts_with_all = ["world", "textures", "start", "people", "shared_world"])]
+    #[arg(long, value_name = "ENDPOINT", conflicts_with_all = SimSetup::FLAGS)]
     pub(super) ros: Option<String>,
     // Last, since its heading holds for all that comes after it.
     #[command(flatten)]
@@ -233,7 +233,7 @@ pub(super) struct ServeArgs {
     #[command(flatten)]
     pub(super) robot: RobotArgs,
     /// Simulated seconds a second [default: 1].
-    #[arg(long, value_name = "FACTOR", value_parser = rate)]
+    #[arg(long, value_name = "FACTOR", value_parser = rate, conflicts_with = "ros")]
     pub(super) rate: Option<f64>,
 }
 

@@ -55,8 +55,8 @@ pub(crate) enum CliError {
     Record(#[from] fht_bag::WriteError),
     #[error(transparent)]
     Files(#[from] fht_program::flags::FileClash),
-    #[error("{0} is for a robot that speaks ROS 2: say which with --ros")]
-    OnlyWithRos(&'static str),
+    #[error(transparent)]
+    OnlyWithRos(#[from] fht_ros_robot::OnlyWithRos),
     #[error(transparent)]
     Mission(#[from] crate::mission::MissionError),
     #[error("the report cannot be written as JSON: {0}")]

@@ -14,6 +14,7 @@ use fht_session::SessionConfig;
 use serde::Serialize;
 use std::error::Error as _;
 use std::ffi::OsString;
+use std::net::SocketAddr;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -230,6 +231,18 @@ pub fn count(text: &str) -> Result<u64, String> {
 /// As [`count`].
 pub fn how_many(text: &str) -> Result<usize, String> {
     usize::try_from(count(text)?).map_err(|_| format!("'{text}' is too large"))
+}
+
+/// Where a program listens that takes no Zenoh endpoint: `ADDRESS:PORT`.
+///
+/// # Errors
+/// A sentence with an example.
+pub fn socket_address(text: &str) -> Result<SocketAddr, String> {
+    let example = || {
+        let port = text.rsplit(':').next().and_then(|port| port.parse::<u16>().ok()).unwrap_or(8080);
+        format!("'{text}' is no IP address with a port, such as 127.0.0.1:{port} or [::1]:{port}")
+    };
+    text.parse().map_err(|_| example())
 }
 
 /// `text` as a number within `range`.

@@ -162,6 +162,10 @@ fn whoever_errs_is_told_where_and_what_was_meant() {
         ("ending = 'soon'", "lamp.toml:1: ending is refused: unknown variant `soon`"),
         ("[beam]\nresolution = 3", "lamp.toml:2: beam.resolution is not known; did you mean beam.resolution_m?"),
         ("uses = 3", "lamp.toml:1: uses is not known; did you mean"),
+        (
+            "zwxq = 3",
+            "lamp.toml:1: zwxq is not known; there is: beam, bulbs, colour, ending, name, offset, pictures, place_m",
+        ),
         ("name = 1979-05-27", "lamp.toml:1: name is the date 1979-05-27; it must be a text in quotes"),
         ("name = ", "lamp.toml:1: "),
     ] {
@@ -171,7 +175,7 @@ fn whoever_errs_is_told_where_and_what_was_meant() {
     // All at once.
     assert_eq!(parse("nmae = 1\nbulbs = true\n").unwrap_err().lines().count(), 2);
     let missing = fht_program::load::<Lamp>(Path::new("nowhere/lamp.toml")).unwrap_err().to_string();
-    assert!(missing.starts_with("nowhere/lamp.toml: No such file"), "{missing}");
+    assert!(missing.starts_with("nowhere/lamp.toml: the configuration cannot be read: No such file"), "{missing}");
 }
 
 fn lamps() -> impl Strategy<Value = Lamp> {

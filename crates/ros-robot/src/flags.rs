@@ -51,7 +51,7 @@ pub struct GraphArgs {
 #[derive(Clone, Debug, Args)]
 pub struct NodeArgs {
     /// The robot's namespace, such as r1: its topics are /r1/scan and so on.
-    #[arg(long, value_name = "NAME", default_value = "")]
+    #[arg(long, value_name = "NAME", default_value = "", value_parser = fht_ros::namespace)]
     pub namespace: String,
     /// The robot's ROS_DOMAIN_ID.
     #[arg(long, value_name = "NUMBER", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=232))]
@@ -79,11 +79,18 @@ impl NodeArgs {
     }
 }
 
+/// A flag of a robot that speaks ROS 2 was given to another one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0} is for a robot that speaks ROS 2: say which with --ros")]
+pub struct OnlyWithRos(pub &'static str);
+
 impl GraphArgs {
-    /// The first of these flags that says something: it is of no use to a robot that speaks no ROS
-    /// 2.
-    #[must_use]
-    pub fn first_given(&self) -> Option<&'static str> {
+    /// Checks that none of these flags says something: they are of no use to a robot that speaks no
+    /// ROS 2.
+    ///
+    /// # Errors
+    /// [`OnlyWithRos`], the first one.
+    pub fn check_none_given(&self) -> Result<(), OnlyWithRos> {
         let NodeArgs { namespace, domain, ros_keys, distribution } = &self.node;
         let flags = [
             ("--namespace", !namespace.is_empty()),
@@ -100,7 +107,8 @@ impl GraphArgs {
             ("--use-sim-time", self.use_sim_time),
             ("--base-frame", self.base_frame.is_some()),
         ];
-        flags.into_iter().find_map(|(flag, is_given)| is_given.then_some(flag))
+        let given = flags.into_iter().find_map(|(flag, is_given)| is_given.then_some(flag));
+        given.map_or(Ok(()), |flag| Err(OnlyWithRos(flag)))
     }
 
     /// These flags over what the file says.
@@ -144,7 +152,7 @@ fn band(text: &str) -> Result<(f64, f64), String> {
 
 #[cfg(test)]
 mod tests {
-    use super::{GraphArgs, band, four};
+    use super::{GraphArgs, OnlyWithRos, band, four};
     use clap::Parser;
 
     #[derive(Parser)]
@@ -155,16 +163,17 @@ mod tests {
 
     #[test]
     fn what_only_a_robot_with_ros_has_is_noticed() {
-        let first = |flags: &[&str]| {
+        let check = |flags: &[&str]| {
             let given = ["program"].iter().chain(flags);
-            Program::try_parse_from(given).map(|program| program.graph.first_given()).map_err(|error| error.to_string())
+            Program::try_parse_from(given).map_err(|error| error.to_string()).map(|of| of.graph.check_none_given())
         };
-        assert_eq!(first(&[]), Ok(None));
-        assert_eq!(first(&["--namespace", "r1", "--odom-topic", "tf"]), Ok(Some("--namespace")));
+        assert_eq!(check(&[]), Ok(Ok(())));
+        assert_eq!(check(&["--namespace", "r1", "--odom-topic", "tf"]), Ok(Err(OnlyWithRos("--namespace"))));
+        assert!(check(&["--namespace", "a//b"]).is_err_and(|said| said.contains("has an empty part")));
         for flags in
             [&["--domain", "3"][..], &["--ros-keys", "bridge"], &["--distribution", "humble"], &["--use-sim-time"]]
         {
-            assert_eq!(first(flags), Ok(Some(flags[0])));
+            assert!(matches!(check(flags), Ok(Err(OnlyWithRos(flag))) if flag == flags[0]), "{flags:?}");
         }
     }
 

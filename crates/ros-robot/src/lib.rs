@@ -54,7 +54,7 @@ mod stamps;
 pub use check::{Finding, Readiness, check};
 pub use config::RosRobotConfig;
 #[cfg(feature = "cli")]
-pub use flags::{FourTopics, GraphArgs, NodeArgs};
+pub use flags::{FourTopics, GraphArgs, NodeArgs, OnlyWithRos};
 pub use intake::IntakeReport;
 pub use nav2::{DrivenByNav2, Nav2Driver, Nav2State};
 pub use outputs::{OutputRole, PlaceNow, RosOutputs};

@@ -312,6 +312,9 @@ async fn play_bag(args: &PlayArgs, stop: &Stop) -> Result<u64, SimError> {
     let node = args.graph.join(stop).await?;
     let _order = stop.in_order();
     let pictures = args.cameras.filter(|_| frames.has_cameras());
+    if args.cameras.is_some() && pictures.is_none() {
+        tell_line!("{NAME}: the bag has no pictures of four cameras; it is played without");
+    }
     let config = SimRobotConfig { has_clock: args.rate != 1.0, begin_us, pictures, ..SimRobotConfig::default() };
     let mut topics = SimRobot::join(&node, config, &first.scan.base_from_sensor, 0.0).await?;
     while args.wait_for_listener && !stop.is_set() && !topics.is_heard().await? {

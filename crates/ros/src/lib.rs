@@ -63,7 +63,7 @@ pub use keys::{
     Endpoint, EndpointKind, KeyForm, NodeIdentity, UnknownKeyForm, data_key, endpoint_token, endpoint_tokens,
     node_token, parse_token,
 };
-pub use names::{NameError, dds_type, resolve, ros_type};
+pub use names::{NameError, dds_type, namespace, resolve, ros_type};
 pub use node::{NodeConfig, RosNode};
 pub use publisher::Publisher;
 pub use qos::{Qos, QosDurability, QosReliability};

@@ -46,6 +46,19 @@ pub fn resolve(name: &str, namespace: &str, node: &str) -> Result<String, NameEr
     Ok(format!("/{relative}"))
 }
 
+/// A namespace as nodes have it: without slashes around it, and nothing for the one of all.
+///
+/// # Errors
+/// [`NameError`] when it cannot be a name.
+pub fn namespace(text: &str) -> Result<String, NameError> {
+    let inner = text.strip_prefix('/').unwrap_or(text);
+    let inner = inner.strip_suffix('/').unwrap_or(inner);
+    if !inner.is_empty() {
+        resolve(&format!("/{inner}"), "", "")?;
+    }
+    Ok(inner.to_owned())
+}
+
 /// The name that DDS gives a type: `sensor_msgs/msg/LaserScan` is
 /// `sensor_msgs::msg::dds_::LaserScan_`.
 #[must_use]
@@ -92,6 +105,16 @@ mod tests {
         }
         for bad in ["", "/", "scan/", "a//b", "2d", "r1/2d", "scan*", "a b", "~", "sc@n"] {
             assert!(resolve(bad, "", "n").is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn a_namespace_is_a_name_or_nothing() {
+        for (text, of) in [("", ""), ("/", ""), ("r1", "r1"), ("/r1/", "r1"), ("/site/r1", "site/r1")] {
+            assert_eq!(namespace(text).as_deref(), Ok(of));
+        }
+        for bad in ["a//b", "r1//", "2d", "~/a", "a b"] {
+            assert!(namespace(bad).is_err_and(|error| error.to_string().contains(bad.trim_end_matches('/'))), "{bad}");
         }
     }
 

@@ -5,7 +5,7 @@ use crate::keys::{
     Endpoint, EndpointKind, KeyForm, NodeIdentity, data_key, endpoint_token, endpoint_tokens, node_token, parse_token,
     session_of,
 };
-use crate::names::resolve;
+use crate::names::{namespace, resolve};
 use crate::qos::Qos;
 use fht_ros_messages::{Distribution, type_hash};
 use std::sync::Arc;
@@ -79,8 +79,8 @@ impl RosNode {
     /// # Errors
     /// [`RosError`] when the name cannot be one, or the session is closed.
     pub async fn join(session: Session, config: NodeConfig) -> Result<Self, RosError> {
-        resolve(&config.name, &config.namespace, "node")?;
-        let namespace = config.namespace.trim_matches('/');
+        let namespace = namespace(&config.namespace)?;
+        resolve(&config.name, &namespace, "node")?;
         let identity = NodeIdentity {
             domain: config.domain,
             zid: session.zid().to_string(),

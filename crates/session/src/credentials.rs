@@ -205,11 +205,28 @@ pub fn out_of_date(config: &Config, endpoints: &[String], side: TlsSide) -> Opti
     })
 }
 
+/// For how long a certificate is valid; in words, that it expires.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Validity {
+    /// Which, and to when, a sentence without its end.
+    pub said: String,
+    /// In all.
+    pub of: Duration,
+    /// From now on.
+    pub left: Duration,
+}
+
 /// For how long the certificate which is shown is valid; none: there is none, or it is out of date.
-pub fn valid_for(config: &Config, endpoints: &[String], side: TlsSide) -> Option<Duration> {
-    let (_, pem) = shown(config, endpoints, side)?;
-    let left = pem.parse_x509().ok()?.validity().time_to_expiration()?;
-    left.try_into().ok()
+pub fn valid_for(config: &Config, endpoints: &[String], side: TlsSide) -> Option<Validity> {
+    let option = side.certificate();
+    let (file, pem) = shown(config, endpoints, side)?;
+    let certificate = pem.parse_x509().ok()?;
+    let validity = certificate.validity();
+    Some(Validity {
+        said: format!("transport.link.tls.{option}: {file} expires on {}", validity.not_after),
+        of: (validity.not_after - validity.not_before)?.try_into().ok()?,
+        left: validity.time_to_expiration()?.try_into().ok()?,
+    })
 }
 
 /// The certificate which is shown, and its file, if a side of TLS is needed.
@@ -282,13 +299,7 @@ pub fn check_owner(
 /// # Errors
 /// [`CredentialError::OtherRole`].
 pub fn check_serving(config: &Config, endpoints: &[String]) -> Result<(), CredentialError> {
-    let Some((file, pem)) = shown(config, endpoints, TlsSide::Connecting) else { return Ok(()) };
-    match common_name(&pem) {
-        Some(common_name) if common_name.starts_with("operator:") => {
-            Err(CredentialError::OtherRole { file: file.into(), common_name, role: "serving robot" })
-        }
-        _ => Ok(()),
-    }
+    is_none_of(config, endpoints, "serving robot", &["operator"])
 }
 
 /// Checks that the certificate which a map-server shows to routers over TLS is not a robot's or an
@@ -297,11 +308,20 @@ pub fn check_serving(config: &Config, endpoints: &[String]) -> Result<(), Creden
 /// # Errors
 /// [`CredentialError::OtherRole`].
 pub fn check_server(config: &Config, endpoints: &[String]) -> Result<(), CredentialError> {
+    is_none_of(config, endpoints, "server", &["client", "explorer", "operator"])
+}
+
+/// Checks that the certificate which is shown is not of one of `others`: not for what a `role` does.
+fn is_none_of(
+    config: &Config,
+    endpoints: &[String],
+    role: &'static str,
+    others: &[&str],
+) -> Result<(), CredentialError> {
     let Some((file, pem)) = shown(config, endpoints, TlsSide::Connecting) else { return Ok(()) };
-    let Some(common_name) = common_name(&pem) else { return Ok(()) };
-    match common_name.split_once(':') {
-        Some(("client" | "explorer" | "operator", _)) => {
-            Err(CredentialError::OtherRole { file: file.into(), common_name, role: "server" })
+    match common_name(&pem) {
+        Some(common_name) if common_name.split_once(':').is_some_and(|(of, _)| others.contains(&of)) => {
+            Err(CredentialError::OtherRole { file: file.into(), common_name, role })
         }
         _ => Ok(()),
     }
@@ -424,7 +444,9 @@ mod tests {
         config.insert_json5("transport/link/tls", &format!("{{connect_certificate: {:?}}}", at("a.pem"))).unwrap();
         let left_for = |endpoint: &str| valid_for(&config, &[endpoint.to_owned()], TlsSide::Connecting);
         let (day, left) = (Duration::from_secs(86_400), left_for("tls/hall:7447").unwrap());
-        assert!(left > day && left <= 2 * day, "{left:?}");
+        assert!(left.left > day && left.left <= 2 * day && left.of == 2 * day, "{left:?}");
+        let (says, file) = (&left.said, at("a.pem"));
+        assert!(says.starts_with(&format!("transport.link.tls.connect_certificate: {file} expires on ")), "{says}");
         assert_eq!(left_for("tcp/hall:7447"), None);
         openssl(&["x509", "-in", &at("a.pem"), "-signkey", &at("a.key"), "-days", "0", "-out", &at("old.pem")]);
         std::thread::sleep(std::time::Duration::from_millis(2100)); // it was valid for that second

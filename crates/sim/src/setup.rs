@@ -45,6 +45,11 @@ pub struct SimSetup {
 }
 
 impl SimSetup {
+    /// The names of all flags: they are of no use to a robot that is not simulated.
+    #[cfg(feature = "cli")]
+    pub const FLAGS: [&'static str; 8] =
+        ["world", "textures", "world_seed", "start", "map_origin", "seed", "people", "shared_world"];
+
     /// A robot in `world`, with the defaults of the flags for everything else.
     #[must_use]
     pub fn of(world: &str) -> Self {

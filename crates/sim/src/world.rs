@@ -42,6 +42,9 @@ pub enum WorldError {
     /// No built-in world has this name, and it is not the path of a map or a Gazebo world.
     #[error("unknown world '{0}': expected museum, office, or the path of a Nav2 map.yaml or a Gazebo .world")]
     Unknown(String),
+    /// The path is of something else.
+    #[error("'{0}' is neither a Nav2 map.yaml nor a Gazebo .world")]
+    OtherFile(String),
     /// The world's file is not there.
     #[error("there is no world '{0}': the file is missing")]
     Missing(String),
@@ -256,15 +259,21 @@ pub(crate) fn files_of(spec: &str) -> Vec<PathBuf> {
 /// Checks that there is such a world, as far as that shows without loading it.
 ///
 /// # Errors
-/// [`WorldError::Unknown`], [`WorldError::Missing`].
+/// [`WorldError::Unknown`], [`WorldError::OtherFile`], [`WorldError::Missing`].
 pub fn check_world(spec: &str) -> Result<(), WorldError> {
     let path = Path::new(spec);
     match path.extension().and_then(std::ffi::OsStr::to_str) {
         _ if ["museum", "office"].contains(&spec) => Ok(()),
         Some("yaml" | "yml" | "world" | "sdf") if path.is_file() => Ok(()),
         Some("yaml" | "yml" | "world" | "sdf") => Err(WorldError::Missing(spec.to_owned())),
-        _ => Err(WorldError::Unknown(spec.to_owned())),
+        _ => Err(neither(spec)),
     }
+}
+
+/// What is wrong with the name of a world that is neither built in nor a file of a known kind.
+fn neither(spec: &str) -> WorldError {
+    let of = if Path::new(spec).exists() { WorldError::OtherFile } else { WorldError::Unknown };
+    of(spec.to_owned())
 }
 
 /// Loads a world. `spec` is `museum` or `office`, which are built in and drawn from `seed`; or the
@@ -304,7 +313,7 @@ pub fn load_with(
             match path.extension().and_then(std::ffi::OsStr::to_str) {
                 Some("yaml" | "yml") => World::from_nav2(path, textures, seed, changes),
                 Some("world" | "sdf") => has_own_looks().and_then(|()| World::from_gazebo(path, changes)),
-                _ => Err(WorldError::Unknown(other.to_owned())),
+                _ => Err(neither(other)),
             }
         }
     }

@@ -170,10 +170,12 @@ class MapPage {
         .then(() => store.loadFleet())
         .catch(failed);
     this.live = new Live(`/api/events/${encodeURIComponent(map)}`, handlers, opened);
+    // Of a map that nobody has begun there is nothing to ask: an event tells of its first node.
+    const often = (read, every) => setInterval(() => store.isLoaded && read().catch(() => {}), every);
     this.timers = [
-      setInterval(() => store.loadFleet().catch(() => {}), FLEET_EVERY_MS),
-      setInterval(() => store.loadRules().catch(() => {}), RULES_EVERY_MS),
-      setInterval(() => store.loadJournal().catch(() => {}), RULES_EVERY_MS),
+      often(() => store.loadFleet(), FLEET_EVERY_MS),
+      often(() => store.loadRules(), RULES_EVERY_MS),
+      often(() => store.loadJournal(), RULES_EVERY_MS),
     ];
     this.dark = matchMedia("(prefers-color-scheme: dark)");
     this.recolour = () => {

@@ -29,7 +29,7 @@ pub fn router_id(name: &str) -> String {
 /// [`AccessError::NotARouter`].
 pub(super) fn bind(config: &mut Map<String, Value>, roles: &Roles, name: &str) -> Result<(), AccessError> {
     if !roles.routers.iter().any(|router| router == name) {
-        return Err(AccessError::NotARouter(name.to_owned()));
+        return Err(AccessError::NotARouter { name: name.to_owned(), routers: roles.routers.clone() });
     }
     let ids: Vec<String> = roles.routers.iter().map(|router| router_id(router)).collect();
     let own = router_id(name);

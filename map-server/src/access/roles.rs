@@ -2,6 +2,7 @@
 
 use fht_map::{WriterRole, WriterRoles};
 use fht_proto::AuthorId;
+use fht_proto::api::reply::known_names;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -57,8 +58,13 @@ pub enum AccessError {
         author: AuthorId,
     },
     /// A router's own configuration is asked for, but it is none.
-    #[error("the list has no router called '{0}'")]
-    NotARouter(String),
+    #[error("the list has no router called '{name}'; {}", known_names(routers))]
+    NotARouter {
+        /// The name.
+        name: String,
+        /// The routers that it has.
+        routers: Vec<String>,
+    },
     /// The section cannot be written.
     #[error(transparent)]
     Json(#[from] serde_json::Error),

@@ -26,9 +26,11 @@ const LONGEST_MESSAGE: u64 = 64 << 20;
 pub fn openings(routers: &[RouterFile]) -> Vec<String> {
     let mut found = Vec::new();
     for router in routers {
-        let mut of_router = doors(router);
-        of_router.extend(limits(router));
-        of_router.extend(service(router));
+        let of_router = match router.get("mode") == "router" {
+            true => [doors(router), limits(router), service(router)].concat(),
+            // Nothing else that a router must have is asked of it.
+            false => vec!["this is no router's configuration: its mode is another".to_owned()],
+        };
         found.extend(of_router.into_iter().map(|text| format!("{}: {text}", router.name)));
     }
     found.extend(misfits(routers));
@@ -66,7 +68,6 @@ fn doors(router: &RouterFile) -> Vec<String> {
             found.push(text.to_owned());
         }
     };
-    note(router.get("mode") != "router", "this is no router's configuration: its mode is another");
     let is_tls = |endpoint: &String| endpoint.starts_with("tls/") || endpoint.starts_with("quic/");
     note(
         !router.endpoints("listen/endpoints").iter().all(is_tls),

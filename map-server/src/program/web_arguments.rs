@@ -13,7 +13,7 @@ use std::path::PathBuf;
 pub(super) struct WebArgs {
     /// Serve the page here, such as 127.0.0.1:8080. An address that other machines reach needs
     /// certificates.
-    #[arg(long, value_name = "ADDRESS:PORT")]
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = fht_program::flags::socket_address)]
     web: Option<SocketAddr>,
     /// Who changes maps from this machine, without a certificate; without it the page only shows
     /// them.

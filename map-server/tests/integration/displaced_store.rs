@@ -3,7 +3,7 @@
 //! it is. It goes on when its store is back.
 
 use crate::support::{
-    ANA, BEN, Server, ask, bytes, client, expected, free_endpoint, head, head_when, key, museum, until_up,
+    ANA, BEN, Server, ask, bytes, client, expected, free_endpoint, head, head_when, key, museum, until_up, write_until,
 };
 use fht_proto::api::reply::{Head, MapsReply};
 use map_server::store::{CompactedRecord, CompactionFloor, IncrementLog, IncrementOrigin, Record, RedbLog};
@@ -65,23 +65,6 @@ fn health(endpoint: &str) -> String {
     String::from_utf8(output.stdout).unwrap() + &String::from_utf8(output.stderr).unwrap()
 }
 
-/// Writes as an explorer does, from where the server is, until its head satisfies `done`.
-async fn write_until(session: &Session, done: impl Fn(&Head) -> bool) -> Head {
-    let begin = Instant::now();
-    loop {
-        let now = head(session).await.expect("the server answers");
-        if done(&now) {
-            return now;
-        }
-        let next = now.vector.get(ANA) + 1;
-        for number in next..next + 20 {
-            session.put(key(ANA, number), bytes(ANA, number)).await.unwrap();
-        }
-        tokio::time::sleep(Duration::from_millis(50)).await;
-        assert!(begin.elapsed() < Duration::from_secs(60), "{now:?}");
-    }
-}
-
 async fn why_read_only(session: &Session) -> String {
     let maps: MapsReply = serde_json::from_slice(ask(session, "fht/maps").await[0].as_ref().unwrap()).unwrap();
     maps.read_only.unwrap_or_default()
@@ -108,7 +91,7 @@ async fn scenario(harm: impl FnOnce(&Place), mend: impl FnOnce(&Place), says: &s
 
     harm(&place);
     let found = place.found();
-    let now = write_until(&session, |head| head.read_only).await;
+    let now = write_until(&session, 20, |head| head.read_only).await;
     assert_eq!(now.version, acknowledged, "nothing was acknowledged since");
     // It stays so, whatever is tried meanwhile.
     let begin = Instant::now();
@@ -130,7 +113,7 @@ async fn scenario(harm: impl FnOnce(&Place), mend: impl FnOnce(&Place), says: &s
     assert!(said.contains("cannot be written") && said.contains(says) && !said.contains("panicked"), "{said}");
 
     mend(&place);
-    let last = write_until(&session, |head| head.version >= acknowledged + 100 && !head.read_only).await;
+    let last = write_until(&session, 20, |head| head.version >= acknowledged + 100 && !head.read_only).await;
     server.kill();
     server = Server::with(&place.data(), &endpoint, &[], &log);
     until_up(&session).await;

@@ -1,7 +1,7 @@
 //! A server process whose disk is full, or does not take a longer file: it goes on answering, says
 //! what is wrong, survives `kill -9`, and takes everything in by itself when there is room again.
 
-use crate::support::{ANA, ask, bytes, client, expected, free_endpoint, head, head_when, key, until_up};
+use crate::support::{ANA, ask, bytes, client, expected, free_endpoint, head, head_when, key, until_up, write_until};
 use fht_proto::api::reply::{ErrorCode, ErrorReply, Head, MapsReply, Series};
 use fht_proto::decode;
 use serde_json::Value;
@@ -101,23 +101,6 @@ fn run(args: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap() + &String::from_utf8(output.stderr).unwrap()
 }
 
-/// Writes as an explorer does, from where the server is, until its head satisfies `done`.
-async fn write_until(session: &Session, done: impl Fn(&Head) -> bool) -> Head {
-    let begin = Instant::now();
-    loop {
-        let now = head(session).await.expect("the server answers");
-        if done(&now) {
-            return now;
-        }
-        let next = now.vector.get(ANA) + 1;
-        for number in next..next + 100 {
-            session.put(key(ANA, number), bytes(ANA, number)).await.unwrap();
-        }
-        tokio::time::sleep(Duration::from_millis(50)).await;
-        assert!(begin.elapsed() < Duration::from_secs(60), "{now:?}");
-    }
-}
-
 /// Readers get what was acknowledged, all of it, and are told that nothing is taken in.
 async fn check_readers(session: &Session, acknowledged: u64) {
     let now = head(session).await.expect("the server answers");
@@ -144,7 +127,7 @@ async fn scenario(mut shortage: Shortage, dir: &Path) {
 
     // No room any more: while a writer writes.
     shortage.begin(&data, &server.0);
-    let full = write_until(&session, |head| head.read_only).await;
+    let full = write_until(&session, 100, |head| head.read_only).await;
     let acknowledged = full.version;
     session.put(key(ANA, acknowledged + 1), bytes(ANA, acknowledged + 1)).await.unwrap();
     check_readers(&session, acknowledged).await;
@@ -173,14 +156,14 @@ async fn scenario(mut shortage: Shortage, dir: &Path) {
     server = shortage.serve(&data, &endpoint, &log);
     until_up(&session).await;
     check_readers(&session, head(&session).await.unwrap().version).await;
-    let again = write_until(&session, |head| head.read_only).await;
+    let again = write_until(&session, 100, |head| head.read_only).await;
     assert!(again.version >= acknowledged, "{} were acknowledged, {} are there", acknowledged, again.version);
     check_readers(&session, again.version).await;
 
     // Room: it goes on by itself, and everything arrives.
     shortage.end(&server.0);
     let enough = again.version + 200;
-    let last = write_until(&session, |head| head.version >= enough && !head.read_only).await;
+    let last = write_until(&session, 100, |head| head.version >= enough && !head.read_only).await;
     check_readers(&session, last.version).await;
     let said: Value = serde_json::from_str(&run(&["health", "--json", "--connect", &endpoint])).unwrap();
     assert_eq!(said.get("read_only"), None);

@@ -102,7 +102,8 @@ pub(super) struct ExploreArgs {
     /// Explore with a robot that speaks ROS 2 over Zenoh, at its router (tcp/robot:7447), in place
     /// of a simulated one. Its map is named robot, or as its namespace, unless --map says
     /// otherwise.
-    #[arg(long, value_name = "ENDPOINT", conflicts_with_all = ["world", "textures", "start", "rate"])]
+    #[arg(long, value_name = "ENDPOINT", conflicts_with_all = SimSetup::FLAGS)]
+    #[arg(conflicts_with_all = ["rate", "light_seed", "drift"])]
     pub(super) ros: Option<String>,
     #[command(flatten)]
     pub(super) run: RunArgs,

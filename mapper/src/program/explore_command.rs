@@ -63,9 +63,7 @@ impl ExploreArgs {
 
 /// Runs `mapper explore`; `false` if the map is not complete, or the server did not take all of it.
 pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) -> Result<bool, ProgramFailure> {
-    if let Some(flag) = args.graph.first_given() {
-        return Err(ProgramFailure::of_input(format!("{flag} is for a robot that speaks ROS 2: say which with --ros")));
-    }
+    args.graph.check_none_given().map_err(ProgramFailure::of_input)?;
     let task = args.task(file, stop.clone()).map_err(ProgramFailure::of_input)?;
     let (linger_s, spool) = (task.mapping.linger_s, task.mapping.spool.clone());
     let runtime = runtime().map_err(ProgramFailure::of_run)?;

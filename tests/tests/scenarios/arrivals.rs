@@ -1,23 +1,19 @@
 //! How a robot ends: at the heading of the place that it was sent to, with words and an exit code
 //! that say what is true, and with its last pose and version known to everybody.
 
+use crate::programs::{executable, run};
 use fht_demo::{Process, Role, free_endpoint};
 use fht_perception::pose::wrap_angle;
 use fht_proto::api::fleet::RobotPose;
 use fht_proto::api::keys::{Key, RobotTopic};
 use fht_session::SessionConfig;
 use serde_json::Value;
-use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 use std::time::{Duration, Instant, SystemTime};
 use zenoh::Wait;
 
 /// How long a process may take.
 const PATIENCE: Duration = Duration::from_secs(120);
-
-fn run(role: Role, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_programs")).args(["role", role.name(), "--"]).args(args).output().unwrap()
-}
 
 fn said(output: &Output) -> (String, String) {
     [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned()).into()
@@ -42,7 +38,7 @@ fn fleet_view(endpoint: &str, robot: &str) -> Value {
 #[test]
 fn robots_end_where_they_say_and_everybody_knows_where_that_is() {
     let (folder, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint().unwrap());
-    let programs = Path::new(env!("CARGO_BIN_EXE_programs"));
+    let programs = executable();
     let _server = Process::map_server(programs, &folder.path().join("data"), &endpoint, PATIENCE).unwrap();
     let link = ["--connect", endpoint.as_str()];
 

@@ -1,6 +1,7 @@
 //! Bags between us and other people's programs: what we record, rosbags and mcap read; what rosbags
 //! and mcap write, we read.
 
+use crate::programs::executable;
 use fht_bag::{BagError, BagReport, Dropped, FrameConfig, Frames, TopicConfig, survey};
 use fht_demo::{Process, Role, free_endpoint};
 use fht_perception::frame::SensorFrame;
@@ -93,7 +94,7 @@ fn compare(bag: &Path, others: &Value) {
 fn a_client_records_its_map_so_that_others_can_show_it() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
-    let (executable, endpoint) = (Path::new(env!("CARGO_BIN_EXE_programs")), free_endpoint().unwrap());
+    let (executable, endpoint) = (executable(), free_endpoint().unwrap());
     let _server = Process::map_server(executable, &folder.path().join("data"), &endpoint, Duration::from_secs(60));
     // Neither comes to its end in so short a time, and says so by its exit code.
     let run_for = |role: Role, args: &[&str]| {

@@ -1,6 +1,7 @@
 //! Every file of `deploy/`, as far as it can be tested without Docker and without the network.
 mod check_site;
 
+use crate::programs::executable;
 use crate::site::{
     certificates, config, deploy, free_endpoint, make_certificates, make_certificates_of_the_readme, read, shipped,
 };
@@ -14,10 +15,8 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
-const PROGRAMS: &str = env!("CARGO_BIN_EXE_programs");
-
 fn map_server(args: &[&str]) -> Output {
-    Command::new(PROGRAMS).args(["role", "map-server", "--"]).args(args).output().unwrap()
+    Command::new(executable()).args(["role", "map-server", "--"]).args(args).output().unwrap()
 }
 
 fn said(output: &Output) -> String {
@@ -87,6 +86,8 @@ fn the_script_makes_what_its_help_says_and_overwrites_nothing() {
         ("router hall 10.0.0.256", "neither a DNS name nor"),
         ("router hall localhost:7447", "neither a DNS name nor"),
         ("router hall cafe:7447", "neither a DNS name nor"),
+        ("router hall :::1", "not all DNS names and IP addresses"),
+        ("router hall 1::2::3", "not all DNS names and IP addresses"),
         ("router hall 10.0.0.1\nbasicConstraints=critical,CA:TRUE", "neither a DNS name nor"),
         ("router hall 10.0.0.1\n[name]\nCN=operator:desk", "neither a DNS name nor"),
         ("--days 0 explorer ben", "not a number of days"),
@@ -368,7 +369,7 @@ fn the_health_checks_see_a_listener_a_connection_and_an_answer() {
     let health = || map_server(&["health", "--wait", "4", "--connect", &endpoint]).status.success();
     assert!(!health(), "nobody is there");
     let patience = std::time::Duration::from_secs(30);
-    let _server = fht_demo::Process::map_server(Path::new(PROGRAMS), folder.path(), &endpoint, patience).unwrap();
+    let _server = fht_demo::Process::map_server(executable(), folder.path(), &endpoint, patience).unwrap();
     assert!(health());
 }
 
@@ -407,7 +408,7 @@ fn the_units_are_sound_and_start_what_there_is() {
         }
         // If systemd is installed, it checks the units; the programs are not installed here.
         let copy = dir.path().join(unit);
-        std::fs::write(&copy, text.replace(words[0], PROGRAMS)).unwrap();
+        std::fs::write(&copy, text.replace(words[0], executable().to_str().unwrap())).unwrap();
         match Command::new("systemd-analyze").arg("verify").arg(&copy).output() {
             Ok(output) => assert!(said(&output).lines().all(|line| !line.contains(unit)), "{}", said(&output)),
             Err(_) => assert!(text.contains("[Service]") && text.contains("[Install]")),

@@ -1,11 +1,11 @@
 //! Connections that do not become sessions keep nobody out, and the operator is told of them: a
 //! map-server alone, as in `deploy/`, as a process.
 
+use crate::programs::executable;
 use crate::site::{PATIENCE, ask, certificates, config, free_endpoint, guarded, in_file, shipped, try_once};
 use fht_demo::{Process, ProcessError, Role};
 use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -84,7 +84,7 @@ async fn bad_handshakes_and_silent_connections_keep_nobody_out() {
     let file = in_file(dir.path(), "server", &guarded("server-alone.json5", "server-maps", &[&endpoint]));
     let data = dir.path().join("data");
     let args = ["--data".as_ref(), data.as_os_str(), "--zenoh-config".as_ref(), file.as_os_str()];
-    let programs = Path::new(env!("CARGO_BIN_EXE_programs"));
+    let programs = executable();
     let mut server = Process::start(programs, Role::MapServer, args).unwrap();
     server.wait_until_listening(&format!("tcp/{address}"), PATIENCE).unwrap();
 

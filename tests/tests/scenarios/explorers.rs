@@ -1,6 +1,7 @@
 //! Several explorers in one building: together, one after the other, and after the building has
 //! changed. In simulated time, without cameras; the last three tests run real processes.
 
+use crate::programs::{executable, start};
 use fht_demo::{Crew, HandoffConfig, Process, Role, free_endpoint, hand_off};
 use fht_eval::{Member, TeamRun, TeamTask, explore_as_team};
 use fht_map::plan::shortest_path;
@@ -219,10 +220,6 @@ fn what_has_changed_is_found_by_one_that_looks_again() {
     assert!(gone > 0 && gone * 4 < before.map.nodes().count());
 }
 
-fn executable() -> &'static Path {
-    Path::new(env!("CARGO_BIN_EXE_programs"))
-}
-
 #[test]
 fn two_explorers_hand_over_to_a_client_as_processes() {
     let folder = tempfile::tempdir().unwrap();
@@ -246,7 +243,7 @@ fn a_robot_that_comes_back_under_its_own_name_goes_on() {
         let report = report.to_str().unwrap();
         let flags = ["explore", "--world", "museum", "--map", "museum", "--connect", &endpoint, "--no-cameras"];
         let more = ["--progress-json", "--robot", robot, "--max-sim", max_sim_s, "--report", report];
-        let ended = Process::start(executable(), Role::Mapper, flags.into_iter().chain(more)).unwrap().follow(|line| {
+        let ended = start(Role::Mapper, flags.into_iter().chain(more)).follow(|line| {
             let line: Value = serde_json::from_str(line).unwrap();
             let [written, acknowledged] = ["written", "acknowledged"].map(|count| line[count].as_u64().unwrap());
             assert!(acknowledged <= written, "{acknowledged} of {written} increments stored");
@@ -287,7 +284,7 @@ async fn who_only_says_that_it_explores_keeps_nobody_from_beginning_a_map() {
     let report = folder.path().join("report.json");
     let flags = ["explore", "--world", "museum", "--map", "museum", "--connect", &endpoint, "--no-cameras"];
     let more = ["--progress-json", "--robot", "explorer", "--max-sim", "20", "--report", report.to_str().unwrap()];
-    let explorer = Process::start(executable(), Role::Mapper, flags.into_iter().chain(more)).unwrap();
+    let explorer = start(Role::Mapper, flags.into_iter().chain(more));
     let _ = explorer.follow(|_| {}); // its time is short
     let report: ExploreReport = serde_json::from_str(&std::fs::read_to_string(report).unwrap()).unwrap();
     assert!(report.map.main_nodes > 0 && report.map.delivered && report.explored_fraction > Some(0.0), "{report:?}");

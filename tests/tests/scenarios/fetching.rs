@@ -1,10 +1,10 @@
 //! The ONNX Runtime library: what is fetched, by whom, and what is loaded. Real processes.
 #![cfg(all(target_os = "linux", target_env = "gnu"))]
+use crate::programs::executable;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-const PROGRAMS: &str = env!("CARGO_BIN_EXE_programs");
 const LIBRARY: &str = "libonnxruntime.so.1.28.0";
 
 /// A folder to start in, a cache, and a folder of programs.
@@ -28,7 +28,7 @@ impl Place {
     /// An explorer that needs the library and has none but the cache's.
     fn mapper(&self, args: &[&str], path: &str) -> Output {
         let explore = ["role", "mapper", "--", "explore", "--world", "office", "--offline", "--max-sim", "1", "-q"];
-        Command::new(PROGRAMS)
+        Command::new(executable())
             .args(explore)
             .args(args)
             .current_dir(self.at("here"))
@@ -50,7 +50,7 @@ fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-fn executable(path: &Path, text: &str) {
+fn make_executable(path: &Path, text: &str) {
     std::fs::write(path, text).unwrap();
     std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o755)).unwrap();
 }
@@ -78,7 +78,7 @@ fn nothing_of_the_current_folder_is_executed_to_fetch_the_library() {
     for module in ["pip.py", "site.py", "sitecustomize.py", "zipfile.py", "encodings.py"] {
         std::fs::write(place.at("here").join(module), &python).unwrap();
     }
-    executable(&place.at("here/python3"), &format!("#!/bin/sh\necho python3 >> {}\n", mark.display()));
+    make_executable(&place.at("here/python3"), &format!("#!/bin/sh\necho python3 >> {}\n", mark.display()));
     // Folders of PATH that are not absolute are the current one, too.
     let path = format!(".::{}", std::env::var("PATH").unwrap());
     let output = place.mapper(&[], &path);
@@ -114,7 +114,7 @@ fn with_no_fetch_no_process_is_started() {
     }
     let place = Place::new();
     let mark = place.at("executed");
-    executable(&place.at("bin/python3"), &format!("#!/bin/sh\necho started >> {}\nexit 1\n", mark.display()));
+    make_executable(&place.at("bin/python3"), &format!("#!/bin/sh\necho started >> {}\nexit 1\n", mark.display()));
     let path = place.at("bin").display().to_string();
     let config = place.at("here/robot.toml");
     std::fs::write(&config, "robot.fetch = false\n").unwrap();

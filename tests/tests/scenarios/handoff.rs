@@ -1,14 +1,10 @@
 //! The demo beside other people's work: an operator writes while the robots are at it.
 
-use fht_demo::{Process, Role, free_endpoint, hand_off};
+use crate::programs::{executable, start};
+use fht_demo::{Role, free_endpoint, hand_off};
 use fht_tests::museum_demo::museum_demo;
-use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-
-fn executable() -> &'static Path {
-    Path::new(env!("CARGO_BIN_EXE_programs"))
-}
 
 /// Names places until it is told to stop; returns how many were taken.
 fn operate(endpoint: &str, stop: &AtomicBool) -> usize {
@@ -19,7 +15,7 @@ fn operate(endpoint: &str, stop: &AtomicBool) -> usize {
         }
         let name = format!("place{number}");
         let args = ["place", "museum", &name, "0,0", "--force", "--connect", endpoint];
-        let command = Process::start(executable(), Role::MapServer, args).unwrap();
+        let command = start(Role::MapServer, args);
         // Before the map is there it is refused.
         taken += usize::from(command.finish(Duration::from_secs(60)).is_ok());
         std::thread::sleep(Duration::from_millis(200));

@@ -5,6 +5,7 @@
 #[allow(dead_code, missing_docs)]
 mod own_robot;
 
+use crate::programs::executable;
 use fht::{DriveError, Map, Robot, Sensors, Twist, pose};
 use fht_bag::{FrameRecording, Recorder};
 use fht_demo::{Process, Role, free_endpoint};
@@ -67,7 +68,7 @@ fn go_behind_the_wall(endpoint: &str) {
 #[test]
 fn the_examples_of_the_library_run() {
     let (folder, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint().unwrap());
-    let programs = Path::new(env!("CARGO_BIN_EXE_programs"));
+    let programs = executable();
     let _server = Process::map_server(programs, &folder.path().join("data"), &endpoint, PATIENCE).unwrap();
     let endpoint = endpoint.as_str();
 

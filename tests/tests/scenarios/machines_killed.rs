@@ -2,8 +2,8 @@
 //! twice, one after the other. For five minutes of it, with the times of answers, run `cargo run
 //! --release --bin site`.
 
+use crate::programs::executable;
 use fht_tests::site::{SiteConfig, run};
-use std::path::PathBuf;
 use std::time::Duration;
 
 #[test]
@@ -16,7 +16,7 @@ fn nothing_acknowledged_is_lost_and_questions_are_answered() {
         readers: 2,
         // Generous, for machines that are busy with other work.
         limit: Duration::from_secs(10),
-        ..SiteConfig::new(PathBuf::from(env!("CARGO_BIN_EXE_programs")), folder.path().to_owned())
+        ..SiteConfig::new(executable().to_owned(), folder.path().to_owned())
     };
     let report = run(&config, |what| println!("{what}")).unwrap();
     assert!(report.is_success(), "{report:?}");

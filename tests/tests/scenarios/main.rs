@@ -2,6 +2,7 @@
 //! sessions; `cargo xtask test` runs its modules as programs of their own.
 #![allow(clippy::unwrap_used)] // tests may panic
 
+mod programs;
 mod site;
 
 mod arrivals;

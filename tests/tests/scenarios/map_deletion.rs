@@ -1,13 +1,13 @@
 //! A map is deleted while it is explored: the explorer ends with the operator's reason, a robot
 //! that comes meanwhile is warned, and another exploration may begin a map of the same name.
 
+use crate::programs::{executable, start};
 use fht_client::{AskError, ask_head};
 use fht_demo::{Process, ProcessError, Role, free_endpoint};
 use fht_proto::MapName;
 use fht_proto::api::reply::{ErrorCode, Head};
 use fht_session::SessionConfig;
 use serde_json::Value;
-use std::path::Path;
 use std::time::{Duration, Instant};
 use zenoh::Session;
 
@@ -18,10 +18,6 @@ const REASON: &str = "mistyped: it is musee";
 
 fn museum() -> MapName {
     "museum".parse().unwrap()
-}
-
-fn start(role: Role, args: &[&str]) -> Process {
-    Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), role, args).unwrap()
 }
 
 /// Runs an operator's command.
@@ -61,7 +57,7 @@ fn head(session: &Session) -> Result<Head, AskError> {
 fn a_map_is_deleted_while_it_is_explored() {
     let (folder, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint().unwrap());
     let data = folder.path().join("data");
-    let _server = Process::map_server(Path::new(env!("CARGO_BIN_EXE_programs")), &data, &endpoint, PATIENCE).unwrap();
+    let _server = Process::map_server(executable(), &data, &endpoint, PATIENCE).unwrap();
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let link = SessionConfig::from_options(vec![endpoint.clone()], None);
     let session = runtime.block_on(fht_session::open(&link)).unwrap();

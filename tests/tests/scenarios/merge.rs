@@ -1,6 +1,7 @@
 //! Two explorers map one building separately, from different starts; an operator merges their maps.
 //! Real processes: server, explorers, operator's commands. A map of another building is refused.
 
+use crate::programs::start;
 use fht_demo::{Process, ProcessError, Role, free_endpoint};
 use fht_eval::{MadeMap, merge_and_measure, quantile_x};
 use fht_map::MapState;
@@ -12,7 +13,7 @@ use fht_proto::codec::archive::Archive;
 use fht_proto::{AuthorId, NodeKind};
 use mapper::program::ExploreReport;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -24,10 +25,6 @@ struct Site {
     endpoint: String,
     folder: tempfile::TempDir,
     _server: Process,
-}
-
-fn start<'a>(role: Role, args: impl IntoIterator<Item = &'a str>) -> Process {
-    Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), role, args).unwrap()
 }
 
 impl Site {

@@ -3,7 +3,8 @@
 //! `docs/protocol.md` reads, writes and hashes as the server does; and everything that a running
 //! server says in JSON is as the schemas in `docs/schema` have it.
 
-use fht_demo::{Process, Role, free_endpoint};
+use crate::programs::executable;
+use fht_demo::{Process, free_endpoint};
 use fht_proto::api::fleet::{BlockedReport, ExplorerGoal, LocalizationState, RobotPose, RobotRole, RobotStatus};
 use fht_proto::api::goal::{GoalState, GoalStatus};
 use fht_proto::api::keys::{GoalTopic, Key, RobotTopic};
@@ -40,9 +41,7 @@ impl Site {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let endpoint = free_endpoint().unwrap();
-        let args = ["--data".as_ref(), folder.path().as_os_str(), "--listen".as_ref(), endpoint.as_ref()];
-        let mut server = Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), Role::MapServer, args).unwrap();
-        server.wait_until_listening(&endpoint, PATIENCE).unwrap();
+        let server = Process::map_server(executable(), folder.path(), &endpoint, PATIENCE).unwrap();
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
         let config = SessionConfig::from_options(vec![endpoint.clone()], None);
         let session = runtime.block_on(fht_session::open(&config)).unwrap();

@@ -1,22 +1,18 @@
 //! A recorded run, replayed through a real server, gives the same map; a recorder that is killed
 //! leaves what it had written.
 
+use crate::programs::{executable, start};
 use fht_client::ask_head;
-use fht_demo::{Process, Role, free_endpoint};
+use fht_demo::{Role, free_endpoint};
 use fht_proto::Digest;
 use fht_session::SessionConfig;
 use mapper::program::{ExploreReport, ReplayReport};
 use serde_json::Value;
-use std::path::Path;
 use std::process::{Command, Output};
 use std::time::Duration;
 use zenoh::Wait;
 
 const PATIENCE: Duration = Duration::from_secs(30);
-
-fn executable() -> &'static Path {
-    Path::new(env!("CARGO_BIN_EXE_programs"))
-}
 
 fn mapper(args: &[&str]) -> Output {
     Command::new(executable()).args(["role", "mapper", "--"]).args(args).output().unwrap()
@@ -32,7 +28,7 @@ fn a_recorded_run_replayed_through_the_server_is_the_same_map() {
     let endpoint = free_endpoint().unwrap();
     let data = folder.path().join("data");
     let server = ["--data".as_ref(), data.as_os_str(), "--listen".as_ref(), endpoint.as_ref()];
-    let mut server = Process::start(executable(), Role::MapServer, server).unwrap();
+    let mut server = start(Role::MapServer, server);
     server.wait_until_listening(&endpoint, PATIENCE).unwrap();
 
     let bag = folder.path().join("run.mcap").to_string_lossy().into_owned();

@@ -1,17 +1,12 @@
 //! A recorded run that is played as a live ROS robot gives the map that its replay gives, to the
 //! last bit, where no frame came late.
 
+use crate::programs::start;
 use fht_demo::{Process, ProcessError, Role, free_endpoint};
 use serde_json::Value;
-use std::ffi::OsStr;
-use std::path::Path;
 use std::time::Duration;
 
 const PATIENCE: Duration = Duration::from_secs(120);
-
-fn start<A: AsRef<OsStr>>(role: Role, args: &[A]) -> Process {
-    Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), role, args).unwrap()
-}
 
 /// What a mapper reports.
 fn mapped(args: &[&str]) -> Value {
@@ -46,7 +41,7 @@ fn a_bag_that_is_played_gives_the_map_of_its_replay() {
     let (_router, endpoint) = router();
     let _robot = start(Role::Sim, &["robot", "--ros", &endpoint, "--in-step"]);
     let driven = ["explore", "--ros", &endpoint, "--offline", "--record", bag, "--max-sim", "120", "--json", "--quiet"];
-    let driven = Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), Role::Mapper, driven).unwrap();
+    let driven = start(Role::Mapper, driven);
     // Its time is over before the museum is.
     assert!(matches!(driven.finish(PATIENCE), Err(ProcessError::Failed { .. })));
     let replayed = mapped(&["replay", bag, "--offline", "--json", "--quiet"]);

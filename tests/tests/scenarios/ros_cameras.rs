@@ -1,20 +1,15 @@
 //! A ROS robot with four cameras: the explorer's main nodes have descriptors, another robot finds
 //! its place by its pictures on another day, and `mapper ros check` names the cameras.
 
+use crate::programs::{executable, start};
 use fht_client::{LiveReplica, ReplicaConfig};
 use fht_demo::{Process, Role, free_endpoint};
 use fht_session::SessionConfig;
 use serde_json::Value;
-use std::ffi::OsStr;
-use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
 const PATIENCE: Duration = Duration::from_secs(240);
-
-fn start<A: AsRef<OsStr>>(role: Role, args: &[A]) -> Process {
-    Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), role, args).unwrap()
-}
 
 /// A simulated robot with cameras, at a router of its own.
 struct Robot {
@@ -35,7 +30,7 @@ impl Robot {
     fn checked(&self) -> String {
         let began = Instant::now();
         loop {
-            let mut check = Command::new(env!("CARGO_BIN_EXE_programs"));
+            let mut check = Command::new(executable());
             check.args(["role", Role::Mapper.name(), "--", "ros", "check", &self.graph, "--wait", "2"]);
             let output = check.output().unwrap();
             let said = String::from_utf8(output.stdout).unwrap();
@@ -55,8 +50,7 @@ fn count(report: &Value, key: &str) -> u64 {
 async fn places_are_known_by_pictures_of_ros_robots() {
     let folder = tempfile::tempdir().unwrap();
     let maps = free_endpoint().unwrap();
-    let _server =
-        Process::map_server(Path::new(env!("CARGO_BIN_EXE_programs")), folder.path(), &maps, PATIENCE).unwrap();
+    let _server = Process::map_server(executable(), folder.path(), &maps, PATIENCE).unwrap();
     let first = Robot::new(&["--cameras", "jpeg"]);
     let said = first.checked();
     for camera in ["front", "left", "back", "right"] {

@@ -3,6 +3,7 @@
 //! named, and all goes on when it is back. `mapper ros check` says what a robot has. So it is with
 //! a robot behind zenoh-bridge-ros2dds, by what such a bridge writes.
 
+use crate::programs::executable;
 use fht_demo::{Role, free_endpoint};
 use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::pose::{Pose2, pose};
@@ -22,7 +23,7 @@ const BEGIN_US: u64 = 1_000_000_000;
 const WATCHDOG: Duration = Duration::from_millis(200);
 
 fn mapper(args: &[&str]) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_programs"))
+    Command::new(executable())
         .args(["role", Role::Mapper.name(), "--"])
         .args(args)
         .env("RUST_LOG", "info")

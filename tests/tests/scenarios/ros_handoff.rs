@@ -1,15 +1,14 @@
 //! The demo over ROS 2 topics: explorer and client drive simulated robots that speak ROS, each at a
 //! router of its own. They do as well as without ROS.
 
+use crate::programs::executable;
 use fht_demo::{HandoffConfig, free_endpoint, hand_off};
 use fht_tests::museum_demo::museum_demo;
-use std::path::Path;
 
 #[test]
 fn the_demo_over_ros_topics_does_as_well_as_without() {
     let folder = tempfile::tempdir().unwrap();
-    let executable = Path::new(env!("CARGO_BIN_EXE_programs"));
-    let plain = museum_demo(executable, free_endpoint().unwrap(), folder.path());
+    let plain = museum_demo(executable(), free_endpoint().unwrap(), folder.path());
     let (report, _server) = hand_off(&HandoffConfig { ros: true, ..plain }).unwrap();
     println!("{report}");
     assert!(report.is_success() && report.explored_fraction >= 0.95, "{report:?}");

@@ -2,6 +2,7 @@
 //! paths and routes and send our robot, with feedback and results, and take a goal back; and it is
 //! a Nav2 that our client drives by.
 
+use crate::programs::{executable, start};
 use fht_demo::{Process, Role, free_endpoint};
 use fht_perception::pose::{Point2, pose};
 use fht_ros_frames::{header_message, pose_message};
@@ -14,19 +15,13 @@ use fht_tests::foreign_ros;
 use serde::Serialize;
 use serde_json::Value;
 use std::collections::BTreeMap;
-use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Lines, Write};
-use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
 const PATIENCE: Duration = Duration::from_secs(180);
 /// Between a goal that is refused and the next.
 const AGAIN: Duration = Duration::from_millis(500);
-
-fn start<A: AsRef<OsStr>>(role: Role, args: &[A]) -> Process {
-    Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), role, args).unwrap()
-}
 
 /// The foreign node in a role, and what it prints.
 struct Peer {
@@ -98,8 +93,7 @@ impl Site {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let (graph, maps) = (free_endpoint().unwrap(), free_endpoint().unwrap());
-        let executable = Path::new(env!("CARGO_BIN_EXE_programs"));
-        let server = Process::map_server(executable, folder.path(), &maps, PATIENCE).unwrap();
+        let server = Process::map_server(executable(), folder.path(), &maps, PATIENCE).unwrap();
         let mapped = ["explore", "--no-cameras", "--connect", &maps, "--map", "lab", "--quiet"];
         start(Role::Mapper, &mapped).finish(PATIENCE).unwrap();
         let mut router = start(Role::Sim, &["router", "--listen", &graph]);

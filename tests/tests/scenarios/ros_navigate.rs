@@ -3,6 +3,7 @@
 //! is a simulated one with ROS 2; the Nav2 is a small one made here, which drives straight ahead.
 //! People who point at wrong places (`initialpose`) do no harm.
 
+use crate::programs::{executable, start};
 use fht_demo::{Process, Role, free_endpoint};
 use fht_perception::pose::{Point2, Pose2, pose, wrap_angle};
 use fht_ros::{ActionClient, ActionServer, ActiveGoal, NodeConfig, Publisher, Qos, RosNode, SentGoal, Subscription};
@@ -13,8 +14,6 @@ use fht_ros_messages::msg::{
 use fht_ros_messages::nav2::{NavigateToPose, NavigateToPoseGoal, NavigateToPoseResult};
 use fht_session::SessionConfig;
 use serde_json::Value;
-use std::ffi::OsStr;
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -22,10 +21,6 @@ use std::time::{Duration, Instant};
 const PATIENCE: Duration = Duration::from_secs(180);
 /// Between a refused question and the next.
 const AGAIN: Duration = Duration::from_millis(300);
-
-fn start<A: AsRef<OsStr>>(role: Role, args: &[A]) -> Process {
-    Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), role, args).unwrap()
-}
 
 /// A map of the museum at a server, and a simulated robot at a router of its own.
 struct Site {
@@ -40,8 +35,7 @@ impl Site {
     async fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let (graph, maps) = (free_endpoint().unwrap(), free_endpoint().unwrap());
-        let executable = Path::new(env!("CARGO_BIN_EXE_programs"));
-        let server = Process::map_server(executable, folder.path(), &maps, PATIENCE).unwrap();
+        let server = Process::map_server(executable(), folder.path(), &maps, PATIENCE).unwrap();
         let mapped = ["explore", "--no-cameras", "--connect", &maps, "--map", "lab", "--quiet"];
         start(Role::Mapper, &mapped).finish(PATIENCE).unwrap();
         let mut router = start(Role::Sim, &["router", "--listen", &graph]);

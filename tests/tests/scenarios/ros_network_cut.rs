@@ -1,12 +1,12 @@
 //! A robot's network goes for ten seconds in the middle of exploring, twice, and the map-server
 //! restarts meanwhile: the robot stands, goes on, the map is complete, and nothing is lost.
 
+use crate::programs::{executable, start};
 use fht_client::ask_head;
 use fht_demo::{Process, Role, free_endpoint};
 use fht_proto::api::reply::Head;
 use fht_session::SessionConfig;
 use serde_json::Value;
-use std::ffi::OsStr;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -15,14 +15,6 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const CUT: Duration = Duration::from_secs(10);
 /// Free area on the grid at which it goes, square metres; the museum has 348.
 const CUT_AT_M2: [f64; 2] = [60.0, 180.0];
-
-fn executable() -> &'static Path {
-    Path::new(env!("CARGO_BIN_EXE_programs"))
-}
-
-fn start<A: AsRef<OsStr>>(role: Role, args: &[A]) -> Process {
-    Process::start(executable(), role, args).unwrap()
-}
 
 fn router(endpoint: &str) -> Process {
     let mut router = start(Role::Sim, &["router", "--listen", endpoint]);

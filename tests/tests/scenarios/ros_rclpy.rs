@@ -1,6 +1,7 @@
 //! A robot whose nodes speak DDS: real rclpy from PyPI behind the Eclipse project's plugin for
 //! Zenoh, both unmodified. Its scans become a map, which it hears.
 
+use crate::programs::executable;
 use fht_demo::{Process, Role, free_endpoint};
 use fht_tests::foreign_ros;
 use fht_tests::packages::environment;
@@ -91,8 +92,7 @@ fn rclpys_scans_become_a_map_that_it_hears() {
 
     let explore = ["explore", "--ros", &endpoint, "--ros-keys", "bridge", "--distribution", "kilted"];
     let listening = ["--drive", "others", "--end-after", "5", "--no-cameras", "--offline", "--json", "--quiet"];
-    let executable = Path::new(env!("CARGO_BIN_EXE_programs"));
-    let mapper = Process::start(executable, Role::Mapper, [&explore[..], &listening].concat()).unwrap();
+    let mapper = Process::start(executable(), Role::Mapper, [&explore[..], &listening].concat()).unwrap();
     robot.line("heard");
     let mut grids = Vec::new();
     for line in robot.lines.by_ref().map(Result::unwrap) {

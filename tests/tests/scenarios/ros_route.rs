@@ -1,6 +1,7 @@
 //! `client-robot route` in the place of Nav2's planner server: an action client on a robot's graph
 //! asks for paths, and they are those of the fleet's map.
 
+use crate::programs::{executable, start};
 use fht_demo::{Process, Role, free_endpoint};
 use fht_perception::pose::{Pose2, pose};
 use fht_proto::api::fleet::LocalizationState;
@@ -11,15 +12,9 @@ use fht_ros_messages::msg::{GoalStatusMsg, PoseStamped, TfMessage, TransformStam
 use fht_ros_messages::nav2::{ComputePathToPose, ComputePathToPoseGoal, ComputePathToPoseResult};
 use fht_ros_robot::{OutputRole, PlaceNow, RosOutputs, RosRobot, RosRobotConfig};
 use fht_session::SessionConfig;
-use std::ffi::OsStr;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 const PATIENCE: Duration = Duration::from_secs(120);
-
-fn start<A: AsRef<OsStr>>(role: Role, args: &[A]) -> Process {
-    Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), role, args).unwrap()
-}
 
 fn at(x: f64, y: f64, yaw: f64) -> PoseStamped {
     PoseStamped { header: header_message(1, "map"), pose: pose_message(&pose(x, y, yaw)) }
@@ -65,8 +60,7 @@ async fn say_place(node: &RosNode, map_from_base: Pose2) -> tokio::task::JoinHan
 async fn nav2_gets_the_paths_of_the_fleets_map() {
     let folder = tempfile::tempdir().unwrap();
     let (graph, maps) = (free_endpoint().unwrap(), free_endpoint().unwrap());
-    let executable = Path::new(env!("CARGO_BIN_EXE_programs"));
-    let _server = Process::map_server(executable, folder.path(), &maps, PATIENCE).unwrap();
+    let _server = Process::map_server(executable(), folder.path(), &maps, PATIENCE).unwrap();
     let mapped = ["explore", "--no-cameras", "--connect", &maps, "--map", "lab", "--quiet"];
     start(Role::Mapper, &mapped).finish(PATIENCE).unwrap();
     let mut router = start(Role::Sim, &["router", "--listen", &graph]);

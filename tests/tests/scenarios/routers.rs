@@ -1,6 +1,7 @@
 //! What a certificate of the site that is in no list can do to its routers, and to who is connected
 //! to them: routers and server as in `deploy/`, as processes; the attacker is a Zenoh session.
 
+use crate::programs::{executable, start};
 use crate::site::{
     MOMENT, PATIENCE, ask, author, config, free_endpoint, guarded, in_file, make_certificates, put, shipped,
     shipped_with, try_once, write,
@@ -15,7 +16,6 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use zenoh::Session;
 
-const PROGRAMS: &str = env!("CARGO_BIN_EXE_programs");
 /// So long the server's questions may take, whoever else is there.
 const SOON: Duration = Duration::from_secs(2);
 
@@ -37,7 +37,7 @@ impl Routers {
         let file = in_file(dir.path(), "server", &shipped("server.json5", "server-maps", &[], &all));
         let data = dir.path().join("data");
         let args = ["--data".as_ref(), data.as_os_str(), "--zenoh-config".as_ref(), file.as_os_str()];
-        let server = Process::start(Path::new(PROGRAMS), Role::MapServer, args).unwrap();
+        let server = start(Role::MapServer, args);
         let site = Self { dir, endpoints, routers, _server: server };
         let ana = site.robot("explorer", "explorer-ana", &[0]).await;
         write(&ana, "ana", 1).await;
@@ -75,7 +75,7 @@ impl Routers {
 fn start_router(dir: &Path, endpoints: &[String], at: usize) -> Process {
     let own = ["router-a", "router-b", "router-c"][at];
     let file = in_file(dir, own, &guarded("router.json5", own, &[&endpoints[at]]));
-    let mut command = Command::new(PROGRAMS);
+    let mut command = Command::new(executable());
     command.args(["role", router::NAME, "--", "-c"]).arg(file);
     for (_, other) in endpoints.iter().enumerate().filter(|(other, _)| *other != at) {
         command.args(["-e", other]);

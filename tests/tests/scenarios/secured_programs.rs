@@ -2,6 +2,7 @@
 //! nothing to a robot that arrives; what others get who try the same, and what is reported about
 //! it.
 
+use crate::programs::executable;
 use crate::site::{
     PATIENCE, ask, author, certificates, config, free_endpoint, guarded, in_file, make_certificates,
     make_certificates_of_the_readme, museum, put, readme_command, shipped, shipped_with,
@@ -20,7 +21,6 @@ use std::time::Duration;
 use tempfile::TempDir;
 use tokio::time::timeout;
 
-const PROGRAMS: &str = env!("CARGO_BIN_EXE_programs");
 /// Enough for an exploration of a minute of robot time, beside other work.
 const LONG: Duration = Duration::from_secs(600);
 
@@ -58,7 +58,7 @@ impl Walk {
 
     fn start(&self, role: impl Into<&'static str>, args: &[impl AsRef<str>]) -> Process {
         let role = role.into();
-        let mut command = Command::new(PROGRAMS);
+        let mut command = Command::new(executable());
         command.args(["role", role, "--"]).args(args.iter().map(AsRef::as_ref)).current_dir(self.folder.path());
         command.env_remove("RUST_LOG");
         Process::run(role, command).unwrap()
@@ -239,7 +239,7 @@ async fn what_is_denied_is_counted_and_told_to_the_operator() {
     let dir = tempfile::tempdir().unwrap();
     let endpoint = free_endpoint();
     let file = in_file(dir.path(), "server", &guarded("server-alone.json5", "server-maps", &[&endpoint]));
-    let mut server = Command::new(env!("CARGO_BIN_EXE_programs"))
+    let mut server = Command::new(executable())
         .args(["role", "map-server", "--", "--data"])
         .arg(dir.path().join("data"))
         .arg("--zenoh-config")
@@ -273,7 +273,7 @@ fn a_server_that_its_own_list_does_not_have_says_so() {
     let file = in_file(dir.path(), "server", &shipped("server.json5", "server-maps", &[], &[&free_endpoint()]));
     for (servers, is_told) in [("['elsewhere']", true), ("['maps']", false)] {
         let roles = in_file(dir.path(), "roles", &format!("{{servers: {servers}, explorers: ['ana']}}"));
-        let mut server = Command::new(PROGRAMS)
+        let mut server = Command::new(executable())
             .args(["role", "map-server", "--", "--wait", "1", "--data"])
             .arg(dir.path().join("data"))
             .args(["--zenoh-config".as_ref(), file.as_os_str(), "--roles".as_ref(), roles.as_os_str()])
@@ -296,7 +296,7 @@ fn a_server_that_its_own_list_does_not_have_says_so() {
 fn says(text: &str, expected: &str) {
     let dir = tempfile::tempdir().unwrap();
     let file = in_file(dir.path(), "robot", text);
-    let mut robot = Command::new(env!("CARGO_BIN_EXE_programs"))
+    let mut robot = Command::new(executable())
         .args(["role", "client-robot", "--", "path", "--from", "0,0", "--to", "1,1", "--zenoh-config"])
         .arg(file)
         .env_remove("RUST_LOG")

@@ -1,6 +1,7 @@
 //! Replicated storages in routers with mutual TLS and access control: they hold what servers put,
 //! and nobody else can put or delete anything there.
 
+use crate::programs::executable;
 use crate::site::{MOMENT, PATIENCE, author, free_endpoint, guarded, in_file, increment, museum, shipped, write};
 use fht_demo::Process;
 use fht_proto::api::keys::Key;
@@ -23,7 +24,7 @@ fn with_storages(dir: &Path, own: &str, listen: &str, others: &[&str]) -> Proces
     config["plugins"] = plugins;
     config["connect"]["endpoints"] = others.into();
     let file = in_file(dir, own, &config.to_string());
-    let handoff = Path::new(env!("CARGO_BIN_EXE_programs"));
+    let handoff = executable();
     let mut router = Process::start(handoff, fht_tests::router::NAME, ["-c".as_ref(), file.as_os_str()]).unwrap();
     router.wait_until_listening(&listen.replace("tls/", "tcp/"), PATIENCE).unwrap();
     router

@@ -3,6 +3,7 @@
 //! wrong or too much; a second robot of the same name; another map of the same name; a zone that is
 //! drawn on the way; and the robot's end.
 
+use crate::programs::{executable, start};
 use fht_demo::{Process, ProcessError, Role, free_endpoint};
 use fht_proto::MapName;
 use fht_proto::api::fleet::RobotPose;
@@ -12,7 +13,7 @@ use fht_proto::api::reply::{ErrorCode, ErrorReply, NodesReply, PathReply, RulesR
 use fht_session::SessionConfig;
 use fht_tests::corridors::{corridors, put};
 use fht_tests::packages::{run, zenoh_cli};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
@@ -23,7 +24,6 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::Sample;
 use zenoh::{Session, Wait};
 
-const PROGRAMS: &str = env!("CARGO_BIN_EXE_programs");
 /// How long anything may take, beside other work.
 const PATIENCE: Duration = Duration::from_secs(120);
 /// A robot that was there has this much to drive to the far end, metres.
@@ -31,10 +31,6 @@ const FAR_M: f64 = 4.0;
 
 fn museum() -> MapName {
     "museum".parse().unwrap()
-}
-
-fn start(role: Role, args: &[&str]) -> Process {
-    Process::start(Path::new(PROGRAMS), role, args).unwrap()
 }
 
 /// Runs a program to its end: its output, or what it said on standard error.
@@ -50,7 +46,7 @@ fn explored() -> PathBuf {
     static MADE: OnceLock<TempDir> = OnceLock::new();
     let dir = MADE.get_or_init(|| {
         let (dir, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint().unwrap());
-        let _server = Process::map_server(Path::new(PROGRAMS), &dir.path().join("data"), &endpoint, PATIENCE).unwrap();
+        let _server = Process::map_server(executable(), &dir.path().join("data"), &endpoint, PATIENCE).unwrap();
         let args =
             ["explore", "--world", "museum", "--no-cameras", "--max-sim", "60", "--quiet", "--connect", &endpoint];
         let said = outcome(Role::Mapper, &args).unwrap_err();
@@ -91,8 +87,7 @@ impl Site {
     fn start(rate: &str) -> Self {
         let (folder, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint().unwrap());
         let map = explored();
-        let server =
-            Process::map_server(Path::new(PROGRAMS), &folder.path().join("data"), &endpoint, PATIENCE).unwrap();
+        let server = Process::map_server(executable(), &folder.path().join("data"), &endpoint, PATIENCE).unwrap();
         let operate = |args: &[&str]| outcome(Role::MapServer, &[args, &["--connect", &endpoint]].concat()).unwrap();
         operate(&["import", map.to_str().unwrap(), "--wait", "60"]);
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
@@ -107,7 +102,7 @@ impl Site {
         };
         let key = Key::robot(&museum(), "tug", RobotTopic::Pose).to_string();
         let hearing = session.declare_subscriber(key).callback(hear).wait().unwrap();
-        let robot = Process::start(Path::new(PROGRAMS), Role::ClientRobot, serve(&endpoint, rate)).unwrap();
+        let robot = start(Role::ClientRobot, serve(&endpoint, rate));
         Self { server: Some(server), robot, endpoint, poses, _poses: hearing, session, _runtime: runtime, folder }
     }
 
@@ -226,7 +221,7 @@ fn a_robot_is_sent_twice_by_other_peoples_programs_over_a_server_that_is_started
 
     site.server.take().unwrap().kill().unwrap();
     let data = site.folder.path().join("data");
-    site.server = Some(Process::map_server(Path::new(PROGRAMS), &data, &site.endpoint, PATIENCE).unwrap());
+    site.server = Some(Process::map_server(executable(), &data, &site.endpoint, PATIENCE).unwrap());
     site.until("it is back", Some(GoalTopic::Status), "id=1", |status| status.state == GoalState::Arrived);
     let goal = r#"{"id": "2", "x": 0, "y": 0, "yaw": 1.5708}"#;
     let cli = |args: &[&str]| run(Command::new(&zenoh).args(["--connect", &site.endpoint]).args(args));
@@ -369,7 +364,7 @@ fn a_goal_that_was_put_and_refused_is_told_to_who_asks_and_a_robot_started_anew_
     // Its word that it drives is on its way to the sender.
     std::thread::sleep(Duration::from_secs(2));
     site.robot.kill().unwrap();
-    site.robot = Process::start(Path::new(PROGRAMS), Role::ClientRobot, serve(&site.endpoint, "20")).unwrap();
+    site.robot = start(Role::ClientRobot, serve(&site.endpoint, "20"));
     match waiting.finish(PATIENCE) {
         Err(ProcessError::Failed { stderr, status, .. }) => {
             assert!(stderr.contains("tug did not arrive: goal c is ") && stderr.contains("started anew"), "{stderr}");

@@ -1,6 +1,7 @@
 //! The server is gone (SIGKILL), and robots continue with their own copies of the map: their paths
 //! are those that the server gave them before, and a robot that was driving arrives.
 
+use crate::programs::{executable, start};
 use fht_client::{
     AskError, LiveReplica, PathQuestion, PathSource, PlannedPath, Planner, ReplicaConfig, ServerPaths,
     ServerPathsConfig, ask, ask_head, ask_path, planned_between,
@@ -29,17 +30,13 @@ fn museum() -> MapName {
     "museum".parse().unwrap()
 }
 
-fn start(role: Role, args: &[&str]) -> Process {
-    Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), role, args).unwrap()
-}
-
 /// Runs an operator's command; returns its output.
 fn operate(endpoint: &str, args: &[&str]) -> String {
     start(Role::MapServer, &[args, &["--connect", endpoint]].concat()).finish(PATIENCE).unwrap()
 }
 
 fn map_server(data: &Path, endpoint: &str) -> Process {
-    Process::map_server(Path::new(env!("CARGO_BIN_EXE_programs")), data, endpoint, PATIENCE).unwrap()
+    Process::map_server(executable(), data, endpoint, PATIENCE).unwrap()
 }
 
 /// The museum's first rooms in a file, explored once for all tests.

@@ -2,6 +2,7 @@
 //! lost, the explorer goes on meanwhile, and in the end server, explorer and client have the same
 //! map. If the explorer dies, too, its next run delivers what it had made by then.
 
+use crate::programs::{executable, start};
 use fht_client::{LiveReplica, ReplicaConfig, ask_head};
 use fht_demo::{Process, Role, free_endpoint};
 use fht_proto::api::keys::{Key, Topic};
@@ -22,7 +23,7 @@ const KILL_AT: u64 = 15;
 const BACK_AFTER: u64 = 10;
 
 fn start_server(data: &Path, endpoint: &str) -> Process {
-    Process::map_server(Path::new(env!("CARGO_BIN_EXE_programs")), data, endpoint, PATIENCE).unwrap()
+    Process::map_server(executable(), data, endpoint, PATIENCE).unwrap()
 }
 
 #[test]
@@ -57,7 +58,7 @@ fn nothing_acknowledged_is_lost_and_all_agree_in_the_end() {
         "--report",
         &report_arg,
     ];
-    let explorer = Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), Role::Mapper, args).unwrap();
+    let explorer = start(Role::Mapper, args);
     // Acknowledged and written at the kill; then acknowledged after the restart.
     let mut killed: Option<(u64, u64)> = None;
     let mut written_while_dead = 0;
@@ -109,7 +110,7 @@ fn what_a_killed_explorer_had_made_is_delivered_by_its_next_run() {
     let explore = |more: &[&str]| {
         let spool = spool.to_str().unwrap();
         let usual = ["explore", "--map", "museum", "--no-cameras", "--connect", &endpoint, "--spool", spool];
-        Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), Role::Mapper, [&usual[..], more].concat()).unwrap()
+        start(Role::Mapper, [&usual[..], more].concat())
     };
     let mut first = explore(&["--rate", "20", "--progress-json"]);
     let mut killed: Option<u64> = None;

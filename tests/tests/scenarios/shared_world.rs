@@ -1,6 +1,7 @@
 //! One simulated world for robots in processes of their own: they see each other, keep apart, and
 //! are in nobody's map.
 
+use crate::programs::{self, executable, start};
 use fht_demo::{Crew, HandoffConfig, HandoffReport, Process, Role, free_endpoint, hand_off};
 use fht_tests::museum_demo::museum_demo;
 use mapper::program::ExploreReport;
@@ -8,10 +9,6 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 const PATIENCE: Duration = Duration::from_secs(300);
-
-fn executable() -> &'static Path {
-    Path::new(env!("CARGO_BIN_EXE_programs"))
-}
 
 /// A room of 8 m by 5 m with a cupboard in it, as a map of the ROS 2 map server.
 fn room(folder: &Path) -> PathBuf {
@@ -44,7 +41,7 @@ impl Explorer {
         let (world, file) = (world.to_str().unwrap(), report.to_str().unwrap());
         let flags = ["explore", "--world", world, "--offline", "--no-cameras", "--quiet", "--rate", "6"];
         let names = ["--shared-world", shared, "--robot", robot, "--start", start, "--report", file];
-        let process = Process::start(executable(), Role::Mapper, [&flags[..], &names, more].concat()).unwrap();
+        let process = programs::start(Role::Mapper, [&flags[..], &names, more].concat());
         Self { process, report }
     }
 
@@ -118,7 +115,7 @@ fn a_robot_that_does_not_belong_there_is_refused() {
         let shared = ["--shared-world", &shared];
         let shared = if args.contains(&"--shared-world") { &[][..] } else { &shared };
         let flags = [&["explore", "--offline", "--no-cameras", "--quiet"][..], shared, args].concat();
-        let refused = Process::start(executable(), Role::Mapper, flags).unwrap().finish(PATIENCE).err().unwrap();
+        let refused = start(Role::Mapper, flags).finish(PATIENCE).err().unwrap();
         let said = refused.to_string();
         assert!(said.contains(expected) && said.contains("exit status: 2"), "{args:?}: {said}");
     }

@@ -1,16 +1,12 @@
 //! Programs refuse a start where the robot cannot stand, at once and with the nearest place where
 //! it can; the starts in the documents and in `--help` are free.
 
+use crate::programs::run;
 use fht_demo::Role;
 use fht_perception::pose::parse;
 use fht_sim::{SimConfig, check_start, load};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 use std::time::{Duration, Instant};
-
-fn run(role: Role, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_programs")).args(["role", role.name(), "--"]).args(args).output().unwrap()
-}
 
 #[test]
 fn every_program_refuses_a_start_in_a_wall_and_outside() {

@@ -1,5 +1,6 @@
 //! Clients on thin links that break or stall. For figures: `cargo run --release --bin joining`.
 
+use crate::programs::executable;
 use fht_client::{LiveReplica, ReplicaConfig};
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op, VersionVector};
 use fht_tests::maps::office;
@@ -13,7 +14,7 @@ use zenoh::qos::CongestionControl;
 
 fn config(folder: &Path) -> SlowJoinConfig {
     SlowJoinConfig {
-        executable: env!("CARGO_BIN_EXE_programs").into(),
+        executable: executable().into(),
         data: folder.join("data"),
         shape: LinkShape { bits_per_s: 8e6, delay: Duration::from_millis(50) },
         cuts: 3,

@@ -1,5 +1,6 @@
 //! Writers and the map server: who may write, and what a writer learns when it may not.
 
+use crate::programs::executable;
 use fht_demo::free_endpoint;
 use fht_proto::api::keys::{Key, RobotTopic, Topic};
 use fht_proto::api::reply::{ErrorCode, ErrorReply};
@@ -241,7 +242,7 @@ async fn a_server_that_does_not_answer_is_waited_for_as_long_as_was_asked_for() 
     let begin = Instant::now();
     let explore = move || {
         let flags = ["role", "mapper", "--", "explore", "--no-cameras", "--wait", "7", "--connect", &endpoint];
-        Command::new(env!("CARGO_BIN_EXE_programs")).args(flags).output().unwrap()
+        Command::new(executable()).args(flags).output().unwrap()
     };
     let output = tokio::task::spawn_blocking(explore).await.unwrap();
     let said = String::from_utf8_lossy(&output.stderr);

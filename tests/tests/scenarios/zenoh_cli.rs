@@ -1,12 +1,12 @@
 //! A person with nothing but `pip install zenoh-cli` asks a running server: a path is printed, and
 //! a bad request prints the reason.
 
-use fht_demo::{Process, Role, free_endpoint};
+use crate::programs::executable;
+use fht_demo::{Process, free_endpoint};
 use fht_proto::api::reply::PathReply;
 use fht_session::SessionConfig;
 use fht_tests::corridors::{corridors, put};
 use fht_tests::packages::{run, zenoh_cli};
-use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
@@ -17,9 +17,7 @@ fn a_path_is_printed_and_a_bad_request_prints_the_reason() {
     let zenoh = zenoh_cli(env!("CARGO_TARGET_TMPDIR"));
     let folder = tempfile::tempdir().unwrap();
     let endpoint = free_endpoint().unwrap();
-    let args = ["--data".as_ref(), folder.path().as_os_str(), "--listen".as_ref(), endpoint.as_ref()];
-    let mut server = Process::start(Path::new(env!("CARGO_BIN_EXE_programs")), Role::MapServer, args).unwrap();
-    server.wait_until_listening(&endpoint, PATIENCE).unwrap();
+    let _server = Process::map_server(executable(), folder.path(), &endpoint, PATIENCE).unwrap();
 
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let session =

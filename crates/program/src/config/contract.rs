@@ -20,7 +20,7 @@ impl<T: Serialize + DeserializeOwned + JsonSchema + Default> Configuration for T
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The file cannot be read.
-    #[error("{}: {source}", file.display())]
+    #[error("{}: the configuration cannot be read: {source}", file.display())]
     Read {
         /// Which.
         file: PathBuf,

@@ -10,6 +10,8 @@ use toml::de::{DeInteger, DeTable, DeValue};
 /// How much alike a key of the same section must be to be the one that was meant; else other
 /// sections are looked at.
 const ALIKE: f64 = 0.6;
+/// How much alike a key anywhere must be to be named at all.
+const HARDLY_ALIKE: f64 = 0.4;
 /// How much alike a key is of which the name is a word.
 const ALIKE_BY_WORD: f64 = 0.7;
 
@@ -97,8 +99,11 @@ impl Reader<'_> {
             match (schema.key(name.get_ref()), value.get_ref()) {
                 (None, _) if path.len() == 1 && SECTIONS.contains(&name.get_ref().as_ref()) => {}
                 (None, _) => {
-                    let nearest = self.nearest(schema, &path);
-                    self.refuse(line, &path, format!("is not known; did you mean {nearest}?"));
+                    let hint = match self.nearest(schema, &path) {
+                        Some(nearest) => format!("did you mean {nearest}?"),
+                        None => format!("there is: {}", names_in(schema)),
+                    };
+                    self.refuse(line, &path, format!("is not known; {hint}"));
                 }
                 (Some(key), DeValue::Table(inner)) if key.keys().is_some() => {
                     self.read_table(inner, key, default, &path);
@@ -115,9 +120,10 @@ impl Reader<'_> {
         self.problems.push(Problem { line, key: path.join("."), reason });
     }
 
-    /// The known key that is most like the last of `path`: in its section, else anywhere.
-    fn nearest(&self, section: KeySchema<'_>, path: &[String]) -> String {
-        let Some((name, tables)) = path.split_last() else { return String::new() };
+    /// The known key that is most like the last of `path`: in its section, else anywhere. None if
+    /// nothing is like it.
+    fn nearest(&self, section: KeySchema<'_>, path: &[String]) -> Option<String> {
+        let (name, tables) = path.split_last()?;
         let likeness = |other: &str| {
             let alike = strsim::normalized_damerau_levenshtein(name, other);
             // `seed` is more like `light_seed` than like `see_m`.
@@ -132,13 +138,19 @@ impl Reader<'_> {
             (likeness(key), path.join("."))
         });
         if let Some((_, key)) = in_section.filter(|(alike, _)| *alike >= ALIKE).max_by(most_alike) {
-            return key;
+            return Some(key);
         }
         let mut all = Vec::new();
         collect_keys(self.root, "", &mut all);
         let all = all.into_iter().map(|key| (likeness(key.rsplit('.').next().unwrap_or_default()), key));
-        all.max_by(most_alike).map(|(_, key)| key).unwrap_or_default()
+        all.filter(|(alike, _)| *alike >= HARDLY_ALIKE).max_by(most_alike).map(|(_, key)| key)
     }
+}
+
+/// The keys of a section.
+fn names_in(section: KeySchema<'_>) -> String {
+    let names: Vec<&str> = section.keys().into_iter().flatten().map(|(name, _)| name.as_str()).collect();
+    names.join(", ")
 }
 
 fn collect_keys(schema: KeySchema<'_>, above: &str, keys: &mut Vec<String>) {

@@ -216,6 +216,24 @@ pub async fn head_when(session: &Session, done: impl Fn(&Head) -> bool) -> Head 
     panic!("the head did not get there: {last:?}");
 }
 
+/// Writes as an explorer does, `at_once` increments at a time, from where the server is, until its
+/// head satisfies `done`.
+pub async fn write_until(session: &Session, at_once: u64, done: impl Fn(&Head) -> bool) -> Head {
+    let begin = Instant::now();
+    loop {
+        let now = head(session).await.expect("the server answers");
+        if done(&now) {
+            return now;
+        }
+        let next = now.vector.get(ANA) + 1;
+        for number in next..next + at_once {
+            session.put(key(ANA, number), bytes(ANA, number)).await.unwrap();
+        }
+        tokio::time::sleep(Duration::from_millis(50)).await;
+        assert!(begin.elapsed() < Duration::from_secs(60), "{now:?}");
+    }
+}
+
 /// Waits until a server answers.
 pub async fn until_up(session: &Session) {
     let start = Instant::now();
