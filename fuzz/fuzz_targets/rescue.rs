@@ -85,9 +85,9 @@ fuzz_target!(|bytes: &[u8]| {
     let source = dir.path().join("source");
     std::fs::create_dir(&source).expect("a folder");
     std::fs::write(source.join(FILE_NAME), damaged(bytes)).expect("a disk");
-    let _ = check(&source, &dir.path().join("scratch"));
+    let _ = check(&source, &dir.path().join("scratch"), &|_| ());
     let target = dir.path().join("target");
-    if rescue(&source, &target).is_ok() {
+    if rescue(&source, &target, &|_| ()).is_ok() {
         compare(&target);
     }
 });

@@ -3,6 +3,7 @@
 //! | module | idea |
 //! | --- | --- |
 //! | `leaf_scan` | increments out of the bytes of the file |
+//! | `placement` | a finished store under its name, and whose it is |
 //! | `rebuild` | a whole store of what was found |
 //! | `report` | what was rescued, or why nothing was |
 //! | `restore` | a backup in the place of a store |
@@ -10,6 +11,7 @@
 //! The file itself is never changed: it is looked at as a copy.
 
 mod leaf_scan;
+mod placement;
 mod rebuild;
 mod report;
 mod restore;
@@ -32,19 +34,27 @@ const COPY: &str = "examined";
 /// may lead in circles.
 const PATIENCE: (Duration, Duration) = (Duration::from_secs(20), Duration::from_millis(200));
 
+/// Is told of a directory that is made for a while, before anything is in it: who ends the program
+/// meanwhile removes it.
+pub type ForAWhile<'a> = &'a dyn Fn(&Path);
+
 /// A directory of this program's own for a copy, which goes with it.
 struct Scratch(PathBuf);
 
 impl Scratch {
     /// A new one in `dir`, which is made if absent. What somebody else has there stays.
-    fn new(dir: &Path) -> Result<Self, RescueError> {
+    fn new(dir: &Path, made: ForAWhile<'_>) -> Result<Self, RescueError> {
         std::fs::create_dir_all(dir).map_err(file_error(dir))?;
         let others = (2_u32..).map(|number| format!("{COPY}-{number}"));
         for name in std::iter::once(COPY.to_owned()).chain(others) {
             let path = dir.join(name);
             match std::fs::create_dir(&path) {
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-                made => return made.map(|()| Self(path.clone())).map_err(file_error(&path)),
+                outcome => {
+                    outcome.map_err(file_error(&path))?;
+                    made(&path);
+                    return Ok(Self(path));
+                }
             }
         }
         Err(RescueError::Occupied(dir.to_owned()))
@@ -82,20 +92,19 @@ fn file_of(source: &Path) -> Result<PathBuf, RescueError> {
 ///
 /// # Errors
 /// [`RescueError`].
-pub fn rescue(source: &Path, target: &Path) -> Result<Rescued, RescueError> {
+pub fn rescue(source: &Path, target: &Path, made: ForAWhile<'_>) -> Result<Rescued, RescueError> {
     let file = file_of(source)?;
     if target.join(FILE_NAME).exists() {
         return Err(RescueError::Occupied(target.to_owned()));
     }
-    let copy = Scratch::new(target)?;
+    let copy = Scratch::new(target, made)?;
     rescue_by(&file, copy.path(), target)
 }
 
 fn rescue_by(file: &Path, copy: &Path, target: &Path) -> Result<Rescued, RescueError> {
     let damage = match examine(file, copy)? {
         Ok(heads) => {
-            let (from, to) = (copy.join(FILE_NAME), target.join(FILE_NAME));
-            std::fs::rename(&from, &to).map_err(file_error(&to))?;
+            placement::put(&copy.join(FILE_NAME), &target.join(FILE_NAME), file)?;
             return Ok(Rescued { damage: None, authors: heads });
         }
         Err(damage) => damage,
@@ -105,7 +114,10 @@ fn rescue_by(file: &Path, copy: &Path, target: &Path) -> Result<Rescued, RescueE
     drop(bytes);
     let authors = rebuild::counted(&found);
     if !authors.is_empty() {
-        rebuild::write(found, target)?;
+        // Made beside, so that it is there as a whole or not at all.
+        let rebuilt = copy.join("rebuilt");
+        rebuild::write(found, &rebuilt)?;
+        placement::put(&rebuilt.join(FILE_NAME), &target.join(FILE_NAME), file)?;
     }
     Ok(Rescued { damage: Some(damage), authors })
 }
@@ -115,9 +127,9 @@ fn rescue_by(file: &Path, copy: &Path, target: &Path) -> Result<Rescued, RescueE
 ///
 /// # Errors
 /// [`RescueError`].
-pub fn check(source: &Path, scratch: &Path) -> Result<Rescued, RescueError> {
+pub fn check(source: &Path, scratch: &Path, made: ForAWhile<'_>) -> Result<Rescued, RescueError> {
     let file = file_of(source)?;
-    let copy = Scratch::new(scratch)?;
+    let copy = Scratch::new(scratch, made)?;
     match examine(&file, copy.path())? {
         Ok(authors) => Ok(Rescued { damage: None, authors }),
         Err(damage) => {
@@ -152,6 +164,8 @@ fn look_at(from: &Path, dir: &Path) -> Result<Catalog, StoreError> {
 /// What a copy of the file in the directory `copy` holds, or what is wrong with it.
 fn examine(file: &Path, copy: &Path) -> Result<Result<Vec<RescuedAuthor>, String>, RescueError> {
     let to = copy.join(FILE_NAME);
+    // What cannot be read is the store, and not its copy.
+    File::open(file).map_err(file_error(file))?;
     let length = std::fs::copy(file, &to).map_err(file_error(&to))?;
     let (report, answer) = mpsc::channel();
     let (from, dir) = (file.to_owned(), copy.to_owned());

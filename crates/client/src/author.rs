@@ -60,6 +60,12 @@ pub enum NotWritten {
     },
 }
 
+/// A refusal that knows an author by its id alone, with its name.
+fn named(reply: ErrorReply, author: &AuthorId, name: &str) -> ErrorReply {
+    let message = reply.message.replace(&format!("author {author}"), &format!("{name} (author {author})"));
+    ErrorReply { message, ..reply }
+}
+
 /// Now, microseconds since 1970.
 fn now_us() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -144,7 +150,7 @@ async fn write_as(
                 && let Ok(reply) = serde_json::from_slice::<ErrorReply>(&sample.payload().to_bytes())
                 && reply.code != ErrorCode::Conflict
             {
-                return Err(NotWritten::Refused(reply));
+                return Err(NotWritten::Refused(named(reply, &author, by.name)));
             }
             let now = head_of(session, map, &by).await.map_err(since_sent)?;
             if now.vector.get(author) >= number {

@@ -59,7 +59,9 @@ impl PartialEq for Checked {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
     /// The key is neither `fht/{map}/inc/{author}/{number}` nor `fht/{map}/kept/{author}/{number}`.
-    #[error("the key is not that of an increment")]
+    #[error(
+        "the key is not that of an increment: fht/MAP/inc/AUTHOR/NUMBER, its number from 1 on without zeros before it"
+    )]
     Key,
     /// Increments cannot be deleted.
     #[error("increments cannot be deleted")]

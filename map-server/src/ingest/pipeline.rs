@@ -15,7 +15,7 @@ use crate::ingest::room::RoomLimit;
 use crate::store::{IncrementLog, IncrementOrigin, StoreError, Stored};
 use crate::throttle::Throttle;
 use fht_map::crdt::reorder_buffer::{Offered, ReorderBuffer};
-use fht_proto::api::keys::Key;
+use fht_proto::api::keys::writer_of;
 use fht_proto::{AuthorId, Increment, MapName, VersionVector};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -165,7 +165,7 @@ impl Ingest {
 
     /// What the writer is told, if the key names one and it was not told the same a moment ago.
     fn notice(&mut self, key: &str, refusal: &Refusal) -> Option<RefusalNotice> {
-        let Ok(Key::Increment { map, author, .. }) = key.parse() else { return None };
+        let (map, author) = writer_of(key)?;
         let notice = RefusalNotice { map, author, reply: refusal.reply() };
         self.refusals.pass(&notice, Instant::now()).then_some(notice)
     }

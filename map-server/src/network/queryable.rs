@@ -135,8 +135,10 @@ impl QueryService {
             Addressed::NoRobot(text) => refuse(query, &ErrorReply::new(ErrorCode::UnknownRobot, &text), trace),
             Addressed::Unknown => {
                 let topics: Vec<&str> = Topic::ALL.iter().map(|topic| topic.as_str()).collect();
+                let several =
+                    if query.key_expr().contains('*') { " (nor several that are asked at a time)" } else { "" };
                 let text = format!(
-                    "{} is not a key of the map service: ask {PREFIX}/maps or {PREFIX}/MAP/TOPIC with TOPIC one of {}",
+                    "{} is not a key of the map service{several}: ask {PREFIX}/maps or {PREFIX}/MAP/TOPIC with TOPIC one of {}",
                     shown(query.key_expr()),
                     topics.join(", ")
                 );

@@ -3,7 +3,7 @@
 
 use crate::rescue::{RescueError, Rescued, RescuedAuthor, Restored, check, check_archives, rescue, restore};
 use clap::Subcommand;
-use fht_program::{ProgramFailure, print_line};
+use fht_program::{ProgramFailure, Stop, print_line};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -66,6 +66,13 @@ impl Repair {
     /// # Errors
     /// What to tell the user: also that a store which was checked is damaged (exit code 1).
     pub(super) fn run(self, data: &Path, json: bool) -> Result<(), ProgramFailure> {
+        let stop = Stop::on_signal("map-server").map_err(ProgramFailure::of_run)?;
+        stop.doing(self.doing());
+        let made = |folder: &Path| {
+            let folder = folder.to_owned();
+            // It is of no more use.
+            stop.finally(move || drop(std::fs::remove_dir_all(folder)));
+        };
         match self {
             Self::Check { source } => {
                 let source = source.unwrap_or_else(|| data.to_owned());
@@ -75,7 +82,7 @@ impl Repair {
                     let subject = if maps.len() == 1 { "the exported map is" } else { "the exported maps are" };
                     return print(&Rescued { damage: None, authors }, subject, "are whole", json);
                 }
-                let found = check(&source, &std::env::temp_dir()).map_err(not_rescued)?;
+                let found = check(&source, &std::env::temp_dir(), &made).map_err(not_rescued)?;
                 let what = if found.damage.is_some() { "can be rescued" } else { "are whole" };
                 print(&found, "the store is", what, json)?;
                 match &found.damage {
@@ -84,7 +91,7 @@ impl Repair {
                 }
             }
             Self::Rescue { source, target } => {
-                let rescued = rescue(&source, &target).map_err(not_rescued)?;
+                let rescued = rescue(&source, &target, &made).map_err(not_rescued)?;
                 print(&rescued, "the store is", "rescued", json)?;
                 if rescued.damage.is_some() && rescued.authors.is_empty() {
                     return Err(ProgramFailure::of_run(format!("nothing of {} can be read", source.display())));
@@ -99,10 +106,21 @@ impl Repair {
                 }
             }
             Self::Restore { backup, store } => {
-                let restored = restore(&backup, store.as_deref().unwrap_or(data))
+                let restored = restore(&backup, store.as_deref().unwrap_or(data), &made)
                     .map_err(|error| ProgramFailure::of(error.is_input(), error))?;
                 print_restored(&restored, json)
             }
+        }
+    }
+}
+
+impl Repair {
+    /// What is interrupted.
+    fn doing(&self) -> &'static str {
+        match self {
+            Self::Check { .. } => "looking at a copy; nothing was changed",
+            Self::Rescue { .. } => "copying what reads; there may be no new store, and the old one is as it was",
+            Self::Restore { .. } => "putting the backup in place: what the store is, `map-server check` says",
         }
     }
 }

@@ -56,9 +56,20 @@ pub(crate) struct WebSection {
 impl WebArgs {
     /// Whether any of them is given.
     pub(super) fn is_given(&self) -> bool {
-        let Self { web, web_operator, web_name, web_certificate, web_key, web_authority } = self;
-        let is_file_given = web_certificate.is_some() || web_key.is_some() || web_authority.is_some();
-        web.is_some() || web_operator.is_some() || !web_name.is_empty() || is_file_given
+        self.web.is_some() || self.first_given().is_some()
+    }
+
+    /// The first flag that is given, besides the page's address.
+    fn first_given(&self) -> Option<&'static str> {
+        let Self { web: _, web_operator, web_name, web_certificate, web_key, web_authority } = self;
+        let flags = [
+            ("--web-operator", web_operator.is_some()),
+            ("--web-name", !web_name.is_empty()),
+            ("--web-certificate", web_certificate.is_some()),
+            ("--web-key", web_key.is_some()),
+            ("--web-authority", web_authority.is_some()),
+        ];
+        flags.into_iter().find_map(|(flag, is_given)| is_given.then_some(flag))
     }
 
     /// These flags over what the file says; none: there is no page.
@@ -69,7 +80,8 @@ impl WebArgs {
         let in_file = |what: &str, text: &str| format!("server.web.{what} in the configuration file: {text} is none");
         let parsed = file.address.map(|text| text.parse().map_err(|_| in_file("address", &text)));
         let Some(address) = self.web.or(parsed.transpose()?) else {
-            return if self.is_given() { Err("--web-… goes with --web".to_owned()) } else { Ok(None) };
+            let alone = |flag: &str| Err(format!("{flag} goes with --web ADDRESS:PORT: where the page is served"));
+            return self.first_given().map_or(Ok(None), alone);
         };
         let operator = file.operator.map(|text| text.parse().map_err(|_| in_file("operator", &text))).transpose()?;
         let names = if self.web_name.is_empty() { file.names } else { self.web_name.clone() };

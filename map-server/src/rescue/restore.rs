@@ -6,19 +6,19 @@
 use crate::catalog::Catalog;
 use crate::config::Limits;
 use crate::ingest::Ingest;
+use crate::rescue::placement::replace;
 use crate::rescue::report::{RescueError, RescuedAuthor, file_error};
-use crate::rescue::{Scratch, examine, file_of, rebuild};
+use crate::rescue::{ForAWhile, Scratch, examine, file_of, rebuild};
 use crate::store::{FILE_NAME, IncrementLog, MemoryLog, RedbLog, StoreError};
 use fht_proto::api::reply::ErrorReply;
 use fht_proto::codec::archive::{Archive, ArchiveError};
 use fht_proto::{AuthorId, Digest, MapName};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::SystemTime;
 
 /// How the names of exported maps end.
 const ARCHIVE: &str = "fht";
@@ -67,8 +67,10 @@ pub enum RestoreError {
         source: ArchiveError,
     },
     /// Two exported maps of one name.
-    #[error("{}: the backup has map {map} twice", file.display())]
+    #[error("{} and {}: both are of map {map}: take one of them away", first.display(), file.display())]
     Twice {
+        /// The first file.
+        first: PathBuf,
         /// The second file.
         file: PathBuf,
         /// The map.
@@ -205,7 +207,7 @@ fn may_be_store(file: &Path) -> Result<bool, RestoreError> {
 ///
 /// # Errors
 /// [`RestoreError`]: the store is as it was.
-pub fn restore(backup: &Path, dir: &Path) -> Result<Restored, RestoreError> {
+pub fn restore(backup: &Path, dir: &Path, made: ForAWhile<'_>) -> Result<Restored, RestoreError> {
     let backup = Backup::find(backup)?;
     let file = dir.join(FILE_NAME);
     let is_itself = |from: &Path| from.canonicalize().is_ok_and(|from| file.canonicalize().is_ok_and(|to| from == to));
@@ -217,7 +219,7 @@ pub fn restore(backup: &Path, dir: &Path) -> Result<Restored, RestoreError> {
     let is_new = !dir.exists();
     // Held to the end: no server begins meanwhile.
     let lock = RedbLog::lock(dir)?;
-    let outcome = Scratch::new(dir).map_err(RestoreError::from).and_then(|scratch| {
+    let outcome = Scratch::new(dir, made).map_err(RestoreError::from).and_then(|scratch| {
         let authors = make(&backup, scratch.path())?;
         let replaced = replace(&scratch.path().join(FILE_NAME), &file)?;
         Ok(Restored { file: file.clone(), replaced, authors })
@@ -267,14 +269,14 @@ pub fn check_archives(source: &Path) -> Result<Option<Vec<RescuedAuthor>>, Resto
 /// Takes exported maps into a log.
 fn take_all(files: &[PathBuf], log: Arc<dyn IncrementLog>) -> Result<Arc<Catalog>, RestoreError> {
     let mut intake = ArchiveIntake::into(log)?;
-    let mut known = BTreeSet::new();
+    let mut known = BTreeMap::new();
     for file in files {
         let bytes = std::fs::read(file).map_err(file_error(file))?;
         let damaged = |source| RestoreError::Archive { file: file.clone(), source };
         let archive = Archive::open(&bytes).map_err(damaged)?;
         let map = archive.header.map.clone();
-        if !known.insert(map.clone()) {
-            return Err(RestoreError::Twice { file: file.clone(), map });
+        if let Some(first) = known.insert(map.clone(), file.clone()) {
+            return Err(RestoreError::Twice { first, file: file.clone(), map });
         }
         intake.take(file, archive)?;
     }
@@ -333,41 +335,4 @@ impl ArchiveIntake {
         }
         Ok(())
     }
-}
-
-/// Puts `new` in the place of `file`, and returns under which name that is kept.
-fn replace(new: &Path, file: &Path) -> Result<Option<PathBuf>, RestoreError> {
-    let sync = |path: &Path| File::open(path).and_then(|open| open.sync_all()).map_err(file_error(path));
-    sync(new)?;
-    let kept = if file.try_exists().map_err(file_error(file))? {
-        let kept = free_name(file);
-        // A second name for the old file: the new one takes its place in one step. Where a file has
-        // one name only, it is moved.
-        if std::fs::hard_link(file, &kept).is_err() {
-            std::fs::rename(file, &kept).map_err(file_error(&kept))?;
-        }
-        Some(kept)
-    } else {
-        None
-    };
-    std::fs::rename(new, file).map_err(file_error(file))?;
-    if let Some(dir) = file.parent() {
-        sync(dir)?;
-    }
-    Ok(kept)
-}
-
-/// The file's name with the time, and a number if that is taken.
-fn free_name(file: &Path) -> PathBuf {
-    let time = humantime::format_rfc3339_seconds(SystemTime::now()).to_string().replace(':', "-");
-    let name = |suffix: String| {
-        let mut name = file.as_os_str().to_owned();
-        name.push(format!(".replaced-{time}{suffix}"));
-        PathBuf::from(name)
-    };
-    let others = (2_u32..).map(|number| name(format!("-{number}")));
-    std::iter::once(name(String::new()))
-        .chain(others)
-        .find(|path| !path.exists())
-        .unwrap_or_else(|| name(String::new()))
 }

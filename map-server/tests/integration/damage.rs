@@ -68,11 +68,11 @@ fn an_empty_file_one_of_something_else_and_the_beginning_of_one_are_damaged() {
         assert!(code == Some(1) && said.contains("backup"), "{said}");
         assert!(bytes.is_empty() == said.contains("move the file away"), "{said}");
         let scratch = dir.path().join("scratch");
-        let damage = check(dir.path(), &scratch).unwrap().damage.unwrap();
+        let damage = check(dir.path(), &scratch, &|_| ()).unwrap().damage.unwrap();
         assert!(!damage.contains("scratch"), "{damage}");
         // Where nothing was found there is no store that somebody would take for one.
         for _ in 0..2 {
-            assert!(rescue(dir.path(), &scratch).unwrap().authors.is_empty());
+            assert!(rescue(dir.path(), &scratch, &|_| ()).unwrap().authors.is_empty());
             assert!(!scratch.join(FILE_NAME).exists());
         }
     }
@@ -82,13 +82,13 @@ fn an_empty_file_one_of_something_else_and_the_beginning_of_one_are_damaged() {
 fn a_store_in_use_is_not_examined() {
     let dir = tempfile::tempdir().unwrap();
     let log = RedbLog::open(dir.path()).unwrap();
-    let error = check(dir.path(), &dir.path().join("scratch")).err().unwrap().to_string();
+    let error = check(dir.path(), &dir.path().join("scratch"), &|_| ()).err().unwrap().to_string();
     assert!(error.contains("in use"), "{error}");
     drop(log);
     // A process that another test begins at this moment has the file for an instant, too.
     let begin = Instant::now();
     let report = loop {
-        match check(dir.path(), &dir.path().join("scratch")) {
+        match check(dir.path(), &dir.path().join("scratch"), &|_| ()) {
             Err(error) if error.to_string().contains("in use") && begin.elapsed() < Duration::from_secs(10) => {
                 std::thread::sleep(Duration::from_millis(10));
             }
@@ -155,9 +155,9 @@ fn what_still_reads_of_a_damaged_store_is_rescued_and_nothing_else() {
     let (all, before) = (contents(&source), vectors(&source));
     // Undamaged.
     let target = dir.path().join("copy");
-    let rescued = rescue(&source, &target).unwrap();
+    let rescued = rescue(&source, &target, &|_| ()).unwrap();
     assert_eq!((&rescued.damage, vectors(&target) == before, contents(&target) == all), (&None, true, true));
-    assert!(rescue(&source, &target).is_err(), "a store is not written over");
+    assert!(rescue(&source, &target, &|_| ()).is_err(), "a store is not written over");
 
     let (mut loaded, mut kept) = (0, 0);
     for seed in 0..SEEDS {
@@ -168,7 +168,7 @@ fn what_still_reads_of_a_damaged_store_is_rescued_and_nothing_else() {
         std::fs::write(damaged.join(FILE_NAME), &bytes).unwrap();
         let begin = Instant::now();
         let target = dir.path().join(format!("rescued-{seed}"));
-        let rescued = rescue(&damaged, &target).unwrap_or_else(|error| panic!("seed {seed}, {what}: {error}"));
+        let rescued = rescue(&damaged, &target, &|_| ()).unwrap_or_else(|error| panic!("seed {seed}, {what}: {error}"));
         assert!(std::fs::read(damaged.join(FILE_NAME)).unwrap() == bytes, "seed {seed}: the source has changed");
         let (found, after) = (contents(&target), vectors(&target));
         for (place, op) in &found {
@@ -223,7 +223,7 @@ fn the_program_says_what_is_wrong_and_what_can_be_done() {
         if found.damage.is_none() {
             continue;
         }
-        assert_eq!(check(&source, dir.path()).unwrap().authors, found.authors);
+        assert_eq!(check(&source, dir.path(), &|_| ()).unwrap().authors, found.authors);
         let target = dir.path().join(format!("rescued-{seed}"));
         let (code, said, complaint) = run(&["rescue", path, target.to_str().unwrap()]);
         let is_told = said.contains("map museum, author") && complaint.contains("are lost") == (found.lost() > 0);
@@ -272,7 +272,7 @@ fn whichever_page_is_lost_nobody_is_forgotten_and_numbers_go_on() {
         let mut damaged = whole.clone();
         damaged[page].fill(0);
         std::fs::write(&file, &damaged).unwrap();
-        let found = check(&source, &scratch).unwrap();
+        let found = check(&source, &scratch, &|_| ()).unwrap();
         let mut ends: BTreeMap<MapName, VersionVector> = BTreeMap::new();
         for author in &found.authors {
             ends.entry(author.map.clone()).or_default().set(author.author, author.last);
@@ -287,7 +287,7 @@ fn whichever_page_is_lost_nobody_is_forgotten_and_numbers_go_on() {
         damaged[page..whole.len().min(page + PAGE)].fill(0);
     }
     std::fs::write(&file, &damaged).unwrap();
-    let rescued = rescue(&source, &target).unwrap();
+    let rescued = rescue(&source, &target, &|_| ()).unwrap();
     assert!(rescued.authors.iter().all(|author| author.lost == author.last), "{rescued:?}");
     assert_eq!((rescued.lost(), rescued.unknown_ends().count()), (66, 0));
     assert_eq!(vectors(&target), before);
@@ -310,11 +310,11 @@ async fn a_release_of_which_a_part_is_lost_cannot_be_had() {
         let mut damaged = whole.clone();
         damaged[page * PAGE..(page + 1) * PAGE].fill(0);
         std::fs::write(source.join(FILE_NAME), &damaged).unwrap();
-        let found = check(&source, site.dir.path()).unwrap();
+        let found = check(&source, site.dir.path(), &|_| ()).unwrap();
         found.lost() > 0 && found.authors.iter().all(|author| author.author == ANA || author.lost == 0)
     });
     assert!(lost_one.is_some(), "no page has only increments of the robot");
-    assert!(rescue(&source, &target).unwrap().lost() > 0);
+    assert!(rescue(&source, &target, &|_| ()).unwrap().lost() > 0);
     assert!(RedbLog::open(&target).unwrap().has_lost(&museum()).unwrap());
     site.server = Server::start(&target, &site.endpoint);
     until_up(&site.session).await;

@@ -5,7 +5,7 @@
 use crate::support::{
     ANA, BEN, Server, ask, bytes, client, expected, free_endpoint, head, head_when, key, museum, until_up, write_until,
 };
-use fht_proto::api::reply::{Head, MapsReply};
+use fht_proto::api::reply::MapsReply;
 use map_server::store::{CompactedRecord, CompactionFloor, IncrementLog, IncrementOrigin, Record, RedbLog};
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -2,14 +2,14 @@
 //! what is wrong, survives `kill -9`, and takes everything in by itself when there is room again.
 
 use crate::support::{ANA, ask, bytes, client, expected, free_endpoint, head, head_when, key, until_up, write_until};
-use fht_proto::api::reply::{ErrorCode, ErrorReply, Head, MapsReply, Series};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, MapsReply, Series};
 use fht_proto::decode;
 use serde_json::Value;
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use zenoh::Session;
 
 /// What keeps the store from growing.

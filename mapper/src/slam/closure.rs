@@ -8,8 +8,8 @@
 //! * Where the panorama looks like an earlier one: a search at all headings, whatever the graph
 //!   says.
 //!
-//! What the last three find is believed only when several keyframes say the same. What is believed
-//! may still be wrong: the optimisation gives it a robust weight.
+//! What the last three find is believed only when several keyframes say the same (`witnesses`).
+//! What is believed may still be wrong: the optimisation gives it a robust weight.
 //!
 //! A run that has joined a map is also matched to what the map's nodes saw (`anchors`).
 
@@ -20,6 +20,7 @@ mod lost;
 mod matching;
 mod places;
 mod wide;
+mod witnesses;
 
 pub use config::ClosureConfig;
 pub(super) use matching::with_floor;
@@ -27,13 +28,14 @@ pub(super) use matching::with_floor;
 use super::graph::{KeyframeGraph, Link};
 use super::submap::Submap;
 use crate::haste::Haste;
-use fht_perception::pose::{Point2, Pose2, wrap_angle};
+use fht_perception::pose::{Point2, Pose2};
 use fht_perception::pose_graph::{GraphConfig, PoseConstraint, chi2};
 use fht_proto::NodeId;
-use matching::{Candidate, match_within};
+use matching::{BestMatch, Candidate, best_within, match_within};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::sync::Arc;
+use witnesses::Witnesses;
 
 /// Half widths of the search after everything was optimised: metres, radians.
 const SETTLED: (f64, f64) = (0.2, 0.05);
@@ -58,14 +60,6 @@ pub struct SubmapSighting {
     pub components: Arc<Vec<f32>>,
     /// The model's own threshold.
     pub match_threshold: f32,
-}
-
-/// A closure that waits for others that say the same.
-#[derive(Clone, Debug)]
-struct Pending {
-    edge: PoseConstraint,
-    /// The correction in the map frame that it implies.
-    correction: Pose2,
 }
 
 /// What loop closure has done, for reports.
@@ -118,7 +112,7 @@ pub struct LoopCloser {
     sightings: Vec<SubmapSighting>,
     /// The keyframe of the newest sighting for which a look-alike was tried.
     tried_alike: Option<usize>,
-    pending: Vec<Pending>,
+    witnesses: Witnesses,
     /// The newest keyframe that stood out in a search of all submaps that may be near.
     stood_out: Option<usize>,
     tension: f64,
@@ -140,7 +134,7 @@ impl LoopCloser {
             anchorages: BTreeMap::new(),
             sightings: Vec::new(),
             tried_alike: None,
-            pending: Vec::new(),
+            witnesses: Witnesses::default(),
             stood_out: None,
             tension: 0.0,
             relaxed: 0.0,
@@ -255,8 +249,9 @@ impl LoopCloser {
         if index.is_multiple_of(self.config.search_every)
             && let Some(candidate) = self.most_seen(index, &far)
         {
-            match self.match_to(index, candidate) {
-                Some(edge) => self.take_far(edge, graph),
+            let submap = &self.submaps[candidate.submap];
+            match best_within(submap, (index, &self.points[index]), candidate, &self.config) {
+                Some(best) => self.take_far(best, graph),
                 None => self.counts.refused += 1,
             }
         }
@@ -271,30 +266,12 @@ impl LoopCloser {
     }
 
     /// A closure found by searching: held back until enough others agree.
-    fn take_far(&mut self, edge: PoseConstraint, graph: &mut KeyframeGraph) {
-        let wanted = graph.poses()[edge.from] * edge.measured;
-        let here = graph.poses()[edge.to];
-        let correction = wanted * here.inverse();
-        self.pending.push(Pending { edge, correction });
-        let agrees = |other: &Pending| {
-            let apart = (other.correction * here).inverse() * (correction * here);
-            apart.translation.vector.norm() < self.config.agreement_m
-                && wrap_angle(apart.rotation.angle()).abs() < self.config.agreement_rad
-        };
-        let agreeing = self.pending.iter().filter(|other| agrees(other));
-        // One of each keyframe: the same scan seen twice is one witness.
-        let chosen: BTreeMap<usize, PoseConstraint> =
-            agreeing.map(|other| (other.edge.to, other.edge.clone())).collect();
-        if chosen.len() < self.config.agreeing {
-            let excess = self.pending.len().saturating_sub(20);
-            self.pending.drain(..excess);
-            return;
-        }
-        self.counts.far += chosen.len();
-        for edge in chosen.into_values() {
+    fn take_far(&mut self, BestMatch { edge, is_sure }: BestMatch, graph: &mut KeyframeGraph) {
+        let Some(believed) = self.witnesses.hear(edge, is_sure, graph.poses(), &self.config) else { return };
+        self.counts.far += believed.len();
+        for edge in believed {
             self.join(edge, graph);
         }
-        self.pending.clear();
         // A long loop is closed: at once.
         self.tension = self.tension.max(self.config.optimise_tension);
         self.is_graduated = true;

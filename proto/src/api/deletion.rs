@@ -2,7 +2,7 @@
 
 use crate::api::reply::{ErrorCode, ErrorReply};
 use crate::model::ids::{MapName, RobotName};
-use crate::model::validate::{Invalid, Validate, check};
+use crate::model::validate::{Invalid, Validate, check, is_unseen};
 use serde::{Deserialize, Serialize};
 
 /// That a map will be deleted, or was: in its head.
@@ -79,12 +79,7 @@ fn check_text(what: &str, text: &str) -> Result<(), Invalid> {
     check(length <= DeletionOrder::MAX_REASON, || {
         format!("{what} of {length} characters is over {}", DeletionOrder::MAX_REASON)
     })?;
-    let turns =
-        |letter: char| matches!(letter, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
-    // Those that turn the direction of writing make a sentence say something else.
-    check(!text.contains(|letter: char| letter.is_control() || turns(letter)), || {
-        format!("{what} has control characters")
-    })
+    check(!text.contains(is_unseen), || format!("{what} has control characters"))
 }
 
 impl Validate for MapDeletion {

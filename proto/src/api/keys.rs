@@ -362,6 +362,18 @@ impl fmt::Display for Key {
 #[error("{0} is not a key of the map service")]
 pub struct ParseKeyError(String);
 
+/// The map and the author that the key of an increment names, even if its number is none.
+#[must_use]
+pub fn writer_of(key: &str) -> Option<(MapName, AuthorId)> {
+    let mut chunks = key.split('/');
+    let (Some(PREFIX), Some(map), Some("inc"), Some(author)) =
+        (chunks.next(), chunks.next(), chunks.next(), chunks.next())
+    else {
+        return None;
+    };
+    Some((map.parse().ok()?, author.parse().ok()?))
+}
+
 impl FromStr for Key {
     type Err = ParseKeyError;
     fn from_str(text: &str) -> Result<Self, Self::Err> {

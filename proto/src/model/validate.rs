@@ -40,6 +40,12 @@ pub(crate) fn check(holds: bool, message: impl FnOnce() -> String) -> Result<(),
     if holds { Ok(()) } else { Err(Invalid(message())) }
 }
 
+/// Whether a letter is not seen: a control character, or one of those that turn the direction of
+/// writing and make a sentence say something else.
+pub(crate) fn is_unseen(letter: char) -> bool {
+    letter.is_control() || matches!(letter, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
 impl Validate for FixedPoint {
     fn validate(&self) -> Result<(), Invalid> {
         let near = |mm: i32| (-Self::MAX_MM..=Self::MAX_MM).contains(&mm);

@@ -124,7 +124,7 @@ impl RouteError {
 }
 
 /// What is wrong with a start from which nothing leads away.
-const SHUT_IN: &str = "; nothing leads away from the start: it is in or behind what the map's nodes saw";
+const SHUT_IN: &str = "; nothing that the map knows leads away from the start";
 
 fn how_near(nearest: Option<FixedPoint>, goal: FixedPoint) -> String {
     let near = |at: FixedPoint| {
@@ -143,7 +143,9 @@ fn how_far(nearest_m: Option<f64>, max_detour_m: f64, is_goal: bool) -> String {
         if is_goal { "; to_nearest=true asks for the path to the nearest point that can be reached" } else { "" };
     match nearest_m {
         Some(nearest_m) => {
-            format!("the nearest mapped free space is {nearest_m:.1} m away, and {max_detour_m:.1} m are bridged{hint}")
+            format!(
+                "the nearest free space or node is {nearest_m:.1} m away, and {max_detour_m:.1} m are bridged{hint}"
+            )
         }
         None => "it has no nodes".to_owned(),
     }

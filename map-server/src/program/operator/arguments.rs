@@ -350,7 +350,7 @@ An export is the way back when the time is up. A map of the same name may be beg
         #[arg(long, value_name = "TEXT", value_parser = reason)]
         reason: String,
         /// After this time, such as 12h or 7d; 0s is at once.
-        #[arg(long, value_name = "TIME", default_value = "7d", value_parser = grace)]
+        #[arg(long, value_name = "TIME", default_value = "7d", value_parser = grace, allow_hyphen_values = true)]
         grace: Duration,
     },
     /// Does not delete a map after all, while it is there.
@@ -376,7 +376,7 @@ It is done in one commit: a rename that was interrupted is done or not, and can 
         #[arg(long, value_name = "TEXT", value_parser = reason)]
         reason: String,
         /// After this time the old map is deleted, such as 12h or 7d; 0s is at once.
-        #[arg(long, value_name = "TIME", default_value = "7d", value_parser = grace)]
+        #[arg(long, value_name = "TIME", default_value = "7d", value_parser = grace, allow_hyphen_values = true)]
         grace: Duration,
     },
     /// Merges two maps of one building that were made apart: finds out where the second lies in the

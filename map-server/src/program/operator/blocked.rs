@@ -2,11 +2,12 @@
 
 use crate::program::operator::asking::order_all_json;
 use crate::program::operator::error::OperatorError;
+use crate::program::operator::robots::fleet;
 use crate::program::operator::rule;
 use clap::Subcommand;
 use fht_proto::api::fleet::BlockedReport;
 use fht_proto::api::keys::{AdminAction, Key};
-use fht_proto::api::reply::{BlockedView, IgnoredView, RulesReply};
+use fht_proto::api::reply::{BlockedView, IgnoredView, RulesReply, known_names};
 use fht_proto::{MapName, RobotName};
 use serde::Serialize;
 use std::time::Duration;
@@ -32,8 +33,9 @@ pub enum BlockedAction {
         /// What this robot has reported [default: what all have].
         #[arg(long, value_name = "NAME")]
         robot: Option<RobotName>,
-        /// Let the robot's reports not count for this time, such as 10m; a day at most.
-        #[arg(long, value_name = "TIME", requires = "robot", value_parser = up_to_a_day)]
+        /// Let the robot's reports not count for this time, such as 10m; a day at most. 0s: they
+        /// count again.
+        #[arg(long, value_name = "TIME", requires = "robot", value_parser = up_to_a_day, allow_hyphen_values = true)]
         ignore: Option<Duration>,
     },
     /// Have it stay closed, whatever the robot says or does. To close something for longer than a
@@ -47,7 +49,7 @@ pub enum BlockedAction {
         #[arg(long, value_name = "NAME")]
         robot: RobotName,
         /// For this time, such as 30m or 8h; a day at most.
-        #[arg(long = "for", value_name = "TIME", value_parser = up_to_a_day)]
+        #[arg(long = "for", value_name = "TIME", value_parser = up_to_a_day, allow_hyphen_values = true)]
         duration: Duration,
     },
 }
@@ -90,8 +92,24 @@ impl BlockedAction {
                 order_all_json(session, &selector, &see).await?
             }
         };
-        Ok(Blocked { map: rules.map, blocked: rules.blocked, ignored: rules.ignored, is_list })
+        let unheard = match &self {
+            Self::Clear { map, robot: Some(robot), ignore: Some(_) } => unheard(session, map, robot).await,
+            _ => None,
+        };
+        Ok(Blocked { map: rules.map, blocked: rules.blocked, ignored: rules.ignored, is_list, unheard })
     }
+}
+
+/// That nobody has heard of a robot: a sentence. A server that does not say knows of it.
+async fn unheard(session: &Session, map: &MapName, robot: &RobotName) -> Option<String> {
+    let robots = fleet(session, map).await.ok()?.robots;
+    let names: Vec<&str> = robots.iter().map(|known| known.status.robot.as_str()).collect();
+    (!names.contains(&robot.as_str())).then(|| {
+        format!(
+            "nobody has heard of a robot called {robot} on map {map}: {}; --ignore 0s takes it back",
+            known_names(names)
+        )
+    })
 }
 
 /// What is blocked on a map.
@@ -103,6 +121,9 @@ pub(super) struct Blocked {
     /// Whether it was only asked for.
     #[serde(skip)]
     is_list: bool,
+    /// That nobody has heard of the robot whose reports shall not count.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unheard: Option<String>,
 }
 
 /// A time to the second, such as `8h` or `1m 30s`.
@@ -126,5 +147,6 @@ pub(super) fn in_words(blocked: &Blocked) -> String {
         lines.push(format!("robots report nothing blocked on map {}{any_more}", blocked.map));
     }
     lines.extend(blocked.ignored.iter().map(ignored));
+    lines.extend(blocked.unheard.clone());
     lines.join("\n")
 }

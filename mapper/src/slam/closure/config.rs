@@ -49,8 +49,15 @@ pub struct ClosureConfig {
     pub min_agreement: f64,
     /// Least explained share of all points. Default 0.4.
     pub min_overlap: f64,
+    /// The same of a match after a long way that is no closure for itself, but a witness among
+    /// others. Default 0.65.
+    pub doubtful_agreement: f64,
+    /// See `doubtful_agreement`. Default 0.2.
+    pub doubtful_overlap: f64,
     /// Closures after a long way that must agree. Default 3.
     pub agreeing: usize,
+    /// So many doubtful ones count as one of these. Default 2.
+    pub doubtful_per_sure: usize,
     /// They agree when the corrections that they imply differ by less than this, metres. Default
     /// 0.3.
     pub agreement_m: f64,
@@ -105,7 +112,10 @@ impl Default for ClosureConfig {
             wide_rad_per_sqrt_m: 0.035,
             min_agreement: 0.8,
             min_overlap: 0.4,
+            doubtful_agreement: 0.65,
+            doubtful_overlap: 0.2,
             agreeing: 3,
+            doubtful_per_sure: 2,
             agreement_m: 0.3,
             agreement_rad: 0.05,
             floor_m: 0.01,

@@ -1,6 +1,6 @@
 //! Closures where the panorama looks like an earlier one.
 
-use super::matching::Candidate;
+use super::matching::{BestMatch, Candidate};
 use super::{LoopCloser, SubmapSighting};
 use crate::slam::graph::KeyframeGraph;
 use std::f64::consts::PI;
@@ -42,7 +42,7 @@ impl LoopCloser {
         match found.filter(|edge| self.is_plausible(edge, ways[there], graph)) {
             Some(edge) => {
                 self.counts.look_alike += 1;
-                self.take_far(edge, graph);
+                self.take_far(BestMatch { edge, is_sure: true }, graph);
             }
             None => self.counts.refused += 1,
         }

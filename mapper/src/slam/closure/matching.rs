@@ -20,10 +20,28 @@ pub(super) struct Candidate {
 /// Matches a keyframe, seen as `points`, to a submap within a candidate's window.
 pub(super) fn match_within(
     submap: &Submap,
-    (index, points): (usize, &[Point2]),
+    keyframe: (usize, &[Point2]),
     candidate: &Candidate,
     config: &ClosureConfig,
 ) -> Option<PoseConstraint> {
+    best_within(submap, keyframe, candidate, config).filter(|best| best.is_sure).map(|best| best.edge)
+}
+
+/// The best match of a keyframe within a window.
+pub(super) struct BestMatch {
+    pub(super) edge: PoseConstraint,
+    /// Whether it is a closure for itself.
+    pub(super) is_sure: bool,
+}
+
+/// The best match of a keyframe, seen as `points`, to a submap within a candidate's window; none if
+/// it is not even doubtful.
+pub(super) fn best_within(
+    submap: &Submap,
+    (index, points): (usize, &[Point2]),
+    candidate: &Candidate,
+    config: &ClosureConfig,
+) -> Option<BestMatch> {
     let guess = candidate.guess;
     let aligned = if candidate.window_m <= config.refine_m {
         refine(submap.cloud(), points, &guess, &config.matching).into_iter().collect()
@@ -43,12 +61,15 @@ pub(super) fn match_within(
     };
     let judged = aligned.into_iter().filter(is_inside).map(|found| judge(submap, points, found));
     let (found, verdict) = judged.max_by(|(_, a), (_, b)| a.balance().cmp(&b.balance()))?;
-    if verdict.agreement() < config.min_agreement || verdict.overlap() < config.min_overlap {
+    let reaches = |agreement: f64, overlap: f64| verdict.agreement() >= agreement && verdict.overlap() >= overlap;
+    let is_sure = reaches(config.min_agreement, config.min_overlap);
+    if !is_sure && !reaches(config.doubtful_agreement, config.doubtful_overlap) {
         return None;
     }
     let information = with_floor(&found.covariance, config.floor_m, config.floor_rad)?;
     let measured = found.reference_from_moving;
-    Some(PoseConstraint { from: submap.first(), to: index, measured, information, is_doubtful: true })
+    let edge = PoseConstraint { from: submap.first(), to: index, measured, information, is_doubtful: true };
+    Some(BestMatch { edge, is_sure })
 }
 
 pub(super) fn judge(submap: &Submap, points: &[Point2], found: ScanMatch) -> (ScanMatch, SubmapFit) {

@@ -4,7 +4,7 @@
 //! Many places look alike then. One is a witness only if no other is nearly as good, and is
 //! believed, as after any long way, when several keyframes say the same.
 
-use super::matching::with_floor;
+use super::matching::{BestMatch, with_floor};
 use super::places::{places, standing_out};
 use super::{LoopCloser, distance_m};
 use crate::slam::graph::KeyframeGraph;
@@ -46,7 +46,7 @@ impl LoopCloser {
         match edge {
             Some(edge) => {
                 self.stood_out = Some(index);
-                self.take_far(edge, graph);
+                self.take_far(BestMatch { edge, is_sure: true }, graph);
             }
             None => self.counts.refused += usize::from(is_tried),
         }

@@ -1,5 +1,6 @@
 //! Error replies: a code for programs and a sentence for people.
 
+use crate::model::validate::is_unseen;
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// What went wrong, for programs.
@@ -157,7 +158,7 @@ fn plain(message: &str) -> String {
                 }
             }
             '"' | '\\' => {}
-            _ if letter.is_control() => {}
+            _ if is_unseen(letter) => {}
             _ => plain.push(letter),
         }
         before = letter;

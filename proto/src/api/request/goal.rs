@@ -5,7 +5,9 @@ use crate::api::goal::GoalOrder;
 use crate::api::reply::{ErrorReply, PlaceRef};
 use crate::model::geometry::FixedPoint;
 use crate::model::ids::is_name;
-use serde_json::{Map, Value};
+use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
+use serde_json::Value;
+use std::fmt::Formatter;
 
 /// What a goal may say.
 const OF_A_GOAL: [&str; 6] = ["id", "to", "x", "y", "yaw", "to_nearest"];
@@ -93,13 +95,38 @@ fn read<'a, T>(
     take(&Parameters::of(of, texts.iter().map(|(name, text)| (name.as_str(), text.as_str())), known)?)
 }
 
+/// The fields of a JSON object in their order, those that are given twice, too.
+struct Fields(Vec<(String, Value)>);
+
+impl<'de> Deserialize<'de> for Fields {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Collect;
+        impl<'de> Visitor<'de> for Collect {
+            type Value = Fields;
+
+            fn expecting(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
+                formatter.write_str("a map")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Fields, A::Error> {
+                let mut fields = Vec::new();
+                while let Some(field) = map.next_entry()? {
+                    fields.push(field);
+                }
+                Ok(Fields(fields))
+            }
+        }
+        deserializer.deserialize_map(Collect)
+    }
+}
+
 /// The fields of a JSON object, each as a text.
 fn texts(payload: &[u8]) -> Result<Vec<(String, String)>, ErrorReply> {
     if payload.len() > GoalOrder::MAX_BYTES {
         let (length, most) = (payload.len(), GoalOrder::MAX_BYTES);
         return Err(bad_request(format!("{length} bytes are too many for a goal: at most {most}")));
     }
-    let fields: Map<String, Value> = serde_json::from_slice(payload).map_err(|error| {
+    let Fields(fields) = serde_json::from_slice(payload).map_err(|error| {
         bad_request(format!("the payload is no goal in JSON, such as {{id: 7, to: dock}}: {error}"))
     })?;
     let text = |(name, value): (String, Value)| match value {
