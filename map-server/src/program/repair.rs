@@ -70,8 +70,13 @@ impl Repair {
         stop.doing(self.doing());
         let made = |folder: &Path| {
             let folder = folder.to_owned();
-            // It is of no more use.
-            stop.finally(move || drop(std::fs::remove_dir_all(folder)));
+            stop.finally(move || remove(&folder));
+        };
+        // What comes of a copy that is taken away meanwhile is not told.
+        let unless_interrupted = || {
+            if stop.is_set() {
+                stop.leave();
+            }
         };
         match self {
             Self::Check { source } => {
@@ -82,7 +87,9 @@ impl Repair {
                     let subject = if maps.len() == 1 { "the exported map is" } else { "the exported maps are" };
                     return print(&Rescued { damage: None, authors }, subject, "are whole", json);
                 }
-                let found = check(&source, &std::env::temp_dir(), &made).map_err(not_rescued)?;
+                let found = check(&source, &std::env::temp_dir(), &made);
+                unless_interrupted();
+                let found = found.map_err(not_rescued)?;
                 let what = if found.damage.is_some() { "can be rescued" } else { "are whole" };
                 print(&found, "the store is", what, json)?;
                 match &found.damage {
@@ -91,7 +98,9 @@ impl Repair {
                 }
             }
             Self::Rescue { source, target } => {
-                let rescued = rescue(&source, &target, &made).map_err(not_rescued)?;
+                let rescued = rescue(&source, &target, &made);
+                unless_interrupted();
+                let rescued = rescued.map_err(not_rescued)?;
                 print(&rescued, "the store is", "rescued", json)?;
                 if rescued.damage.is_some() && rescued.authors.is_empty() {
                     return Err(ProgramFailure::of_run(format!("nothing of {} can be read", source.display())));
@@ -106,10 +115,21 @@ impl Repair {
                 }
             }
             Self::Restore { backup, store } => {
-                let restored = restore(&backup, store.as_deref().unwrap_or(data), &made)
-                    .map_err(|error| ProgramFailure::of(error.is_input(), error))?;
+                let restored = restore(&backup, store.as_deref().unwrap_or(data), &made);
+                unless_interrupted();
+                let restored = restored.map_err(|error| ProgramFailure::of(error.is_input(), error))?;
                 print_restored(&restored, json)
             }
+        }
+    }
+}
+
+/// Removes a folder into which others may be writing at this moment.
+fn remove(folder: &Path) {
+    const TRIES: usize = 100;
+    for _ in 0..TRIES {
+        if std::fs::remove_dir_all(folder).is_ok() || !folder.exists() {
+            return;
         }
     }
 }

@@ -30,6 +30,51 @@ const SEEDS: u64 = 50;
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 const NOW_US: u64 = 1_795_000_000_000_000;
 
+/// Whoever ends the program has no copy to remove.
+#[test]
+fn a_repair_that_is_interrupted_leaves_nothing() {
+    let _alone = ONE_AT_A_TIME.lock();
+    let dir = tempfile::tempdir().unwrap();
+    let (source, scratch, target) = (dir.path().join("source"), dir.path().join("scratch"), dir.path().join("target"));
+    fill(&source);
+    std::fs::create_dir(&scratch).unwrap();
+    // Of a damaged store more has to be done.
+    let mut bytes = std::fs::read(source.join(FILE_NAME)).unwrap();
+    damage(&mut bytes, 2);
+    std::fs::write(source.join(FILE_NAME), &bytes).unwrap();
+    let (mut interrupted, mut wait_ms) = (0, 0.0);
+    for round in 0..40 {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_map-server"));
+        match round % 2 {
+            0 => command.arg("check").arg(&source),
+            _ => command.arg("rescue").arg(&source).arg(&target),
+        };
+        command.env("TMPDIR", &scratch).stdout(Stdio::null()).stderr(Stdio::piped());
+        let begun = Instant::now();
+        let mut child = command.spawn().unwrap();
+        while begun.elapsed().as_secs_f64() * 1e3 < wait_ms {
+            std::hint::spin_loop();
+        }
+        let is_over = child.try_wait().unwrap().is_some();
+        Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let of_scratch: Vec<_> = std::fs::read_dir(&scratch).unwrap().collect();
+        assert!(of_scratch.is_empty(), "after {wait_ms} ms: {of_scratch:?} {said}");
+        assert!(!target.join("examined").exists(), "after {wait_ms} ms: {said}");
+        // Whoever has an answer already may still give it.
+        let is_told = |word: &str| said.contains(word);
+        if is_told("interrupted while") && output.status.code() == Some(143) {
+            assert!(!is_told("damaged") && !is_told("lost"), "{said}");
+            interrupted += 1;
+        }
+        // So that every part of the work is met.
+        wait_ms = if is_over { 0.0 } else { wait_ms + 1.5 };
+        let _ = std::fs::remove_file(target.join(FILE_NAME)); // if it was finished
+    }
+    assert!(interrupted > 5, "{interrupted}");
+}
+
 /// A map of two authors, a small one beside it, and one of which old increments were compacted.
 fn fill(dir: &Path) {
     let log = Arc::new(RedbLog::open(dir).unwrap());

@@ -2,7 +2,7 @@
 //! nothing.
 
 use crate::support::{ANA, BEN, bytes, expected, increment, key, museum, node};
-use fht_proto::api::reply::{ErrorCode, Head};
+use fht_proto::api::reply::{ErrorCode, ErrorReply, Head};
 use fht_proto::codec::envelope::{FORMAT_VERSION, Message, seal};
 use fht_proto::{AuthorId, Increment, MapName, Op, encode};
 use map_server::catalog::Catalog;
@@ -162,6 +162,13 @@ fn a_writer_is_told_why_it_is_refused() {
     let taken = bench.ingest.take_arrivals(vec![forged.clone(), forged, future, elsewhere], NOW_US).unwrap();
     let told: Vec<_> = taken.notices.iter().map(|notice| (notice.author, notice.reply.code)).collect();
     assert_eq!(told, [(ANA, ErrorCode::Conflict), (BEN, ErrorCode::Future)], "once each, and only whom a key names");
+    for number in ["0", "02", "two", "2/x"] {
+        let mut bench = Bench::open(tempfile::tempdir().unwrap().path(), Limits::default());
+        let misspelt = Arrival { key: format!("fht/museum/inc/{ANA}/{number}"), ..arrival(ANA, 2) };
+        let notices = bench.ingest.take_arrivals(vec![misspelt], NOW_US).unwrap().notices;
+        let is_told = |reply: &ErrorReply| reply.code == ErrorCode::BadRequest && reply.message.contains("from 1 on");
+        assert!(matches!(&notices[..], [told] if told.author == ANA && is_told(&told.reply)), "{number}: {notices:?}");
+    }
     assert!(taken.notices.iter().all(|notice| notice.map == museum() && notice.reply.code.is_permanent_refusal()));
 }
 

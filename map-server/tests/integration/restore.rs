@@ -107,6 +107,30 @@ async fn a_backup_takes_the_place_of_a_store() {
     let new = site.dir.path().join("new/store");
     assert_eq!(restore(&exported.join("museum.fht"), &new).unwrap().replaced, None);
     assert_eq!(files(&new), ["lock", "maps.redb"]);
+    std::fs::copy(exported.join("museum.fht"), exported.join("museum-2.fht")).unwrap();
+    let said = complaint(&exported, &data);
+    assert!(said.contains("museum-2.fht and ") && said.contains("museum.fht: both are of map museum"), "{said}");
+    check_owners(&copy, &data, &new);
+}
+
+/// What root puts in place is the server's, who has another account.
+fn check_owners(backup: &Path, data: &Path, new: &Path) {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
+    const NOBODY: u32 = 65_534;
+    let of = |path: &Path| std::fs::metadata(path).map(|of| (of.uid(), of.permissions().mode() & 0o777)).unwrap();
+    std::fs::set_permissions(data.join("maps.redb"), PermissionsExt::from_mode(0o600)).unwrap();
+    let is_root = chown(data.join("maps.redb"), Some(NOBODY), Some(NOBODY)).is_ok();
+    restore(backup, data).unwrap();
+    assert_eq!(of(&data.join("maps.redb")).1, 0o600, "nobody else reads it, as before");
+    if is_root {
+        assert_eq!(of(&data.join("maps.redb")).0, NOBODY);
+        // An empty directory that the server was given.
+        std::fs::remove_dir_all(new).unwrap();
+        std::fs::create_dir(new).unwrap();
+        chown(new, Some(NOBODY), Some(NOBODY)).unwrap();
+        restore(backup, new).unwrap();
+        assert_eq!(["maps.redb", "lock"].map(|name| of(&new.join(name)).0), [NOBODY; 2]);
+    }
 }
 
 #[test]

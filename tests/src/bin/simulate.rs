@@ -13,7 +13,7 @@ use std::process::ExitCode;
 #[derive(Debug, Parser)]
 struct Args {
     /// How many seeds.
-    #[arg(long, default_value_t = 2000)]
+    #[arg(long, default_value_t = 2000, value_parser = fht_program::flags::count)]
     seeds: u64,
     /// The first seed.
     #[arg(long, default_value_t = 1)]

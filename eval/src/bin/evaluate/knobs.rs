@@ -25,7 +25,7 @@ pub struct KnobsArgs {
     #[arg(long, value_enum, value_delimiter = ',')]
     knobs: Vec<Knob>,
     /// Starts in each world, drawn as for `relocalize`; the authors' own come on top.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = fht_program::flags::count)]
     starts: u64,
     /// Distance after which a drive ends, metres.
     #[arg(long, default_value_t = 15.0, value_parser = metres)]

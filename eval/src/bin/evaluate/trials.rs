@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 pub struct TrialArgs {
     /// Starts in each world, drawn uniformly from where the robot has room, with any heading; the
     /// authors' own come on top.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = fht_program::flags::count)]
     pub starts: u64,
     /// Systems, separated by commas.
     #[arg(

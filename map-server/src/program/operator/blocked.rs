@@ -100,13 +100,13 @@ impl BlockedAction {
     }
 }
 
-/// That nobody has heard of a robot: a sentence. A server that does not say knows of it.
+/// That no robot of this name has told its state, a sentence: it may be mistyped.
 async fn unheard(session: &Session, map: &MapName, robot: &RobotName) -> Option<String> {
     let robots = fleet(session, map).await.ok()?.robots;
     let names: Vec<&str> = robots.iter().map(|known| known.status.robot.as_str()).collect();
     (!names.contains(&robot.as_str())).then(|| {
         format!(
-            "nobody has heard of a robot called {robot} on map {map}: {}; --ignore 0s takes it back",
+            "no robot called {robot} has told its state on map {map} ({}): --ignore 0s takes it back",
             known_names(names)
         )
     })
@@ -121,7 +121,7 @@ pub(super) struct Blocked {
     /// Whether it was only asked for.
     #[serde(skip)]
     is_list: bool,
-    /// That nobody has heard of the robot whose reports shall not count.
+    /// That there may be no such robot as the one whose reports shall not count.
     #[serde(skip_serializing_if = "Option::is_none")]
     unheard: Option<String>,
 }

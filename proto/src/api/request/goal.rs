@@ -199,6 +199,8 @@ mod tests {
             (r#"{"id": "7", "x": 1e999, "y": 2}"#, "no goal in JSON"),
             (r#"{"id": "7", "x": [1], "y": 2}"#, "x is a list or an object"),
             (r#"{"id": "7", "to": "dock", "to_nearest": "maybe"}"#, "is not true or false"),
+            (r#"{"id": "7", "id": "8", "to": "dock"}"#, "parameter id is given twice"),
+            (r#"{"id": "7", "x": 1, "x": 1, "y": 0}"#, "parameter x is given twice"),
             ("[]", "no goal in JSON"),
             ("dock", "no goal in JSON"),
         ] {
