@@ -11,9 +11,9 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Writes a run while it goes on: frames, the transform `map → odom` from when the robot knows its
-/// place, and the map on `/map` and `/fht_map`, at the beginning and when it has changed. Without a
-/// bag it does nothing.
+/// Writes a run while it goes on: frames, the transform `map → odom` from when the robot knows
+/// its place, and the map on `/map` and `/fht_map`, at the beginning and when it has changed.
+/// Without a bag it does nothing.
 pub(super) struct Recording<'a>(Option<Bag<'a>>);
 
 struct Bag<'a> {

@@ -1,5 +1,5 @@
-//! The visual descriptor φ: a CNN over the panorama, pooled into a unit vector that does not depend
-//! on the robot's heading.
+//! The visual descriptor φ: a CNN over the panorama, pooled into a unit vector that does not
+//! depend on the robot's heading.
 //!
 //! ```text
 //!  Panorama ─→ cylinder ─→ light ─→ network ─→ pool ─→ projection ─→ unit vector φ

@@ -103,8 +103,8 @@
 //!   another building's, or not complete.
 //! * **It stops between walls.** Is [`Connect::footprint`] the robot's? Does its scanner see the
 //!   robot itself?
-//! * **`no path …; these are closed: …`** Look at [`Map::rules`]. What another robot found blocked
-//!   opens by itself: drive again then.
+//! * **`no path …; these are closed: …`** Look at [`Map::rules`]. What another robot found
+//!   blocked opens by itself: drive again then.
 //!
 //! # Features
 //!

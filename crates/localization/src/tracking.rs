@@ -28,8 +28,8 @@ pub struct TrackingConfig {
     pub lost_explained: f64,
     /// Weight of a scan in the running means. Default 0.15.
     pub scan_weight: f64,
-    /// Greatest squared Mahalanobis distance of a measurement. Default 16.27 (χ², 99.9 %, 3 degrees
-    /// of freedom).
+    /// Greatest squared Mahalanobis distance of a measurement. Default 16.27 (χ², 99.9 %, 3
+    /// degrees of freedom).
     pub gate: f64,
     /// Added to every measurement's sigma, since walls are not exactly where the map says, metres.
     /// Default 0.02.

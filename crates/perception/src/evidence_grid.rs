@@ -394,7 +394,8 @@ mod tests {
     use super::*;
     use crate::pose::pose;
 
-    /// What a scanner at `at` sees of a room of 6 m × 4 m around the origin with a box in a corner.
+    /// What a scanner at `at` sees of a room of 6 m × 4 m around the origin with a box in a
+    /// corner.
     fn scan(at: &Pose2) -> LaserScan {
         let walls: [((f64, f64), (f64, f64)); 6] = [
             ((-3.0, -2.0), (3.0, -2.0)),

@@ -14,8 +14,8 @@ pub(crate) fn rotation(q: &Quaternion) -> Option<UnitQuaternion<f64>> {
     (norm.is_finite() && norm > LEAST_NORM).then(|| UnitQuaternion::from_quaternion(quaternion))
 }
 
-/// The heading of a rotation, radians in [-π, π]: where the x axis points, seen from above. `None`
-/// if the quaternion is not a rotation.
+/// The heading of a rotation, radians in [-π, π]: where the x axis points, seen from above.
+/// `None` if the quaternion is not a rotation.
 #[must_use]
 pub fn yaw_of(q: &Quaternion) -> Option<f64> {
     let rotation = rotation(q)?;

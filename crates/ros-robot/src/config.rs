@@ -17,9 +17,9 @@ pub struct RosRobotConfig {
     /// Which of their points count.
     pub band: BandConfig,
     /// Pictures of four cameras ahead, left, behind, right (sensor_msgs/Image or CompressedImage,
-    /// which is also looked for at `NAME/compressed`), of 90° each, or with camera_info beside them
-    /// and transforms. Default none: camera_front/image, camera_left/image, camera_back/image and
-    /// camera_right/image, if all four are there.
+    /// which is also looked for at `NAME/compressed`), of 90° each, or with camera_info beside
+    /// them and transforms. Default none: camera_front/image, camera_left/image, camera_back/image
+    /// and camera_right/image, if all four are there.
     pub cameras: Option<[String; 4]>,
     /// Whether no pictures are read.
     // The program's own: it has a flag, and a section that all robots have.

@@ -42,8 +42,8 @@ pub struct SimRobotConfig {
     pub odom_frame: String,
     /// Without a command for so long the robot stands, seconds of its clock. Default 0.5.
     pub watchdog_s: f64,
-    /// What its clock says at the first frame, microseconds since the epoch. Default 10⁹: to ROS, 0
-    /// is no time.
+    /// What its clock says at the first frame, microseconds since the epoch. Default 10⁹: to ROS,
+    /// 0 is no time.
     pub begin_us: u64,
     /// Whether `/clock` says what time it is. Default no.
     pub has_clock: bool,

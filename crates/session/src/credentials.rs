@@ -311,7 +311,8 @@ pub fn check_server(config: &Config, endpoints: &[String]) -> Result<(), Credent
     is_none_of(config, endpoints, "server", &["client", "explorer", "operator"])
 }
 
-/// Checks that the certificate which is shown is not of one of `others`: not for what a `role` does.
+/// Checks that the certificate which is shown is not of one of `others`: not for what a `role`
+/// does.
 fn is_none_of(
     config: &Config,
     endpoints: &[String],

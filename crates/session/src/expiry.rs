@@ -28,8 +28,9 @@ fn is_new(tls: &str, side: TlsSide) -> bool {
 }
 
 /// Says that the certificate which `config` shows on this side will expire soon, and from when it
-/// does that it has expired. In a thread of its own, as long as the program runs: sessions outlive the runtime that they were
-/// opened in. One that has expired already, and was let in, is not spoken of.
+/// does that it has expired. In a thread of its own, as long as the program runs: sessions outlive
+/// the runtime that they were opened in. One that has expired already, and was let in, is not
+/// spoken of.
 pub(crate) fn watch(config: &Config, endpoints: &[String], side: TlsSide) {
     if valid_for(config, endpoints, side).is_none() {
         return; // there is none, or it was out of date before

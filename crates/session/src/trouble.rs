@@ -68,8 +68,8 @@ fn other_protocol(endpoint: &str, reason: &str) -> Option<String> {
     is(&["eof", "reset by peer", "InvalidContentType", "corrupt message"]).then(|| format!("tcp/{at}"))
 }
 
-/// `tcp/…`, if a TLS endpoint is there but says nothing: a Zenoh router without TLS waits for more
-/// of what it takes for a long message.
+/// `tcp/…`, if a TLS endpoint is there but says nothing: a Zenoh router without TLS waits for
+/// more of what it takes for a long message.
 async fn silent_to_tls(endpoint: &str) -> Option<String> {
     let at = endpoint.strip_prefix("tls/")?.to_owned();
     let address = at.split(['?', '#']).next()?.to_owned();

@@ -124,8 +124,8 @@ fn what_can_be_run_into_is_seen_and_tables_are_not() {
 
 #[test]
 fn poses_of_models_links_and_visuals_add_up() {
-    // A thin box, turned by 90° in all, so that its long side runs along y; state and nested models
-    // move it.
+    // A thin box, turned by 90° in all, so that its long side runs along y; state and nested
+    // models move it.
     let thing = r#"<model name="outer"><pose>9 9 0 0 0 0</pose>
         <model name="inner"><pose>1 0 0 0 0 0.785398163397</pose><link name="l"><pose>0 0 0 0 0 0.785398163397</pose>
           <visual name="v"><pose>0 -1 0.5 0 0 0</pose><geometry><box><size>1 0.1 1</size></box></geometry></visual>

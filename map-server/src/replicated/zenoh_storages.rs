@@ -20,8 +20,8 @@ const ANSWER_TIMEOUT: Duration = Duration::from_secs(1);
 /// How long everything of an author may take, and the list of authors. A router that is lost
 /// meanwhile may take the end of an answer with it, which then never comes.
 const FIRST_PATIENCE: Duration = Duration::from_secs(4);
-/// … at most, if answers do not come to their end: for a wildcard a storage goes through all of its
-/// keys.
+/// … at most, if answers do not come to their end: for a wildcard a storage goes through all of
+/// its keys.
 const LONGEST_PATIENCE: Duration = Duration::from_secs(60);
 /// Questions under way at one time.
 const AT_A_TIME: usize = 64;

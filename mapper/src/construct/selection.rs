@@ -53,7 +53,8 @@ pub(super) struct SelectedPlace {
     pub value: PlaceObservation,
 }
 
-/// The state of the selection: the nodes chosen, and the best place since capability fell below γ₁.
+/// The state of the selection: the nodes chosen, and the best place since capability fell below
+/// γ₁.
 pub(super) struct Selection {
     config: SelectionConfig,
     chosen: BTreeMap<NodeId, (FixedPoint, f64)>,

@@ -74,8 +74,8 @@ impl HeadingWalk {
         Some(sorted[(rank as usize).min(count - 1)] / MEDIAN_OF_SQUARE)
     }
 
-    /// Between the wheels' heading, which has become less certain by `growth` (rad²), and that of a
-    /// scan, off by `off_rad` with variance `scan`: what of that is to be believed, radians. Of a
+    /// Between the wheels' heading, which has become less certain by `growth` (rad²), and that of
+    /// a scan, off by `off_rad` with variance `scan`: what of that is to be believed, radians. Of a
     /// scan beyond `most_sigmas` nothing is.
     pub fn weigh(&mut self, growth: f64, off_rad: f64, scan: f64, most_sigmas: f64) -> f64 {
         self.variance += growth;

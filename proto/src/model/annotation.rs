@@ -12,8 +12,9 @@ use unicode_normalization::char::is_combining_mark;
 
 /// The name of a place or a zone: a letter, then letters, digits, `_` or `-`, 64 characters at
 /// most, so that it is neither coordinates nor a node id in a query. Letters and digits are those
-/// of all scripts, with the marks that belong to them (`Küche`, `倉庫`, `ห้อง`). However it is typed,
-/// it is in the composed form (NFC), so that what looks alike is the same. It is in no key.
+/// of all scripts, with the marks that belong to them (`Küche`, `倉庫`, `ห้อง`). However
+/// it is typed, it is in the composed form (NFC), so that what looks alike is the same. It is in no
+/// key.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Label(String);

@@ -1,5 +1,5 @@
-//! What a main node carries beyond a support node: a visual descriptor φ and a laser scan ψ (paper,
-//! Table I).
+//! What a main node carries beyond a support node: a visual descriptor φ and a laser scan ψ
+//! (paper, Table I).
 
 use crate::model::geometry::FixedPose;
 use crate::packing::packed::{PackedRanges, UnpackError, pack_ranges, pack_values, unpack_ranges, unpack_values};

@@ -9,8 +9,8 @@ use fht_ros_frames::{CAMERAS, Compression, compress, header_message, optical_rot
 use fht_ros_messages::msg::{CompressedImage, LaserScanMsg, Pose, TfMessage, TransformStamped};
 use std::f64::consts::FRAC_PI_2;
 
-/// Writes frames: `/scan`, `/odom`, `/tf` (`odom → base_link`, and `map → odom` if it is known),
-/// `/tf_static`, and the cameras' pictures as lossless PNG on
+/// Writes frames: `/scan`, `/odom`, `/tf` (`odom → base_link`, and `map → odom` if it is
+/// known), `/tf_static`, and the cameras' pictures as lossless PNG on
 /// `/camera_{front,left,back,right}/image/compressed`. The odometry has the velocity between
 /// frames, in `base_link`, and covariances that wheels deserve; z, roll and pitch are unknown.
 ///

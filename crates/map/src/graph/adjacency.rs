@@ -147,7 +147,8 @@ impl Adjacency {
             self.arcs.copy_within(from..from + len.min(block.len as usize), start as usize);
             self.give_back(block.start, before);
         }
-        // Neither nodes nor arcs come near 2³²: the map that they are of would not fit into memory.
+        // Neither nodes nor arcs come near 2³²: the map that they are of would not fit into
+        // memory.
         self.blocks[node as usize] = Block { start, len: len as u32 };
     }
 

@@ -21,8 +21,8 @@ pub struct JointGridConfig {
     /// What the second map knows to be free counts up to this before its border: the alignment is
     /// not exact, metres. Default 0.02.
     pub margin_m: f64,
-    /// The grid. Default: log-odds within ± 2, which two beams that end in a cell take back where a
-    /// rectangle said that it is free.
+    /// The grid. Default: log-odds within ± 2, which two beams that end in a cell take back where
+    /// a rectangle said that it is free.
     pub grid: GridConfig,
 }
 

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-/// People in a building. The defaults of the forces are those of Helbing and Molnár (1995), section
-/// III, but for the walls: theirs keep everybody in the middle of a street, and a building's
-/// passages are narrower.
+/// People in a building. The defaults of the forces are those of Helbing and Molnár (1995),
+/// section III, but for the walls: theirs keep everybody in the middle of a street, and a
+/// building's passages are narrower.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PeopleConfig {
     /// How many. Default 0: nobody, and nothing differs from a building without people.

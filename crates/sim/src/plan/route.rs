@@ -5,8 +5,8 @@ use fht_perception::pose::Point2;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Cost of a straight step in A*; a diagonal one costs √2 times it. Integers keep the order of the
-/// queue exact.
+/// Cost of a straight step in A*; a diagonal one costs √2 times it. Integers keep the order of
+/// the queue exact.
 const STEP: u64 = 1_000_000;
 const DIAGONAL: u64 = 1_414_214;
 /// Rounds of pulling taut; the length stops falling after two or three.

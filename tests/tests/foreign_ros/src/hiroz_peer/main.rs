@@ -5,8 +5,8 @@
 //! HASHES is JSON: type hashes by name. Roles:
 //!
 //! * `path`, `route`, `go` and `cancel` send goals: one for each line of standard input, in JSON.
-//!   They print `result {…}` for each (how it ended and what came of it), and `feedback {…}` before
-//!   it.
+//!   They print `result {…}` for each (how it ended and what came of it), and `feedback {…}`
+//!   before it.
 //! * `nav2` serves navigate_to_pose: it drives straight ahead, prints `goal X Y` for each goal, and
 //!   ends with its standard input.
 
