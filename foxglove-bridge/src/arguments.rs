@@ -6,6 +6,8 @@ use fht_program::flags::{CompletionsArgs, ConnectArgs, new_file};
 use fht_proto::MapName;
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use tokio_tungstenite::tungstenite::http::Uri;
+use tokio_tungstenite::tungstenite::http::uri::Authority;
 
 /// A map and its robots, live in Foxglove and Lichtblick.
 #[derive(Debug, Parser)]
@@ -50,7 +52,7 @@ pub(crate) struct BridgeArgs {
     pub(crate) listen: SocketAddr,
     /// A page that may connect besides Foxglove's own and those of this machine, such as
     /// http://viewer:8080 (repeatable).
-    #[arg(long, value_name = "URL")]
+    #[arg(long, value_name = "URL", value_parser = origin)]
     pub(crate) origin: Vec<String>,
     /// A name by which the bridge is reached, besides those in its certificate (repeatable).
     #[arg(long, value_name = "HOST")]
@@ -77,5 +79,50 @@ impl BridgeArgs {
     pub(crate) fn certificates(&self) -> Option<DoorCertificates> {
         let (certificate, key, authority) = (self.certificate.clone()?, self.key.clone()?, self.authority.clone()?);
         Some(DoorCertificates { certificate, key, authority })
+    }
+}
+
+/// A page's origin as browsers write it: without a path, in small letters, and without the port
+/// that its scheme has anyway.
+fn origin(text: &str) -> Result<String, String> {
+    let none = || format!("'{text}' is no origin of a page, such as http://viewer:8080");
+    let url: Uri = text.parse().map_err(|_| none())?;
+    let (Some(scheme), Some(host)) = (url.scheme_str(), url.host().filter(|host| !host.is_empty())) else {
+        return Err(none());
+    };
+    if url.path_and_query().is_some_and(|path| path != "/") {
+        return Err(format!(
+            "'{text}' is a page, and its origin has no path: {scheme}://{}",
+            url.authority().map_or(host, Authority::as_str)
+        ));
+    }
+    let usual = match scheme {
+        "http" => Some(80),
+        "https" => Some(443),
+        _ => None,
+    };
+    let port = url.port_u16().filter(|port| Some(*port) != usual).map(|port| format!(":{port}")).unwrap_or_default();
+    Ok(format!("{scheme}://{host}{port}").to_lowercase())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn origins_are_as_browsers_write_them() {
+        for (given, expected) in [
+            ("http://viewer:8080", "http://viewer:8080"),
+            ("http://viewer:8080/", "http://viewer:8080"),
+            ("HTTP://Other:80", "http://other"),
+            ("https://other:443/", "https://other"),
+            ("https://[::1]:8443", "https://[::1]:8443"),
+            ("tauri://localhost", "tauri://localhost"),
+        ] {
+            assert_eq!(origin(given).as_deref(), Ok(expected), "{given}");
+        }
+        for none in ["nonsense", "", "viewer:8080", "http://viewer/page", "http://viewer?x=1", "*", "http://"] {
+            assert!(origin(none).is_err(), "{none}");
+        }
     }
 }

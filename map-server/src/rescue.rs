@@ -97,8 +97,13 @@ pub fn rescue(source: &Path, target: &Path, made: ForAWhile<'_>) -> Result<Rescu
     if target.join(FILE_NAME).exists() {
         return Err(RescueError::Occupied(target.to_owned()));
     }
+    let is_new = !target.exists();
     let copy = Scratch::new(target, made)?;
-    rescue_by(&file, copy.path(), target)
+    let rescued = rescue_by(&file, copy.path(), target)?;
+    if is_new {
+        placement::own_like(target, file.parent().unwrap_or(&file)).map_err(file_error(target))?;
+    }
+    Ok(rescued)
 }
 
 fn rescue_by(file: &Path, copy: &Path, target: &Path) -> Result<Rescued, RescueError> {
@@ -116,6 +121,7 @@ fn rescue_by(file: &Path, copy: &Path, target: &Path) -> Result<Rescued, RescueE
     if !authors.is_empty() {
         // Made beside, so that it is there as a whole or not at all.
         let rebuilt = copy.join("rebuilt");
+        std::fs::create_dir(&rebuilt).map_err(file_error(&rebuilt))?;
         rebuild::write(found, &rebuilt)?;
         placement::put(&rebuilt.join(FILE_NAME), &target.join(FILE_NAME), file)?;
     }

@@ -10,7 +10,8 @@ use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tokio_rustls::TlsAcceptor;
-use x509_parser::extensions::GeneralName;
+use x509_parser::certificate::BasicExtension;
+use x509_parser::extensions::{ExtendedKeyUsage, GeneralName};
 
 /// Files in PEM form.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -50,6 +51,7 @@ pub(crate) fn secure(files: &DoorCertificates) -> Result<SecureSide, DoorError> 
     for authority in certificates("authority", &files.authority)? {
         roots.add(authority).map_err(|error| of_no_use("authority", &files.authority, error))?;
     }
+    check_purpose(&chain[0]).map_err(|reason| of_no_use("certificate", &files.certificate, reason))?;
     let names = names_in(&chain[0]);
     let failed = |error: rustls::Error| DoorError::Tls(error.to_string());
     let provider = Arc::new(default_provider());
@@ -66,6 +68,25 @@ pub(crate) fn secure(files: &DoorCertificates) -> Result<SecureSide, DoorError> 
         .map_err(failed)?;
     config.alpn_protocols = vec![b"http/1.1".to_vec()];
     Ok(SecureSide { acceptor: TlsAcceptor::from(Arc::new(config)), names })
+}
+
+/// Checks that a certificate is one to listen with, and warns if nobody takes it now.
+fn check_purpose(certificate: &CertificateDer<'_>) -> Result<(), String> {
+    let Ok((_, certificate)) = x509_parser::parse_x509_certificate(certificate) else { return Ok(()) };
+    let is_for_servers = |usage: BasicExtension<&ExtendedKeyUsage<'_>>| usage.value.server_auth || usage.value.any;
+    if !certificate.extended_key_usage().ok().flatten().is_none_or(is_for_servers) {
+        return Err("it is made to connect with, and nobody takes it from who listens: make one with the names of \
+                    this host"
+            .to_owned());
+    }
+    let validity = certificate.validity();
+    if !validity.is_valid() {
+        let (from, to) = (validity.not_before, validity.not_after);
+        tracing::warn!(
+            "the certificate is valid from {from} to {to}, and by this machine's clock that is not now: nobody takes it"
+        );
+    }
+    Ok(())
 }
 
 /// The hosts that a certificate is for.

@@ -56,7 +56,7 @@ pub struct AlignmentFigures {
     pub matched: usize,
     /// Of these, matched in contradiction to the others, and left out.
     pub outliers: usize,
-    /// Where the second map's frame lies in the first: x and y in metres, yaw in degrees.
+    /// Where the second map's frame lies in the first: x and y in metres, yaw in radians.
     pub transform: [f64; 3],
     /// How far matched places are from their own match: median, metres.
     pub residual_median_m: f64,
@@ -119,7 +119,7 @@ pub fn lay(a: &MapState, b: &MapState, config: &MergeConfig) -> Result<Alignment
         places: b_side.places.len(),
         matched: aligned.matched.len(),
         outliers: aligned.outliers,
-        transform: [a_from_b.translation.x, a_from_b.translation.y, a_from_b.rotation.angle().to_degrees()],
+        transform: [a_from_b.translation.x, a_from_b.translation.y, a_from_b.rotation.angle()],
         residual_median_m: residuals.get(residuals.len() / 2).copied().unwrap_or(0.0),
         residual_max_m: residuals.last().copied().unwrap_or(0.0),
         overlap_m2: verdict.overlap_m2,

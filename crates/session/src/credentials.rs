@@ -75,6 +75,15 @@ pub enum CredentialError {
         /// The key.
         key: PathBuf,
     },
+    /// The certificate is made to connect with, and not to listen.
+    #[error(
+        "transport.link.tls.listen_certificate: {} is made to connect with, and nobody takes it from who listens: make \
+         one with the names of this host", file.display()
+    )]
+    NotToListen {
+        /// The certificate.
+        file: PathBuf,
+    },
     /// An endpoint needs a protocol that the configuration does not allow.
     #[error(
         "{endpoint} needs the protocol {protocol}, and transport.link.protocols allows {allowed:?} alone: change one of \
@@ -180,6 +189,9 @@ pub fn check(config: &Config, endpoints: &[String], side: TlsSide) -> Result<(),
         }
     }
     let file = |option: &str| tls.get(option).and_then(serde_json::Value::as_str).map(Path::new);
+    if let Some(certificate) = file(side.certificate()).filter(|file| side == TlsSide::Listening && !may_listen(file)) {
+        return Err(CredentialError::NotToListen { file: certificate.to_owned() });
+    }
     match file(side.certificate()).zip(file(side.key())) {
         Some((certificate, key)) if !is_key_of(certificate, key).unwrap_or(true) => {
             let (certificate, key) = (certificate.to_owned(), key.to_owned());
@@ -249,6 +261,16 @@ fn check_protocols(config: &Config, endpoints: &[String]) -> Result<(), Credenti
         }
         None => Ok(()),
     }
+}
+
+/// Whether a certificate may be shown by who listens; what cannot be read may.
+fn may_listen(certificate: &Path) -> bool {
+    let Some(pem) = first_certificate(certificate) else { return true };
+    let usage = pem.parse_x509().ok().and_then(|certificate| {
+        let usage = certificate.extended_key_usage().ok()??;
+        Some(usage.value.server_auth || usage.value.any)
+    });
+    usage.unwrap_or(true)
 }
 
 /// Whether a key is a certificate's. None: one of the two is of a sort that is not known here.

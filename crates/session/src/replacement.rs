@@ -16,6 +16,8 @@ const EVERY: Duration = Duration::from_secs(1);
 /// So long a session may be without a router before another id is tried, and so long routers have
 /// to let in others and not this one: longer than Zenoh waits between two attempts of its own.
 const ALONE: Duration = Duration::from_secs(4);
+/// So often it is said again that no router is reached.
+const SAY_AGAIN: Duration = Duration::from_secs(60);
 /// So long the old session may take to end. Nobody hears it.
 const FAREWELL: Duration = Duration::from_secs(2);
 
@@ -33,16 +35,24 @@ pub async fn replacement(session: &Session, config: &Config) -> Session {
     if !is_ready {
         std::future::pending::<()>().await;
     }
-    let (mut alone_since, mut refused_since) = (None, None);
+    let (mut alone_since, mut refused_since, mut said) = (None::<Instant>, None, None::<Instant>);
     loop {
         tokio::time::sleep(EVERY).await;
         if is_connected(session).await {
-            (alone_since, refused_since) = (None, None);
+            if let Some(since) = alone_since.filter(|_| said.is_some()) {
+                tracing::warn!("a router is reached again, after {} s", since.elapsed().as_secs());
+            }
+            (alone_since, refused_since, said) = (None, None, None);
             continue;
         }
         let since = *alone_since.get_or_insert_with(Instant::now);
         if since.elapsed() < ALONE {
             continue;
+        }
+        if said.is_none_or(|said| said.elapsed() >= SAY_AGAIN) {
+            let seconds = since.elapsed().as_secs();
+            tracing::warn!("no router has been reached for {seconds} s: nobody hears this session; it tries again");
+            said = Some(Instant::now());
         }
         let Ok(other) = attempt(config.clone()).await else {
             refused_since = None;

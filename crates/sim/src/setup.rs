@@ -45,10 +45,11 @@ pub struct SimSetup {
 }
 
 impl SimSetup {
-    /// The names of all flags: they are of no use to a robot that is not simulated.
+    /// The names of the flags that are of no use to a robot that is not simulated: all but that of
+    /// the seed, by which it draws its goal, too.
     #[cfg(feature = "cli")]
-    pub const FLAGS: [&'static str; 8] =
-        ["world", "textures", "world_seed", "start", "map_origin", "seed", "people", "shared_world"];
+    pub const FLAGS: [&'static str; 7] =
+        ["world", "textures", "world_seed", "start", "map_origin", "people", "shared_world"];
 
     /// A robot in `world`, with the defaults of the flags for everything else.
     #[must_use]

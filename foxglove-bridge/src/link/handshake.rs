@@ -59,7 +59,7 @@ impl Origins {
         }
         if let Some(origin) = field(fields, &ORIGIN)?.filter(|origin| !self.has(origin)) {
             let shown: String = origin.chars().take(100).collect();
-            return Err((StatusCode::FORBIDDEN, format!("the page {shown} may not connect: --origin lets it")));
+            return Err((StatusCode::FORBIDDEN, format!("the page {shown} may not connect: --origin {shown} lets it")));
         }
         let offered = fields.get_all(SEC_WEBSOCKET_PROTOCOL).iter().filter_map(|value| value.to_str().ok());
         let offered: Vec<&str> = offered.flat_map(|values| values.split(',')).map(str::trim).collect();

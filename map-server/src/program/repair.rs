@@ -6,6 +6,7 @@ use clap::Subcommand;
 use fht_program::{ProgramFailure, Stop, print_line};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// What can be done with a store while no server uses it.
 #[derive(Clone, Debug, Subcommand)]
@@ -124,11 +125,14 @@ impl Repair {
     }
 }
 
-/// Removes a folder into which others may be writing at this moment.
+/// Removes a folder into which another thread may be writing, and what that makes anew meanwhile.
 fn remove(folder: &Path) {
-    const TRIES: usize = 100;
+    const TRIES: usize = 50;
+    const PAUSE: Duration = Duration::from_millis(10);
     for _ in 0..TRIES {
-        if std::fs::remove_dir_all(folder).is_ok() || !folder.exists() {
+        let _ = std::fs::remove_dir_all(folder); // or else the next time
+        std::thread::sleep(PAUSE);
+        if !folder.exists() {
             return;
         }
     }

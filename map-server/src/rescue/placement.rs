@@ -14,14 +14,20 @@ pub(super) fn put(new: &Path, file: &Path, model: &Path) -> Result<(), RescueErr
     sync(new)?;
     let dir = file.parent().unwrap_or(file);
     let is_of = if model.exists() { model } else { dir };
-    if model.exists() {
-        let rights = std::fs::metadata(model).map_err(file_error(model))?.permissions();
-        std::fs::set_permissions(new, rights).map_err(file_error(new))?;
+    match model.exists() {
+        true => own_like(new, model).map_err(file_error(new))?,
+        false => give(new, dir),
     }
-    give(new, is_of);
     std::fs::rename(new, file).map_err(file_error(file))?;
     give(&dir.join(LOCK_NAME), is_of);
     sync(dir)
+}
+
+/// Makes `path` whose `model` is, with the same rights.
+pub(super) fn own_like(path: &Path, model: &Path) -> std::io::Result<()> {
+    std::fs::set_permissions(path, std::fs::metadata(model)?.permissions())?;
+    give(path, model);
+    Ok(())
 }
 
 /// Makes `path` whose `model` is, if it is somebody else's. Only root can give something away.

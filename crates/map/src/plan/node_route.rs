@@ -124,7 +124,7 @@ impl RouteError {
 }
 
 /// What is wrong with a start from which nothing leads away.
-const SHUT_IN: &str = "; nothing that the map knows leads away from the start";
+const SHUT_IN: &str = "; nothing leads away from the start, as far as the map knows";
 
 fn how_near(nearest: Option<FixedPoint>, goal: FixedPoint) -> String {
     let near = |at: FixedPoint| {

@@ -93,7 +93,9 @@ impl BlockedAction {
             }
         };
         let unheard = match &self {
-            Self::Clear { map, robot: Some(robot), ignore: Some(_) } => unheard(session, map, robot).await,
+            Self::Clear { map, robot: Some(robot), ignore: Some(time) } if !time.is_zero() => {
+                unheard(session, map, robot).await
+            }
             _ => None,
         };
         Ok(Blocked { map: rules.map, blocked: rules.blocked, ignored: rules.ignored, is_list, unheard })

@@ -171,7 +171,8 @@ pub(super) fn in_words(reply: &MergeReply) -> String {
     }) = &reply.alignment
     {
         lines.push(format!("matched     {matched} of {places} places of {}", reply.second));
-        lines.push(format!("lies at     {x:.3},{y:.3} in {}, turned by {yaw:.2}°", reply.first));
+        let yaw_deg = yaw.to_degrees();
+        lines.push(format!("lies at     {x:.3},{y:.3} in {}, turned by {yaw_deg:.2}°", reply.first));
         lines.push(format!("off by      {residual_median_m:.3} m in the median, {residual_max_m:.3} m at most"));
         let (share, against) = (100.0 * overlap_share, 100.0 * contradicted);
         lines.push(format!(
