@@ -22,7 +22,7 @@ fn museum() -> MapName {
 
 /// Runs an operator's command.
 fn operate(endpoint: &str, args: &[&str]) -> Value {
-    let printed = start(Role::MapServer, &[args, &["--connect", endpoint, "--json"]].concat()).finish(PATIENCE);
+    let printed = start(Role::MapServer, [args, &["--connect", endpoint, "--json"]].concat()).finish(PATIENCE);
     serde_json::from_str(&printed.unwrap()).unwrap()
 }
 
@@ -37,7 +37,7 @@ fn said(ended: Result<(), ProcessError>) -> String {
 /// explorer said at its end.
 fn explore_until(endpoint: &str, then: impl FnOnce()) -> String {
     let args = ["explore", "--world", "museum", "--map", "museum", "--no-cameras", "--rate", "20", "--progress-json"];
-    let explorer = start(Role::Mapper, &[&args[..], &["--connect", endpoint]].concat());
+    let explorer = start(Role::Mapper, [&args[..], &["--connect", endpoint]].concat());
     let mut then = Some(then);
     said(explorer.follow(|line| {
         let line: Value = serde_json::from_str(line).unwrap();
@@ -70,17 +70,17 @@ fn a_map_is_deleted_while_it_is_explored() {
     assert!(kept.version >= DELETE_AT && kept.deletion.is_some(), "{kept:?}");
     // Another one does not even begin.
     let args = ["explore", "--world", "museum", "--no-cameras", "--robot", "second", "--connect", &endpoint];
-    let told = said(start(Role::Mapper, &args).finish(PATIENCE).map(|_| ()));
+    let told = said(start(Role::Mapper, args).finish(PATIENCE).map(|_| ()));
     assert!(told.contains("map museum will be deleted at") && told.contains(REASON), "{told}");
     // A robot that uses the map is warned, once.
     let args = ["go", "--world", "museum", "--map", "museum", "--no-cameras", "--to", "1.5,0", "--max-sim", "5"];
     let told =
-        said(start(Role::ClientRobot, &[&args[..], &["--connect", &endpoint]].concat()).finish(PATIENCE).map(|_| ()));
+        said(start(Role::ClientRobot, [&args[..], &["--connect", &endpoint]].concat()).finish(PATIENCE).map(|_| ()));
     assert_eq!(told.matches("map museum will be deleted at").count(), 1, "{told}");
 
     // An operator is told once, and what follows from it.
     let place = ["place", "museum", "dock", "0,0", "--connect", &endpoint];
-    let told = said(start(Role::MapServer, &place).finish(PATIENCE).map(|_| ()));
+    let told = said(start(Role::MapServer, place).finish(PATIENCE).map(|_| ()));
     assert_eq!(told.matches("map museum will be deleted at").count(), 1, "{told}");
     assert!(told.contains("nothing is written") && told.contains("map-server undelete museum"), "{told}");
 

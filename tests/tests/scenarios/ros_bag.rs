@@ -15,7 +15,7 @@ fn mapped(args: &[&str]) -> Value {
 
 fn router() -> (Process, String) {
     let endpoint = free_endpoint().unwrap();
-    let mut router = start(Role::Sim, &["router", "--listen", &endpoint]);
+    let mut router = start(Role::Sim, ["router", "--listen", &endpoint]);
     router.wait_until_listening(&endpoint, PATIENCE).unwrap();
     (router, endpoint)
 }
@@ -23,7 +23,7 @@ fn router() -> (Process, String) {
 /// Plays the bag `rate` times as fast to a mapper that listens, and returns what it reports.
 fn heard(bag: &str, rate: &str) -> Value {
     let (_router, endpoint) = router();
-    let played = start(Role::Sim, &["play", bag, "--ros", &endpoint, "--rate", rate, "--wait-for-listener"]);
+    let played = start(Role::Sim, ["play", bag, "--ros", &endpoint, "--rate", rate, "--wait-for-listener"]);
     let listening =
         ["explore", "--ros", &endpoint, "--drive", "others", "--end-after", "3", "--offline", "--json", "--quiet"];
     let report = mapped(&listening);
@@ -39,7 +39,7 @@ fn a_bag_that_is_played_gives_the_map_of_its_replay() {
     let bag = bag.to_str().unwrap();
     // A robot whose clock does not begin at 0, which to ROS is no time.
     let (_router, endpoint) = router();
-    let _robot = start(Role::Sim, &["robot", "--ros", &endpoint, "--in-step"]);
+    let _robot = start(Role::Sim, ["robot", "--ros", &endpoint, "--in-step"]);
     let driven = ["explore", "--ros", &endpoint, "--offline", "--record", bag, "--max-sim", "120", "--json", "--quiet"];
     let driven = start(Role::Mapper, driven);
     // Its time is over before the museum is.

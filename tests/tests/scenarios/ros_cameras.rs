@@ -20,9 +20,9 @@ struct Robot {
 impl Robot {
     fn new(more: &[&str]) -> Self {
         let graph = free_endpoint().unwrap();
-        let mut router = start(Role::Sim, &["router", "--listen", &graph]);
+        let mut router = start(Role::Sim, ["router", "--listen", &graph]);
         router.wait_until_listening(&graph, PATIENCE).unwrap();
-        let robot = start(Role::Sim, &[&["robot", "--ros", &graph, "--in-step", "--quiet"], more].concat());
+        let robot = start(Role::Sim, [&["robot", "--ros", &graph, "--in-step", "--quiet"], more].concat());
         Self { graph, _processes: [router, robot] }
     }
 
@@ -59,7 +59,7 @@ async fn places_are_known_by_pictures_of_ros_robots() {
     }
 
     let link = ["--map", "lab", "--connect", &maps, "--json", "--quiet"];
-    let explored = start(Role::Mapper, &[&["explore", "--ros", &first.graph][..], &link].concat());
+    let explored = start(Role::Mapper, [&["explore", "--ros", &first.graph][..], &link].concat());
     let explored: Value = serde_json::from_str(&explored.finish(PATIENCE).unwrap()).unwrap();
     // A picture a second, a scan five times as often.
     let (frames, panoramas) = (count(&explored, "frames"), count(&explored, "panoramas"));
@@ -83,7 +83,7 @@ async fn places_are_known_by_pictures_of_ros_robots() {
     let second = Robot::new(&["--cameras", "raw", "--light-seed", "1", "--anywhere", "--seed", "3"]);
     // Cameras that come later are not seen.
     second.checked();
-    let found = start(Role::ClientRobot, &[&["relocalize", "--ros", &second.graph][..], &link].concat());
+    let found = start(Role::ClientRobot, [&["relocalize", "--ros", &second.graph][..], &link].concat());
     let found: Value = serde_json::from_str(&found.finish(PATIENCE).unwrap()).unwrap();
     assert_eq!(found["localized_at_end"], true, "{found}");
     assert!(count(&found, "panoramas") > 0, "{found}");

@@ -95,15 +95,15 @@ impl Site {
         let (graph, maps) = (free_endpoint().unwrap(), free_endpoint().unwrap());
         let server = Process::map_server(executable(), folder.path(), &maps, PATIENCE).unwrap();
         let mapped = ["explore", "--no-cameras", "--connect", &maps, "--map", "lab", "--quiet"];
-        start(Role::Mapper, &mapped).finish(PATIENCE).unwrap();
-        let mut router = start(Role::Sim, &["router", "--listen", &graph]);
+        start(Role::Mapper, mapped).finish(PATIENCE).unwrap();
+        let mut router = start(Role::Sim, ["router", "--listen", &graph]);
         router.wait_until_listening(&graph, PATIENCE).unwrap();
         Self { maps, graph, _processes: vec![server, router], _folder: folder }
     }
 
     fn client(&self, task: &[&str]) -> Process {
         let link = ["--map", "lab", "--connect", &self.maps, "--ros", &self.graph];
-        start(Role::ClientRobot, &[&task[..1], &link, &task[1..]].concat())
+        start(Role::ClientRobot, [&task[..1], &link, &task[1..]].concat())
     }
 }
 
@@ -201,7 +201,7 @@ fn drives_our_robot(site: &Site) {
 fn actions_of_another_stack_ask_send_and_drive() {
     let site = Site::new();
     asks_our_planner(&site);
-    let _robot = start(Role::Sim, &["robot", "--ros", &site.graph, "--rate", "2", "--quiet"]);
+    let _robot = start(Role::Sim, ["robot", "--ros", &site.graph, "--rate", "2", "--quiet"]);
     sends_our_robot(&site);
     drives_our_robot(&site);
 }

@@ -37,10 +37,10 @@ impl Site {
         let (graph, maps) = (free_endpoint().unwrap(), free_endpoint().unwrap());
         let server = Process::map_server(executable(), folder.path(), &maps, PATIENCE).unwrap();
         let mapped = ["explore", "--no-cameras", "--connect", &maps, "--map", "lab", "--quiet"];
-        start(Role::Mapper, &mapped).finish(PATIENCE).unwrap();
-        let mut router = start(Role::Sim, &["router", "--listen", &graph]);
+        start(Role::Mapper, mapped).finish(PATIENCE).unwrap();
+        let mut router = start(Role::Sim, ["router", "--listen", &graph]);
         router.wait_until_listening(&graph, PATIENCE).unwrap();
-        let robot = start(Role::Sim, &["robot", "--ros", &graph, "--rate", "2", "--quiet"]);
+        let robot = start(Role::Sim, ["robot", "--ros", &graph, "--rate", "2", "--quiet"]);
         let link = SessionConfig::from_options(vec![graph.clone()], None);
         let session = fht_session::open(&link).await.unwrap();
         let node = RosNode::join(session, NodeConfig::new("person")).await.unwrap();
@@ -49,7 +49,7 @@ impl Site {
 
     fn client(&self, task: &[&str]) -> Process {
         let link = ["--map", "lab", "--connect", &self.maps, "--ros", &self.graph];
-        start(Role::ClientRobot, &[&task[..1], &link, &task[1..]].concat())
+        start(Role::ClientRobot, [&task[..1], &link, &task[1..]].concat())
     }
 }
 

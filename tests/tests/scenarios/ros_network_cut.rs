@@ -17,7 +17,7 @@ const CUT: Duration = Duration::from_secs(10);
 const CUT_AT_M2: [f64; 2] = [60.0, 180.0];
 
 fn router(endpoint: &str) -> Process {
-    let mut router = start(Role::Sim, &["router", "--listen", endpoint]);
+    let mut router = start(Role::Sim, ["router", "--listen", endpoint]);
     router.wait_until_listening(endpoint, PATIENCE).unwrap();
     router
 }
@@ -47,11 +47,11 @@ fn a_robot_whose_network_goes_twice_makes_a_whole_map() {
     let mut server = Process::map_server(executable(), &data, &maps, PATIENCE).unwrap();
     let mut at = router(&graph);
     let robot = ["robot", "--ros", &graph, "--in-step", "--quiet", "--report", lived.to_str().unwrap()];
-    let robot = start(Role::Sim, &robot);
+    let robot = start(Role::Sim, robot);
     let report = explored.to_str().unwrap();
     let explorer =
         ["explore", "--ros", &graph, "--map", "lab", "--connect", &maps, "--progress-json", "--report", report];
-    let explorer = start(Role::Mapper, &explorer);
+    let explorer = start(Role::Mapper, explorer);
     let (mut cuts, mut acknowledged) = (0, 0);
     let followed = explorer.follow(|line| {
         let line: Value = serde_json::from_str(line).unwrap();

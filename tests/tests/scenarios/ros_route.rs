@@ -62,10 +62,10 @@ async fn nav2_gets_the_paths_of_the_fleets_map() {
     let (graph, maps) = (free_endpoint().unwrap(), free_endpoint().unwrap());
     let _server = Process::map_server(executable(), folder.path(), &maps, PATIENCE).unwrap();
     let mapped = ["explore", "--no-cameras", "--connect", &maps, "--map", "lab", "--quiet"];
-    start(Role::Mapper, &mapped).finish(PATIENCE).unwrap();
-    let mut router = start(Role::Sim, &["router", "--listen", &graph]);
+    start(Role::Mapper, mapped).finish(PATIENCE).unwrap();
+    let mut router = start(Role::Sim, ["router", "--listen", &graph]);
     router.wait_until_listening(&graph, PATIENCE).unwrap();
-    let _route = start(Role::ClientRobot, &["route", "--map", "lab", "--connect", &maps, "--ros", &graph]);
+    let _route = start(Role::ClientRobot, ["route", "--map", "lab", "--connect", &maps, "--ros", &graph]);
 
     let link = SessionConfig::from_options(vec![graph], None);
     let node = RosNode::join(fht_session::open(&link).await.unwrap(), NodeConfig::new("navigator")).await.unwrap();

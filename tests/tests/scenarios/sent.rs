@@ -317,13 +317,13 @@ fn a_second_robot_of_the_name_is_refused_and_the_first_says_its_last_word() {
     let id = site.ask(None, "id=b;to=home").unwrap().id;
     let waiting = start(
         Role::MapServer,
-        &["send", "museum", "tug", "far", "--id", "c", "--wait-arrived", "--connect", &site.endpoint],
+        ["send", "museum", "tug", "far", "--id", "c", "--wait-arrived", "--connect", &site.endpoint],
     );
     site.until("the goal is there", Some(GoalTopic::Status), "id=c", |status| !status.state.is_final());
     let asked = Instant::now();
     let process = site.robot.id().to_string();
     assert!(Command::new("kill").args(["-TERM", &process]).status().unwrap().success());
-    let robot = std::mem::replace(&mut site.robot, start(Role::MapServer, &["maps", "--connect", &site.endpoint]));
+    let robot = std::mem::replace(&mut site.robot, start(Role::MapServer, ["maps", "--connect", &site.endpoint]));
     let printed = robot.finish(PATIENCE).unwrap();
     println!("ended after {:.0} ms", asked.elapsed().as_secs_f64() * 1e3);
     assert!(printed.starts_with("tug is at (") && printed.contains(") on map museum and takes goals\n"), "{printed}");
@@ -358,7 +358,7 @@ fn a_goal_that_was_put_and_refused_is_told_to_who_asks_and_a_robot_started_anew_
 
     let waiting = start(
         Role::MapServer,
-        &["send", "museum", "tug", "far", "--id", "c", "--wait-arrived", "--connect", &site.endpoint],
+        ["send", "museum", "tug", "far", "--id", "c", "--wait-arrived", "--connect", &site.endpoint],
     );
     site.until("it drives", Some(GoalTopic::Status), "id=c", |status| status.state == GoalState::Driving);
     // Its word that it drives is on its way to the sender.

@@ -32,7 +32,7 @@ fn museum() -> MapName {
 
 /// Runs an operator's command; returns its output.
 fn operate(endpoint: &str, args: &[&str]) -> String {
-    start(Role::MapServer, &[args, &["--connect", endpoint]].concat()).finish(PATIENCE).unwrap()
+    start(Role::MapServer, [args, &["--connect", endpoint]].concat()).finish(PATIENCE).unwrap()
 }
 
 fn map_server(data: &Path, endpoint: &str) -> Process {
@@ -49,7 +49,7 @@ fn explored() -> PathBuf {
             ["explore", "--world", "museum", "--no-cameras", "--max-sim", "60", "--quiet", "--connect", &endpoint];
         // It reports, by its exit code, too, that the map is not complete; what there is has been
         // stored.
-        let ended = start(Role::Mapper, &args).finish(PATIENCE).unwrap_err();
+        let ended = start(Role::Mapper, args).finish(PATIENCE).unwrap_err();
         let is_out_of_time =
             matches!(&ended, ProcessError::Failed { stderr, .. } if stderr.contains("not complete: out of time"));
         assert!(is_out_of_time, "{ended}");
@@ -240,7 +240,7 @@ fn driven(mut is_time: impl FnMut(&RobotPose) -> bool) -> Value {
     let [to, at, report_arg] = ["--to", "--start", report.to_str().unwrap()];
     let args =
         ["go", to, "random", at, &begin, "--no-cameras", "--robot", "tug", "--quiet", "--connect", &site.endpoint];
-    let mut robot = start(Role::ClientRobot, &[&args[..], &["--report", report_arg]].concat());
+    let mut robot = start(Role::ClientRobot, [&args[..], &["--report", report_arg]].concat());
     loop {
         let sample = poses.recv_timeout(PATIENCE).unwrap().expect("the robot says nothing of itself");
         if is_time(&serde_json::from_slice(&sample.payload().to_bytes()).unwrap()) {
