@@ -110,9 +110,16 @@ export class Foreign {
     return this.order({ put: key, value });
   }
 
-  // Increments as an explorer puts them: keys, and bytes in hexadecimal.
+  // Increments as an explorer puts them, keys, and bytes in hexadecimal: again, until a head covers
+  // them.
   async write(increments) {
-    for (const { key, bytes } of increments) await this.order({ put_bytes: key, bytes });
+    await until("the increments are stored", async () => {
+      for (const { key, bytes } of increments) await this.order({ put_bytes: key, bytes });
+      await pause(100);
+      const ends = increments.map(({ key }) => key.split("/"));
+      const { ok: head } = await this.order({ get: `fht/${ends[0][1]}/head` });
+      return head && ends.every(([, , , author, number]) => head.vector[author] >= Number(number));
+    });
   }
 
   end() {
