@@ -10,17 +10,22 @@ use std::time::SystemTime;
 /// rights; without a model, whose the directory is: a server runs under an account of its own, and
 /// whoever puts things right, as root.
 pub(super) fn put(new: &Path, file: &Path, model: &Path) -> Result<(), RescueError> {
-    let sync = |path: &Path| File::open(path).and_then(|open| open.sync_all()).map_err(file_error(path));
     sync(new)?;
     let dir = file.parent().unwrap_or(file);
-    let is_of = if model.exists() { model } else { dir };
-    match model.exists() {
-        true => own_like(new, model).map_err(file_error(new))?,
-        false => give(new, dir),
-    }
+    let is_of = if model.exists() {
+        own_like(new, model).map_err(file_error(new))?;
+        model
+    } else {
+        give(new, dir);
+        dir
+    };
     std::fs::rename(new, file).map_err(file_error(file))?;
     give(&dir.join(LOCK_NAME), is_of);
     sync(dir)
+}
+
+fn sync(path: &Path) -> Result<(), RescueError> {
+    File::open(path).and_then(|open| open.sync_all()).map_err(file_error(path))
 }
 
 /// Makes `path` whose `model` is, with the same rights.
@@ -53,6 +58,8 @@ fn give(_: &Path, _: &Path) {}
 
 /// Puts `new` in the place of `file`, and returns under which name that is kept.
 pub(super) fn replace(new: &Path, file: &Path) -> Result<Option<PathBuf>, RescueError> {
+    // Before anything is moved.
+    sync(new)?;
     let kept = if file.try_exists().map_err(file_error(file))? {
         let kept = free_name(file);
         // A second name for the old file: the new one takes its place in one step. Where a file has
@@ -64,7 +71,7 @@ pub(super) fn replace(new: &Path, file: &Path) -> Result<Option<PathBuf>, Rescue
     } else {
         None
     };
-    put(new, file, file)?;
+    put(new, file, kept.as_deref().unwrap_or(file))?;
     Ok(kept)
 }
 
