@@ -149,11 +149,6 @@ impl GoalQueue {
         self.news.push(status.clone());
         if self.order(&order.id).is_none() {
             self.ended.retain(|ended| ended.order.id != order.id);
-            if self.ended.iter().filter(|ended| ended.is_refused).count() >= REMEMBERED_REFUSED
-                && let Some(oldest) = self.ended.iter().position(|ended| ended.is_refused)
-            {
-                self.ended.remove(oldest);
-            }
             self.remember(Ended { order, status, is_refused: true });
         }
     }
@@ -246,7 +241,10 @@ impl GoalQueue {
             TaskOutcome::Localized => self.current = Some(Held { is_begun: false, ..held }),
             TaskOutcome::Arrived => self.end(held, GoalState::Arrived, None),
             TaskOutcome::Failed(failure) => {
-                self.end(held, GoalState::Failed, Some((Some(code_of(failure)), failure.to_string())));
+                let why = (Some(code_of(failure)), failure.to_string());
+                // Without a path its sender is told that it is refused.
+                let is_refused = held.path.is_none();
+                self.end_as(held, GoalState::Failed, Some(why), is_refused);
             }
         }
     }
@@ -286,13 +284,23 @@ impl GoalQueue {
     }
 
     fn end(&mut self, held: Held, state: GoalState, why: Option<(Option<ErrorCode>, String)>) {
+        self.end_as(held, state, why, false);
+    }
+
+    fn end_as(&mut self, held: Held, state: GoalState, why: Option<(Option<ErrorCode>, String)>, is_refused: bool) {
         let (code, reason) = why.map_or((None, None), |(code, reason)| (code, Some(reason)));
         let status = GoalStatus { code, reason, ..self.status_of(&held, state) };
         self.news.push(status.clone());
-        self.remember(Ended { order: held.order, status, is_refused: false });
+        self.remember(Ended { order: held.order, status, is_refused });
     }
 
     fn remember(&mut self, ended: Ended) {
+        let mut refused = self.ended.iter().enumerate().filter(|(_, ended)| ended.is_refused).map(|(at, _)| at);
+        let oldest = refused.next();
+        let are_many = 1 + refused.count() >= REMEMBERED_REFUSED;
+        if let Some(oldest) = oldest.filter(|_| ended.is_refused && are_many) {
+            self.ended.remove(oldest);
+        }
         self.ended.push_back(ended);
         if self.ended.len() > REMEMBERED {
             self.ended.pop_front();

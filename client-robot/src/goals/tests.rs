@@ -128,6 +128,23 @@ fn a_goal_that_was_put_and_refused_stays_failed_until_it_is_sent_again() {
 }
 
 #[test]
+fn a_goal_without_a_path_leaves_its_id_free() {
+    let mut goals = ready();
+    let no_path = ErrorReply::new(ErrorCode::KeepOut, "dock lies in the zone wet");
+    send(&mut goals, "a").expect("taken");
+    goals.next_task();
+    goals.observe(&step(Some(TaskOutcome::Failed(Failure::NoPath(no_path)))), None);
+    assert_eq!(news(&mut goals), said(&[("a", GoalState::Failed)]));
+    assert_eq!(goals.status(Some("a")).map(|status| status.code), Ok(Some(ErrorCode::KeepOut)));
+    // The zone is taken away, and the same goal is sent once more.
+    assert_eq!(send(&mut goals, "a").map(|status| status.state), Ok(GoalState::Driving));
+    goals.next_task();
+    goals.observe(&step(None), way(2.0));
+    goals.observe(&step(Some(TaskOutcome::Failed(Failure::Timeout { seconds: 1.0 }))), None);
+    assert_eq!(send(&mut goals, "a").map(|status| status.state), Ok(GoalState::Failed), "it was driven to");
+}
+
+#[test]
 fn a_goal_that_is_cancelled_lets_the_robot_stand_or_go_on_to_the_next() {
     let mut goals = ready();
     assert!(goals.cancel(None).is_err_and(|error| error.code == ErrorCode::UnknownGoal));

@@ -9,7 +9,7 @@ use crate::tls::{DoorCertificates, secure};
 use std::future::Future;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
 use tokio::sync::Semaphore;
@@ -19,6 +19,8 @@ use tokio_rustls::TlsAcceptor;
 
 /// When the system gives no sockets, it is asked again after so long.
 const NO_SOCKETS: Duration = Duration::from_millis(200);
+/// That connections are turned away is logged at most so often.
+const FULL_EVERY: Duration = Duration::from_secs(60);
 
 /// How much is taken.
 #[derive(Clone, Debug, PartialEq)]
@@ -129,6 +131,7 @@ impl Door {
         let listener = tokio::net::TcpListener::from_std(listener).map_err(failed)?;
         let room = Arc::new(Semaphore::new(self.limits.connections));
         let mut running = JoinSet::new();
+        let mut told_full: Option<Instant> = None;
         loop {
             let stream = match listener.accept().await {
                 Ok((stream, _)) => stream,
@@ -141,6 +144,11 @@ impl Door {
             while running.try_join_next().is_some() {}
             let Ok(place) = Arc::clone(&room).try_acquire_owned() else {
                 counts.refused();
+                if told_full.is_none_or(|told| told.elapsed() >= FULL_EVERY) {
+                    let most = self.limits.connections;
+                    tracing::warn!("{most} connections are open, which is the most: more are turned away");
+                    told_full = Some(Instant::now());
+                }
                 continue;
             };
             let (acceptor, limits) = (self.acceptor.clone(), self.limits.clone());

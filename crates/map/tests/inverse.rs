@@ -112,12 +112,16 @@ fn what_was_folded_is_not_taken_back() {
     let mut map = log(&[(DESK, place(1.0)), (DESK, place(2.0))]);
     map.folds.push(whole(&map.increments.remove(0)));
     assert!(inverse(&map, DESK, 1).is_ok(), "what was before it is known");
-    assert_eq!(inverse(&map, DESK, 2).unwrap_err(), InverseError::Compacted { author: DESK, last: 1 });
+    for count in [2, 50] {
+        let refusal = inverse(&map, DESK, count).unwrap_err();
+        assert_eq!(refusal, InverseError::Compacted { author: DESK, last: 1, later: 1 });
+        assert!(refusal.to_string().contains("only the last 1 can be"), "{refusal}");
+    }
     // Of somebody whose increments are folded in part, the rest is.
     let rest = inverse_of_all(&map, DESK, OTHER).unwrap();
     assert_eq!((rest.first, rest.last, folded_upto(&map, DESK)), (2, 2, 1));
     map.folds.push(whole(&map.increments.remove(0)));
-    let folded = InverseError::Compacted { author: DESK, last: 2 };
+    let folded = InverseError::Compacted { author: DESK, last: 2, later: 0 };
     assert_eq!(inverse_of_all(&map, DESK, OTHER).unwrap_err(), folded);
     assert_eq!(inverse_of(&map, DESK, OTHER, |_| true).unwrap_err(), folded);
     assert_eq!(inverse_of_all(&map, OTHER, DESK).unwrap_err(), InverseError::NoneSuch { author: OTHER });

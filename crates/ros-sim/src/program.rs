@@ -286,6 +286,13 @@ async fn robot(args: &RobotArgs, stop: &Stop) -> Result<(SimRobotReport, Order),
     let [x, y, up_m] = sim.lidar_mount_m;
     let topics = SimRobot::join(&node, config, &pose(x, y, 0.0), up_m).await?;
     let truth = simulator.watch_truth();
+    if !args.quiet {
+        tell_line!(
+            "{NAME}: the robot is there, at ({:.2}, {:.2}) in the world",
+            start.translation.x,
+            start.translation.y
+        );
+    }
     // Its figures are told before the program ends.
     let order = stop.in_order();
     let (rate, in_step) = if args.in_step { (None, Some(STEP_PATIENCE)) } else { (Some(args.rate), None) };

@@ -1,7 +1,7 @@
 //! `map-server check`, `map-server rescue` and `map-server restore`: what can be done with a store
 //! whose file is damaged, or not wanted. They work on files; no server runs on these meanwhile.
 
-use crate::rescue::{RescueError, Rescued, RescuedAuthor, Restored, check, check_archives, rescue, restore};
+use crate::rescue::{Rescued, RescuedAuthor, RestoreError, Restored, check, check_archives, rescue, restore};
 use clap::Subcommand;
 use fht_program::{ProgramFailure, Stop, print_line};
 use std::collections::BTreeSet;
@@ -73,24 +73,16 @@ impl Repair {
             let folder = folder.to_owned();
             stop.finally(move || remove(&folder));
         };
-        // What comes of a copy that is taken away meanwhile is not told.
-        let unless_interrupted = || {
-            if stop.is_set() {
-                stop.leave();
-            }
-        };
         match self {
             Self::Check { source } => {
                 let source = source.unwrap_or_else(|| data.to_owned());
-                let archives = check_archives(&source).map_err(|error| ProgramFailure::of(error.is_input(), error))?;
+                let archives = of_whole_copy(check_archives(&source), &stop)?;
                 if let Some(authors) = archives {
                     let maps: BTreeSet<&str> = authors.iter().map(|author| author.map.as_str()).collect();
                     let subject = if maps.len() == 1 { "the exported map is" } else { "the exported maps are" };
                     return print(&Rescued { damage: None, authors }, subject, "are whole", json);
                 }
-                let found = check(&source, &std::env::temp_dir(), &made);
-                unless_interrupted();
-                let found = found.map_err(not_rescued)?;
+                let found = of_whole_copy(check(&source, &std::env::temp_dir(), &made), &stop)?;
                 let what = if found.damage.is_some() { "can be rescued" } else { "are whole" };
                 print(&found, "the store is", what, json)?;
                 match &found.damage {
@@ -99,9 +91,12 @@ impl Repair {
                 }
             }
             Self::Rescue { source, target } => {
-                let rescued = rescue(&source, &target, &made);
-                unless_interrupted();
-                let rescued = rescued.map_err(not_rescued)?;
+                if !target.exists() {
+                    let folder = target.clone();
+                    // Only if there is nothing in it.
+                    stop.finally(move || _ = std::fs::remove_dir(folder));
+                }
+                let rescued = of_whole_copy(rescue(&source, &target, &made), &stop)?;
                 print(&rescued, "the store is", "rescued", json)?;
                 if rescued.damage.is_some() && rescued.authors.is_empty() {
                     return Err(ProgramFailure::of_run(format!("nothing of {} can be read", source.display())));
@@ -117,9 +112,7 @@ impl Repair {
             }
             Self::Restore { backup, store } => {
                 let restored = restore(&backup, store.as_deref().unwrap_or(data), &made);
-                unless_interrupted();
-                let restored = restored.map_err(|error| ProgramFailure::of(error.is_input(), error))?;
-                print_restored(&restored, json)
+                print_restored(&of_whole_copy(restored, &stop)?, json)
             }
         }
     }
@@ -149,8 +142,15 @@ impl Repair {
     }
 }
 
-fn not_rescued(error: RescueError) -> ProgramFailure {
-    ProgramFailure::of(error.is_input(), error)
+/// What came of it, unless that is of a copy which an interruption takes away meanwhile.
+fn of_whole_copy<T>(outcome: Result<T, impl Into<RestoreError>>, stop: &Stop) -> Result<T, ProgramFailure> {
+    if stop.is_set() {
+        stop.leave();
+    }
+    outcome.map_err(|error| {
+        let error = error.into();
+        ProgramFailure::of(error.is_input(), error)
+    })
 }
 
 fn print_restored(restored: &Restored, json: bool) -> Result<(), ProgramFailure> {

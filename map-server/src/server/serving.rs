@@ -240,7 +240,12 @@ async fn follow_maps(mut keys: KnownKeys, catalog: Arc<Catalog>, queue: Arc<Writ
 fn print_where(config: &ServerConfig, count: usize) {
     let link = &config.link;
     let file = link.zenoh_config.iter().map(|file| format!("what {} says", file.display()));
-    let endpoints: Vec<String> = link.listen.iter().chain(&link.connect).cloned().chain(file).collect();
+    // Zenoh does not say which one it has found.
+    let listen = link.listen.iter().map(|endpoint| match endpoint.strip_suffix(":0") {
+        Some(host) => format!("{host} (any free port)"),
+        None => endpoint.clone(),
+    });
+    let endpoints: Vec<String> = listen.chain(link.connect.iter().cloned()).chain(file).collect();
     let place = match config.storages {
         None => config.data.display().to_string(),
         Some(quorum) => format!("{} storages", quorum.storages),

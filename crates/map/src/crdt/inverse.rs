@@ -60,7 +60,7 @@ pub fn folded_upto(map: &Series, author: AuthorId) -> u64 {
 fn nothing_of(map: &Series, author: AuthorId) -> InverseError {
     match folded_upto(map, author) {
         0 => InverseError::NoneSuch { author },
-        last => InverseError::Compacted { author, last },
+        last => InverseError::Compacted { author, last, later: 0 },
     }
 }
 
@@ -75,13 +75,14 @@ pub fn inverse(map: &Series, author: AuthorId, count: u64) -> Result<Inverse, In
     if last == 0 {
         return Err(InverseError::NoneSuch { author });
     }
+    let later = last - folded;
+    if folded > 0 && count > later {
+        return Err(InverseError::Compacted { author, last: folded, later });
+    }
     if count == 0 || count > last {
         return Err(InverseError::TooFew { author, written: last, count });
     }
     let first = last - count + 1;
-    if first <= folded {
-        return Err(InverseError::Compacted { author, last: folded });
-    }
     take_back(map, (author, author), (first, last), Overwritten::Refused, |increment| increment.number >= first)
 }
 

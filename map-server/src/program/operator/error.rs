@@ -66,6 +66,12 @@ pub enum OperatorError {
         /// `: ` and the reason, if there is one.
         why: String,
     },
+    /// A robot that is to drop its goals has none.
+    #[error("the robot {robot} has no goal")]
+    NothingToCancel {
+        /// The robot.
+        robot: String,
+    },
     /// A robot that takes goals does not answer.
     #[error("the robot {robot} does not answer: does client-robot serve run, and may this operator send it?")]
     RobotSilent {

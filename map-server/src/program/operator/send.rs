@@ -137,7 +137,13 @@ pub(super) async fn cancel(
     match ask(session, &selector).await {
         Err(error @ (OperatorError::RobotSilent { .. } | OperatorError::Refused(_))) => {
             head(session, map).await?; // there is such a map
-            Err(error)
+            Err(match error {
+                // Nothing that was given is wrong.
+                OperatorError::Refused(reply) if id.is_none() && reply.code == ErrorCode::UnknownGoal => {
+                    OperatorError::NothingToCancel { robot: robot.to_owned() }
+                }
+                error => error,
+            })
         }
         answered => answered,
     }

@@ -27,14 +27,17 @@ pub enum InverseError {
     },
     /// What was before is not known any more.
     #[error(
-        "the increments of {author} up to {last} are folded: what was before them is not known any more. A release \
-         from before is what it was, and so is a backup; places, zones and closures can be taken away one by one"
+        "the increments of {author} up to {last} are folded{}: what was before them is not known any more. A release \
+         from before is what it was, and so is a backup; places, zones and closures can be taken away one by one",
+        match later { 0 => String::new(), later => format!(", and only the last {later} can be taken back") }
     )]
     Compacted {
         /// The author.
         author: AuthorId,
         /// Number of the last one.
         last: u64,
+        /// So many were written after it.
+        later: u64,
     },
     /// Somebody else has written there since.
     #[error("{what} was changed by {by} since: nothing is taken back")]
