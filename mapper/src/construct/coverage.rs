@@ -14,6 +14,8 @@ use fht_perception::grid::{Cell, CellBounds, OccupancyGrid};
 use fht_perception::pose::Point2;
 use fht_proto::{FixedPoint, Footprint, Rect};
 use serde::{Deserialize, Serialize};
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 
 /// Parameters of the coverage.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -110,7 +112,7 @@ pub struct Gaps {
     bounds: CellBounds,
     resolution_m: f64,
     open: Vec<bool>,
-    candidates: Vec<Candidate>,
+    candidates: Candidates,
 }
 
 /// A patch that could be added.
@@ -119,6 +121,48 @@ struct Candidate {
     patch: Patch,
     /// Open cells that it covered when they were last counted. There are never more of them later.
     at_most: u32,
+}
+
+/// The patches that could be added, and an order of them. A large building has a million.
+#[derive(Default)]
+struct Candidates {
+    all: Vec<Candidate>,
+    /// What each covered at most, and its index: the most first, of equals the first. Of what is
+    /// not so any more, there are entries, too.
+    order: BinaryHeap<(u32, Reverse<usize>)>,
+}
+
+impl Candidates {
+    fn new(all: Vec<Candidate>) -> Self {
+        let order = all.iter().enumerate().map(|(index, candidate)| (candidate.at_most, Reverse(index))).collect();
+        Self { all, order }
+    }
+
+    /// The one that covered most when it was last counted.
+    fn first(&mut self) -> Option<usize> {
+        while let Some(&(at_most, Reverse(index))) = self.order.peek() {
+            if self.all.get(index).is_some_and(|candidate| candidate.at_most == at_most) {
+                return Some(index);
+            }
+            self.order.pop();
+        }
+        None
+    }
+
+    /// It covers so many cells now.
+    fn count(&mut self, index: usize, at_most: u32) {
+        self.all[index].at_most = at_most;
+        self.order.push((at_most, Reverse(index)));
+    }
+
+    /// Takes one out; the last one has its index then.
+    fn take(&mut self, index: usize) -> Patch {
+        let taken = self.all.swap_remove(index);
+        if let Some(moved) = self.all.get(index) {
+            self.order.push((moved.at_most, Reverse(index)));
+        }
+        taken.patch
+    }
 }
 
 impl Gaps {
@@ -148,14 +192,14 @@ impl Gaps {
             bounds: grid.bounds(),
             resolution_m,
             open,
-            candidates: Vec::new(),
+            candidates: Candidates::default(),
         };
         for node in map.nodes() {
             if let Some(rect) = node.free_space {
                 gaps.cover(&Patch { place: node.pose.position, rect });
             }
         }
-        gaps.candidates = gaps.all_candidates(grid, free_space);
+        gaps.candidates = Candidates::new(gaps.all_candidates(grid, free_space));
         gaps
     }
 
@@ -179,16 +223,16 @@ impl Gaps {
     /// maximizing submodular set functions", 1978).
     pub fn take_best(&mut self) -> Option<Patch> {
         loop {
-            let candidates = self.candidates.iter().map(|candidate| candidate.at_most).enumerate();
-            let (index, at_most) = candidates.max_by(|a, b| a.1.cmp(&b.1).then(b.0.cmp(&a.0)))?;
+            let index = self.candidates.first()?;
+            let Candidate { patch, at_most } = self.candidates.all[index];
             if f64::from(at_most) < self.least_cells {
                 return None;
             }
-            let gain = self.gain(&self.candidates[index].patch);
+            let gain = self.gain(&patch);
             if gain == at_most {
-                return Some(self.candidates.swap_remove(index).patch);
+                return Some(self.candidates.take(index));
             }
-            self.candidates[index].at_most = gain;
+            self.candidates.count(index, gain);
         }
     }
 
@@ -281,24 +325,26 @@ mod tests {
             bounds,
             resolution_m: RESOLUTION_M,
             open,
-            candidates: Vec::new(),
+            candidates: Candidates::default(),
         };
+        let mut all = Vec::new();
         for (x, y, width, height) in rects {
             let metres = |cells: i32| f64::from(cells) * RESOLUTION_M;
             let (min, max) = ((metres(*x), metres(*y)), (metres(x + width), metres(y + height)));
             let place = FixedPoint::from_metres(min.0, min.1);
             let patch = Patch { place, rect: Rect::around(place, min, max) };
             let at_most = gaps.gain(&patch);
-            gaps.candidates.push(Candidate { patch, at_most });
+            all.push(Candidate { patch, at_most });
         }
+        gaps.candidates = Candidates::new(all);
         gaps
     }
 
     /// The same with all of them counted again.
     fn counted_best(gaps: &mut Gaps) -> Option<Patch> {
-        let gains: Vec<u32> = gaps.candidates.iter().map(|candidate| gaps.gain(&candidate.patch)).collect();
+        let gains: Vec<u32> = gaps.candidates.all.iter().map(|candidate| gaps.gain(&candidate.patch)).collect();
         let (index, gain) = gains.into_iter().enumerate().max_by(|a, b| a.1.cmp(&b.1).then(b.0.cmp(&a.0)))?;
-        (f64::from(gain) >= gaps.least_cells).then(|| gaps.candidates.swap_remove(index).patch)
+        (f64::from(gain) >= gaps.least_cells).then(|| gaps.candidates.take(index))
     }
 
     proptest! {
