@@ -9,7 +9,8 @@ use serde_json::Value;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-const PATIENCE: Duration = Duration::from_secs(240);
+/// A busy machine takes its time: the robot waits for its commands.
+const PATIENCE: Duration = Duration::from_secs(900);
 
 /// A simulated robot with cameras, at a router of its own.
 struct Robot {

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-const PATIENCE: Duration = Duration::from_secs(180);
+const PATIENCE: Duration = Duration::from_secs(600);
 /// Between a refused question and the next.
 const AGAIN: Duration = Duration::from_millis(300);
 
@@ -40,7 +40,8 @@ impl Site {
         start(Role::Mapper, mapped).finish(PATIENCE).unwrap();
         let mut router = start(Role::Sim, ["router", "--listen", &graph]);
         router.wait_until_listening(&graph, PATIENCE).unwrap();
-        let robot = start(Role::Sim, ["robot", "--ros", &graph, "--rate", "2", "--quiet"]);
+        // It waits for commands: on a busy machine they come late, and it would turn too far.
+        let robot = start(Role::Sim, ["robot", "--ros", &graph, "--in-step", "--quiet"]);
         let link = SessionConfig::from_options(vec![graph.clone()], None);
         let session = fht_session::open(&link).await.unwrap();
         let node = RosNode::join(session, NodeConfig::new("person")).await.unwrap();

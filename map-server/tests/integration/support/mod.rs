@@ -160,7 +160,7 @@ pub fn refused_start(data: &Path, endpoint: &str) -> (Option<i32>, String) {
     (output.status.code(), String::from_utf8(output.stderr).unwrap())
 }
 
-/// A client that keeps trying to connect.
+/// A client that keeps trying to connect, and drops nothing that it puts on a busy machine.
 pub async fn client(endpoint: &str) -> Session {
     let mut config = zenoh::Config::default();
     for (name, value) in [
@@ -170,6 +170,8 @@ pub async fn client(endpoint: &str) -> Session {
         ("connect/exit_on_failure", "false".to_owned()),
         ("connect/retry", "{period_init_ms: 50, period_max_ms: 200}".to_owned()),
         ("scouting/multicast/enabled", "false".to_owned()),
+        ("transport/link/tx/queue/congestion_control/drop/wait_before_drop", "10000000".to_owned()),
+        ("transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments", "10000000".to_owned()),
     ] {
         config.insert_json5(name, &value).unwrap();
     }

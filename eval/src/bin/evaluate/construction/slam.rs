@@ -2,6 +2,7 @@
 
 mod chart;
 mod relations;
+mod scan_pairs;
 
 use crate::files::Files;
 use crate::output::{OutputArgs, say};
@@ -13,6 +14,7 @@ use fht_picture::default_file;
 use fht_worker::Pace;
 use mapper::slam::{Anchored, Slam, SlamConfig, Tracking};
 use relations::Errors;
+use scan_pairs::ScanPairs;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -51,6 +53,8 @@ struct Report {
     relations: usize,
     /// Relations whose scans the log does not have.
     relations_missing: usize,
+    /// What the two scans of relations say themselves.
+    scan_pairs: Option<ScanPairs>,
     /// Scans, and those of them that could not be matched.
     scans: usize,
     scans_unmatched: usize,
@@ -121,6 +125,7 @@ pub fn run(args: &SlamArgs) -> Result<(), String> {
         return Err("the log has no scan with odometry".to_owned());
     };
     let errors = (!known.is_empty()).then(|| relations::errors(&trajectory, &known));
+    let points: Vec<&[Point2]> = scans.iter().map(|(_, _, points)| points.as_slice()).collect();
     let counts = slam.counts();
     let judged = errors.as_ref().filter(|errors| errors.relations > 0);
     let of = |value: fn(&Errors) -> f64| judged.map(value);
@@ -133,6 +138,7 @@ pub fn run(args: &SlamArgs) -> Result<(), String> {
         rotation_max_deg: of(|errors| errors.rotation_deg.max),
         relations: errors.map_or(0, |errors| errors.relations),
         relations_missing: errors.map_or(0, |errors| errors.missing),
+        scan_pairs: ScanPairs::of(&trajectory, &points, &known),
         scans: scans.len(),
         scans_unmatched: unmatched,
         scans_lost: lost,
@@ -182,6 +188,7 @@ fn text(report: &Report) -> String {
             "relations    {} judged, {} without their scans",
             report.relations, report.relations_missing
         ));
+        lines.extend(report.scan_pairs.iter().map(ScanPairs::text));
     }
     lines.push(format!(
         "scans        {}, {} by the wheels alone, {} lost",

@@ -76,17 +76,19 @@ pub struct Errors {
     pub missing: usize,
 }
 
+/// Index of the pose of that time, if there is one.
+pub fn pose_at(trajectory: &[(u64, Pose2)], time_us: u64) -> Option<usize> {
+    let next = trajectory.partition_point(|(at_us, _)| *at_us < time_us);
+    let apart = |index: &usize| trajectory[*index].0.abs_diff(time_us);
+    let near = (next.saturating_sub(1)..trajectory.len()).take(2);
+    near.min_by_key(apart).filter(|index| apart(index) <= TOLERANCE_US)
+}
+
 /// Errors of `trajectory` (times in microseconds, ascending, with poses) against relations.
 pub fn errors(trajectory: &[(u64, Pose2)], relations: &[Relation]) -> Errors {
-    let at = |time_us: u64| {
-        let next = trajectory.partition_point(|(at_us, _)| *at_us < time_us);
-        let near = trajectory[next.saturating_sub(1)..].iter().take(2);
-        let apart = |(at_us, _): &&(u64, Pose2)| at_us.abs_diff(time_us);
-        near.min_by_key(apart).filter(|scan| apart(scan) <= TOLERANCE_US).map(|(_, pose)| *pose)
-    };
     let (mut metres, mut degrees) = (Vec::new(), Vec::new());
     for relation in relations {
-        let [first, second] = relation.times_us.map(at);
+        let [first, second] = relation.times_us.map(|time_us| Some(trajectory[pose_at(trajectory, time_us)?].1));
         if let (Some(first), Some(second)) = (first, second) {
             let error = relation.first_from_second.inverse() * (first.inverse() * second);
             metres.push(error.translation.vector.norm());
