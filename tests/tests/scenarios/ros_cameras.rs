@@ -62,9 +62,12 @@ async fn places_are_known_by_pictures_of_ros_robots() {
     let link = ["--map", "lab", "--connect", &maps, "--json", "--quiet"];
     let explored = start(Role::Mapper, [&["explore", "--ros", &first.graph][..], &link].concat());
     let explored: Value = serde_json::from_str(&explored.finish(PATIENCE).unwrap()).unwrap();
-    // A picture a second, a scan five times as often.
+    // A picture a second, a scan five times as often. A machine that is too busy for scans loses
+    // pictures, too.
     let (frames, panoramas) = (count(&explored, "frames"), count(&explored, "panoramas"));
-    assert!(panoramas * 6 > frames && panoramas < frames, "{explored}");
+    let is_busy = count(&explored, "frames_lost") * 50 > frames;
+    let scans_a_picture = if is_busy { 12 } else { 6 };
+    assert!(panoramas * scans_a_picture > frames && panoramas < frames, "{explored}");
     let session = fht_session::open(&SessionConfig::from_options(vec![maps.clone()], None)).await.unwrap();
     let map = "lab".parse().unwrap();
     let copy = LiveReplica::start(&session, &map, "test", ReplicaConfig::default()).unwrap();
