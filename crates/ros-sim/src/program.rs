@@ -133,12 +133,13 @@ struct RobotArgs {
     /// The robot's name in a shared world.
     #[arg(long, value_name = "NAME", default_value = "robot")]
     robot: RobotName,
-    /// Simulated seconds a second; other than 1, /clock says what time it is.
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = |text: &str| number(text, 1e-3..=1e3))]
-    rate: f64,
-    /// Let time wait after each scan for a command, 0.2 s at most, and go on with it at once;
-    /// /clock says what time it is.
-    #[arg(long, conflicts_with = "rate")]
+    /// Simulated seconds a second, 1 unless --in-step is given; other than 1, /clock says what time
+    /// it is.
+    #[arg(long, value_name = "FACTOR", value_parser = |text: &str| number(text, 1e-3..=1e3))]
+    rate: Option<f64>,
+    /// Let time wait after each scan for a command, 0.2 s at most, and go on with it at once, or
+    /// when --rate lets it; /clock says what time it is.
+    #[arg(long)]
     in_step: bool,
     /// Take velocity commands without a stamp (geometry_msgs/Twist).
     #[arg(long)]
@@ -273,7 +274,11 @@ async fn robot(args: &RobotArgs, stop: &Stop) -> Result<(SimRobotReport, Order),
     let simulator = Simulator::new(world, sim.clone(), start, args.setup.seed);
     let (simulator, _exit) = seat(simulator, &args.setup, args.robot.as_str())?;
     let node = args.graph.join(stop).await?;
-    let has_clock = args.in_step || args.rate != 1.0;
+    let (rate, in_step) = match args.in_step {
+        true => (args.rate, Some(STEP_PATIENCE)),
+        false => (args.rate.or(Some(1.0)), None),
+    };
+    let has_clock = args.in_step || rate != Some(1.0);
     let config = SimRobotConfig {
         command_type: if args.plain_twist { CommandType::Plain } else { CommandType::Stamped },
         has_clock,
@@ -295,7 +300,6 @@ async fn robot(args: &RobotArgs, stop: &Stop) -> Result<(SimRobotReport, Order),
     }
     // Its figures are told before the program ends.
     let order = stop.in_order();
-    let (rate, in_step) = if args.in_step { (None, Some(STEP_PATIENCE)) } else { (Some(args.rate), None) };
     let report = live(topics, Paced::new(simulator, rate), &truth, in_step, stop.requested()).await?;
     Ok((report, order))
 }

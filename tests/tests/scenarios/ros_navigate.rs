@@ -40,8 +40,9 @@ impl Site {
         start(Role::Mapper, mapped).finish(PATIENCE).unwrap();
         let mut router = start(Role::Sim, ["router", "--listen", &graph]);
         router.wait_until_listening(&graph, PATIENCE).unwrap();
-        // It waits for commands: on a busy machine they come late, and it would turn too far.
-        let robot = start(Role::Sim, ["robot", "--ros", &graph, "--in-step", "--quiet"]);
+        // It waits for commands, which come late on a busy machine, and is slow enough to be asked
+        // how it goes while it drives.
+        let robot = start(Role::Sim, ["robot", "--ros", &graph, "--in-step", "--rate", "4", "--quiet"]);
         let link = SessionConfig::from_options(vec![graph.clone()], None);
         let session = fht_session::open(&link).await.unwrap();
         let node = RosNode::join(session, NodeConfig::new("person")).await.unwrap();
