@@ -231,7 +231,8 @@ impl RosRobot {
         self.doubts.values().map(String::as_str)
     }
 
-    /// Takes all that has come, the time first and fixed transforms next.
+    /// Takes all that has come, the time first and fixed transforms next. Pictures come last: those
+    /// that came before a scan are there when the scan is.
     fn take_all(&mut self) {
         self.take_clock();
         while let Some(received) = self.fixed_transforms.take_raw() {
@@ -243,10 +244,10 @@ impl RosRobot {
         while let Some(received) = self.odometry.as_ref().and_then(Subscription::take_raw) {
             self.take_odometry(&received);
         }
-        self.take_pictures();
         while let Some(received) = self.sights.take_raw() {
             self.take_sight(&received);
         }
+        self.take_pictures();
         let dropped = self.sights.dropped();
         self.intake.lose_scans(dropped - self.dropped);
         self.dropped = dropped;

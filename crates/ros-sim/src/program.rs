@@ -27,8 +27,8 @@ const NAME: &str = "sim";
 const START_CLEARANCE_M: f64 = 0.4;
 /// Between two looks for who listens.
 const LISTENER_EVERY: Duration = Duration::from_millis(20);
-/// How long time waits for a command with `--in-step`: as long as a scan takes.
-const STEP_PATIENCE: Duration = Duration::from_millis(200);
+/// How long time waits for a command with `--in-step`, seconds: as long as a scan takes.
+const STEP_PATIENCE_S: &str = "0.2";
 
 /// A simulated robot that speaks ROS 2, and a router for its graph.
 #[derive(Debug, Parser)]
@@ -137,10 +137,11 @@ struct RobotArgs {
     /// it is.
     #[arg(long, value_name = "FACTOR", value_parser = |text: &str| number(text, 1e-3..=1e3))]
     rate: Option<f64>,
-    /// Let time wait after each scan for a command, 0.2 s at most, and go on with it at once, or
-    /// when --rate lets it; /clock says what time it is.
-    #[arg(long)]
-    in_step: bool,
+    /// Let time wait after each scan for a command, so long at most (0.2 s unless SECONDS are
+    /// given), and go on with it at once, or when --rate lets it; /clock says what time it is.
+    #[arg(long, value_name = "SECONDS", num_args = 0..=1, require_equals = true,
+        default_missing_value = STEP_PATIENCE_S, value_parser = |text: &str| number(text, 0.0..=3600.0))]
+    in_step: Option<f64>,
     /// Take velocity commands without a stamp (geometry_msgs/Twist).
     #[arg(long)]
     plain_twist: bool,
@@ -274,11 +275,10 @@ async fn robot(args: &RobotArgs, stop: &Stop) -> Result<(SimRobotReport, Order),
     let simulator = Simulator::new(world, sim.clone(), start, args.setup.seed);
     let (simulator, _exit) = seat(simulator, &args.setup, args.robot.as_str())?;
     let node = args.graph.join(stop).await?;
-    let (rate, in_step) = match args.in_step {
-        true => (args.rate, Some(STEP_PATIENCE)),
-        false => (args.rate.or(Some(1.0)), None),
-    };
-    let has_clock = args.in_step || rate != Some(1.0);
+    let in_step = args.in_step.map(Duration::from_secs_f64);
+    // Who drives says how fast time goes, in place of the wall's clock.
+    let rate = args.rate.or(in_step.is_none().then_some(1.0));
+    let has_clock = in_step.is_some() || rate != Some(1.0);
     let config = SimRobotConfig {
         command_type: if args.plain_twist { CommandType::Plain } else { CommandType::Stamped },
         has_clock,

@@ -23,7 +23,7 @@ impl Robot {
         let graph = free_endpoint().unwrap();
         let mut router = start(Role::Sim, ["router", "--listen", &graph]);
         router.wait_until_listening(&graph, PATIENCE).unwrap();
-        let robot = start(Role::Sim, [&["robot", "--ros", &graph, "--in-step", "--quiet"], more].concat());
+        let robot = start(Role::Sim, [&["robot", "--ros", &graph, "--in-step=1", "--quiet"], more].concat());
         Self { graph, _processes: [router, robot] }
     }
 
@@ -62,12 +62,9 @@ async fn places_are_known_by_pictures_of_ros_robots() {
     let link = ["--map", "lab", "--connect", &maps, "--json", "--quiet"];
     let explored = start(Role::Mapper, [&["explore", "--ros", &first.graph][..], &link].concat());
     let explored: Value = serde_json::from_str(&explored.finish(PATIENCE).unwrap()).unwrap();
-    // A picture a second, a scan five times as often. A machine that is too busy for scans loses
-    // pictures, too.
+    // A picture a second, a scan five times as often.
     let (frames, panoramas) = (count(&explored, "frames"), count(&explored, "panoramas"));
-    let is_busy = count(&explored, "frames_lost") * 50 > frames;
-    let scans_a_picture = if is_busy { 12 } else { 6 };
-    assert!(panoramas * scans_a_picture > frames && panoramas < frames, "{explored}");
+    assert!(panoramas * 6 > frames && panoramas < frames, "{explored}");
     let session = fht_session::open(&SessionConfig::from_options(vec![maps.clone()], None)).await.unwrap();
     let map = "lab".parse().unwrap();
     let copy = LiveReplica::start(&session, &map, "test", ReplicaConfig::default()).unwrap();
@@ -87,8 +84,16 @@ async fn places_are_known_by_pictures_of_ros_robots() {
     let second = Robot::new(&["--cameras", "raw", "--light-seed", "1", "--anywhere", "--seed", "3"]);
     // Cameras that come later are not seen.
     second.checked();
-    let found = start(Role::ClientRobot, [&["relocalize", "--ros", &second.graph][..], &link].concat());
-    let found: Value = serde_json::from_str(&found.finish(PATIENCE).unwrap()).unwrap();
-    assert_eq!(found["localized_at_end"], true, "{found}");
-    assert!(count(&found, "panoramas") > 0, "{found}");
+    // Pictures are sent as sensors' data, best effort: a busy machine drops them, and the place may
+    // be found before the next come.
+    let began = Instant::now();
+    loop {
+        let found = start(Role::ClientRobot, [&["relocalize", "--ros", &second.graph][..], &link].concat());
+        let found: Value = serde_json::from_str(&found.finish(PATIENCE).unwrap()).unwrap();
+        assert_eq!(found["localized_at_end"], true, "{found}");
+        if count(&found, "panoramas") > 0 {
+            break;
+        }
+        assert!(began.elapsed() < PATIENCE, "{found}");
+    }
 }
