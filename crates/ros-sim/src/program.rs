@@ -12,7 +12,7 @@ use fht_program::{Order, ProgramFailure, Stop, logging, print_line, tell_line};
 use fht_proto::RobotName;
 use fht_ros::{RosError, RosNode};
 use fht_ros_robot::NodeArgs;
-use fht_session::{ConfigurationError, SessionConfig, SessionError, in_words, set, set_endpoints};
+use fht_session::{ConfigurationError, SessionConfig, SessionError, WAIT_BEFORE_DROP, in_words, set, set_endpoints};
 use fht_shared_world::{JoinError, seat};
 use fht_sim::{SimConfig, SimSetup, Simulator, StartError, WorldError};
 use std::ffi::OsString;
@@ -351,6 +351,7 @@ async fn router(listen: &str, stop: &Stop) -> Result<(), SimError> {
     let mut config = zenoh::Config::default();
     set(&mut config, "mode", "\"router\"")?;
     set(&mut config, "scouting/multicast/enabled", "false")?;
+    set(&mut config, WAIT_BEFORE_DROP.0, WAIT_BEFORE_DROP.1)?;
     set_endpoints(&mut config, "listen/endpoints", &[listen.to_owned()])?;
     let _order = stop.in_order();
     let session = zenoh::open(config).await.map_err(SimError::Router)?;

@@ -54,6 +54,12 @@ pub enum ConfigurationError {
     },
 }
 
+/// How long a full link is waited for, microseconds: Zenoh's own default, 1 ms, loses answers and
+/// pictures on a busy machine, whose threads wait longer for their turn. A link that was too slow
+/// once is not waited for again until it takes something.
+pub const WAIT_BEFORE_DROP: (&str, &str) =
+    ("transport/link/tx/queue/congestion_control/drop/wait_before_drop", "10000");
+
 /// What `file` says, Zenoh's defaults without one.
 ///
 /// # Errors

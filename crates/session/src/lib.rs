@@ -40,7 +40,7 @@ mod robot_session;
 mod trouble;
 mod waiting;
 
-pub use configuration::{ConfigurationError, read_config, set, set_default, set_endpoints};
+pub use configuration::{ConfigurationError, WAIT_BEFORE_DROP, read_config, set, set_default, set_endpoints};
 pub use credentials::CredentialError;
 pub use homecoming::homecoming;
 pub use replacement::{abandon, replacement};

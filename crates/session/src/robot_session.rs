@@ -1,6 +1,6 @@
 //! The session of a robot or tool: a client of the map server or of a router.
 
-use crate::configuration::{ConfigurationError, read_config, set_default, set_endpoints};
+use crate::configuration::{ConfigurationError, WAIT_BEFORE_DROP, read_config, set_default, set_endpoints};
 use crate::credentials;
 use crate::waiting::{ConnectError, FOREVER, endpoints, open_configured};
 use serde::{Deserialize, Serialize};
@@ -142,6 +142,7 @@ fn config(link: &SessionConfig) -> Result<Config, ConfigurationError> {
         ("connect/retry", RETRY),
         ("transport/unicast/open_timeout", OPEN_TIMEOUT),
         ("scouting/multicast/enabled", "false"),
+        WAIT_BEFORE_DROP,
     ] {
         set_default(&mut config, key, value)?;
     }

@@ -1,7 +1,9 @@
 //! The server's Zenoh session: a router when it listens, a client of other routers otherwise.
 
 use crate::config::ServerEndpoints;
-use fht_session::{ConfigurationError, ConnectError, listening_at, read_config, set, set_default, set_endpoints};
+use fht_session::{
+    ConfigurationError, ConnectError, WAIT_BEFORE_DROP, listening_at, read_config, set, set_default, set_endpoints,
+};
 use zenoh::{Config, Session};
 
 /// Why there is no session.
@@ -49,11 +51,6 @@ const DROP_RATHER_THAN_WAIT: &str = r#"[
     {id: "puts", messages: ["put", "delete"], flows: ["egress"], overwrite: {congestion_control: "drop"}},
     {id: "queries", messages: ["query"], flows: ["ingress"], overwrite: {congestion_control: "drop"}},
 ]"#;
-
-/// How long a full link is waited for, microseconds: Zenoh's own default, 1 ms, loses answers on a
-/// busy machine, whose threads wait longer for their turn. A link that was too slow once is not
-/// waited for again until it takes something.
-const WAIT_BEFORE_DROP: (&str, &str) = ("transport/link/tx/queue/congestion_control/drop/wait_before_drop", "10000");
 
 /// Robots and tools at one time. Zenoh's own default is 1000.
 const MAX_SESSIONS: &str = "4000";
