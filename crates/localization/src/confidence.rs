@@ -1,10 +1,10 @@
 //! How probable it is that a place is right.
 //!
-//! A place is as sure as its weakest ground. The grounds are: the map explains more of what was
-//! seen than a wrong place does by chance; it explains much less of it at any rival, and at this
-//! place, moved a little; what was seen was seen from places that are apart. What the weakest
-//! ground is worth was fitted to recorded drives, and tried on logs that were left out (`evaluate
-//! recorded --looks`, `evaluate confidence`).
+//! A place is as sure as its weakest ground, and less sure if others are nearly as weak. The
+//! grounds are: the map explains more of what was seen than a wrong place does by chance; it
+//! explains much less of it at any rival, and at this place, moved a little; what was seen was seen
+//! from places that are apart. What they are worth was fitted to recorded drives, and tried on logs
+//! that were left out (`evaluate recorded --looks`, `evaluate confidence`).
 
 use crate::place_evidence::PlaceEvidence;
 use serde::{Deserialize, Serialize};
@@ -28,11 +28,14 @@ pub struct ConfidenceConfig {
     pub distinct_pieces: f64,
     /// A ground of 1 has views this far apart, metres. Default 0.7.
     pub spread_m: f64,
-    /// The weakest ground of a place that is right as often as not. Default 0: with as strong a
-    /// rival it is.
+    /// How sharply the weakest ground stands out: all together are worth their soft minimum, -ln
+    /// Σ exp(-sharpness · ground) / sharpness. Default 4, as `slope`: each ground is a way to be
+    /// wrong, and these probabilities add up.
+    pub sharpness: f64,
+    /// The ground of a place that is right as often as not. Default 0: with as strong a rival it
+    /// is.
     pub even: f64,
-    /// How fast the odds grow with the weakest ground, natural logarithm. Default 4: 0.98 at a
-    /// ground of 1.
+    /// How fast the odds grow with the ground, natural logarithm. Default 4: 0.98 at a ground of 1.
     pub slope: f64,
 }
 
@@ -44,6 +47,7 @@ impl Default for ConfidenceConfig {
             full_spread_m: 2.0,
             distinct_pieces: 16.0,
             spread_m: 0.7,
+            sharpness: 4.0,
             even: 0.0,
             slope: 4.0,
         }
@@ -54,7 +58,7 @@ impl ConfidenceConfig {
     /// How probable a place is, 0 to 1, by what speaks for it.
     #[must_use]
     pub fn probability(&self, for_it: &PlaceEvidence) -> f64 {
-        1.0 / (1.0 + (-self.slope * (self.weakest_ground(for_it) - self.even)).exp())
+        1.0 / (1.0 + (-self.slope * (self.ground(for_it) - self.even)).exp())
     }
 
     /// How probable a place is against one that has so many more pieces of wall right: their odds,
@@ -64,9 +68,9 @@ impl ConfidenceConfig {
         (-self.slope * (pieces_less.max(0.0) / self.distinct_pieces).sqrt()).exp()
     }
 
-    /// The weakest of a place's grounds: 1 suffices, less than 0 speaks against it.
+    /// A place's grounds together: 1 suffices, less than 0 speaks against it.
     #[must_use]
-    pub fn weakest_ground(&self, for_it: &PlaceEvidence) -> f64 {
+    pub fn ground(&self, for_it: &PlaceEvidence) -> f64 {
         /// A pose that only the odometry holds may be off by some degrees.
         const NOT_HELD: f64 = 0.5;
         let right = for_it.explained - for_it.too_short - for_it.too_long;
@@ -78,7 +82,10 @@ impl ConfidenceConfig {
         let distinct = pieces.signum() * (pieces.abs() / self.distinct_pieces).sqrt();
         let apart = for_it.spread_m / self.spread_m;
         let held = if for_it.is_held { f64::INFINITY } else { NOT_HELD };
-        explained.min(distinct).min(apart).min(held)
+        let grounds = [explained, distinct, apart, held];
+        let weakest = grounds.into_iter().fold(f64::INFINITY, f64::min);
+        let odds: f64 = grounds.into_iter().map(|ground| (-self.sharpness * (ground - weakest)).exp()).sum();
+        weakest - odds.ln() / self.sharpness
     }
 }
 
@@ -119,6 +126,18 @@ mod tests {
             let probability = config.probability(&place);
             assert!((0.0..0.95).contains(&probability), "{probability} of {place:?}");
         }
+    }
+
+    #[test]
+    fn grounds_that_are_nearly_as_weak_count_together() {
+        let config = ConfidenceConfig::default();
+        // A ground of 1.02, and nothing else that could be wrong.
+        let one_weak = PlaceEvidence { over_moved: 16.7, ..sure() };
+        assert!(config.probability(&one_weak) > 0.982);
+        // What is explained is worth 1.2 now.
+        let two_weak = PlaceEvidence { walls: 50.0, explained: 0.73, ..one_weak };
+        assert!(config.probability(&two_weak) < 0.98);
+        assert!(config.ground(&two_weak) < config.ground(&one_weak));
     }
 
     #[test]

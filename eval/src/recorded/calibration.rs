@@ -112,7 +112,7 @@ fn fit(looks: &[&Look], config: &ConfidenceConfig) -> (f64, f64) {
     let rows: Vec<(Vector2<f64>, f64, f64)> = looks
         .iter()
         .map(|look| {
-            let ground = config.weakest_ground(&look.evidence()).clamp(0.0, MOST_GROUND);
+            let ground = config.ground(&look.evidence()).clamp(0.0, MOST_GROUND);
             (Vector2::new(1.0, ground), f64::from(u8::from(look.right)), weight(look))
         })
         .collect();
