@@ -87,7 +87,6 @@ pub fn to_zenoh(link: &ServerEndpoints) -> Result<Config, ConfigurationError> {
     if !is_client {
         set_default(&mut config, "qos/network", DROP_RATHER_THAN_WAIT)?;
         for (key, value) in [
-            WAIT_BEFORE_DROP,
             ("transport/unicast/max_sessions", MAX_SESSIONS),
             ("transport/unicast/accept_pending", ACCEPT_PENDING),
             ("transport/unicast/accept_timeout", ACCEPT_TIMEOUT),
@@ -95,7 +94,9 @@ pub fn to_zenoh(link: &ServerEndpoints) -> Result<Config, ConfigurationError> {
             set_default(&mut config, key, value)?;
         }
     }
-    set_default(&mut config, "transport/unicast/open_timeout", OPEN_TIMEOUT)?;
+    for (key, value) in [WAIT_BEFORE_DROP, ("transport/unicast/open_timeout", OPEN_TIMEOUT)] {
+        set_default(&mut config, key, value)?;
+    }
     match link.patience {
         // Other routers may start later than this one.
         None => {
@@ -233,6 +234,9 @@ mod tests {
         let client = to_zenoh(&link).unwrap();
         assert_eq!((json(&client, "mode").as_str(), json(&client, "listen/endpoints").as_str()), ("\"client\"", NONE));
         assert!(reaches_anyone(&client));
+        for config in [router, client] {
+            assert_eq!(json(&config, WAIT_BEFORE_DROP.0), WAIT_BEFORE_DROP.1);
+        }
     }
 
     #[test]
