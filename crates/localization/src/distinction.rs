@@ -5,7 +5,7 @@
 //! in two ways, something like it may be anywhere, and pictures that merely favour one way over the
 //! other prove nothing: they must look like that place and like no other.
 
-use crate::hypotheses::{Hypothesis, SensedView, WeighConfig, held, is_near};
+use crate::hypotheses::{Hypothesis, SensedView, WeighConfig, held, is_near, odometry_poses, points_seen};
 use crate::landmarks::Landmarks;
 use fht_perception::matching::MatchConfig;
 use fht_perception::pose::{Point2, Pose2};
@@ -125,10 +125,11 @@ impl Grounds<'_> {
 
     /// Other places than `best` that walls alone suggest. The hypotheses at hand may lack them:
     /// they are weighed by pictures, too, and what is light is dropped. In a corridor the last view
-    /// does not say how far along it the robot is; all that was seen on the way may. Both are end
-    /// points in the frame of the last view: those seen `lately`, and those of all of the `way`.
-    pub fn challengers(&self, best: &Hypothesis, lately: &[Point2], way: &[Point2]) -> Vec<Hypothesis> {
+    /// does not say how far along it the robot is; all that was seen on the way may. `lately` are
+    /// the end points seen of late, in the frame of the last view.
+    pub fn challengers(&self, best: &Hypothesis, lately: &[Point2], config: &DistinctionConfig) -> Vec<Hypothesis> {
         let Self { views, landmarks, .. } = self;
+        let way = &points_seen(views, odometry_poses(views), f64::INFINITY);
         let Some((last, pyramid)) = views.last().zip(landmarks.walls().pyramid.as_ref()) else { return Vec::new() };
         let rough = [lately, way].into_iter().flat_map(|points| pyramid.find(points, &[]));
         let found = rough.filter_map(|rough| {
@@ -141,7 +142,26 @@ impl Grounds<'_> {
                 others.push(at);
             }
         }
-        others.iter().map(|at| Hypothesis::traced_back(at, views, landmarks, self.matching, self.weigh)).collect()
+        let way_of_best = points_seen(views, best.at.iter().copied(), f64::INFINITY);
+        others.iter().map(|at| self.challenger(at, best, &way_of_best, config)).collect()
+    }
+
+    /// What challenges `best` around `at`, as strong as it can be. Each view held to the walls for
+    /// itself slides along the one wall that it sees, and odometry drifts. The way of `best` is
+    /// held to walls already: if something like that room is here, it fits here as it does there.
+    fn challenger(
+        &self,
+        at: &Pose2,
+        best: &Hypothesis,
+        way_of_best: &[Point2],
+        config: &DistinctionConfig,
+    ) -> Hypothesis {
+        let Self { views, landmarks, matching, weigh, .. } = self;
+        let traced = Hypothesis::traced_back(at, views, landmarks, matching, weigh);
+        let at = held(at, way_of_best, landmarks, matching).unwrap_or(*at);
+        let as_best = Hypothesis::driven_as(&at, best, views, landmarks, weigh);
+        let margin = |challenger: &Hypothesis| best.wall_margin(challenger, config.alike_share, weigh);
+        if margin(&as_best) < margin(&traced) { as_best } else { traced }
     }
 }
 

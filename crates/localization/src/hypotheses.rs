@@ -73,6 +73,35 @@ pub struct SensedView {
     pub match_threshold: f32,
 }
 
+/// Where the odometry says that views were taken, odometry frame.
+pub(crate) fn odometry_poses(views: &[SensedView]) -> impl Iterator<Item = Pose2> {
+    views.iter().map(|view| view.odometry.odom_from_base)
+}
+
+/// End points of the scans of the last `metres`, evenly spread, in the frame of the last view, if
+/// `views` were taken at `poses` of any one frame.
+pub(crate) fn points_seen(views: &[SensedView], poses: impl Iterator<Item = Pose2>, metres: f64) -> Vec<Point2> {
+    /// Side of the squares of which one point each is kept, metres.
+    const SQUARE_M: f64 = 0.25;
+    let poses: Vec<Pose2> = poses.collect();
+    let (Some(last), Some(now)) = (views.last(), poses.last()) else { return Vec::new() };
+    let mut squares = std::collections::BTreeSet::new();
+    let mut points = Vec::new();
+    for (view, pose) in views.iter().zip(&poses).rev() {
+        if last.odometry.odometer_m - view.odometry.odometer_m > metres {
+            break;
+        }
+        let now_from_view = now.inverse() * pose;
+        for point in view.points.iter().map(|point| now_from_view * point) {
+            let square = ((point.x / SQUARE_M).floor() as i64, (point.y / SQUARE_M).floor() as i64);
+            if squares.insert(square) {
+                points.push(point);
+            }
+        }
+    }
+    points
+}
+
 /// What says where a view was taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Hold {
@@ -136,6 +165,20 @@ impl Hypothesis {
             later = Some(view);
         }
         Self::along(at.into_iter().rev(), views, landmarks, config)
+    }
+
+    /// The robot at `map_from_base` when the last of `views` was taken; before, where it was if it
+    /// drove as `other` says.
+    #[must_use]
+    pub fn driven_as(
+        map_from_base: &Pose2,
+        other: &Self,
+        views: &[SensedView],
+        landmarks: &Landmarks,
+        config: &WeighConfig,
+    ) -> Self {
+        let moved = map_from_base * other.map_from_base().inverse();
+        Self::along(other.at.iter().map(|at| moved * at), views, landmarks, config)
     }
 
     /// The robot at `poses` when `views` were taken.

@@ -15,7 +15,7 @@ pub use config::RelocalizationConfig;
 use self::ambiguity::{not_told_apart, odds_of_others, probabilities};
 use self::pointing::best_around;
 use crate::distinction::{Grounds, PictureWord};
-use crate::hypotheses::{Hypothesis, SensedView, held};
+use crate::hypotheses::{Hypothesis, SensedView, held, odometry_poses, points_seen};
 use crate::landmarks::Landmarks;
 use crate::place_evidence::{Judged, PlaceEvidence};
 use crate::pose_fix::{Fix, fix_pose};
@@ -148,7 +148,7 @@ impl Relocalizer {
         if let Some(map_from_odom) = self.pointed_at.take() {
             self.look_at(&(map_from_odom * observation.odometry.odom_from_base), landmarks);
         }
-        let points = self.points_of(self.config.search_memory_m);
+        let points = points_seen(&self.views, odometry_poses(&self.views), self.config.search_memory_m);
         self.find_more(&points, landmarks);
         self.sort();
         for hypothesis in &mut self.hypotheses {
@@ -258,29 +258,6 @@ impl Relocalizer {
         }
     }
 
-    /// End points of the scans of the last `metres`, evenly spread, in the frame of the last view.
-    fn points_of(&self, metres: f64) -> Vec<Point2> {
-        /// Side of the squares of which one point each is kept, metres.
-        const SQUARE_M: f64 = 0.25;
-        let Some(last) = self.views.last() else { return Vec::new() };
-        let now_from_odom = last.odometry.odom_from_base.inverse();
-        let mut squares = std::collections::BTreeSet::new();
-        let mut points = Vec::new();
-        for view in self.views.iter().rev() {
-            if last.odometry.odometer_m - view.odometry.odometer_m > metres {
-                break;
-            }
-            let now_from_view = now_from_odom * view.odometry.odom_from_base;
-            for point in view.points.iter().map(|point| now_from_view * point) {
-                let square = ((point.x / SQUARE_M).floor() as i64, (point.y / SQUARE_M).floor() as i64);
-                if squares.insert(square) {
-                    points.push(point);
-                }
-            }
-        }
-        points
-    }
-
     /// The places around nodes that look like what the robot sees.
     fn favours(&self, landmarks: &Landmarks, view: &SensedView) -> Vec<Favour> {
         let config = &self.config;
@@ -370,7 +347,7 @@ impl Relocalizer {
         if confidence < config.min_confidence || contradicted > most || pictures == PictureWord::Refuses {
             return candidates;
         }
-        let challengers = grounds.challengers(best, points, &self.points_of(f64::INFINITY));
+        let challengers = grounds.challengers(best, points, &config.distinction);
         let is_told = if pictures == PictureWord::Tells {
             self.confidence(for_it, best, challengers.iter(), pictures, &grounds) >= config.min_confidence
         } else {
