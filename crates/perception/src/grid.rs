@@ -103,8 +103,7 @@ impl OccupancyGrid {
     /// An empty grid.
     #[must_use]
     pub fn new(config: GridConfig) -> Self {
-        let zero = Cell { i: 0, j: 0 };
-        Self { config, bounds: CellBounds { min: zero, max: zero }, log_odds: Vec::new(), seen: Vec::new() }
+        Self { config, bounds: CellBounds::EMPTY, log_odds: Vec::new(), seen: Vec::new() }
     }
 
     /// A grid of which only the states of the cells in `bounds` are known, row by row; those that

@@ -4,6 +4,8 @@
 //! The search runs on copies in a thread of its own ([`fht_worker`]).
 
 mod roadmap;
+#[cfg(test)]
+mod tests;
 
 pub use roadmap::Roadmap;
 use serde::{Deserialize, Serialize};
@@ -11,10 +13,11 @@ use serde::{Deserialize, Serialize};
 use crate::construct::point;
 use fht_map::MapState;
 use fht_navigation::planning::{PlanConfig, Traversable, path_length_m};
-use fht_perception::grid::OccupancyGrid;
+use fht_perception::grid::{CellBounds, OccupancyGrid};
 use fht_perception::pose::Point2;
 use fht_proto::{EdgeKey, FixedPoint, NodeId};
 use fht_worker::{BackgroundWorker, Pace};
+use nalgebra::Vector2;
 
 /// Parameters of the refinement.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -52,26 +55,44 @@ pub struct Shortcut {
     pub between: Vec<Point2>,
 }
 
+/// Nodes that shortcuts from `node` may lead to, with how long the map's way to them is, metres:
+/// infinite where there is none.
+fn candidates(
+    roadmap: &Roadmap,
+    node: NodeId,
+    config: &RefinementConfig,
+) -> impl Iterator<Item = (NodeId, FixedPoint, f64)> {
+    let here = roadmap.position(node);
+    let on_map = roadmap.distances_from(node);
+    let is_near = move |position: FixedPoint| here.is_some_and(|here| position.distance(here) <= config.radius_m);
+    let near = roadmap.nodes().filter(move |(id, position)| *id != node && is_near(*position));
+    near.map(move |(id, position)| (id, position, on_map.get(&id).copied().unwrap_or(f64::INFINITY)))
+}
+
+/// Ways through free space that are longer than this are no shortcut from `node` to anywhere,
+/// metres. Infinite where the map has no way to a node near by.
+fn longest_shortcut_m(roadmap: &Roadmap, node: NodeId, config: &RefinementConfig) -> f64 {
+    let longest = |map_m: f64| (map_m / config.ratio).min(map_m - config.saving_m);
+    candidates(roadmap, node, config).map(|(_, _, map_m)| longest(map_m)).fold(0.0, f64::max)
+}
+
 /// Looks for shortcuts from `node`, the worst detour first, so that one shortcut may serve several.
 #[must_use]
 pub fn shortcuts(mut roadmap: Roadmap, space: &Traversable, node: NodeId, config: &RefinementConfig) -> Vec<Shortcut> {
     let Some(here) = roadmap.position(node) else { return Vec::new() };
-    let field = space.distances_from(point(here));
+    let most_m = longest_shortcut_m(&roadmap, node, config);
+    let field = space.distances_within(point(here), most_m + space.resolution_m());
     let mut found = Vec::new();
     let mut virtual_nodes = 0;
     while found.len() < config.max_shortcuts {
-        let on_map = roadmap.distances_from(node);
-        let detour = |(id, position): (NodeId, FixedPoint)| {
-            let is_candidate = id != node && position.distance(here) <= config.radius_m;
-            let free_m = field.distance_m(space.cell_of(point(position))).filter(|_| is_candidate)?;
-            let map_m = on_map.get(&id).copied().unwrap_or(f64::INFINITY);
+        let detour = |(id, position, map_m): (NodeId, FixedPoint, f64)| {
+            let free_m = field.distance_m(space.cell_of(point(position)))?;
             let is_long = map_m > config.ratio * free_m && map_m - free_m > config.saving_m;
             is_long.then_some((map_m / free_m.max(0.1), id, position))
         };
         let tried = |id: NodeId| found.iter().any(|shortcut: &Shortcut| shortcut.to == id);
-        let worst = roadmap
-            .nodes()
-            .filter(|(id, _)| !tried(*id))
+        let worst = candidates(&roadmap, node, config)
+            .filter(|(id, ..)| !tried(*id))
             .filter_map(detour)
             .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
         let Some((_, target, position)) = worst else { break };
@@ -123,11 +144,31 @@ pub fn is_still_free(shortcut: &Shortcut, map: &MapState, grid: &OccupancyGrid, 
     line.windows(2).all(|pair| grid.is_corridor_free(pair[0], pair[1], half_width_m))
 }
 
+/// The part of the grid in which all shortcuts from `node` lie, with the nodes that they may be
+/// joined with: all of it where the map has no way to a node near by.
+#[must_use]
+pub fn around(
+    node: NodeId,
+    roadmap: &Roadmap,
+    grid: &OccupancyGrid,
+    plan: &PlanConfig,
+    config: &RefinementConfig,
+) -> OccupancyGrid {
+    /// A robot too near to a wall leaves it first, and cells are not points, metres.
+    const MARGIN_M: f64 = 1.0;
+    let Some(here) = roadmap.position(node) else { return grid.part(CellBounds::EMPTY) };
+    let most_m = longest_shortcut_m(roadmap, node, config);
+    let reach_m = most_m + config.longest_step_m + plan.robot_radius_m + MARGIN_M;
+    let corner = |sign: f64| point(here) + Vector2::repeat(sign * reach_m);
+    grid.part(CellBounds { min: grid.cell_of(corner(-1.0)), max: grid.cell_of(corner(1.0)) })
+}
+
 /// What the refinement thread works on.
 pub struct RefinementJob {
     /// The map's nodes and edges.
     pub roadmap: Roadmap,
-    /// The grid as it is now: what is free in it is worked out beside the loop.
+    /// The grid as it is now, as far as shortcuts may lead ([`around`]): what is free in it is
+    /// worked out beside the loop.
     pub grid: OccupancyGrid,
     /// What is free.
     pub plan: PlanConfig,

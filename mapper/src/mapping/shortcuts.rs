@@ -1,7 +1,7 @@
 //! Shortcuts beside the loop: around new nodes, and over what was found.
 
 use super::Mapper;
-use crate::construct::{Chain, RefinementJob, Roadmap, Shortcut, is_still_free, plan_config};
+use crate::construct::{Chain, RefinementJob, Roadmap, Shortcut, around, is_still_free, plan_config};
 use fht_navigation::planning::PlanConfig;
 use fht_proto::NodeId;
 
@@ -25,8 +25,9 @@ impl Mapper {
         if self.refine.is_idle()
             && let Some(node) = self.to_refine.pop_front()
         {
-            let (roadmap, grid) = (Roadmap::of(self.map()), self.grid().clone());
-            let job = RefinementJob { roadmap, grid, plan: self.plan_config(), node };
+            let (roadmap, plan) = (Roadmap::of(self.map()), self.plan_config());
+            let grid = around(node, &roadmap, self.grid(), &plan, &self.config.refine);
+            let job = RefinementJob { roadmap, grid, plan, node };
             self.refine.submit(job, self.frame + REFINE_DELAY_FRAMES);
         }
     }

@@ -19,6 +19,17 @@ pub struct CellBounds {
 }
 
 impl CellBounds {
+    /// No cell.
+    pub const EMPTY: Self = Self { min: Cell { i: 0, j: 0 }, max: Cell { i: 0, j: 0 } };
+
+    /// The cells of both boxes; [`EMPTY`](Self::EMPTY) without any.
+    #[must_use]
+    pub fn intersection(&self, other: &Self) -> Self {
+        let min = Cell { i: self.min.i.max(other.min.i), j: self.min.j.max(other.min.j) };
+        let max = Cell { i: self.max.i.min(other.max.i), j: self.max.j.min(other.max.j) };
+        if min.i < max.i && min.j < max.j { Self { min, max } } else { Self::EMPTY }
+    }
+
     /// Whether the box contains `cell`.
     #[must_use]
     pub fn contains(&self, cell: Cell) -> bool {

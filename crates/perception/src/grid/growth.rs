@@ -17,6 +17,19 @@ impl OccupancyGrid {
         Self::from_states(config, bounds, [])
     }
 
+    /// What is known of the cells of `region`; all others are unknown.
+    #[must_use]
+    pub fn part(&self, region: CellBounds) -> Self {
+        let bounds = self.bounds.intersection(&region);
+        let rows = (bounds.min.j..bounds.max.j).filter_map(|j| self.bounds.index(Cell { i: bounds.min.i, j }));
+        let (mut log_odds, mut seen) = (Vec::new(), Vec::new());
+        for start in rows {
+            log_odds.extend_from_slice(&self.log_odds[start..start + bounds.width()]);
+            seen.extend_from_slice(&self.seen[start..start + bounds.width()]);
+        }
+        Self { config: self.config.clone(), bounds, log_odds, seen }
+    }
+
     pub(super) fn grow_to_contain(&mut self, cell: Cell) {
         if self.bounds.contains(cell) {
             return;

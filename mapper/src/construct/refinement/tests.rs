@@ -1,0 +1,74 @@
+use super::*;
+use crate::construct::plan_config;
+use fht_perception::grid::{Cell, CellState, GridConfig};
+use fht_proto::AuthorId;
+use proptest::prelude::*;
+
+/// Half of the hall's sides, metres.
+const HALF: [f64; 2] = [25.0, 8.0];
+
+/// A hall around the origin with boxes in it: their centres and half of their sides, metres.
+fn hall(boxes: &[[f64; 4]]) -> OccupancyGrid {
+    let config = GridConfig::default();
+    let grid = OccupancyGrid::new(config.clone());
+    let corner = Point2::new(HALF[0], HALF[1]);
+    let bounds = CellBounds { min: grid.cell_of(-corner), max: grid.cell_of(corner) };
+    let state = |cell: Cell| {
+        let at = grid.centre(cell);
+        let is_in = |[x, y, half_x, half_y]: &[f64; 4]| (at.x - x).abs() <= *half_x && (at.y - y).abs() <= *half_y;
+        if boxes.iter().any(is_in) { CellState::Occupied } else { CellState::Free }
+    };
+    let cells = bounds.width() * bounds.height();
+    OccupancyGrid::from_states(config, bounds, (0..cells).map(|index| state(bounds.cell(index))))
+}
+
+fn id(number: u32) -> NodeId {
+    NodeId { author: AuthorId(1), number }
+}
+
+fn roadmap(places: &[(f64, f64)], edges: impl IntoIterator<Item = (u32, u32)>) -> Roadmap {
+    let mut roadmap = Roadmap::default();
+    for (number, (x, y)) in (0..).zip(places) {
+        roadmap.add_node(id(number), FixedPoint::from_metres(*x, *y));
+    }
+    edges.into_iter().filter(|(a, b)| a != b).for_each(|(a, b)| roadmap.add_edge(EdgeKey::new(id(a), id(b))));
+    roadmap
+}
+
+/// Shortcuts from node 0 over the whole grid, those over the part around it, and that part.
+fn both(roadmap: &Roadmap, grid: &OccupancyGrid) -> ([Vec<Shortcut>; 2], OccupancyGrid) {
+    let (config, plan) = (RefinementConfig::default(), plan_config(0.14, grid));
+    let part = around(id(0), roadmap, grid, &plan, &config);
+    let over = |grid| shortcuts(roadmap.clone(), &Traversable::new(grid, &plan), id(0), &config);
+    ([over(grid), over(&part)], part)
+}
+
+#[test]
+fn a_door_is_a_shortcut_and_is_looked_for_near_by_only() {
+    // A wall with a door of 1 m beside the nodes, which the map goes round through a third.
+    let grid = hall(&[[0.0, 4.25, 0.1, 3.75], [0.0, -4.25, 0.1, 3.75]]);
+    let roadmap = roadmap(&[(-1.0, 0.0), (1.0, 0.0), (0.0, 4.0), (-24.0, 0.0)], [(0, 2), (2, 1), (0, 3)]);
+    let ([whole, near], part) = both(&roadmap, &grid);
+    assert_eq!(whole, [Shortcut { from: id(0), to: id(1), between: Vec::new() }]);
+    assert_eq!(near, whole);
+    assert!(part.bounds().width() < grid.bounds().width(), "{:?}", part.bounds());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    #[test]
+    fn the_part_around_a_node_says_what_the_whole_grid_says(
+        boxes in prop::collection::vec((-25.0..25.0, -8.0..8.0, 0.1..2.0, 0.1..2.0), 0..16),
+        places in prop::collection::vec((-12.0..12.0, -7.5..7.5), 4..12),
+        edges in prop::collection::vec((0..12_u32, 0..12_u32), 0..8),
+        is_chain in prop::bool::ANY,
+    ) {
+        let boxes: Vec<[f64; 4]> = boxes.into_iter().map(|(x, y, half_x, half_y)| [x, y, half_x, half_y]).collect();
+        let count = places.len() as u32;
+        let chain = (1..count).filter(|_| is_chain).map(|number| (number - 1, number));
+        let edges = edges.into_iter().map(|(a, b)| (a % count, b % count)).chain(chain);
+        let ([whole, near], _) = both(&roadmap(&places, edges), &hall(&boxes));
+        prop_assert_eq!(near, whole);
+    }
+}
