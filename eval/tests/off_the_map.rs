@@ -111,12 +111,12 @@ fn no_wrong_place_is_declared(cameras: bool) {
         let rooms = Rooms::explored(second, cameras);
         for (room, left, size) in [("another room", SECOND_M, second), ("the mapped room", 1.0, MAPPED)] {
             let outcomes = of_all_seeds(|seed| rooms.tried(seed, left, size));
-            let right = outcomes.iter().filter(|(_, outcome)| outcome.right.is_some());
+            let right = outcomes.iter().filter(|(_, outcome)| outcome.right.is_some()).count();
             let false_fixes = outcomes.iter().filter(|(_, outcome)| outcome.false_fixes > 0);
             let seeds: Vec<u32> = false_fixes.map(|(seed, _)| *seed).collect();
             // A rectangle fits in two ways, and plain walls look alike: it may not know in either.
-            let (right, wrong_ones, starts) = (right.count(), seeds.len(), starts());
-            println!("{room} beside one of {second:?} m: wrong in {wrong_ones}, right in {right} of {starts}");
+            let (wrong_count, of) = (seeds.len(), starts());
+            println!("{room} beside one of {second:?} m: wrong in {wrong_count}, right in {right} of {of}");
             wrong.extend(seeds.into_iter().map(|seed| (room, second, seed)));
         }
     }

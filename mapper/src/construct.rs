@@ -35,7 +35,7 @@ pub(crate) use nodes::Chain;
 pub use place::{Footing, PlaceObservation};
 pub(crate) use place::{plan_config, point};
 pub use refinement::{RefinementConfig, Roadmap, Shortcut, shortcuts};
-pub(crate) use refinement::{RefinementJob, around, is_still_free, start as start_refinement};
+pub(crate) use refinement::{RefinementJob, grid_around, is_still_free, start as start_refinement};
 pub use selection::SelectionConfig;
 pub use support::{Hierarchy, Need, SupportConfig, need as need_of_support};
 

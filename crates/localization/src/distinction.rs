@@ -129,7 +129,7 @@ impl Grounds<'_> {
     /// the end points seen of late, in the frame of the last view.
     pub fn challengers(&self, best: &Hypothesis, lately: &[Point2], config: &DistinctionConfig) -> Vec<Hypothesis> {
         let Self { views, landmarks, .. } = self;
-        let way = &points_seen(views, odometry_poses(views), f64::INFINITY);
+        let way = &points_seen(views, &odometry_poses(views), f64::INFINITY);
         let Some((last, pyramid)) = views.last().zip(landmarks.walls().pyramid.as_ref()) else { return Vec::new() };
         let rough = [lately, way].into_iter().flat_map(|points| pyramid.find(points, &[]));
         let found = rough.filter_map(|rough| {
@@ -142,13 +142,21 @@ impl Grounds<'_> {
                 others.push(at);
             }
         }
-        let way_of_best = points_seen(views, best.at.iter().copied(), f64::INFINITY);
-        others.iter().map(|at| self.challenger(at, best, &way_of_best, config)).collect()
+        let way_of_best = points_seen(views, &best.at, f64::INFINITY);
+        let mut challengers: Vec<Hypothesis> = Vec::new();
+        for at in &others {
+            let challenger = self.challenger(at, best, &way_of_best, config);
+            let at = challenger.map_from_base();
+            if !challengers.iter().any(|other| other.is_near(&at, SAME_CHALLENGER_M, SAME_CHALLENGER_RAD)) {
+                challengers.push(challenger);
+            }
+        }
+        challengers
     }
 
-    /// What challenges `best` around `at`, as strong as it can be. Each view held to the walls for
-    /// itself slides along the one wall that it sees, and odometry drifts. The way of `best` is
-    /// held to walls already: if something like that room is here, it fits here as it does there.
+    /// What challenges `best` around `at`, by its walls as strong as it can be. Each view held to
+    /// the walls for itself slides along the one wall that it sees, and odometry drifts. The way of
+    /// `best` is held to walls already: if something like that room is here, too, it fits here.
     fn challenger(
         &self,
         at: &Pose2,
@@ -159,6 +167,9 @@ impl Grounds<'_> {
         let Self { views, landmarks, matching, weigh, .. } = self;
         let traced = Hypothesis::traced_back(at, views, landmarks, matching, weigh);
         let at = held(at, way_of_best, landmarks, matching).unwrap_or(*at);
+        if best.is_near(&at, self.same.0, self.same.1) {
+            return traced; // it slid to where nothing is challenged
+        }
         let as_best = Hypothesis::driven_as(&at, best, views, landmarks, weigh);
         let margin = |challenger: &Hypothesis| best.wall_margin(challenger, config.alike_share, weigh);
         if margin(&as_best) < margin(&traced) { as_best } else { traced }

@@ -74,24 +74,24 @@ pub struct SensedView {
 }
 
 /// Where the odometry says that views were taken, odometry frame.
-pub(crate) fn odometry_poses(views: &[SensedView]) -> impl Iterator<Item = Pose2> {
-    views.iter().map(|view| view.odometry.odom_from_base)
+pub(crate) fn odometry_poses(views: &[SensedView]) -> Vec<Pose2> {
+    views.iter().map(|view| view.odometry.odom_from_base).collect()
 }
 
-/// End points of the scans of the last `metres`, evenly spread, in the frame of the last view, if
-/// `views` were taken at `poses` of any one frame.
-pub(crate) fn points_seen(views: &[SensedView], poses: impl Iterator<Item = Pose2>, metres: f64) -> Vec<Point2> {
+/// End points of the scans of the last `metres`, evenly spread, in the frame of the last view.
+/// `poses` say where each of `views` was taken, in any one frame.
+pub(crate) fn points_seen(views: &[SensedView], poses: &[Pose2], metres: f64) -> Vec<Point2> {
     /// Side of the squares of which one point each is kept, metres.
     const SQUARE_M: f64 = 0.25;
-    let poses: Vec<Pose2> = poses.collect();
-    let (Some(last), Some(now)) = (views.last(), poses.last()) else { return Vec::new() };
+    let Some((last, now)) = views.last().zip(poses.last()) else { return Vec::new() };
+    let now_from_frame = now.inverse();
     let mut squares = std::collections::BTreeSet::new();
     let mut points = Vec::new();
-    for (view, pose) in views.iter().zip(&poses).rev() {
+    for (view, pose) in views.iter().zip(poses).rev() {
         if last.odometry.odometer_m - view.odometry.odometer_m > metres {
             break;
         }
-        let now_from_view = now.inverse() * pose;
+        let now_from_view = now_from_frame * pose;
         for point in view.points.iter().map(|point| now_from_view * point) {
             let square = ((point.x / SQUARE_M).floor() as i64, (point.y / SQUARE_M).floor() as i64);
             if squares.insert(square) {
@@ -167,8 +167,8 @@ impl Hypothesis {
         Self::along(at.into_iter().rev(), views, landmarks, config)
     }
 
-    /// The robot at `map_from_base` when the last of `views` was taken; before, where it was if it
-    /// drove as `other` says.
+    /// The robot at `map_from_base` when the last of `views` was taken; before, along the way of
+    /// `other`, moved so that it ends there.
     #[must_use]
     pub fn driven_as(
         map_from_base: &Pose2,

@@ -148,7 +148,7 @@ impl Relocalizer {
         if let Some(map_from_odom) = self.pointed_at.take() {
             self.look_at(&(map_from_odom * observation.odometry.odom_from_base), landmarks);
         }
-        let points = points_seen(&self.views, odometry_poses(&self.views), self.config.search_memory_m);
+        let points = points_seen(&self.views, &odometry_poses(&self.views), self.config.search_memory_m);
         self.find_more(&points, landmarks);
         self.sort();
         for hypothesis in &mut self.hypotheses {

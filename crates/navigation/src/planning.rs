@@ -18,7 +18,7 @@ mod straight;
 mod touched_cells;
 mod ways;
 
-pub use ways::{DistanceField, GridPath, path_length_m};
+pub use ways::{DistanceField, ESCAPE_REACH_M, GridPath, path_length_m};
 
 use fht_perception::grid::{Cell, CellBounds, CellState, OccupancyGrid};
 use fht_perception::pose::Point2;
@@ -91,12 +91,10 @@ impl PlanConfig {
 #[must_use]
 pub fn region_around(grid: &OccupancyGrid, centre: Point2, radius_m: f64) -> CellBounds {
     let reach = nalgebra::Vector2::repeat(radius_m.max(0.0));
-    let (low, high) = (grid.cell_of(centre - reach), grid.cell_of(centre + reach));
-    let known = grid.bounds();
-    let min = Cell { i: low.i.max(known.min.i), j: low.j.max(known.min.j) };
+    let (min, high) = (grid.cell_of(centre - reach), grid.cell_of(centre + reach));
     // Casts saturate: an infinite radius must not wrap around here.
-    let max = Cell { i: high.i.saturating_add(1).min(known.max.i), j: high.j.saturating_add(1).min(known.max.j) };
-    CellBounds { min, max: Cell { i: max.i.max(min.i), j: max.j.max(min.j) } }
+    let max = Cell { i: high.i.saturating_add(1), j: high.j.saturating_add(1) };
+    CellBounds { min, max }.intersection(&grid.bounds())
 }
 
 /// Where a robot's centre may be: a snapshot of a grid.

@@ -12,12 +12,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::construct::point;
 use fht_map::MapState;
-use fht_navigation::planning::{PlanConfig, Traversable, path_length_m};
+use fht_navigation::planning::{DistanceField, ESCAPE_REACH_M, PlanConfig, Traversable, path_length_m, region_around};
 use fht_perception::grid::{CellBounds, OccupancyGrid};
 use fht_perception::pose::Point2;
 use fht_proto::{EdgeKey, FixedPoint, NodeId};
 use fht_worker::{BackgroundWorker, Pace};
-use nalgebra::Vector2;
 
 /// Parameters of the refinement.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -70,7 +69,7 @@ fn candidates(
 }
 
 /// Ways through free space that are longer than this are no shortcut from `node` to anywhere,
-/// metres. Infinite where the map has no way to a node near by.
+/// metres. Infinite where the map has no way to some node near by.
 fn longest_shortcut_m(roadmap: &Roadmap, node: NodeId, config: &RefinementConfig) -> f64 {
     let longest = |map_m: f64| (map_m / config.ratio).min(map_m - config.saving_m);
     candidates(roadmap, node, config).map(|(_, _, map_m)| longest(map_m)).fold(0.0, f64::max)
@@ -78,10 +77,21 @@ fn longest_shortcut_m(roadmap: &Roadmap, node: NodeId, config: &RefinementConfig
 
 /// Looks for shortcuts from `node`, the worst detour first, so that one shortcut may serve several.
 #[must_use]
-pub fn shortcuts(mut roadmap: Roadmap, space: &Traversable, node: NodeId, config: &RefinementConfig) -> Vec<Shortcut> {
+pub fn shortcuts(roadmap: Roadmap, space: &Traversable, node: NodeId, config: &RefinementConfig) -> Vec<Shortcut> {
     let Some(here) = roadmap.position(node) else { return Vec::new() };
     let most_m = longest_shortcut_m(&roadmap, node, config);
     let field = space.distances_within(point(here), most_m + space.resolution_m());
+    shortcuts_in(roadmap, space, &field, node, config)
+}
+
+/// The same by the ways through free space from `node`, as far as they may be shortcuts.
+fn shortcuts_in(
+    mut roadmap: Roadmap,
+    space: &Traversable,
+    field: &DistanceField<'_>,
+    node: NodeId,
+    config: &RefinementConfig,
+) -> Vec<Shortcut> {
     let mut found = Vec::new();
     let mut virtual_nodes = 0;
     while found.len() < config.max_shortcuts {
@@ -145,29 +155,28 @@ pub fn is_still_free(shortcut: &Shortcut, map: &MapState, grid: &OccupancyGrid, 
 }
 
 /// The part of the grid in which all shortcuts from `node` lie, with the nodes that they may be
-/// joined with: all of it where the map has no way to a node near by.
+/// joined with: all of it where the map has no way to some node near by.
 #[must_use]
-pub fn around(
+pub fn grid_around(
     node: NodeId,
     roadmap: &Roadmap,
     grid: &OccupancyGrid,
     plan: &PlanConfig,
     config: &RefinementConfig,
 ) -> OccupancyGrid {
-    /// A robot too near to a wall leaves it first, and cells are not points, metres.
-    const MARGIN_M: f64 = 1.0;
+    /// Ways begin and end at cells, not at points.
+    const CELLS: f64 = 3.0;
     let Some(here) = roadmap.position(node) else { return grid.part(CellBounds::EMPTY) };
-    let most_m = longest_shortcut_m(roadmap, node, config);
-    let reach_m = most_m + config.longest_step_m + plan.robot_radius_m + MARGIN_M;
-    let corner = |sign: f64| point(here) + Vector2::repeat(sign * reach_m);
-    grid.part(CellBounds { min: grid.cell_of(corner(-1.0)), max: grid.cell_of(corner(1.0)) })
+    let way_m = ESCAPE_REACH_M + longest_shortcut_m(roadmap, node, config) + config.longest_step_m.max(0.0);
+    let walls_m = plan.robot_radius_m.max(plan.comfort_clearance_m) + CELLS * grid.resolution_m();
+    grid.part(region_around(grid, point(here), way_m + walls_m))
 }
 
 /// What the refinement thread works on.
 pub struct RefinementJob {
     /// The map's nodes and edges.
     pub roadmap: Roadmap,
-    /// The grid as it is now, as far as shortcuts may lead ([`around`]): what is free in it is
+    /// The grid as it is now, as far as shortcuts may lead ([`grid_around`]): what is free in it is
     /// worked out beside the loop.
     pub grid: OccupancyGrid,
     /// What is free.

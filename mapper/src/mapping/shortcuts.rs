@@ -1,7 +1,7 @@
 //! Shortcuts beside the loop: around new nodes, and over what was found.
 
 use super::Mapper;
-use crate::construct::{Chain, RefinementJob, Roadmap, Shortcut, around, is_still_free, plan_config};
+use crate::construct::{Chain, RefinementJob, Roadmap, Shortcut, grid_around, is_still_free, plan_config};
 use fht_navigation::planning::PlanConfig;
 use fht_proto::NodeId;
 
@@ -26,7 +26,7 @@ impl Mapper {
             && let Some(node) = self.to_refine.pop_front()
         {
             let (roadmap, plan) = (Roadmap::of(self.map()), self.plan_config());
-            let grid = around(node, &roadmap, self.grid(), &plan, &self.config.refine);
+            let grid = grid_around(node, &roadmap, self.grid(), &plan, &self.config.refine);
             let job = RefinementJob { roadmap, grid, plan, node };
             self.refine.submit(job, self.frame + REFINE_DELAY_FRAMES);
         }

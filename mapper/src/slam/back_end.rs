@@ -65,7 +65,6 @@ impl BackEnd {
     /// Before the first job.
     #[must_use]
     pub fn new(grid: GridConfig, submap: SubmapConfig, closure: ClosureConfig) -> Self {
-        let room = OccupancyGrid::new(grid.clone()).bounds();
         Self {
             grid,
             submap,
@@ -74,7 +73,7 @@ impl BackEnd {
             views: Vec::new(),
             hearsay: Hearsay::default(),
             drawn: Vec::new(),
-            room,
+            room: CellBounds::EMPTY,
         }
     }
 

@@ -21,7 +21,7 @@ pub fn path_length_m(points: &[Point2]) -> f64 {
 }
 
 /// How far a robot that stands too near to a wall looks for a passable cell, metres.
-const ESCAPE_REACH_M: f64 = 0.6;
+pub const ESCAPE_REACH_M: f64 = 0.6;
 
 impl Traversable {
     /// Cheapest ways from `start` to everywhere that can be reached (Dijkstra over the passable

@@ -22,7 +22,7 @@ impl CellBounds {
     /// No cell.
     pub const EMPTY: Self = Self { min: Cell { i: 0, j: 0 }, max: Cell { i: 0, j: 0 } };
 
-    /// The cells of both boxes; [`EMPTY`](Self::EMPTY) without any.
+    /// The cells that are in both boxes; [`EMPTY`](Self::EMPTY) if there are none.
     #[must_use]
     pub fn intersection(&self, other: &Self) -> Self {
         let min = Cell { i: self.min.i.max(other.min.i), j: self.min.j.max(other.min.j) };

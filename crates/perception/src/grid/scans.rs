@@ -98,9 +98,8 @@ struct CellSet {
 impl CellSet {
     /// None yet, of those from `low` to `high` that are within `bounds`.
     fn new(low: Cell, high: Cell, bounds: &CellBounds) -> Self {
-        let min = Cell { i: low.i.max(bounds.min.i), j: low.j.max(bounds.min.j) };
-        let max = Cell { i: (high.i + 1).min(bounds.max.i), j: (high.j + 1).min(bounds.max.j) };
-        let within = CellBounds { min, max };
+        let max = Cell { i: high.i + 1, j: high.j + 1 };
+        let within = CellBounds { min: low, max }.intersection(bounds);
         let (columns, rows) = (within.width(), within.height());
         let words_of_row = columns.div_ceil(64);
         Self { within, columns, rows, words_of_row, words: vec![0; words_of_row * rows] }
