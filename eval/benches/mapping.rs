@@ -157,7 +157,7 @@ mod nodes {
         let plan = PlanConfig { robot_radius_m: 0.165, unknown: UnknownCells::Obstacle, ..PlanConfig::shortest() };
         let space = Traversable::new(grid, &plan);
         let node = map.nodes().next().expect("the map has nodes").id;
-        bencher.bench(|| shortcuts(Roadmap::of(map), &space, node, &RefinementConfig::default()));
+        bencher.bench(|| shortcuts(&Roadmap::of(map), &space, node, &RefinementConfig::default()));
     }
 }
 

@@ -4,6 +4,7 @@
 use crate::survey::Survey;
 use fht_perception::frame::LaserScan;
 use fht_perception::pose::{Point2, Pose2, from_fixed};
+use fht_perception::square::square_of;
 use fht_proto::NodeKind;
 use fht_sim::{SimConfig, Simulator};
 use serde::{Deserialize, Serialize};
@@ -42,16 +43,12 @@ pub struct KnownShare {
 struct Points(BTreeMap<(i64, i64), Vec<Point2>>);
 
 impl Points {
-    fn square(point: Point2) -> (i64, i64) {
-        ((point.x / NEAR_M).floor() as i64, (point.y / NEAR_M).floor() as i64)
-    }
-
     fn add(&mut self, point: Point2) {
-        self.0.entry(Self::square(point)).or_default().push(point);
+        self.0.entry(square_of(point, NEAR_M)).or_default().push(point);
     }
 
     fn has_near(&self, point: Point2) -> bool {
-        let (i, j) = Self::square(point);
+        let (i, j) = square_of(point, NEAR_M);
         let mut squares = (i - 1..=i + 1).flat_map(|i| (j - 1..=j + 1).map(move |j| (i, j)));
         squares.any(|square| {
             self.0.get(&square).is_some_and(|points| points.iter().any(|other| (other - point).norm() <= NEAR_M))

@@ -365,12 +365,15 @@ impl Mapper {
         let space = Traversable::new(self.slam.grid(), &self.plan_config());
         let own = self.map().nodes().map(|node| node.id).filter(|id| self.builder.is_own(*id));
         let nodes: Vec<NodeId> = own.collect();
+        let mut roadmap = Roadmap::of(self.map());
         for node in nodes {
             if !haste.has_time() {
                 break;
             }
-            let found = shortcuts(Roadmap::of(self.map()), &space, node, &self.config.refine);
+            let found = shortcuts(&roadmap, &space, node, &self.config.refine);
+            let before = self.increments.len();
             self.add_shortcuts(found, time_us);
+            self.increments[before..].iter().for_each(|increment| roadmap.take_in(increment));
         }
     }
 

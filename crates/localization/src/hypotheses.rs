@@ -11,6 +11,7 @@ use fht_perception::evidence_grid::{BeamVerdict, Beams, Evidence, EvidenceConfig
 use fht_perception::matching::{MatchConfig, refine};
 use fht_perception::pose::{Point2, Pose2, wrap_angle};
 use fht_perception::scan_odometry::Odometry;
+use fht_perception::square::one_per_square;
 use fht_proto::NodeId;
 use serde::{Deserialize, Serialize};
 
@@ -85,21 +86,13 @@ pub(crate) fn points_seen(views: &[SensedView], poses: &[Pose2], metres: f64) ->
     const SQUARE_M: f64 = 0.25;
     let Some((last, now)) = views.last().zip(poses.last()) else { return Vec::new() };
     let now_from_frame = now.inverse();
-    let mut squares = std::collections::BTreeSet::new();
-    let mut points = Vec::new();
-    for (view, pose) in views.iter().zip(poses).rev() {
-        if last.odometry.odometer_m - view.odometry.odometer_m > metres {
-            break;
-        }
+    let is_near = |(view, _): &(&SensedView, &Pose2)| last.odometry.odometer_m - view.odometry.odometer_m <= metres;
+    let newest_first = views.iter().zip(poses).rev().take_while(is_near);
+    let points = newest_first.flat_map(|(view, pose)| {
         let now_from_view = now_from_frame * pose;
-        for point in view.points.iter().map(|point| now_from_view * point) {
-            let square = ((point.x / SQUARE_M).floor() as i64, (point.y / SQUARE_M).floor() as i64);
-            if squares.insert(square) {
-                points.push(point);
-            }
-        }
-    }
-    points
+        view.points.iter().map(move |point| now_from_view * point)
+    });
+    one_per_square(points, SQUARE_M)
 }
 
 /// What says where a view was taken.

@@ -8,6 +8,7 @@
 use crate::hypotheses::SensedView;
 use fht_perception::evidence_grid::BeamVerdict;
 use fht_perception::pose::Point2;
+use fht_perception::square::square_of;
 use std::collections::BTreeMap;
 
 /// Which piece of wall each beam of some views ends at.
@@ -45,9 +46,8 @@ impl WallSquares {
         for view in views {
             let mut number = |end: Option<Point2>| {
                 let end = view.odometry.odom_from_base * end?;
-                let square = ((end.x / side_m).floor() as i64, (end.y / side_m).floor() as i64);
                 let next = numbers.len();
-                Some(*numbers.entry(square).or_insert(next))
+                Some(*numbers.entry(square_of(end, side_m)).or_insert(next))
             };
             of_beams.push(view.beams.ends().map(&mut number).collect());
         }

@@ -26,6 +26,7 @@
 //! | [`evidence_grid`] | what a scan says for or against a pose |
 //! | [`candidate`] | a place where a robot may be |
 //! | [`reference_map`] | what all main nodes of a map saw, as one |
+//! | [`square`] | points by the squares of a plane in which they lie |
 //!
 //! Two scans of a room, and where the second was taken in the frame of the first:
 //!
@@ -73,6 +74,7 @@ pub mod reference_map;
 pub mod robot;
 pub mod scan_odometry;
 pub mod shared_view;
+pub mod square;
 
 pub use candidate::Candidate;
 pub use frame::{FrameError, LaserScan, Panorama, SensorFrame, Twist};

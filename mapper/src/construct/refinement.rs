@@ -17,6 +17,8 @@ use fht_perception::grid::{CellBounds, OccupancyGrid};
 use fht_perception::pose::Point2;
 use fht_proto::{EdgeKey, FixedPoint, NodeId};
 use fht_worker::{BackgroundWorker, Pace};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 /// Parameters of the refinement.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -56,37 +58,45 @@ pub struct Shortcut {
 
 /// Nodes that shortcuts from `node` may lead to, with how long the map's way to them is, metres:
 /// infinite where there is none.
-fn candidates(
-    roadmap: &Roadmap,
-    node: NodeId,
-    config: &RefinementConfig,
-) -> impl Iterator<Item = (NodeId, FixedPoint, f64)> {
-    let here = roadmap.position(node);
-    let on_map = roadmap.distances_from(node);
-    let is_near = move |position: FixedPoint| here.is_some_and(|here| position.distance(here) <= config.radius_m);
-    let near = roadmap.nodes().filter(move |(id, position)| *id != node && is_near(*position));
-    near.map(move |(id, position)| (id, position, on_map.get(&id).copied().unwrap_or(f64::INFINITY)))
+fn candidates(roadmap: &Roadmap, node: NodeId, config: &RefinementConfig) -> Vec<(NodeId, FixedPoint, f64)> {
+    let Some(here) = roadmap.position(node) else { return Vec::new() };
+    let is_near = |(id, position): &(NodeId, FixedPoint)| *id != node && position.distance(here) <= config.radius_m;
+    let near: BTreeMap<NodeId, FixedPoint> = roadmap.nodes().filter(is_near).collect();
+    let on_map = roadmap.distances_from(node, &near.keys().copied().collect());
+    let map_m = |id: NodeId| on_map.get(&id).copied().unwrap_or(f64::INFINITY);
+    near.into_iter().map(|(id, position)| (id, position, map_m(id))).collect()
 }
 
-/// Ways through free space that are longer than this are no shortcut from `node` to anywhere,
-/// metres. Infinite where the map has no way to some node near by.
-fn longest_shortcut_m(roadmap: &Roadmap, node: NodeId, config: &RefinementConfig) -> f64 {
-    let longest = |map_m: f64| (map_m / config.ratio).min(map_m - config.saving_m);
-    candidates(roadmap, node, config).map(|(_, _, map_m)| longest(map_m)).fold(0.0, f64::max)
+/// Ways through free space from `here` that are longer than this are no shortcut to any of the
+/// [`candidates`], metres: infinite where the map has no way to one of them. `None` if there can be
+/// no shortcut to any, were the free ways as straight as ways over cells can be.
+fn longest_shortcut_m(
+    here: FixedPoint,
+    near: &[(NodeId, FixedPoint, f64)],
+    resolution_m: f64,
+    config: &RefinementConfig,
+) -> Option<f64> {
+    // Ways begin at the nearest cell where a robot may be, and end in the cells of nodes.
+    let least_m = |place: FixedPoint| (here.distance(place) - ESCAPE_REACH_M - 2.0 * resolution_m).max(0.0);
+    let longest_m = |map_m: f64| (map_m / config.ratio).min(map_m - config.saving_m);
+    let ways = near.iter().map(|(_, place, map_m)| (least_m(*place), longest_m(*map_m)));
+    ways.filter(|(least_m, longest_m)| longest_m >= least_m).map(|(_, longest_m)| longest_m).max_by(f64::total_cmp)
 }
 
 /// Looks for shortcuts from `node`, the worst detour first, so that one shortcut may serve several.
 #[must_use]
-pub fn shortcuts(roadmap: Roadmap, space: &Traversable, node: NodeId, config: &RefinementConfig) -> Vec<Shortcut> {
+pub fn shortcuts(roadmap: &Roadmap, space: &Traversable, node: NodeId, config: &RefinementConfig) -> Vec<Shortcut> {
     let Some(here) = roadmap.position(node) else { return Vec::new() };
-    let most_m = longest_shortcut_m(&roadmap, node, config);
+    let near = candidates(roadmap, node, config);
+    let Some(most_m) = longest_shortcut_m(here, &near, space.resolution_m(), config) else { return Vec::new() };
     let field = space.distances_within(point(here), most_m + space.resolution_m());
-    shortcuts_in(roadmap, space, &field, node, config)
+    shortcuts_in((Cow::Borrowed(roadmap), near), space, &field, node, config)
 }
 
-/// The same by the ways through free space from `node`, as far as they may be shortcuts.
+/// The same to the candidates on a roadmap, by the ways through free space from `node`, as far as
+/// they may be shortcuts.
 fn shortcuts_in(
-    mut roadmap: Roadmap,
+    (mut roadmap, mut near): (Cow<'_, Roadmap>, Vec<(NodeId, FixedPoint, f64)>),
     space: &Traversable,
     field: &DistanceField<'_>,
     node: NodeId,
@@ -95,13 +105,14 @@ fn shortcuts_in(
     let mut found = Vec::new();
     let mut virtual_nodes = 0;
     while found.len() < config.max_shortcuts {
-        let detour = |(id, position, map_m): (NodeId, FixedPoint, f64)| {
+        let detour = |&(id, position, map_m): &(NodeId, FixedPoint, f64)| {
             let free_m = field.distance_m(space.cell_of(point(position)))?;
             let is_long = map_m > config.ratio * free_m && map_m - free_m > config.saving_m;
             is_long.then_some((map_m / free_m.max(0.1), id, position))
         };
         let tried = |id: NodeId| found.iter().any(|shortcut: &Shortcut| shortcut.to == id);
-        let worst = candidates(&roadmap, node, config)
+        let worst = near
+            .iter()
             .filter(|(id, ..)| !tried(*id))
             .filter_map(detour)
             .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
@@ -110,7 +121,8 @@ fn shortcuts_in(
         // The field's path ends at a cell's centre; the shortcut ends at the node.
         path.push(point(position));
         let between = break_points(&space.shorten(&path), config.longest_step_m);
-        // The same shortcut in the copy, so that the next search knows of it.
+        // The same shortcut in a copy, so that the next search knows of it.
+        let planned = roadmap.to_mut();
         let mut before = node;
         for place in &between {
             let id = NodeId { author: node.author, number: u32::MAX - virtual_nodes };
@@ -119,16 +131,17 @@ fn shortcuts_in(
             let is_joined = |(_, other): &(NodeId, FixedPoint)| {
                 other.distance(position) <= config.longest_step_m && space.is_segment_passable(*place, point(*other))
             };
-            let joined: Vec<NodeId> = roadmap.nodes().filter(is_joined).map(|(id, _)| id).collect();
-            roadmap.add_node(id, position);
-            roadmap.add_edge(EdgeKey::new(before, id));
+            let joined: Vec<NodeId> = planned.nodes().filter(is_joined).map(|(id, _)| id).collect();
+            planned.add_node(id, position);
+            planned.add_edge(EdgeKey::new(before, id));
             for other in joined {
-                roadmap.add_edge(EdgeKey::new(id, other));
+                planned.add_edge(EdgeKey::new(id, other));
             }
             before = id;
         }
-        roadmap.add_edge(EdgeKey::new(before, target));
+        planned.add_edge(EdgeKey::new(before, target));
         found.push(Shortcut { from: node, to: target, between });
+        near = candidates(&roadmap, node, config);
     }
     found
 }
@@ -155,7 +168,8 @@ pub fn is_still_free(shortcut: &Shortcut, map: &MapState, grid: &OccupancyGrid, 
 }
 
 /// The part of the grid in which all shortcuts from `node` lie, with the nodes that they may be
-/// joined with: all of it where the map has no way to some node near by.
+/// joined with: all of it where the map has no way to some node near by, nothing of it where there
+/// can be no shortcut.
 #[must_use]
 pub fn grid_around(
     node: NodeId,
@@ -166,8 +180,11 @@ pub fn grid_around(
 ) -> OccupancyGrid {
     /// Ways begin and end at cells, not at points.
     const CELLS: f64 = 3.0;
-    let Some(here) = roadmap.position(node) else { return grid.part(CellBounds::EMPTY) };
-    let way_m = ESCAPE_REACH_M + longest_shortcut_m(roadmap, node, config) + config.longest_step_m.max(0.0);
+    let longest_m = |here| longest_shortcut_m(here, &candidates(roadmap, node, config), grid.resolution_m(), config);
+    let Some((here, longest_m)) = roadmap.position(node).and_then(|here| Some((here, longest_m(here)?))) else {
+        return grid.part(CellBounds::EMPTY);
+    };
+    let way_m = ESCAPE_REACH_M + longest_m + config.longest_step_m.max(0.0);
     let walls_m = plan.robot_radius_m.max(plan.comfort_clearance_m) + CELLS * grid.resolution_m();
     grid.part(region_around(grid, point(here), way_m + walls_m))
 }
@@ -192,6 +209,6 @@ pub struct RefinementJob {
 pub fn start(config: RefinementConfig, pace: Pace) -> std::io::Result<BackgroundWorker<RefinementJob, Vec<Shortcut>>> {
     BackgroundWorker::one_by_one("refine", pace, move |job: RefinementJob| {
         let space = Traversable::new(&job.grid, &job.plan);
-        shortcuts(job.roadmap, &space, job.node, &config)
+        shortcuts(&job.roadmap, &space, job.node, &config)
     })
 }

@@ -7,8 +7,8 @@ use fht_perception::frame::LaserScan;
 use fht_perception::matching::BranchAndBoundConfig;
 use fht_perception::pose::{Point2, Pose2, from_fixed};
 use fht_perception::reference_map::ReferenceMap;
+use fht_perception::square::one_per_square;
 use fht_proto::{Descriptor, NodeId};
-use std::collections::BTreeSet;
 
 /// A main node.
 pub(crate) struct PreparedNode<'a> {
@@ -79,17 +79,11 @@ impl<'a> PreparedMap<'a> {
     /// What was seen from a place and those around it, in its frame, evenly spread.
     pub(crate) fn seen_around(&self, index: usize, around: &[usize]) -> Vec<Point2> {
         let node_from_map = self.places[index].map_from_node.inverse();
-        let mut squares = BTreeSet::new();
-        let mut seen = Vec::new();
-        for other in around.iter().map(|&other| &self.places[other]) {
+        let others = around.iter().map(|&other| &self.places[other]);
+        let seen = others.flat_map(|other| {
             let node_from_other = node_from_map * other.map_from_node;
-            for point in other.points.iter().map(|point| node_from_other * point) {
-                let square = ((point.x / SQUARE_M).floor() as i64, (point.y / SQUARE_M).floor() as i64);
-                if squares.insert(square) {
-                    seen.push(point);
-                }
-            }
-        }
-        seen
+            other.points.iter().map(move |point| node_from_other * point)
+        });
+        one_per_square(seen, SQUARE_M)
     }
 }

@@ -2,9 +2,9 @@
 //! thread, and open to nodes and edges that are only planned.
 
 use fht_map::MapState;
-use fht_proto::{EdgeKey, FixedPoint, NodeId};
-use pathfinding::directed::dijkstra::dijkstra_all;
-use std::collections::BTreeMap;
+use fht_proto::{EdgeKey, FixedPoint, Increment, NodeId, Op};
+use pathfinding::directed::dijkstra::dijkstra_reach;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Micrometres in a metre: sums of whole numbers are the same in any order.
 const UM_PER_M: f64 = 1e6;
@@ -30,6 +30,17 @@ impl Roadmap {
         roadmap
     }
 
+    /// The nodes and edges that an increment puts.
+    pub fn take_in(&mut self, increment: &Increment) {
+        for op in &increment.ops {
+            match op {
+                Op::PutNode { id, pose, .. } => self.add_node(*id, pose.position),
+                Op::PutEdge { edge } => self.add_edge(*edge),
+                _ => {}
+            }
+        }
+    }
+
     /// Adds a node.
     pub fn add_node(&mut self, id: NodeId, position: FixedPoint) {
         self.positions.insert(id, position);
@@ -53,19 +64,17 @@ impl Roadmap {
         self.positions.iter().map(|(id, position)| (*id, *position))
     }
 
-    /// Shortest ways from a node to all that it is joined with, metres; itself at 0.
+    /// Shortest ways from a node to those of `targets` that can be reached, metres. Nothing beyond
+    /// the farthest of them is looked at, if all can be.
     #[must_use]
-    pub fn distances_from(&self, from: NodeId) -> BTreeMap<NodeId, f64> {
+    pub fn distances_from(&self, from: NodeId, targets: &BTreeSet<NodeId>) -> BTreeMap<NodeId, f64> {
         let steps = |id: &NodeId| -> Vec<(NodeId, u64)> {
             let Some(here) = self.position(*id) else { return Vec::new() };
             let near = self.neighbours.get(id).into_iter().flatten();
             let length_um = |there: FixedPoint| (here.distance(there) * UM_PER_M).round() as u64;
             near.filter_map(|next| Some((*next, length_um(self.position(*next)?)))).collect()
         };
-        let reached = dijkstra_all(&from, steps);
-        let mut distances: BTreeMap<NodeId, f64> =
-            reached.into_iter().map(|(id, (_, length_um))| (id, length_um as f64 / UM_PER_M)).collect();
-        distances.insert(from, 0.0);
-        distances
+        let reached = dijkstra_reach(&from, steps).filter(|item| targets.contains(&item.node));
+        reached.take(targets.len()).map(|item| (item.node, item.total_cost as f64 / UM_PER_M)).collect()
     }
 }

@@ -3,6 +3,7 @@ use crate::construct::plan_config;
 use fht_perception::grid::{Cell, CellState, GridConfig};
 use fht_proto::AuthorId;
 use proptest::prelude::*;
+use std::collections::BTreeSet;
 
 /// Half of the hall's sides, metres.
 const HALF: [f64; 2] = [40.0, 8.0];
@@ -41,9 +42,10 @@ fn both(roadmap: &Roadmap, grid: &OccupancyGrid) -> ([Vec<Shortcut>; 2], Occupan
     let (config, plan) = (RefinementConfig::default(), plan_config(0.14, grid));
     let space = Traversable::new(grid, &plan);
     let field = space.distances_from(point(roadmap.position(id(0)).unwrap()));
-    let whole = shortcuts_in(roadmap.clone(), &space, &field, id(0), &config);
+    let near = candidates(roadmap, id(0), &config);
+    let whole = shortcuts_in((Cow::Borrowed(roadmap), near), &space, &field, id(0), &config);
     let part = grid_around(id(0), roadmap, grid, &plan, &config);
-    let near = shortcuts(roadmap.clone(), &Traversable::new(&part, &plan), id(0), &config);
+    let near = shortcuts(roadmap, &Traversable::new(&part, &plan), id(0), &config);
     ([whole, near], part)
 }
 
@@ -58,8 +60,29 @@ fn a_door_is_a_shortcut_and_is_looked_for_near_by_only() {
     assert!(part.bounds().width() < grid.bounds().width(), "{:?}", part.bounds());
 }
 
+#[test]
+fn ways_lead_by_edges_and_to_what_is_asked_for_and_joined() {
+    let roadmap = roadmap(&[(0.0, 0.0), (3.0, 0.0), (3.0, 4.0), (9.0, 9.0)], [(0, 1), (1, 2), (0, 2)]);
+    let asked = BTreeSet::from([id(0), id(2), id(3)]);
+    assert_eq!(roadmap.distances_from(id(0), &asked), BTreeMap::from([(id(0), 0.0), (id(2), 5.0)]));
+    assert_eq!(roadmap.distances_from(id(0), &BTreeSet::new()), BTreeMap::new());
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
+
+    #[test]
+    fn ways_to_some_nodes_are_as_long_as_among_the_ways_to_all(
+        places in prop::collection::vec((-12.0..12.0, -3.0..3.0), 12),
+        edges in prop::collection::vec((0..12_u32, 0..12_u32), 0..20),
+        asked in prop::collection::btree_set(0..12_u32, 0..12),
+    ) {
+        let roadmap = roadmap(&places, edges);
+        let to = |asked: BTreeSet<u32>| roadmap.distances_from(id(0), &asked.into_iter().map(id).collect());
+        let mut all = to((0..12).collect());
+        all.retain(|node, _| asked.contains(&node.number));
+        prop_assert_eq!(to(asked), all);
+    }
 
     #[test]
     fn the_part_around_a_node_says_what_the_whole_grid_says(
