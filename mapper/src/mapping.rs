@@ -373,7 +373,7 @@ impl Mapper {
             let found = shortcuts(&roadmap, &space, node, &self.config.refine);
             let before = self.increments.len();
             self.add_shortcuts(found, time_us);
-            self.increments[before..].iter().for_each(|increment| roadmap.take_in(increment));
+            self.increments[before..].iter().for_each(|increment| roadmap.add_put_by(increment));
         }
     }
 

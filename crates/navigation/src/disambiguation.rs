@@ -25,6 +25,7 @@ use fht_perception::candidate::Candidate;
 use fht_perception::evidence_grid::EvidenceGrid;
 use fht_perception::grid::{Cell, OccupancyGrid};
 use fht_perception::pose::{Point2, Pose2};
+use fht_perception::square::{Square, square_of};
 use std::collections::BTreeMap;
 
 /// Places that what was seen so far does not tell apart, on a map.
@@ -62,8 +63,8 @@ pub struct TellingPlace {
 const PLACE_SQUARE_M: f64 = 1.0;
 
 /// The square of a place, so that places are remembered and thinned.
-fn square_of(place: Point2) -> (i32, i32) {
-    ((place.x / PLACE_SQUARE_M).floor() as i32, (place.y / PLACE_SQUARE_M).floor() as i32)
+fn place_square(place: Point2) -> Square {
+    square_of(place, PLACE_SQUARE_M)
 }
 
 /// The place from which the candidates are told apart soonest: the way there, and the looking about
@@ -73,7 +74,7 @@ fn square_of(place: Point2) -> (i32, i32) {
 pub fn telling_place(
     ambiguity: &Ambiguity<'_>,
     around: &Surroundings<'_>,
-    is_spent: impl Fn((i32, i32)) -> bool,
+    is_spent: impl Fn(Square) -> bool,
     config: &DisambiguationConfig,
 ) -> Option<TellingPlace> {
     let candidates = likely(ambiguity.candidates, config);
@@ -86,17 +87,17 @@ pub fn telling_place(
     reaches_m.into_iter().find_map(|reach_m| {
         let space = common_ground(ambiguity.known, &candidates, around.live, here, reach_m, config);
         let ways = space.distances_within(here, reach_m);
-        let mut places: BTreeMap<(i32, i32), (f64, Cell)> = BTreeMap::new();
+        let mut places: BTreeMap<Square, (f64, Cell)> = BTreeMap::new();
         let bounds = space.bounds();
         for index in 0..bounds.width() * bounds.height() {
             let cell = bounds.cell(index);
             let Some(way_m) = ways.distance_m(cell) else { continue };
-            let nearest = places.entry(square_of(space.centre(cell))).or_insert((way_m, cell));
+            let nearest = places.entry(place_square(space.centre(cell))).or_insert((way_m, cell));
             if way_m < nearest.0 {
                 *nearest = (way_m, cell);
             }
         }
-        let own = square_of(here);
+        let own = place_square(here);
         let mut places: Vec<(f64, Cell)> =
             places.into_iter().filter(|(square, _)| *square != own && !is_spent(*square)).map(|(_, at)| at).collect();
         places.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));

@@ -4,6 +4,7 @@
 use crate::planning::{PlanConfig, Traversable, UnknownCells};
 use fht_perception::grid::{Cell, CellState, OccupancyGrid};
 use fht_perception::pose::{Point2, Pose2, wrap_angle};
+use fht_perception::square::{Square, square_of};
 use fht_proto::Footprint;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
@@ -54,12 +55,8 @@ const FRONTIER_CELL_M: f64 = 0.5;
 /// Chooses places to wander to.
 pub struct Wanderer {
     config: WanderingConfig,
-    visits: BTreeMap<(i32, i32), u32>,
-    last_square: Option<(i32, i32)>,
-}
-
-fn square_of(point: Point2, side_m: f64) -> (i32, i32) {
-    ((point.x / side_m).floor() as i32, (point.y / side_m).floor() as i32)
+    visits: BTreeMap<Square, u32>,
+    last_square: Option<Square>,
 }
 
 impl Wanderer {
@@ -90,7 +87,7 @@ impl Wanderer {
         let here = Point2::from(odom_from_base.translation.vector);
         let field = space.distances_from(here);
         let bounds = space.bounds();
-        let mut frontiers: BTreeMap<(i32, i32), Vec<(f64, Cell)>> = BTreeMap::new();
+        let mut frontiers: BTreeMap<Square, Vec<(f64, Cell)>> = BTreeMap::new();
         let mut reachable: Vec<(f64, Cell)> = Vec::new();
         for index in 0..bounds.width() * bounds.height() {
             let cell = bounds.cell(index);

@@ -26,7 +26,7 @@
 //! | [`evidence_grid`] | what a scan says for or against a pose |
 //! | [`candidate`] | a place where a robot may be |
 //! | [`reference_map`] | what all main nodes of a map saw, as one |
-//! | [`square`] | points by the squares of a plane in which they lie |
+//! | [`mod@square`] | the squares of a plane in which points lie |
 //!
 //! Two scans of a room, and where the second was taken in the frame of the first:
 //!

@@ -1,13 +1,15 @@
-//! Points by the squares of a plane in which they lie: counted, thinned, looked up.
+//! Squares of a plane: in which of them a point lies, and one point of each.
 
 use crate::pose::Point2;
 use std::collections::BTreeSet;
 
-/// The square of side `side_m` metres in which a point lies: how many squares it is from the origin
-/// along x and y.
+/// A square: how many squares it is from the origin along x and y.
+pub type Square = (i32, i32);
+
+/// The square of side `side_m` metres in which a point lies.
 #[must_use]
-pub fn square_of(point: Point2, side_m: f64) -> (i64, i64) {
-    ((point.x / side_m).floor() as i64, (point.y / side_m).floor() as i64)
+pub fn square_of(point: Point2, side_m: f64) -> Square {
+    ((point.x / side_m).floor() as i32, (point.y / side_m).floor() as i32)
 }
 
 /// The first of the points in each square of side `side_m` metres, in their order: evenly spread.

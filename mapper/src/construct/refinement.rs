@@ -67,17 +67,21 @@ fn candidates(roadmap: &Roadmap, node: NodeId, config: &RefinementConfig) -> Vec
     near.into_iter().map(|(id, position)| (id, position, map_m(id))).collect()
 }
 
-/// Ways through free space from `here` that are longer than this are no shortcut to any of the
-/// [`candidates`], metres: infinite where the map has no way to one of them. `None` if there can be
-/// no shortcut to any, were the free ways as straight as ways over cells can be.
+/// Ways begin at the nearest cell where a robot may be and end in the cells of nodes: so many cells
+/// they are off these places at most, beyond [`ESCAPE_REACH_M`].
+const ENDS_CELLS: f64 = 3.0;
+
+/// The longest way through free space from `here` that can be a shortcut to one of the
+/// [`candidates`] `near`, metres; infinite if the map has no way to one of them. `None` if not even
+/// a straight way to any of them would be short enough.
 fn longest_shortcut_m(
     here: FixedPoint,
     near: &[(NodeId, FixedPoint, f64)],
     resolution_m: f64,
     config: &RefinementConfig,
 ) -> Option<f64> {
-    // Ways begin at the nearest cell where a robot may be, and end in the cells of nodes.
-    let least_m = |place: FixedPoint| (here.distance(place) - ESCAPE_REACH_M - 2.0 * resolution_m).max(0.0);
+    let ends_m = ESCAPE_REACH_M + ENDS_CELLS * resolution_m;
+    let least_m = |place: FixedPoint| (here.distance(place) - ends_m).max(0.0);
     let longest_m = |map_m: f64| (map_m / config.ratio).min(map_m - config.saving_m);
     let ways = near.iter().map(|(_, place, map_m)| (least_m(*place), longest_m(*map_m)));
     ways.filter(|(least_m, longest_m)| longest_m >= least_m).map(|(_, longest_m)| longest_m).max_by(f64::total_cmp)
@@ -90,27 +94,34 @@ pub fn shortcuts(roadmap: &Roadmap, space: &Traversable, node: NodeId, config: &
     let near = candidates(roadmap, node, config);
     let Some(most_m) = longest_shortcut_m(here, &near, space.resolution_m(), config) else { return Vec::new() };
     let field = space.distances_within(point(here), most_m + space.resolution_m());
-    shortcuts_in((Cow::Borrowed(roadmap), near), space, &field, node, config)
+    shortcuts_in(Cow::Borrowed(roadmap), near, space, &field, node, config)
 }
 
 /// The same to the candidates on a roadmap, by the ways through free space from `node`, as far as
 /// they may be shortcuts.
 fn shortcuts_in(
-    (mut roadmap, mut near): (Cow<'_, Roadmap>, Vec<(NodeId, FixedPoint, f64)>),
+    mut roadmap: Cow<'_, Roadmap>,
+    mut near: Vec<(NodeId, FixedPoint, f64)>,
     space: &Traversable,
     field: &DistanceField<'_>,
     node: NodeId,
     config: &RefinementConfig,
 ) -> Vec<Shortcut> {
-    let mut found = Vec::new();
-    let mut virtual_nodes = 0;
-    while found.len() < config.max_shortcuts {
+    let mut found: Vec<Shortcut> = Vec::new();
+    // No map has nodes of these numbers.
+    let mut numbers = (0..=u32::MAX).rev();
+    for _ in 0..config.max_shortcuts {
+        if let Some(last) = found.last() {
+            // In a copy, so that this search knows of it.
+            plan(last, &mut numbers, roadmap.to_mut(), space, config.longest_step_m);
+            near = candidates(&roadmap, node, config);
+        }
         let detour = |&(id, position, map_m): &(NodeId, FixedPoint, f64)| {
             let free_m = field.distance_m(space.cell_of(point(position)))?;
             let is_long = map_m > config.ratio * free_m && map_m - free_m > config.saving_m;
             is_long.then_some((map_m / free_m.max(0.1), id, position))
         };
-        let tried = |id: NodeId| found.iter().any(|shortcut: &Shortcut| shortcut.to == id);
+        let tried = |id: NodeId| found.iter().any(|shortcut| shortcut.to == id);
         let worst = near
             .iter()
             .filter(|(id, ..)| !tried(*id))
@@ -121,29 +132,35 @@ fn shortcuts_in(
         // The field's path ends at a cell's centre; the shortcut ends at the node.
         path.push(point(position));
         let between = break_points(&space.shorten(&path), config.longest_step_m);
-        // The same shortcut in a copy, so that the next search knows of it.
-        let planned = roadmap.to_mut();
-        let mut before = node;
-        for place in &between {
-            let id = NodeId { author: node.author, number: u32::MAX - virtual_nodes };
-            virtual_nodes += 1;
-            let position = FixedPoint::from_metres(place.x, place.y);
-            let is_joined = |(_, other): &(NodeId, FixedPoint)| {
-                other.distance(position) <= config.longest_step_m && space.is_segment_passable(*place, point(*other))
-            };
-            let joined: Vec<NodeId> = planned.nodes().filter(is_joined).map(|(id, _)| id).collect();
-            planned.add_node(id, position);
-            planned.add_edge(EdgeKey::new(before, id));
-            for other in joined {
-                planned.add_edge(EdgeKey::new(id, other));
-            }
-            before = id;
-        }
-        planned.add_edge(EdgeKey::new(before, target));
         found.push(Shortcut { from: node, to: target, between });
-        near = candidates(&roadmap, node, config);
     }
     found
+}
+
+/// Adds the nodes, of these numbers, and the edges that a shortcut would have.
+fn plan(
+    shortcut: &Shortcut,
+    numbers: impl Iterator<Item = u32>,
+    roadmap: &mut Roadmap,
+    space: &Traversable,
+    longest_step_m: f64,
+) {
+    let mut before = shortcut.from;
+    for (place, number) in shortcut.between.iter().zip(numbers) {
+        let id = NodeId { author: shortcut.from.author, number };
+        let position = FixedPoint::from_metres(place.x, place.y);
+        let is_joined = |(_, other): &(NodeId, FixedPoint)| {
+            other.distance(position) <= longest_step_m && space.is_segment_passable(*place, point(*other))
+        };
+        let joined: Vec<NodeId> = roadmap.nodes().filter(is_joined).map(|(id, _)| id).collect();
+        roadmap.add_node(id, position);
+        roadmap.add_edge(EdgeKey::new(before, id));
+        for other in joined {
+            roadmap.add_edge(EdgeKey::new(id, other));
+        }
+        before = id;
+    }
+    roadmap.add_edge(EdgeKey::new(before, shortcut.to));
 }
 
 /// The inner points of a path, with more where it goes straight for long.
@@ -178,14 +195,12 @@ pub fn grid_around(
     plan: &PlanConfig,
     config: &RefinementConfig,
 ) -> OccupancyGrid {
-    /// Ways begin and end at cells, not at points.
-    const CELLS: f64 = 3.0;
     let longest_m = |here| longest_shortcut_m(here, &candidates(roadmap, node, config), grid.resolution_m(), config);
     let Some((here, longest_m)) = roadmap.position(node).and_then(|here| Some((here, longest_m(here)?))) else {
         return grid.part(CellBounds::EMPTY);
     };
     let way_m = ESCAPE_REACH_M + longest_m + config.longest_step_m.max(0.0);
-    let walls_m = plan.robot_radius_m.max(plan.comfort_clearance_m) + CELLS * grid.resolution_m();
+    let walls_m = plan.robot_radius_m.max(plan.comfort_clearance_m) + ENDS_CELLS * grid.resolution_m();
     grid.part(region_around(grid, point(here), way_m + walls_m))
 }
 

@@ -5,6 +5,7 @@
 use fht_map::MapState;
 use fht_perception::frame::LaserScan;
 use fht_perception::pose::{Point2, Pose2, from_fixed, to_fixed};
+use fht_perception::square::{Square, square_of};
 use fht_proto::{FixedPoint, ScanRecord};
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashSet};
@@ -15,10 +16,8 @@ const SQUARE_M: f64 = 0.1;
 /// Nodes within this are asked, metres: twice the range of the paper's scanner.
 const REACH_M: f64 = 14.0;
 
-type Square = (i32, i32);
-
 fn square(point: Point2) -> Square {
-    ((point.x / SQUARE_M).floor() as i32, (point.y / SQUARE_M).floor() as i32)
+    square_of(point, SQUARE_M)
 }
 
 /// Where the beams of some scans end.

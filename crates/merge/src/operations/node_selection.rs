@@ -8,11 +8,11 @@ use fht_perception::free_rectangle::{FreeRectangleConfig, grow};
 use fht_perception::grid::OccupancyGrid;
 use fht_perception::matching::{ReferenceCloud, SeenPoint};
 use fht_perception::pose::{Point2, Pose2, from_fixed, to_fixed};
-use fht_perception::square::square_of;
+use fht_perception::square::{Square, square_of};
 use fht_proto::{FixedPoint, NodeId, NodeKind, Rect};
 use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
 /// What is of use.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -147,8 +147,8 @@ fn telling(
     }
     let news_m = |cloud: &ReferenceCloud, seen: &[SeenPoint]| {
         let new = seen.iter().filter(|point| !cloud.has_point_within(point, config.known_m));
-        new.map(|point| square_of(point.position, SQUARE_M)).collect::<std::collections::BTreeSet<_>>().len() as f64
-            * SQUARE_M
+        let squares: BTreeSet<Square> = new.map(|point| square_of(point.position, SQUARE_M)).collect();
+        squares.len() as f64 * SQUARE_M
     };
     let mut open: Vec<(f64, fht_map::NodeRef<'_>, Vec<SeenPoint>)> = b
         .main_nodes()

@@ -1,7 +1,8 @@
 //! Driving to places that tell candidates apart, one after the other.
 
-use super::{Ambiguity, DisambiguationConfig, Surroundings, square_of, telling_place};
+use super::{Ambiguity, DisambiguationConfig, Surroundings, place_square, telling_place};
 use fht_perception::pose::Point2;
+use fht_perception::square::Square;
 use std::collections::{BTreeSet, VecDeque};
 
 /// A point of the way counts as reached within this distance, metres.
@@ -16,7 +17,7 @@ pub struct DisambiguationCourse {
     /// What is left of the way, odometry frame.
     way: VecDeque<Point2>,
     /// Squares that the robot was in, or could not get to.
-    spent: BTreeSet<(i32, i32)>,
+    spent: BTreeSet<Square>,
     last: Option<Point2>,
     searched_m: f64,
     chosen_at_m: Option<f64>,
@@ -43,7 +44,7 @@ impl DisambiguationCourse {
         let here = Point2::from(around.odom_from_base.translation.vector);
         self.searched_m += self.last.map_or(0.0, |last| (here - last).norm());
         self.last = Some(here);
-        self.spent.insert(square_of(here));
+        self.spent.insert(place_square(here));
         let had_way = !self.way.is_empty();
         while self.way.front().is_some_and(|point| (point - here).norm() < REACH_M) {
             self.way.pop_front();
@@ -62,7 +63,7 @@ impl DisambiguationCourse {
 
     /// There is no way to where it was going.
     pub fn give_up(&mut self) {
-        self.spent.extend(self.way.back().copied().map(square_of));
+        self.spent.extend(self.way.back().copied().map(place_square));
         self.way.clear();
         self.given_up += 1;
         if self.given_up < GIVE_UPS {

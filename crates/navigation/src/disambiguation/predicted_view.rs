@@ -6,6 +6,7 @@ use fht_perception::candidate::Candidate;
 use fht_perception::evidence_grid::{EvidenceGrid, Sightline};
 use fht_perception::grid::{CellState, OccupancyGrid};
 use fht_perception::pose::Point2;
+use fht_perception::square::{Square, square_of};
 use nalgebra::Vector2;
 use std::f64::consts::TAU;
 
@@ -55,7 +56,7 @@ pub(super) fn new_pieces(
     live: &OccupancyGrid,
     config: &DisambiguationConfig,
 ) -> f64 {
-    let mut pieces: Vec<((i32, i32), u8)> = Vec::new();
+    let mut pieces: Vec<(Square, u8)> = Vec::new();
     for (index, (line, ahead)) in one.lines.iter().zip(directions).enumerate() {
         if !line.is_wall {
             continue;
@@ -63,8 +64,7 @@ pub(super) fn new_pieces(
         let more = more_right(line.free_m, other.beside(index), config.margin_m);
         let end = from + ahead * line.free_m;
         if more > 0 && !is_seen(live, end) {
-            let square = ((end.x / config.square_m).floor() as i32, (end.y / config.square_m).floor() as i32);
-            pieces.push((square, more));
+            pieces.push((square_of(end, config.square_m), more));
         }
     }
     // Of each piece what it says most clearly.

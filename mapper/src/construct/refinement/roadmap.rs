@@ -30,8 +30,8 @@ impl Roadmap {
         roadmap
     }
 
-    /// The nodes and edges that an increment puts.
-    pub fn take_in(&mut self, increment: &Increment) {
+    /// Adds the nodes and edges that an increment puts. Moves and removals are not followed.
+    pub(crate) fn add_put_by(&mut self, increment: &Increment) {
         for op in &increment.ops {
             match op {
                 Op::PutNode { id, pose, .. } => self.add_node(*id, pose.position),
@@ -64,8 +64,8 @@ impl Roadmap {
         self.positions.iter().map(|(id, position)| (*id, *position))
     }
 
-    /// Shortest ways from a node to those of `targets` that can be reached, metres. Nothing beyond
-    /// the farthest of them is looked at, if all can be.
+    /// Shortest ways from a node to those of `targets` that can be reached, metres. The search ends
+    /// with the last of them; if some cannot be reached, it visits all that `from` is joined with.
     #[must_use]
     pub fn distances_from(&self, from: NodeId, targets: &BTreeSet<NodeId>) -> BTreeMap<NodeId, f64> {
         let steps = |id: &NodeId| -> Vec<(NodeId, u64)> {

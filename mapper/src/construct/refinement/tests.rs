@@ -1,7 +1,8 @@
 use super::*;
 use crate::construct::plan_config;
 use fht_perception::grid::{Cell, CellState, GridConfig};
-use fht_proto::AuthorId;
+use fht_perception::pose::{pose, to_fixed};
+use fht_proto::{AuthorId, Increment, NodeKind, Op};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
@@ -42,11 +43,11 @@ fn both(roadmap: &Roadmap, grid: &OccupancyGrid) -> ([Vec<Shortcut>; 2], Occupan
     let (config, plan) = (RefinementConfig::default(), plan_config(0.14, grid));
     let space = Traversable::new(grid, &plan);
     let field = space.distances_from(point(roadmap.position(id(0)).unwrap()));
-    let near = candidates(roadmap, id(0), &config);
-    let whole = shortcuts_in((Cow::Borrowed(roadmap), near), &space, &field, id(0), &config);
+    let all = candidates(roadmap, id(0), &config);
+    let by_all = shortcuts_in(Cow::Borrowed(roadmap), all, &space, &field, id(0), &config);
     let part = grid_around(id(0), roadmap, grid, &plan, &config);
-    let near = shortcuts(roadmap, &Traversable::new(&part, &plan), id(0), &config);
-    ([whole, near], part)
+    let by_part = shortcuts(roadmap, &Traversable::new(&part, &plan), id(0), &config);
+    ([by_all, by_part], part)
 }
 
 #[test]
@@ -61,7 +62,49 @@ fn a_door_is_a_shortcut_and_is_looked_for_near_by_only() {
 }
 
 #[test]
-fn ways_lead_by_edges_and_to_what_is_asked_for_and_joined() {
+fn where_there_can_be_no_shortcut_none_is_looked_for() {
+    let roadmap = roadmap(&[(0.0, 0.0), (3.0, 0.0), (6.0, 0.0)], [(0, 1), (1, 2)]);
+    let ([whole, near], part) = both(&roadmap, &hall(&[]));
+    assert_eq!((whole, near, part.bounds()), (Vec::new(), Vec::new(), CellBounds::EMPTY));
+}
+
+#[test]
+fn a_way_that_begins_beside_a_node_is_shorter_than_the_straight_line_and_is_found() {
+    // A robot fits only 0.55 m beside node 0, which stands in a slot.
+    let grid = hall(&[[-4.8, 4.1, 5.2, 4.0], [-4.8, -4.1, 5.2, 4.0]]);
+    let roadmap = roadmap(&[(0.0, 0.0), (1.9, 0.0), (0.95, 0.733)], [(0, 2), (2, 1)]);
+    let ([whole, near], _) = both(&roadmap, &grid);
+    assert_eq!(whole, [Shortcut { from: id(0), to: id(1), between: Vec::new() }]);
+    assert_eq!(near, whole);
+}
+
+#[test]
+fn increments_add_to_a_roadmap_what_they_add_to_the_map() {
+    let put = |number, x, y| Op::PutNode { id: id(number), kind: NodeKind::Support, pose: to_fixed(&pose(x, y, 0.0)) };
+    let edge = |a, b| Op::PutEdge { edge: EdgeKey::new(a, b) };
+    let other = NodeId { author: AuthorId(2), number: 7 };
+    let foreign = Op::PutNode { id: other, kind: NodeKind::Support, pose: to_fixed(&pose(1.0, 2.0, 0.0)) };
+    let (mut map, mut roadmap) = (MapState::default(), Roadmap::default());
+    for (author, ops) in [
+        (AuthorId(2), vec![foreign]),
+        (AuthorId(1), vec![put(0, 0.0, 0.0), put(1, 3.0, 0.5), edge(id(0), id(1)), edge(id(1), other)]),
+        (AuthorId(1), vec![put(2, 5.0, 0.0), edge(id(0), id(1)), edge(id(2), id(0))]),
+    ] {
+        let increment = Increment { author, number: map.max_hlc_us() + 1, hlc_us: map.max_hlc_us() + 1, ops };
+        map.apply(&increment);
+        roadmap.add_put_by(&increment);
+    }
+    let of_map = Roadmap::of(&map);
+    let all: BTreeSet<NodeId> = of_map.nodes().map(|(id, _)| id).collect();
+    assert_eq!(all.len(), 4);
+    assert!(roadmap.nodes().eq(of_map.nodes()));
+    for from in &all {
+        assert_eq!(roadmap.distances_from(*from, &all), of_map.distances_from(*from, &all));
+    }
+}
+
+#[test]
+fn ways_lead_along_edges_to_those_asked_for_that_can_be_reached() {
     let roadmap = roadmap(&[(0.0, 0.0), (3.0, 0.0), (3.0, 4.0), (9.0, 9.0)], [(0, 1), (1, 2), (0, 2)]);
     let asked = BTreeSet::from([id(0), id(2), id(3)]);
     assert_eq!(roadmap.distances_from(id(0), &asked), BTreeMap::from([(id(0), 0.0), (id(2), 5.0)]));
@@ -72,16 +115,29 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
     #[test]
-    fn ways_to_some_nodes_are_as_long_as_among_the_ways_to_all(
+    fn ways_are_as_long_as_trying_all_of_them_says(
         places in prop::collection::vec((-12.0..12.0, -3.0..3.0), 12),
         edges in prop::collection::vec((0..12_u32, 0..12_u32), 0..20),
         asked in prop::collection::btree_set(0..12_u32, 0..12),
     ) {
-        let roadmap = roadmap(&places, edges);
-        let to = |asked: BTreeSet<u32>| roadmap.distances_from(id(0), &asked.into_iter().map(id).collect());
-        let mut all = to((0..12).collect());
-        all.retain(|node, _| asked.contains(&node.number));
-        prop_assert_eq!(to(asked), all);
+        let roadmap = roadmap(&places, edges.clone());
+        let at = |number: u32| roadmap.position(id(number)).unwrap();
+        // Floyd and Warshall, micrometres.
+        let mut shortest = [[None::<u64>; 12]; 12];
+        (0..12).for_each(|index| shortest[index][index] = Some(0));
+        for (a, b) in edges.into_iter().filter(|(a, b)| a != b) {
+            let length_um = (at(a).distance(at(b)) * 1e6).round() as u64;
+            shortest[a as usize][b as usize] = Some(length_um);
+            shortest[b as usize][a as usize] = Some(length_um);
+        }
+        for index in 0..12 * 12 * 12 {
+            let (by, from, to) = (index / 144, index / 12 % 12, index % 12);
+            let Some(way) = shortest[from][by].zip(shortest[by][to]).map(|(a, b)| a + b) else { continue };
+            shortest[from][to] = Some(shortest[from][to].map_or(way, |known| known.min(way)));
+        }
+        let reached = asked.iter().filter_map(|to| Some((id(*to), shortest[0][*to as usize]? as f64 / 1e6)));
+        let expected: BTreeMap<NodeId, f64> = reached.collect();
+        prop_assert_eq!(roadmap.distances_from(id(0), &asked.into_iter().map(id).collect()), expected);
     }
 
     #[test]
