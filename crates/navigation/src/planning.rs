@@ -8,11 +8,13 @@
 //! | --- | --- |
 //! | `clearance` | how far each cell is from the nearest obstacle |
 //! | `search` | best first over cells: Dijkstra and A* |
+//! | `regions` | which cells ways join |
 //! | `ways` | the cheapest ways from a place, to one other or to everywhere |
 //! | `straight` | straight drives, and paths pulled straight |
 //! | `touched_cells` | which cells a segment touches |
 
 mod clearance;
+mod regions;
 mod search;
 mod straight;
 mod touched_cells;
@@ -23,8 +25,10 @@ pub use ways::{DistanceField, ESCAPE_REACH_M, GridPath, path_length_m};
 use fht_perception::grid::{Cell, CellBounds, CellState, OccupancyGrid};
 use fht_perception::pose::Point2;
 use fht_proto::Footprint;
+use regions::Regions;
 use search::UNIT_WEIGHT;
 use serde::{Deserialize, Serialize};
+use std::sync::OnceLock;
 use touched_cells::all_cells_between;
 
 /// What the planner takes unknown cells for.
@@ -106,6 +110,7 @@ pub struct Traversable {
     weights: Vec<u8>,
     /// Squared distance to the nearest obstacle cell, in cells, up to a reach.
     squared_clearance: Vec<u16>,
+    regions: OnceLock<Regions>,
 }
 
 impl Traversable {
@@ -152,7 +157,7 @@ impl Traversable {
                 _ => 0,
             })
             .collect();
-        Self { resolution_m, bounds: region, weights, squared_clearance }
+        Self { resolution_m, bounds: region, weights, squared_clearance, regions: OnceLock::new() }
     }
 
     /// Side of a cell, metres.

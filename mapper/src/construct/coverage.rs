@@ -6,7 +6,7 @@
 //! walls that paths keep; and the ground under a robot that squeezes into a gap too narrow for
 //! that, for nobody else can tell the way out of it.
 
-use super::plan_config;
+use super::{plan_config, point};
 use fht_map::MapState;
 use fht_navigation::planning::Traversable;
 use fht_perception::free_rectangle::{FreeRectangleConfig, grow};
@@ -181,7 +181,8 @@ impl Gaps {
             CoverageGoal::Ground => (config.robot_radius_m, 0.0, config.least_ground_m2, 0.5 * config.spacing_m),
         };
         let space = Traversable::new(grid, &plan_config(clearance_m, grid));
-        let mut open = reachable(map, grid, &space);
+        // Where a robot may be that can be reached from the nodes.
+        let mut open = space.joined_with(map.nodes().map(|node| grid.cell_of(point(node.pose.position))));
         if goal == CoverageGoal::Ground {
             open = widened(&open, grid, config.robot_radius_m);
         }
@@ -270,23 +271,6 @@ impl Gaps {
         let high = Cell { i: last(max.0).min(self.bounds.max.i - 1), j: last(max.1).min(self.bounds.max.j - 1) };
         (low.i <= high.i && low.j <= high.j).then_some((low, high))
     }
-}
-
-/// The cells where a robot may be that can be reached from the nodes.
-fn reachable(map: &MapState, grid: &OccupancyGrid, space: &Traversable) -> Vec<bool> {
-    let bounds = grid.bounds();
-    let mut open = vec![false; bounds.width() * bounds.height()];
-    let mut waiting: Vec<Cell> = map.nodes().map(|node| grid.cell_of(super::point(node.pose.position))).collect();
-    while let Some(cell) = waiting.pop() {
-        if let Some(index) = bounds.index(cell)
-            && !open[index]
-            && space.is_passable(cell)
-        {
-            open[index] = true;
-            waiting.extend([(1, 0), (0, 1), (-1, 0), (0, -1)].map(|(i, j)| Cell { i: cell.i + i, j: cell.j + j }));
-        }
-    }
-    open
 }
 
 /// The free cells within `radius_m` of cells that are open.

@@ -91,7 +91,9 @@ fn longest_shortcut_m(
 #[must_use]
 pub fn shortcuts(roadmap: &Roadmap, space: &Traversable, node: NodeId, config: &RefinementConfig) -> Vec<Shortcut> {
     let Some(here) = roadmap.position(node) else { return Vec::new() };
-    let near = candidates(roadmap, node, config);
+    let mut near = candidates(roadmap, node, config);
+    // What neither the map nor free space joins with the node would be looked for everywhere.
+    near.retain(|(_, place, map_m)| map_m.is_finite() || space.has_way(point(here), space.cell_of(point(*place))));
     let Some(most_m) = longest_shortcut_m(here, &near, space.resolution_m(), config) else { return Vec::new() };
     let field = space.distances_within(point(here), most_m + space.resolution_m());
     shortcuts_in(Cow::Borrowed(roadmap), near, space, &field, node, config)

@@ -134,6 +134,23 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
+    fn there_is_a_way_where_the_search_over_all_cells_gets(
+        rows in cluttered(),
+        from in (0.0..3.0, 0.0..2.5),
+        robot_radius_m in 0.0..0.2,
+    ) {
+        let space = drawn(&rows, &PlanConfig { robot_radius_m, ..PlanConfig::shortest() });
+        let from = Point2::new(from.0, from.1);
+        let (field, start) = (space.distances_from(from), space.nearest_passable(from, ESCAPE_REACH_M));
+        let joined = space.joined_with(start.into_iter());
+        for (index, is_joined) in joined.into_iter().enumerate() {
+            let cell = space.bounds.cell(index);
+            let is_reached = field.distance_m(cell).is_some();
+            prop_assert_eq!((space.has_way(from, cell), is_joined), (is_reached, is_reached), "{:?}", cell);
+        }
+    }
+
+    #[test]
     fn a_path_is_as_short_as_dijkstras_and_keeps_the_radius(
         rows in cluttered(), from in (0..60_i32, 0..50_i32), to in (0..60_i32, 0..50_i32), comfort in prop::bool::ANY,
     ) {
