@@ -4,7 +4,7 @@
 use crate::survey::Survey;
 use fht_perception::frame::LaserScan;
 use fht_perception::pose::{Point2, Pose2, from_fixed};
-use fht_perception::square::{Square, square_of};
+use fht_perception::square::{SquareIndex, square_of};
 use fht_proto::NodeKind;
 use fht_sim::{SimConfig, Simulator};
 use serde::{Deserialize, Serialize};
@@ -40,7 +40,7 @@ pub struct KnownShare {
 
 /// Points by squares of side [`NEAR_M`].
 #[derive(Default)]
-struct Points(BTreeMap<Square, Vec<Point2>>);
+struct Points(BTreeMap<SquareIndex, Vec<Point2>>);
 
 impl Points {
     fn add(&mut self, point: Point2) {

@@ -8,7 +8,7 @@
 use crate::hypotheses::SensedView;
 use fht_perception::evidence_grid::BeamVerdict;
 use fht_perception::pose::Point2;
-use fht_perception::square::{Square, square_of};
+use fht_perception::square::{SquareIndex, square_of};
 use std::collections::BTreeMap;
 
 /// Which piece of wall each beam of some views ends at.
@@ -41,7 +41,7 @@ impl Tally {
 impl WallSquares {
     /// Of what `views` saw, in squares of this side.
     pub fn of(views: &[SensedView], side_m: f64) -> Self {
-        let mut numbers: BTreeMap<Square, usize> = BTreeMap::new();
+        let mut numbers: BTreeMap<SquareIndex, usize> = BTreeMap::new();
         let mut of_beams = Vec::with_capacity(views.len());
         for view in views {
             let mut number = |end: Option<Point2>| {

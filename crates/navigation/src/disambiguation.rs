@@ -25,7 +25,7 @@ use fht_perception::candidate::Candidate;
 use fht_perception::evidence_grid::EvidenceGrid;
 use fht_perception::grid::{Cell, OccupancyGrid};
 use fht_perception::pose::{Point2, Pose2};
-use fht_perception::square::{Square, square_of};
+use fht_perception::square::{SquareIndex, square_of};
 use std::collections::BTreeMap;
 
 /// Places that what was seen so far does not tell apart, on a map.
@@ -63,7 +63,7 @@ pub struct TellingPlace {
 const PLACE_SQUARE_M: f64 = 1.0;
 
 /// The square of a place, so that places are remembered and thinned.
-fn place_square(place: Point2) -> Square {
+fn place_square(place: Point2) -> SquareIndex {
     square_of(place, PLACE_SQUARE_M)
 }
 
@@ -74,7 +74,7 @@ fn place_square(place: Point2) -> Square {
 pub fn telling_place(
     ambiguity: &Ambiguity<'_>,
     around: &Surroundings<'_>,
-    is_spent: impl Fn(Square) -> bool,
+    is_spent: impl Fn(SquareIndex) -> bool,
     config: &DisambiguationConfig,
 ) -> Option<TellingPlace> {
     let candidates = likely(ambiguity.candidates, config);
@@ -87,7 +87,7 @@ pub fn telling_place(
     reaches_m.into_iter().find_map(|reach_m| {
         let space = common_ground(ambiguity.known, &candidates, around.live, here, reach_m, config);
         let ways = space.distances_within(here, reach_m);
-        let mut places: BTreeMap<Square, (f64, Cell)> = BTreeMap::new();
+        let mut places: BTreeMap<SquareIndex, (f64, Cell)> = BTreeMap::new();
         let bounds = space.bounds();
         for index in 0..bounds.width() * bounds.height() {
             let cell = bounds.cell(index);

@@ -4,7 +4,7 @@
 use crate::planning::{PlanConfig, Traversable, UnknownCells};
 use fht_perception::grid::{Cell, CellState, OccupancyGrid};
 use fht_perception::pose::{Point2, Pose2, wrap_angle};
-use fht_perception::square::{Square, square_of};
+use fht_perception::square::{SquareIndex, square_of};
 use fht_proto::Footprint;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
@@ -55,8 +55,8 @@ const FRONTIER_CELL_M: f64 = 0.5;
 /// Chooses places to wander to.
 pub struct Wanderer {
     config: WanderingConfig,
-    visits: BTreeMap<Square, u32>,
-    last_square: Option<Square>,
+    visits: BTreeMap<SquareIndex, u32>,
+    last_square: Option<SquareIndex>,
 }
 
 impl Wanderer {
@@ -87,7 +87,7 @@ impl Wanderer {
         let here = Point2::from(odom_from_base.translation.vector);
         let field = space.distances_from(here);
         let bounds = space.bounds();
-        let mut frontiers: BTreeMap<Square, Vec<(f64, Cell)>> = BTreeMap::new();
+        let mut frontiers: BTreeMap<SquareIndex, Vec<(f64, Cell)>> = BTreeMap::new();
         let mut reachable: Vec<(f64, Cell)> = Vec::new();
         for index in 0..bounds.width() * bounds.height() {
             let cell = bounds.cell(index);

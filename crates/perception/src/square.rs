@@ -4,11 +4,11 @@ use crate::pose::Point2;
 use std::collections::BTreeSet;
 
 /// A square: how many squares it is from the origin along x and y.
-pub type Square = (i32, i32);
+pub type SquareIndex = (i32, i32);
 
 /// The square of side `side_m` metres in which a point lies.
 #[must_use]
-pub fn square_of(point: Point2, side_m: f64) -> Square {
+pub fn square_of(point: Point2, side_m: f64) -> SquareIndex {
     ((point.x / side_m).floor() as i32, (point.y / side_m).floor() as i32)
 }
 

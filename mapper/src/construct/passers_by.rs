@@ -12,7 +12,7 @@ use fht_map::NodeRef;
 use fht_perception::frame::LaserScan;
 use fht_perception::grid::{Cell, CellState, OccupancyGrid};
 use fht_perception::pose::{Point2, from_fixed};
-use fht_perception::square::{Square, square_of};
+use fht_perception::square::{SquareIndex, square_of};
 use fht_proto::{NodeId, Op, Signature};
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
@@ -54,12 +54,12 @@ fn blanked(node: &NodeRef<'_>, runs: impl Iterator<Item = Range<usize>>, config:
 
 /// Where returns of main nodes end, in squares, and at which frames of the run.
 #[derive(Default)]
-pub(super) struct Sightings(HashMap<Square, Vec<u64>>);
+pub(super) struct Sightings(HashMap<SquareIndex, Vec<u64>>);
 
 /// Side of these squares, metres.
 const SQUARE_M: f64 = 0.2;
 
-fn square(place: Point2) -> Square {
+fn square(place: Point2) -> SquareIndex {
     square_of(place, SQUARE_M)
 }
 

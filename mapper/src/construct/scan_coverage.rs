@@ -5,7 +5,7 @@
 use fht_map::MapState;
 use fht_perception::frame::LaserScan;
 use fht_perception::pose::{Point2, Pose2, from_fixed, to_fixed};
-use fht_perception::square::{Square, square_of};
+use fht_perception::square::{SquareIndex, square_of};
 use fht_proto::{FixedPoint, ScanRecord};
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashSet};
@@ -16,13 +16,13 @@ const SQUARE_M: f64 = 0.1;
 /// Nodes within this are asked, metres: twice the range of the paper's scanner.
 const REACH_M: f64 = 14.0;
 
-fn square(point: Point2) -> Square {
+fn square(point: Point2) -> SquareIndex {
     square_of(point, SQUARE_M)
 }
 
 /// Where the beams of some scans end.
 #[derive(Clone, Debug, Default)]
-pub struct ScanCoverage(HashSet<Square>);
+pub struct ScanCoverage(HashSet<SquareIndex>);
 
 impl ScanCoverage {
     /// What the main nodes within `reach_m` of a place know.
@@ -37,18 +37,18 @@ impl ScanCoverage {
         known
     }
 
-    fn add(&mut self, squares: &[Square]) {
+    fn add(&mut self, squares: &[SquareIndex]) {
         self.0.extend(squares);
     }
 
-    fn has(&self, (i, j): Square) -> bool {
+    fn has(&self, (i, j): SquareIndex) -> bool {
         (i - 1..=i + 1).any(|i| (j - 1..=j + 1).any(|j| self.0.contains(&(i, j))))
     }
 }
 
 /// The squares in which the beams of a scan end.
-fn squares(map_from_base: &Pose2, scan: &ScanRecord) -> Vec<Square> {
-    let mut squares: Vec<Square> =
+fn squares(map_from_base: &Pose2, scan: &ScanRecord) -> Vec<SquareIndex> {
+    let mut squares: Vec<SquareIndex> =
         LaserScan::record_points_in_base(scan).iter().map(|end| square(map_from_base * end)).collect();
     squares.sort_unstable();
     squares.dedup();
@@ -71,7 +71,8 @@ pub fn known_share(state: &MapState, map_from_base: &Pose2, scan: &ScanRecord) -
 /// adds most first, until none adds `least_m` of wall. Returns their places in `seen`.
 #[must_use]
 pub fn most_telling(mut known: ScanCoverage, seen: &[(Pose2, &ScanRecord)], least_m: f64) -> Vec<usize> {
-    let squares: Vec<Vec<Square>> = seen.iter().map(|(map_from_base, scan)| squares(map_from_base, scan)).collect();
+    let squares: Vec<Vec<SquareIndex>> =
+        seen.iter().map(|(map_from_base, scan)| squares(map_from_base, scan)).collect();
     let news = |known: &ScanCoverage, index: usize| squares[index].iter().filter(|square| !known.has(**square)).count();
     let least = (least_m / SQUARE_M).ceil().max(1.0) as usize;
     // What a scan adds only ever falls: it is counted again when it comes first, and stays first if

@@ -8,7 +8,7 @@ use fht_perception::free_rectangle::{FreeRectangleConfig, grow};
 use fht_perception::grid::OccupancyGrid;
 use fht_perception::matching::{ReferenceCloud, SeenPoint};
 use fht_perception::pose::{Point2, Pose2, from_fixed, to_fixed};
-use fht_perception::square::{Square, square_of};
+use fht_perception::square::{SquareIndex, square_of};
 use fht_proto::{FixedPoint, NodeId, NodeKind, Rect};
 use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
@@ -147,7 +147,7 @@ fn telling(
     }
     let news_m = |cloud: &ReferenceCloud, seen: &[SeenPoint]| {
         let new = seen.iter().filter(|point| !cloud.has_point_within(point, config.known_m));
-        let squares: BTreeSet<Square> = new.map(|point| square_of(point.position, SQUARE_M)).collect();
+        let squares: BTreeSet<SquareIndex> = new.map(|point| square_of(point.position, SQUARE_M)).collect();
         squares.len() as f64 * SQUARE_M
     };
     let mut open: Vec<(f64, fht_map::NodeRef<'_>, Vec<SeenPoint>)> = b

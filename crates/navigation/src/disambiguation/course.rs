@@ -2,7 +2,7 @@
 
 use super::{Ambiguity, DisambiguationConfig, Surroundings, place_square, telling_place};
 use fht_perception::pose::Point2;
-use fht_perception::square::Square;
+use fht_perception::square::SquareIndex;
 use std::collections::{BTreeSet, VecDeque};
 
 /// A point of the way counts as reached within this distance, metres.
@@ -17,7 +17,7 @@ pub struct DisambiguationCourse {
     /// What is left of the way, odometry frame.
     way: VecDeque<Point2>,
     /// Squares that the robot was in, or could not get to.
-    spent: BTreeSet<Square>,
+    spent: BTreeSet<SquareIndex>,
     last: Option<Point2>,
     searched_m: f64,
     chosen_at_m: Option<f64>,

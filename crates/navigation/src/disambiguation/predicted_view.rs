@@ -6,7 +6,7 @@ use fht_perception::candidate::Candidate;
 use fht_perception::evidence_grid::{EvidenceGrid, Sightline};
 use fht_perception::grid::{CellState, OccupancyGrid};
 use fht_perception::pose::Point2;
-use fht_perception::square::{Square, square_of};
+use fht_perception::square::{SquareIndex, square_of};
 use nalgebra::Vector2;
 use std::f64::consts::TAU;
 
@@ -56,7 +56,7 @@ pub(super) fn new_pieces(
     live: &OccupancyGrid,
     config: &DisambiguationConfig,
 ) -> f64 {
-    let mut pieces: Vec<(Square, u8)> = Vec::new();
+    let mut pieces: Vec<(SquareIndex, u8)> = Vec::new();
     for (index, (line, ahead)) in one.lines.iter().zip(directions).enumerate() {
         if !line.is_wall {
             continue;

@@ -1,9 +1,11 @@
 //! The cheapest ways from a place: to one other, or to everywhere.
 
 use super::Traversable;
+use super::regions::Regions;
 use super::search::{self, CostField, Extent, STRAIGHT};
 use fht_perception::grid::Cell;
 use fht_perception::pose::Point2;
+use std::collections::BTreeSet;
 
 /// A path over the grid.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,6 +58,32 @@ impl Traversable {
         costs.cost(self.bounds.index(target)?)?;
         let points = self.points(from, &costs, target, Some(to));
         Some(GridPath { length_m: path_length_m(&points), points })
+    }
+
+    /// All cells are sorted into regions when one is first asked for.
+    fn regions(&self) -> &Regions {
+        self.regions.get_or_init(|| Regions::of(&self.bounds, &self.weights))
+    }
+
+    /// The region of a cell where a robot may be.
+    fn region_of(&self, cell: Cell) -> Option<u32> {
+        self.bounds.index(cell).and_then(|index| self.regions().region(index))
+    }
+
+    /// Whether some way leads from a place to a cell, however long: whether
+    /// [`distances_from`](Self::distances_from) gets there.
+    #[must_use]
+    pub fn has_way(&self, from: Point2, to: Cell) -> bool {
+        let start = self.nearest_passable(from, ESCAPE_REACH_M).and_then(|cell| self.region_of(cell));
+        start.is_some() && start == self.region_of(to)
+    }
+
+    /// Of each cell, in the order of the snapshot's bounds, whether a way joins it with one of
+    /// `cells`.
+    #[must_use]
+    pub fn joined_with(&self, cells: impl Iterator<Item = Cell>) -> Vec<bool> {
+        let joined: BTreeSet<u32> = cells.filter_map(|cell| self.region_of(cell)).collect();
+        self.regions().all().iter().map(|region| joined.contains(region)).collect()
     }
 
     /// The exact start, the centres of the cells on the way, and the exact goal.

@@ -3,6 +3,7 @@
 //! nothing.
 
 use crate::pose::Point2;
+use crate::square::{SquareIndex, square_of};
 use nalgebra::Vector2;
 use rustc_hash::FxHashMap;
 
@@ -37,26 +38,23 @@ struct Tile {
     heads: [u32; 64],
 }
 
-/// Indices of a cell.
-type CellIndex = (i32, i32);
-
-fn cell_of(point: Point2) -> CellIndex {
-    ((point.x / CELL_M).floor() as i32, (point.y / CELL_M).floor() as i32)
+fn cell_of(point: Point2) -> SquareIndex {
+    square_of(point, CELL_M)
 }
 
-fn tile_of(cell: CellIndex) -> (i32, i32) {
+fn tile_of(cell: SquareIndex) -> (i32, i32) {
     (cell.0 >> TILE_BITS, cell.1 >> TILE_BITS)
 }
 
-fn bit_of(cell: CellIndex) -> u32 {
+fn bit_of(cell: SquareIndex) -> u32 {
     ((cell.1 & (TILE_CELLS - 1)) * TILE_CELLS + (cell.0 & (TILE_CELLS - 1))) as u32
 }
 
 /// Cells from `low` to `high`, both inclusive.
 #[derive(Clone, Copy)]
 struct Window {
-    low: CellIndex,
-    high: CellIndex,
+    low: SquareIndex,
+    high: SquareIndex,
 }
 
 impl Window {
@@ -107,7 +105,7 @@ impl PointIndex {
         tile.occupied |= 1 << bit;
     }
 
-    fn unlink(&mut self, index: u32, cell: CellIndex) {
+    fn unlink(&mut self, index: u32, cell: SquareIndex) {
         let Some(&tile) = self.tiles.get(&tile_of(cell)) else { return };
         let (tile, bit) = (&mut self.store[tile as usize], bit_of(cell));
         let after = self.places[index as usize].next;
