@@ -36,10 +36,11 @@ use self::route::route;
 use self::serve::serving;
 use self::settings::ClientFile;
 use crate::mission::MissionGoal;
-use fht_perception::pose::Point2;
+use fht_perception::pose::{Point2, parse as parse_pose};
 use fht_program::flags::{missing_command, parse_args};
 use fht_program::{ProgramFailure, Stop, Waiting, logging};
-use fht_proto::api::reply::PlaceRef;
+use fht_proto::api::reply::{ErrorReply, PlaceRef};
+use fht_proto::api::request::bad_request;
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
@@ -133,13 +134,36 @@ fn carry_out(
     }
 }
 
-fn parse_goal(text: &str, seed: u64) -> Result<MissionGoal, fht_proto::api::reply::ErrorReply> {
+fn parse_goal(text: &str, seed: u64) -> Result<MissionGoal, ErrorReply> {
     if text == mission::RANDOM {
         return Ok(MissionGoal::FarNode(seed));
+    }
+    if text.matches(',').count() == 2 {
+        return parse_pose(text).map(MissionGoal::Pose).map_err(bad_request);
     }
     Ok(match text.parse::<PlaceRef>()? {
         PlaceRef::Point(point) => MissionGoal::Point(Point2::new(point.x(), point.y())),
         PlaceRef::Node(id) => MissionGoal::Node(id),
         PlaceRef::Named(name) => MissionGoal::Named(name),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_robot_is_sent_to_a_point_or_a_pose_as_operators_send_it() {
+        let goal = |text: &str| parse_goal(text, 1).map_err(|refused| refused.message);
+        assert!(matches!(goal("5,3"), Ok(MissionGoal::Point(_))));
+        let turned = goal("5,-3,90");
+        let is_turned = |pose: &fht_perception::pose::Pose2| {
+            (pose.rotation.angle().to_degrees() - 90.0).abs() < 1e-9 && pose.translation.vector.y == -3.0
+        };
+        assert!(matches!(&turned, Ok(MissionGoal::Pose(pose)) if is_turned(pose)), "{turned:?}");
+        assert!(goal("5,3,900").is_err_and(|said| said.contains("from -360 to 360 degrees")));
+        assert!(goal("5,3,north").is_err_and(|said| said.contains("x,y,yaw")));
+        assert!(matches!(goal("dock"), Ok(MissionGoal::Named(_))));
+        assert!(matches!(goal("random"), Ok(MissionGoal::FarNode(1))));
+    }
 }

@@ -42,7 +42,7 @@ mod retention;
 mod room;
 mod standstill;
 
-pub use batch::BatchOutcome;
+pub use batch::{BatchOutcome, WriterOutcome};
 pub use check::{Arrival, Checked, Refusal, check};
 pub use pipeline::Ingest;
 pub use queue::{WriterJob, WriterQueue, WriterWork};

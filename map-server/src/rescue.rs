@@ -99,11 +99,14 @@ pub fn rescue(source: &Path, target: &Path, made: ForAWhile<'_>) -> Result<Rescu
     }
     let is_new = !target.exists();
     let copy = Scratch::new(target, made)?;
-    let rescued = rescue_by(&file, copy.path(), target)?;
-    if is_new {
+    let rescued = rescue_by(&file, copy.path(), target);
+    drop(copy);
+    if is_new && !target.join(FILE_NAME).exists() {
+        let _ = std::fs::remove_dir(target); // nothing has come into it
+    } else if is_new {
         placement::own_like(target, file.parent().unwrap_or(&file)).map_err(file_error(target))?;
     }
-    Ok(rescued)
+    rescued
 }
 
 fn rescue_by(file: &Path, copy: &Path, target: &Path) -> Result<Rescued, RescueError> {
@@ -145,13 +148,14 @@ pub fn check(source: &Path, scratch: &Path, made: ForAWhile<'_>) -> Result<Rescu
     }
 }
 
-/// What the copy of the file `from` in `dir` holds. A file of which the storage library mends only
-/// its own notes is whole: a server reads of it what it reads of the mended one.
-fn look_at(from: &Path, dir: &Path) -> Result<Catalog, StoreError> {
+/// Whose increments the copy of the file `from` in `dir` holds. A file of which the storage library
+/// mends only its own notes is whole: a server reads of it what it reads of the mended one.
+fn look_at(from: &Path, dir: &Path) -> Result<Vec<RescuedAuthor>, StoreError> {
     let (log, is_clean) = RedbLog::open_checked(dir)?;
     let catalog = Catalog::load(&log)?;
+    let authors = rebuild::of_catalog(&catalog, &log)?;
     if is_clean {
-        return Ok(catalog);
+        return Ok(authors);
     }
     let served = dir.join("served");
     let failed = |error: std::io::Error| StoreError::Open { dir: served.clone(), reason: error.to_string() };
@@ -162,7 +166,7 @@ fn look_at(from: &Path, dir: &Path) -> Result<Catalog, StoreError> {
         catalog.heads().iter().map(|head| (head.map.clone(), head.vector.clone(), head.digest)).collect()
     };
     if state(&as_served) == state(&catalog) {
-        return Ok(catalog);
+        return Ok(authors);
     }
     Err(StoreError::Broken { file: from.to_owned(), reason: "its sums do not hold".to_owned() })
 }
@@ -182,7 +186,7 @@ fn examine(file: &Path, copy: &Path) -> Result<Result<Vec<RescuedAuthor>, String
     thread.map_err(file_error(copy))?;
     let patience = PATIENCE.0 + PATIENCE.1 * u32::try_from(length >> 20).unwrap_or(u32::MAX);
     Ok(match answer.recv_timeout(patience) {
-        Ok(Ok(catalog)) => Ok(rebuild::of_catalog(&catalog)),
+        Ok(Ok(authors)) => Ok(authors),
         Ok(Err(StoreError::Broken { reason, .. } | StoreError::Open { reason, .. })) => Err(reason),
         // What is said of the copy is said of the store.
         Ok(Err(error)) => Err(error.to_string().replace(&to.display().to_string(), &file.display().to_string())),

@@ -33,7 +33,7 @@ pub use journal::Journal;
 pub use linked::LinkedError;
 pub(crate) use linked::{Handover, Linked, Publication};
 pub use outbox::{Closed, Outbox, outbox};
-pub use progress::{Progress, ServerLoss, why_not_acknowledged};
+pub use progress::{EarlierDelivery, Progress, ServerLoss, why_not_acknowledged};
 pub use recovery::{DeliverError, deliver};
 pub use spool::{RunOrigin, Spool, SpoolError};
 pub use verify::{NumberTaken, Verified};

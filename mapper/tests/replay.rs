@@ -99,6 +99,7 @@ fn figures_stand_where_no_picture_can_be_drawn() {
     let explored = block_on(explore(task, |_| {})).unwrap();
     let replayed = block_on(replay(ReplayTask { picture: picture(), ..replay_of(&bag, None, false) }, |_| {})).unwrap();
     assert_eq!(explored.map.digest, replayed.map.digest);
+    assert_eq!(explored.kept.recording.as_deref(), Some(bag.as_path()), "the recording is whole all the same");
     for kept in [explored.kept, replayed.kept] {
         assert!(kept.picture.is_none() && kept.not_kept.as_deref().is_some_and(|why| why.contains("gone")), "{kept:?}");
     }
@@ -111,4 +112,15 @@ fn an_existing_recording_is_not_overwritten() {
     explored(Some(bag.clone()), false, 2.0, 1);
     let error = replayed(&bag, Some(bag.clone()), false).unwrap_err().to_string();
     assert!(error.contains("is there already"), "{error}");
+}
+
+#[test]
+fn the_last_word_of_progress_is_of_the_finished_map() {
+    let mapping = MappingTask { cameras: false, max_s: 10.5, ..offline() };
+    let (tell, told) = std::sync::mpsc::channel();
+    let watch = move |progress| tell.send(progress).unwrap();
+    let report = block_on(explore(ExploreTask::new(SimSetup::of("museum"), mapping), watch)).unwrap();
+    let last = told.iter().last().unwrap();
+    assert_eq!((last.written, last.nodes), (report.map.written, report.map.main_nodes + report.map.support_nodes));
+    assert!(last.sim_s >= 10.0 && last.placed && report.map.written > 0, "{last:?}");
 }

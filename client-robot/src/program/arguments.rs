@@ -84,6 +84,7 @@ Exit code 0: it was asked to end, by Ctrl-C or SIGTERM; 1: it failed; 2: wrong u
     /// Finds its place, then drives to a goal.
     #[command(after_help = "Examples:
   client-robot go --map museum --to 5,3
+  client-robot go --map museum --to 5,3,90                         … and turn to the left
   client-robot go --map museum --to dock --robot tug-1
   client-robot go --map museum --to random --footprint 0.3         a larger robot
   client-robot go --map museum --to 5,3 --to-nearest               as near as it can get
@@ -96,8 +97,8 @@ Exit code 0: it was asked to end, by Ctrl-C or SIGTERM; 1: it failed; 2: wrong u
         link: LinkArgs,
         #[command(flatten)]
         robot: RobotArgs,
-        /// Where to: x,y in metres (map frame), a node id, the name of a place, where the robot
-        /// turns to its heading, or 'random'.
+        /// Where to: x,y or x,y,yaw in the map frame, metres and degrees (or radians: 1.57rad), a
+        /// node id, the name of a place, where the robot turns to its heading, or 'random'.
         #[arg(long, value_name = "PLACE", allow_hyphen_values = true)]
         to: String,
         /// If the goal cannot be reached, drive to the nearest point that can.

@@ -2,6 +2,7 @@
 
 use fht_client::{AskError, ReplicaError, UnusablePath};
 use fht_perception::robot::RobotError;
+use fht_program::flags::with_flags;
 use fht_proto::{MapName, ParseIdError};
 use fht_ros::RosError;
 use fht_session::{SessionError, in_words};
@@ -21,9 +22,9 @@ pub(crate) enum CliError {
     Robot { error: RobotError, trouble: Option<String> },
     #[error(transparent)]
     Replica(#[from] ReplicaError),
-    #[error("{0}")]
+    #[error("{}", with_flags(&.0.to_string()))]
     Ask(#[from] AskError),
-    #[error("{0}")]
+    #[error("{}", with_flags(&.0.to_string()))]
     Refused(#[from] fht_proto::api::reply::ErrorReply),
     #[error(transparent)]
     World(#[from] WorldError),

@@ -50,7 +50,7 @@ mod read;
 mod write;
 
 pub use fht_ros_frames::{OdometryLimits, ScanConfig};
-pub use read::files::BagOpenError;
+pub use read::files::{BagOpenError, files_of};
 pub use read::frames::{BagError, FrameConfig, Frames};
 pub use read::report::{BagReport, Dropped};
 pub use read::stream::{Broken, Messages};

@@ -3,7 +3,6 @@
 //! | module | idea |
 //! | --- | --- |
 //! | `recording` | frames as messages |
-//! | `odometry` | poses as odometry with velocities and covariances |
 //! | `writer` | messages as a bag |
 //! | `map` | what a robot knows of its map, as messages |
 //! | `metadata` | what rosbag2 wants to know about a bag |
@@ -11,7 +10,6 @@
 
 pub(crate) mod map;
 pub(crate) mod metadata;
-mod odometry;
 pub(crate) mod recorder;
 pub(crate) mod recording;
 pub(crate) mod writer;

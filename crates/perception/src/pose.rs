@@ -1,7 +1,7 @@
 //! SE(2) poses. A name `a_from_b` transforms coordinates in frame `b` to frame `a`; frames are
 //! REP-105's `map`, `odom` and `base` (base_link), and `sensor`.
 
-use fht_proto::api::reply::parse_angle;
+use fht_proto::api::reply::{check_yaw, parse_angle};
 use fht_proto::{FixedPoint, FixedPose};
 use nalgebra::{Isometry2, Vector2};
 
@@ -49,9 +49,11 @@ pub fn parse(text: &str) -> Result<Pose2, String> {
     let number = |part: &str| part.trim().parse::<f64>().ok().filter(|value| value.is_finite());
     let parts: Vec<&str> = text.split(',').collect();
     let read = match *parts.as_slice() {
-        [x, y, yaw] => number(x).zip(number(y)).zip(parse_angle(yaw)).map(|((x, y), yaw)| pose(x, y, yaw)),
-        [x, y] => number(x).zip(number(y)).map(|(x, y)| pose(x, y, 0.0)),
+        [x, y, yaw] => number(x).zip(number(y)).zip(parse_angle(yaw)),
+        [x, y] => number(x).zip(number(y)).zip(Some(0.0)),
         _ => None,
     };
-    read.ok_or_else(|| format!("'{text}' is not x,y,yaw in metres and degrees (or radians: 1.57rad)"))
+    let wrong = || format!("'{text}' is not x,y,yaw in metres and degrees (or radians: 1.57rad)");
+    let ((x, y), yaw_rad) = read.ok_or_else(wrong)?;
+    Ok(pose(x, y, check_yaw(yaw_rad)?))
 }

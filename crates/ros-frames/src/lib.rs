@@ -9,6 +9,8 @@
 //! | `points` | clouds of points as scans of what stands in the way |
 //! | `cameras` | the pictures of four cameras as panoramas |
 //! | `tf` | the tree of coordinate frames, and how a scanner is mounted |
+//! | `odometry` | poses as odometry, with velocities and covariances |
+//! | `odometry_uncertainty` | how uncertain a pose by the wheels is |
 //! | `track` | poses by time, interpolated; resets of the odometry |
 //!
 //! ```
@@ -28,6 +30,8 @@
 
 mod cameras;
 mod floor;
+mod odometry;
+mod odometry_uncertainty;
 mod plane;
 mod points;
 mod scan;
@@ -40,6 +44,7 @@ pub use cameras::{
     compress, optical_rotation, picture_of,
 };
 pub use floor::{FloorGrid, grid_message, update_message};
+pub use odometry::OdometryMessages;
 pub use plane::{header_message, pose_message};
 pub use points::{BandConfig, CloudRefused, scan_of_points};
 pub use scan::{ScanConfig, scan_message, scan_of};

@@ -6,7 +6,7 @@ use fht_perception::frame::{SensorFrame, Twist};
 use fht_perception::pose::Pose2;
 use fht_perception::robot::{Robot, RobotError, Sensors};
 use fht_ros::{Publisher, Qos, Received, RosError, RosNode, Subscription};
-use fht_ros_frames::{header_message, pose_message, scan_message};
+use fht_ros_frames::{OdometryMessages, header_message, pose_message, scan_message};
 use fht_ros_messages::msg::{
     ClockMsg, LaserScanMsg, OdometryMsg, PoseWithCovariance, TfMessage, Time, TransformStamped, TwistMsg, TwistStamped,
     TwistWithCovariance, Vector3,
@@ -60,6 +60,7 @@ pub struct SimRobot {
     config: SimRobotConfig,
     scans: Publisher<LaserScanMsg>,
     odometry: Publisher<OdometryMsg>,
+    odometry_messages: OdometryMessages,
     transforms: Publisher<TfMessage>,
     clock: Option<Publisher<ClockMsg>>,
     cameras: Option<SimCameras>,
@@ -115,6 +116,7 @@ impl SimRobot {
             odometry: node.publisher(&config.odometry, Qos::sensor_data()).await?,
             transforms: node.publisher("tf", Qos { depth: 100, ..Qos::default() }).await?,
             truth: node.publisher("ground_truth", Qos::sensor_data()).await?,
+            odometry_messages: OdometryMessages::in_frames(&config.odom_frame, &config.base_frame),
             clock,
             cameras,
             _mount: fixed,
@@ -149,8 +151,9 @@ impl SimRobot {
             cameras.publish(time_us, panorama)?;
         }
         let command = self.command.map(|(command, _)| command).unwrap_or_default();
-        let odometry = |frame_id: &str, at: &Pose2| OdometryMsg {
-            header: header_message(time_us, frame_id),
+        // Exact, so without a covariance.
+        let truth = |at: &Pose2| OdometryMsg {
+            header: header_message(time_us, "world"),
             child_frame_id: config.base_frame.clone(),
             pose: PoseWithCovariance { pose: pose_message(at), ..PoseWithCovariance::default() },
             twist: TwistWithCovariance {
@@ -165,10 +168,10 @@ impl SimRobot {
             transform: pose_message(&frame.odom_from_base),
         };
         if let Some(world_from_base) = world_from_base {
-            self.truth.publish(&odometry("world", world_from_base))?;
+            self.truth.publish(&truth(world_from_base))?;
         }
         self.transforms.publish(&TfMessage { transforms: vec![odom_from_base] })?;
-        self.odometry.publish(&odometry(&config.odom_frame, &frame.odom_from_base))?;
+        self.odometry.publish(&self.odometry_messages.next(time_us, &frame.odom_from_base))?;
         self.scans.publish(&scan_message(&frame.scan, header_message(time_us, &config.laser_frame), 0.0))?;
         self.report.frames += 1;
         let first_us = *self.first_us.get_or_insert(frame.time_us);

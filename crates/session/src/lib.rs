@@ -10,6 +10,7 @@
 //! | `waiting` | any configuration as a session, waited for ([`open_configured`]) |
 //! | `credentials` | whether certificates and keys can be read and are one's own, checked before connecting |
 //! | `expiry` | a certificate that expires while a session is open |
+//! | `listen_trouble` | why a session cannot listen where it should |
 //! | `trouble` | why nobody answers, in words that name the remedy |
 //! | `replacement` | a new session in place of one that routers refuse ([`replacement`]) |
 //! | `homecoming` | a new session at the first router, in place of one that came elsewhere ([`homecoming`]) |
@@ -35,6 +36,7 @@ mod configuration;
 mod credentials;
 mod expiry;
 mod homecoming;
+mod listen_trouble;
 mod replacement;
 mod robot_session;
 mod trouble;
@@ -43,7 +45,8 @@ mod waiting;
 pub use configuration::{ConfigurationError, WAIT_BEFORE_DROP, read_config, set, set_default, set_endpoints};
 pub use credentials::CredentialError;
 pub use homecoming::homecoming;
+pub use listen_trouble::ListenTrouble;
 pub use replacement::{abandon, replacement};
 pub use robot_session::{SessionConfig, SessionError, check_owner, check_serving, open, open_within};
 pub use trouble::{in_words, without_source_paths};
-pub use waiting::{ConnectError, check_server, listening_at, open_configured, server_name};
+pub use waiting::{ConnectError, check_server, listening_at, open_configured, remark_while_alone, server_name};

@@ -71,7 +71,11 @@ impl SessionError {
     /// Whether what was given is wrong: a server that comes later would not help.
     #[must_use]
     pub fn is_input(&self) -> bool {
-        !matches!(self, Self::Open(ConnectError::Refused { .. }))
+        match self {
+            Self::Open(ConnectError::Listen { trouble, .. }) => trouble.is_input(),
+            Self::Open(ConnectError::Refused { .. } | ConnectError::Open { .. }) => false,
+            _ => true,
+        }
     }
 }
 

@@ -1,8 +1,11 @@
 //! A session as a configuration says. A client tries all of its endpoints until one answers.
 
 use crate::attempt::attempt;
+use crate::configuration::set;
 use crate::credentials::{self, CredentialError, TlsSide};
+use crate::listen_trouble::{ListenTrouble, is_of_connecting, named};
 use crate::{expiry, trouble};
+use std::convert::Infallible;
 use std::sync::Once;
 use std::time::{Duration, Instant};
 use zenoh::{Config, Session};
@@ -11,6 +14,11 @@ use zenoh::{Config, Session};
 const REMARK_AFTER: Duration = Duration::from_secs(3);
 /// … and again after each such time, until the session is open.
 const REMARK_EVERY: Duration = Duration::from_secs(5);
+
+/// How often a session that is open is looked at.
+const LOOK: Duration = Duration::from_secs(1);
+/// So long its last router may be lost before that is said: routers start again.
+const LOST_FOR: Duration = Duration::from_secs(10);
 
 /// So long before the patience is over the reasons are looked for, at most: one endpoint that says
 /// nothing takes nearly all of it.
@@ -37,6 +45,22 @@ pub enum ConnectError {
         endpoints: Vec<String>,
         /// For how long it was tried, if more than once.
         patience: Option<Duration>,
+        /// What Zenoh says.
+        reason: String,
+    },
+    /// It cannot listen where it should.
+    #[error("cannot listen on {}: {trouble}", listen.join(", "))]
+    Listen {
+        /// Where.
+        listen: Vec<String>,
+        /// Why not.
+        trouble: ListenTrouble,
+    },
+    /// A session that listens cannot be opened, for another reason.
+    #[error("no session: {reason} (listening on [{}])", listen.join(", "))]
+    Open {
+        /// Where it listens.
+        listen: Vec<String>,
         /// What Zenoh says.
         reason: String,
     },
@@ -87,7 +111,23 @@ pub async fn open_configured(mut config: Config, patience: Option<Duration>) -> 
         has(&config, "mode", "\"client\"") && (patience.is_some() || has(&config, "connect/timeout_ms", FOREVER));
     let refused = |reason: String| ConnectError::Refused { endpoints: endpoints.clone(), patience, reason };
     if !waits || endpoints.is_empty() {
-        return attempt(config).await.map_err(|error| refused(trouble::in_words(&error)));
+        let error = match attempt(config.clone()).await {
+            Ok(session) => return Ok(session),
+            Err(error) => trouble::in_words(&error),
+        };
+        if listening.is_empty() {
+            return Err(refused(error));
+        }
+        if is_of_connecting(&error) {
+            let reasons = trouble::reasons(&config, &endpoints, trouble::ANSWER);
+            // Many silent endpoints are not waited for.
+            let found = tokio::time::timeout(REASONS_WITHIN, reasons).await;
+            return Err(refused(found.unwrap_or_else(|_| "no answer".to_owned())));
+        }
+        return Err(match ListenTrouble::of(&error) {
+            Some(trouble) => ConnectError::Listen { listen: named(listening, &error), trouble },
+            None => ConnectError::Open { listen: listening, reason: error },
+        });
     }
     // A client that Zenoh lets wait asks the first endpoint for ever and no other; one that does
     // not wait asks each once.
@@ -171,6 +211,35 @@ async fn try_until_open(config: &Config, endpoints: &[String], mut remarks: Rema
         tokio::time::sleep(remarks.pause(delay, Instant::now())).await;
         delay = (2 * delay).min(LONGEST_DELAY);
     }
+}
+
+/// Logs every five seconds (`WARN`) why no router is linked, for as long as none is: at first soon,
+/// later if the last one stays lost. It never ends. A router is open before it is linked to those
+/// that it connects to; of other sessions nothing is said here.
+pub async fn remark_while_alone(session: &Session, config: &Config) -> Infallible {
+    let (mut config, endpoints) = (config.clone(), endpoints(config));
+    // The session goes on trying under its own id.
+    let is_ready = has(&config, "mode", "\"router\"") && set(&mut config, "id", "null").is_ok();
+    if endpoints.is_empty() || !is_ready {
+        std::future::pending::<()>().await;
+    }
+    let mut remarks = Remarks { due: Instant::now() + REMARK_AFTER };
+    loop {
+        tokio::time::sleep(LOOK).await;
+        if is_linked(session).await {
+            remarks = Remarks { due: Instant::now() + LOST_FOR };
+        } else if remarks.is_due(Instant::now()) {
+            let reasons = trouble::reasons(&config, &endpoints, trouble::ANSWER).await;
+            // It takes a while.
+            if !is_linked(session).await {
+                tracing::warn!("waiting for a server or router: {reasons}");
+            }
+        }
+    }
+}
+
+async fn is_linked(session: &Session) -> bool {
+    session.info().routers_zid().await.next().is_some()
 }
 
 /// The endpoints that a configuration connects to, as texts.

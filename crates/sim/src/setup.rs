@@ -34,8 +34,9 @@ pub struct SimSetup {
     /// Seed of the sensors' noise, of the wheels' errors, and of what the robot draws by lot.
     #[cfg_attr(feature = "cli", arg(long, value_name = "NUMBER", default_value_t = 1))]
     pub seed: u64,
-    /// So many people walk about in the building, stand and gather, as the seed has it.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0))]
+    /// So many people walk about in the building, stand and gather, as the seed has it: at most one
+    /// for each 2 m² of its free floor.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0, value_parser = people))]
     pub people: u16,
     /// Share the world with all robots of this machine that are given this name: they see each
     /// other and meet the same people, and time goes on for all of them together. Without it the
@@ -95,9 +96,11 @@ impl SimSetup {
     /// Loads the building.
     ///
     /// # Errors
-    /// [`WorldError`].
+    /// [`WorldError`], also where the people have no room in it.
     pub fn load(&self) -> Result<World, WorldError> {
-        load(&self.world, self.textures.as_deref(), self.world_seed)
+        let world = load(&self.world, self.textures.as_deref(), self.world_seed)?;
+        world.check_people(self.people.into())?;
+        Ok(world)
     }
 
     /// The start that was asked for, if there is one: a place of `world` where a robot of
@@ -117,5 +120,41 @@ impl SimSetup {
         };
         check_way(world, &start.unwrap_or_else(|| world.start()), radius_m)?;
         Ok(start)
+    }
+}
+
+/// How many people there are.
+#[cfg(feature = "cli")]
+fn people(text: &str) -> Result<u16, String> {
+    use std::num::IntErrorKind;
+    text.parse().map_err(|error: std::num::ParseIntError| match error.kind() {
+        IntErrorKind::PosOverflow => {
+            format!("{text} people are too many for any world: it may be {} at most", u16::MAX)
+        }
+        _ => format!("'{text}' is not how many people there are: a whole number from 0 on"),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_people_than_have_room_are_refused() {
+        let with = |people| SimSetup { people, ..SimSetup::of("museum") }.load();
+        assert!(with(150).is_ok());
+        let said = with(5000).err().map(|error| error.to_string()).unwrap_or_default();
+        assert!(said.starts_with("5000 people are too many for world 'museum'"), "{said}");
+        assert!(said.ends_with("(one on each 2 m²)"), "{said}");
+    }
+
+    #[cfg(feature = "cli")]
+    #[test]
+    fn a_number_of_people_is_refused_in_words() {
+        assert_eq!(people("20"), Ok(20));
+        assert!(people("100000").is_err_and(|said| said.contains("too many for any world")));
+        for text in ["-1", "1.5", "many", ""] {
+            assert!(people(text).is_err_and(|said| said.contains("a whole number")), "{text}");
+        }
     }
 }

@@ -32,6 +32,9 @@ use std::path::{Path, PathBuf};
 const START_CLEARANCE_M: f64 = 0.35;
 /// How many separate parts of a map are tried for a start.
 const START_TRIES: usize = 8;
+/// Free floor for each of the people in a world, square metres. Where it is less they stand in each
+/// other's way, and in the robot's.
+const M2_PER_PERSON: f64 = 2.0;
 /// What a map lacks all of whose cells are occupied or unknown.
 const NO_FREE_FLOOR: &str =
     "free floor: are `negate`, `free_thresh` or `occupied_thresh` of its map.yaml the wrong way round?";
@@ -51,6 +54,22 @@ pub enum WorldError {
     /// The world has no wall or no place to stand.
     #[error("world '{0}' has no {1}")]
     Empty(String, &'static str),
+    /// More people are to be in the world than could stand and walk in it.
+    #[error(
+        "{people} people are too many for world '{world}': its {free_m2:.0} m² of free floor have room for {most} (one on \
+         each {} m²)",
+        M2_PER_PERSON
+    )]
+    Crowded {
+        /// The world.
+        world: String,
+        /// How many there were to be.
+        people: usize,
+        /// Area of the free floor, square metres.
+        free_m2: f64,
+        /// How many there may be.
+        most: usize,
+    },
     /// There are pictures for the walls of a world that brings its own looks.
     #[error("'{0}' has looks of its own: only the walls of a Nav2 map take a folder of textures")]
     Textures(String),
@@ -159,6 +178,19 @@ impl World {
             }
             at = (at + (distance - radius_m).max(LEAST_STEP_M)).min(length);
         }
+    }
+
+    /// Checks that so many people have room: 2 m² of free floor for each.
+    ///
+    /// # Errors
+    /// [`WorldError::Crowded`].
+    pub(crate) fn check_people(&self, people: usize) -> Result<(), WorldError> {
+        let free_m2 = self.plan.free_area_m2();
+        let most = (free_m2 / M2_PER_PERSON) as usize;
+        if people <= most {
+            return Ok(());
+        }
+        Err(WorldError::Crowded { world: self.name.clone(), people, free_m2, most })
     }
 
     /// Distance from a place to the nearest thing that a robot's body would touch, metres.

@@ -1,6 +1,6 @@
 // The robots on a map, and the map in figures.
 
-import { el, fill, size, table } from "./dom.js";
+import { el, fill, inUse, size, table } from "./dom.js";
 
 const MOST_ROBOTS = 100;
 
@@ -77,7 +77,7 @@ function ago(seconds) {
 export function drawAbout(box, store) {
   const { head, nodes, truncated } = store;
   if (!head) return;
-  const key = [head.version, head.refused, head.read_only, head.deletion, head.enabled, truncated, nodes.size];
+  const key = [head.version, head.refused, head.read_only, head.deletion, inUse(head), truncated, nodes.size];
   fillIfNew(box, key, () =>
     el(
       "div",
@@ -91,7 +91,7 @@ export function drawAbout(box, store) {
           ["edges", String(head.edges)],
           ["size", size(head.bytes)],
           ["refused increments", [String(head.refused), head.refused ? "warn" : ""]],
-          ["robots use", head.enabled ?? "the newest state"],
+          ["robots use", inUse(head)],
         ],
       ),
       truncated ? el("p", { class: "warn" }, `the ${nodes.size} nodes nearest to where you look are shown`) : null,

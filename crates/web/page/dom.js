@@ -74,3 +74,9 @@ export function size(bytes) {
   if (bytes < 1e6) return `${(bytes / 1e3).toFixed(1)} KB`;
   return bytes < 1e9 ? `${(bytes / 1e6).toFixed(1)} MB` : `${(bytes / 1e9).toFixed(1)} GB`;
 }
+
+// What robots use of a map: the enabled release, if all of it is there.
+export function inUse({ enabled, enabled_unused: isUnused }) {
+  if (!enabled) return "the newest state";
+  return isUnused ? `not ${enabled}, which is enabled but not whole` : enabled;
+}

@@ -1,7 +1,7 @@
 // The list of maps.
 
 import { ask, askMaps } from "./api.js";
-import { el, fill, size, table } from "./dom.js";
+import { el, fill, inUse, size, table } from "./dom.js";
 import { Live } from "./live.js";
 
 const ROBOTS_EVERY_MS = 5000;
@@ -40,7 +40,7 @@ export function showList(main) {
     [["version", "number"], (head) => [String(head.version), "number"]],
     [["nodes", "number"], (head) => [String(head.main_nodes + head.support_nodes), "number"]],
     [["size", "number"], (head) => [size(head.bytes), "number"]],
-    ["robots use", (head) => head.enabled?.split("@")[0] ?? "the newest state"],
+    ["robots use", (head) => inUse({ ...head, enabled: head.enabled?.split("@")[0] })],
     [["robots", "number"], (head) => [String(here(head).length), "number"]],
     [
       "explored now by",

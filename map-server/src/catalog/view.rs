@@ -37,6 +37,8 @@ impl MapView {
         let state = Arc::new(state);
         let (enabled, broken) = Self::enabled_release(&state, &head, before, log)?;
         let running = enabled.unwrap_or_else(|| Arc::new(PlanningState::of_head(&state, head.version)));
+        let is_unused = state.annotations().enabled().is_some_and(|release| running.release() != Some(release.id));
+        let head = Head { enabled_unused: is_unused, ..head };
         if let Some(before) = before {
             running.prepare_as(&before.running);
         }

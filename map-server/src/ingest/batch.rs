@@ -6,12 +6,24 @@ use crate::store::Record;
 use fht_proto::{AuthorId, Increment, MapName};
 use std::collections::{BTreeMap, BTreeSet};
 
+/// What became of what one author has put into a map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WriterOutcome {
+    /// Increments stored, those that waited for one of this batch, too.
+    pub stored: u64,
+    /// Increments refused.
+    pub refused: u64,
+}
+
 /// What others should hear of a batch.
 #[derive(Debug, Default)]
 pub struct BatchOutcome {
     /// The maps whose heads the writers should see now: those that have grown, and those that were
     /// sent increments which they already had.
     pub announce: BTreeSet<MapName>,
+    /// How much was stored and refused of whom. What waits for a gap to close, or was there before,
+    /// is neither.
+    pub written: BTreeMap<(MapName, AuthorId), WriterOutcome>,
     /// What writers are told about refused increments.
     pub notices: Vec<RefusalNotice>,
     /// What storages hold although another increment of that author and number is in the log.
@@ -40,6 +52,7 @@ impl Batch {
         *self.added_bytes.entry(map.clone()).or_default() += bytes.len() as u64;
         self.increments.entry(map.clone()).or_default().push(increment);
         self.outcome.announce.insert(map.clone());
+        self.outcome.written.entry((map.clone(), author)).or_default().stored += 1;
         self.records.push(Record { map, sequence, author, number, bytes, origin });
     }
 }

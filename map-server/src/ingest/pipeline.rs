@@ -15,7 +15,7 @@ use crate::ingest::room::RoomLimit;
 use crate::store::{IncrementLog, IncrementOrigin, StoreError, Stored};
 use crate::throttle::Throttle;
 use fht_map::crdt::reorder_buffer::{Offered, ReorderBuffer};
-use fht_proto::api::keys::writer_of;
+use fht_proto::api::keys::{Key, writer_of};
 use fht_proto::{AuthorId, Increment, MapName, VersionVector};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -98,6 +98,9 @@ impl Ingest {
             if let Err(refusal) = outcome {
                 self.log_refusal(&key, &refusal);
                 batch.outcome.notices.extend(self.notice(&key, &refusal));
+                if let Some(writer) = writer_of(&key) {
+                    batch.outcome.written.entry(writer).or_default().refused += 1;
+                }
                 if let Some(map) = map_of(&key) {
                     *batch.refused.entry(map).or_default() += 1;
                 }
@@ -163,10 +166,16 @@ impl Ingest {
         }
     }
 
-    /// What the writer is told, if the key names one and it was not told the same a moment ago.
+    /// What the writer is told, if the key names one and it was not told the same a moment ago:
+    /// which increment it is, and why.
     fn notice(&mut self, key: &str, refusal: &Refusal) -> Option<RefusalNotice> {
         let (map, author) = writer_of(key)?;
-        let notice = RefusalNotice { map, author, reply: refusal.reply() };
+        let mut reply = refusal.reply();
+        // A number that is none is what is wrong, and is not told.
+        if let Ok(Key::Increment { number, .. }) = key.parse() {
+            reply.message = format!("increment {number}: {}", reply.message);
+        }
+        let notice = RefusalNotice { map, author, reply };
         self.refusals.pass(&notice, Instant::now()).then_some(notice)
     }
 

@@ -15,30 +15,21 @@ pub enum ServerSessionError {
     /// The configuration file or an endpoint is not understood.
     #[error(transparent)]
     Configuration(#[from] ConfigurationError),
-    /// The address is taken.
-    #[error("cannot listen on {}: the address is in use, perhaps by another map-server or router", listen.join(", "))]
-    InUse {
-        /// The endpoints to listen on.
-        listen: Vec<String>,
-    },
-    /// Nobody is there to connect to, or a certificate or key is unusable.
+    /// Nobody is there to connect to, the address to listen on cannot be had, or a certificate or
+    /// key is unusable.
     #[error(transparent)]
-    Link(ConnectError),
-    /// The endpoint cannot be used.
-    #[error("no session: {reason} (listening on [{}])", listen.join(", "))]
-    Open {
-        /// The endpoints to listen on.
-        listen: Vec<String>,
-        /// What Zenoh says.
-        reason: String,
-    },
+    Link(#[from] ConnectError),
 }
 
 impl ServerSessionError {
     /// Whether what was given is wrong.
     #[must_use]
     pub fn is_input(&self) -> bool {
-        matches!(self, Self::NoEndpoint | Self::Configuration(_) | Self::Link(ConnectError::Credentials(_)))
+        match self {
+            Self::NoEndpoint | Self::Configuration(_) | Self::Link(ConnectError::Credentials(_)) => true,
+            Self::Link(ConnectError::Listen { trouble, .. }) => trouble.is_input(),
+            Self::Link(_) => false,
+        }
     }
 }
 
@@ -151,7 +142,7 @@ pub fn open_to_strangers(link: &ServerEndpoints) -> Result<Vec<String>, Configur
 /// # Errors
 /// [`ServerSessionError`].
 pub fn check_certificate(link: &ServerEndpoints) -> Result<(), ServerSessionError> {
-    fht_session::check_server(&to_zenoh(link)?).map_err(ServerSessionError::Link)
+    Ok(fht_session::check_server(&to_zenoh(link)?)?)
 }
 
 /// The server's name in the certificate that it shows to routers, if it is a server's.
@@ -169,27 +160,18 @@ pub async fn open(link: &ServerEndpoints) -> Result<Session, ServerSessionError>
     if !reaches_anyone(&config) {
         return Err(ServerSessionError::NoEndpoint);
     }
-    let is_client = config.get_json("mode").is_ok_and(|mode| mode == "\"client\"");
-    // Those that were given, or those of the file.
-    let listen = listening_at(&config);
-    fht_session::open_configured(config, link.patience).await.map_err(|error| match error {
-        // Zenoh's errors are texts.
-        ConnectError::Refused { reason, .. } if reason.contains("Address already in use") => {
-            ServerSessionError::InUse { listen }
-        }
-        ConnectError::Refused { reason, .. } if !is_client => ServerSessionError::Open { listen, reason },
-        error => ServerSessionError::Link(error),
-    })
+    Ok(fht_session::open_configured(config, link.patience).await?)
 }
 
 /// Waits until another session is to take the place of this one, and returns it: the routers refuse
 /// this one because of its id ([`fht_session::replacement`]), or its first router is there again
-/// ([`fht_session::homecoming`]).
+/// ([`fht_session::homecoming`]). Meanwhile a router that is linked to no other says so.
 pub async fn successor(session: &Session, link: &ServerEndpoints) -> Session {
     match to_zenoh(link) {
         Ok(config) => tokio::select! {
             session = fht_session::replacement(session, &config) => session,
             session = fht_session::homecoming(session, &config) => session,
+            never = fht_session::remark_while_alone(session, &config) => match never {},
         },
         // The file has become unusable since the session was opened: there is nothing to open
         // another with.

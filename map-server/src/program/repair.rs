@@ -4,7 +4,7 @@
 use crate::rescue::{Rescued, RescuedAuthor, RestoreError, Restored, check, check_archives, rescue, restore};
 use clap::Subcommand;
 use fht_program::{ProgramFailure, Stop, print_line};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -171,6 +171,22 @@ fn print_restored(restored: &Restored, json: bool) -> Result<(), ProgramFailure>
     Ok(())
 }
 
+/// How much there is of an author's increments. Of folded ones nobody can say which are there.
+fn author_in_words(author: &RescuedAuthor, what: &str) -> String {
+    let RescuedAuthor { last, lost, first_lost, folded, .. } = author;
+    if *lost == 0 && *folded > 0 {
+        return format!(
+            "{last} increments, of which {folded} are folded (which of these there were cannot be told any more) and {} \
+             {what}",
+            last.saturating_sub(*folded)
+        );
+    }
+    let numbers: Vec<String> = first_lost.iter().map(ToString::to_string).collect();
+    let more = if *lost > first_lost.len() as u64 { " …" } else { "" };
+    let lost_ones = if *lost == 0 { String::new() } else { format!(" (number {}{more})", numbers.join(", ")) };
+    format!("{} of {last} increments {what}, {lost} lost{lost_ones}", last - lost)
+}
+
 fn print(found: &Rescued, subject: &str, what: &str, json: bool) -> Result<(), ProgramFailure> {
     if json {
         print_line!("{}", serde_json::to_string(found).map_err(ProgramFailure::of_run)?);
@@ -180,11 +196,12 @@ fn print(found: &Rescued, subject: &str, what: &str, json: bool) -> Result<(), P
         None => print_line!("{subject} whole"),
         Some(damage) => print_line!("{subject} damaged: {damage}"),
     }
-    for RescuedAuthor { map, author, last, lost, first_lost, .. } in &found.authors {
-        let numbers: Vec<String> = first_lost.iter().map(ToString::to_string).collect();
-        let more = if *lost > first_lost.len() as u64 { " …" } else { "" };
-        let lost_ones = if *lost == 0 { String::new() } else { format!(" (number {}{more})", numbers.join(", ")) };
-        print_line!("map {map}, author {author}: {} of {last} increments {what}, {lost} lost{lost_ones}", last - lost);
+    for author in &found.authors {
+        print_line!("map {}, author {}: {}", author.map, author.author, author_in_words(author, what));
+    }
+    let lost_before: BTreeMap<_, _> = found.authors.iter().map(|author| (&author.map, author.lost_before)).collect();
+    for (map, lost) in lost_before.into_iter().filter(|(_, lost)| *lost > 0) {
+        print_line!("map {map}: an earlier rescue did not find {lost} of its increments: they are lost");
     }
     if found.authors.is_empty() {
         print_line!(

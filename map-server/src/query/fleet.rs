@@ -183,13 +183,15 @@ impl Fleet {
             let since_s = |at_us: u64| (now_us.saturating_sub(at_us) as f64 * 1e-5).round() / 10.0;
             let behind_s = seen.lacks_since_us.map_or(0.0, since_s);
             let behind = lacking(&head.vector, &status.vector);
-            let late = behind_s > self.config.late_after_s;
+            // Who has ended is expected to catch up with nothing.
+            let late = seen.is_alive && behind_s > self.config.late_after_s;
             let (status, seen_s) = (status.clone(), since_s(*at_us));
             robots.push(RobotView { status, alive: seen.is_alive, seen_s, behind, behind_s, late });
         }
         let next = robots.last().filter(|_| truncated).map(|robot| robot.status.robot.clone());
         let (version, enabled) = (head.version, head.enabled.clone());
-        FleetReply { map: head.map.clone(), version, enabled, robots, truncated, next }
+        let enabled_unused = head.enabled_unused;
+        FleetReply { map: head.map.clone(), version, enabled, enabled_unused, robots, truncated, next }
     }
 }
 
@@ -251,12 +253,15 @@ mod tests {
         let released = head(5, Some("a@00000001"));
         assert!(!view(&released, 120).late);
         assert!(view(&released, 131).late, "it runs another release than the one enabled");
+        fleet.set_alive(&old.map, "r1", false);
+        assert!(!view(&released, 132).late && view(&released, 132).behind_s > 10.0, "it has ended");
     }
 
     #[test]
     fn a_silent_robot_is_behind_since_the_map_has_grown_whoever_asks() {
         let fleet = Fleet::new(FleetConfig::default());
         let (old, new) = (head(3, None), head(4, None));
+        fleet.set_alive(&old.map, "r1", true);
         fleet.take_status(&old.map, "r1", status(&old), &old, SECOND);
         fleet.map_changed(&new, 10 * SECOND);
         fleet.map_changed(&head(5, None), 20 * SECOND);

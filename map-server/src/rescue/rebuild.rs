@@ -13,19 +13,23 @@ const BATCH_BYTES: usize = 4 << 20;
 /// So many lost numbers are named.
 const NAMED: usize = 10;
 
-/// The authors of an undamaged store.
-pub(super) fn of_catalog(catalog: &Catalog) -> Vec<RescuedAuthor> {
-    let heads = catalog.heads();
-    let author = |(map, author, last): (&MapName, AuthorId, u64)| RescuedAuthor {
-        map: map.clone(),
-        author,
-        last,
-        lost: 0,
-        first_lost: Vec::new(),
-        is_end_known: true,
-    };
-    let authors = heads.iter().flat_map(|head| head.vector.iter().map(|(it, last)| (&head.map, it, last)));
-    authors.map(author).collect()
+/// The authors of an undamaged store, which is loaded.
+pub(super) fn of_catalog(catalog: &Catalog, log: &dyn IncrementLog) -> Result<Vec<RescuedAuthor>, StoreError> {
+    let mut authors = Vec::new();
+    for head in catalog.heads() {
+        let (floor, lost_before) = (log.reader().floor(&head.map)?, log.reader().lost(&head.map)?);
+        authors.extend(head.vector.iter().map(|(author, last)| RescuedAuthor {
+            map: head.map.clone(),
+            author,
+            last,
+            lost: 0,
+            first_lost: Vec::new(),
+            folded: floor.vector.get(author),
+            lost_before,
+            is_end_known: true,
+        }));
+    }
+    Ok(authors)
 }
 
 /// What is lost of each author.
@@ -40,6 +44,8 @@ pub(super) fn counted(found: &Found) -> Vec<RescuedAuthor> {
             last: found.last(),
             lost: lost.iter().map(|(first, last)| last - first + 1).sum(),
             first_lost: numbers.take(NAMED).collect(),
+            folded: series_of(found).last().map_or(0, |series| series.last),
+            lost_before: 0,
             is_end_known: found.is_end_known(),
         }
     };

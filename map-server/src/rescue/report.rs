@@ -18,6 +18,13 @@ pub struct RescuedAuthor {
     pub lost: u64,
     /// The first numbers of those, at most ten.
     pub first_lost: Vec<u64>,
+    /// Up to this number they are folded: which of these there were cannot be told any more. None
+    /// are: 0.
+    #[serde(default)]
+    pub folded: u64,
+    /// How many increments of the map, of whichever authors, a rescue did not find before.
+    #[serde(default)]
+    pub lost_before: u64,
     /// Whether the store says that there were no more than `last`. If not, those after it may be
     /// lost, too.
     pub is_end_known: bool,

@@ -241,7 +241,7 @@ fn make(backup: &Backup, scratch: &Path) -> Result<Vec<RescuedAuthor>, RestoreEr
         Backup::Archives(files) => {
             import(files, scratch)?;
             let log = RedbLog::open(scratch)?;
-            Ok(rebuild::of_catalog(&Catalog::load(&log)?))
+            Ok(rebuild::of_catalog(&Catalog::load(&log)?, &log)?)
         }
     }
 }
@@ -259,8 +259,9 @@ fn import(files: &[PathBuf], dir: &Path) -> Result<(), RestoreError> {
 pub fn check_archives(source: &Path) -> Result<Option<Vec<RescuedAuthor>>, RestoreError> {
     match Backup::find(source) {
         Ok(Backup::Archives(files)) => {
-            let catalog = take_all(&files, Arc::new(MemoryLog::new()))?;
-            Ok(Some(rebuild::of_catalog(&catalog)))
+            let log: Arc<dyn IncrementLog> = Arc::new(MemoryLog::new());
+            let catalog = take_all(&files, Arc::clone(&log))?;
+            Ok(Some(rebuild::of_catalog(&catalog, log.as_ref())?))
         }
         _ => Ok(None),
     }

@@ -2,7 +2,7 @@
 
 use crate::catalog::Catalog;
 use crate::clock::now_us;
-use crate::config::ServerConfig;
+use crate::config::{ServerConfig, ServerEndpoints};
 use crate::ingest::{Ingest, WriterQueue};
 use crate::network::{
     KnownKeys, QueryDoor, QueryService, RobotTopicSubscriptions, learn_blockages, publish_head, subscribe_increments,
@@ -238,19 +238,46 @@ async fn follow_maps(mut keys: KnownKeys, catalog: Arc<Catalog>, queue: Arc<Writ
 }
 
 fn print_where(config: &ServerConfig, count: usize) {
-    let link = &config.link;
+    let place = match config.storages {
+        None => config.data.display().to_string(),
+        Some(quorum) => format!("{} storages", quorum.storages),
+    };
+    // A server whose log is full serves all the same.
+    let (s, endpoints) = (if count == 1 { "" } else { "s" }, endpoints_in_words(&config.link));
+    let _ = writeln!(std::io::stderr(), "map-server: {count} map{s} in {place}, on {endpoints}");
+}
+
+/// Where a server is reached. One that listens is there before it is linked to the routers that it
+/// connects to.
+fn endpoints_in_words(link: &ServerEndpoints) -> String {
     let file = link.zenoh_config.iter().map(|file| format!("what {} says", file.display()));
     // Zenoh does not say which one it has found.
     let listen = link.listen.iter().map(|endpoint| match endpoint.strip_suffix(":0") {
         Some(host) => format!("{host} (any free port)"),
         None => endpoint.clone(),
     });
-    let endpoints: Vec<String> = listen.chain(link.connect.iter().cloned()).chain(file).collect();
-    let place = match config.storages {
-        None => config.data.display().to_string(),
-        Some(quorum) => format!("{} storages", quorum.storages),
-    };
-    // A server whose log is full serves all the same.
-    let (s, endpoints) = (if count == 1 { "" } else { "s" }, endpoints.join(", "));
-    let _ = writeln!(std::io::stderr(), "map-server: {count} map{s} in {place}, on {endpoints}");
+    let here: Vec<String> = listen.chain(file).collect();
+    match (here.join(", "), link.connect.join(", ")) {
+        (here, connect) if connect.is_empty() => here,
+        (here, connect) if here.is_empty() => connect,
+        (here, connect) => format!("{here}, connecting to {connect}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn where_a_server_listens_is_told_from_where_it_connects_to() {
+        let said = |listen: &[&str], connect: &[&str], file: Option<&str>| {
+            let owned = |endpoints: &[&str]| endpoints.iter().map(|&endpoint| endpoint.to_owned()).collect();
+            let (listen, connect, zenoh_config) = (owned(listen), owned(connect), file.map(Into::into));
+            endpoints_in_words(&ServerEndpoints { listen, connect, zenoh_config, patience: None })
+        };
+        assert_eq!(said(&["tcp/[::]:0"], &[], None), "tcp/[::] (any free port)");
+        assert_eq!(said(&[], &["tcp/a:1", "tcp/b:1"], None), "tcp/a:1, tcp/b:1");
+        assert_eq!(said(&["tcp/a:1"], &["tcp/b:1"], None), "tcp/a:1, connecting to tcp/b:1");
+        assert_eq!(said(&[], &["tcp/b:1"], Some("z.json5")), "what z.json5 says, connecting to tcp/b:1");
+    }
 }

@@ -2,7 +2,7 @@
 //! new heads.
 
 use crate::clock::{now_us, passed_us};
-use crate::ingest::{Arrival, Ingest, WriterJob, WriterQueue, WriterWork};
+use crate::ingest::{Arrival, Ingest, WriterJob, WriterOutcome, WriterQueue, WriterWork};
 use crate::network::{publish_head, publish_refusal};
 use crate::query::AnswerSources;
 use crate::replicated::Stateless;
@@ -115,10 +115,11 @@ impl Writer {
         outcome.notices.iter().for_each(|notice| publish_refusal(&self.session, notice));
         for map in outcome.announce {
             if let Some(view) = self.sources.catalog.view(&map) {
-                for ((_, author), increments) in writers.iter().filter(|((of, _), _)| *of == map) {
+                for (writer @ (_, author), arrived) in writers.iter().filter(|((of, _), _)| *of == map) {
+                    let WriterOutcome { stored, refused } = outcome.written.get(writer).copied().unwrap_or_default();
                     let robot = self.sources.fleet.name_of(&map, *author).or_else(|| self.listed_name(*author));
                     let (robot, version) = (robot.map(tracing::field::display), view.head.version);
-                    tracing::info!(%map, robot, %author, increments, version, "taken in, and stored");
+                    tracing::info!(%map, robot, %author, arrived, stored, refused, version, "increments have come");
                 }
                 self.announce(&view.head);
             }

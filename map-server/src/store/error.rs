@@ -82,9 +82,10 @@ pub enum StoreError {
     },
     /// The file cannot be read as what it should be.
     #[error(
-        "the store {} cannot be used, for it is damaged: {reason}. Put a backup of this directory in its place if there \
-         is one (maps from `map-server export` are taken in by `map-server import`); `map-server check {dir}` says what \
-         is lost, and `map-server rescue {dir} TARGET` copies what still reads into a new directory",
+        "the store {} cannot be used, for it is damaged: {reason}. If there is a backup of this directory, or of its \
+         maps (`map-server export`), put it in its place with `map-server restore BACKUP --store {dir}`; `map-server \
+         check {dir}` says what is lost, and `map-server rescue {dir} TARGET` copies what still reads into a new \
+         directory",
         file.display(), dir = file.parent().unwrap_or(file).display()
     )]
     Broken {

@@ -323,11 +323,19 @@ pub trait LogReader {
     /// [`StoreError::Disk`].
     fn floor(&self, map: &MapName) -> Result<CompactionFloor, StoreError>;
 
+    /// How many increments of a map a rescue did not find.
+    ///
+    /// # Errors
+    /// [`StoreError::Disk`].
+    fn lost(&self, _: &MapName) -> Result<u64, StoreError> {
+        Ok(0)
+    }
+
     /// Whether increments of a map are lost (`rescue`): what a vector covers may not be whole.
     ///
     /// # Errors
     /// [`StoreError::Disk`].
-    fn has_lost(&self, _: &MapName) -> Result<bool, StoreError> {
-        Ok(false)
+    fn has_lost(&self, map: &MapName) -> Result<bool, StoreError> {
+        Ok(self.lost(map)? > 0)
     }
 }

@@ -354,10 +354,10 @@ impl LogReader for RedbLog {
         self.read(|read| floor_of(read, map))
     }
 
-    fn has_lost(&self, map: &MapName) -> Result<bool, StoreError> {
+    fn lost(&self, map: &MapName) -> Result<u64, StoreError> {
         self.read(|read| {
             let meta = read.open_table(META).map_err(reading)?;
-            Ok(meta.get(lost_key(map).as_str()).map_err(reading)?.is_some())
+            Ok(meta.get(lost_key(map).as_str()).map_err(reading)?.map_or(0, |count| count.value()))
         })
     }
 }

@@ -278,13 +278,17 @@ fn the_program_says_what_is_wrong_and_what_can_be_done() {
             refused += 1;
             let (code, said) = refused_start(&source, &crate::support::free_endpoint());
             assert_eq!(code, Some(1), "seed {seed}: {said}");
-            for part in [FILE_NAME, "backup", "map-server check", "map-server rescue"] {
+            for part in [FILE_NAME, "backup", "map-server restore", "map-server check", "map-server rescue"] {
                 assert!(said.contains(part), "seed {seed}: {said}");
             }
             assert!(!said.contains("panicked"), "{said}");
         }
     }
     assert!(refused > 3, "{refused}");
+    std::fs::write(source.join(FILE_NAME), [0; 8192]).unwrap();
+    let target = dir.path().join("of-nothing");
+    let (code, _, said) = run(&["rescue", path, target.to_str().unwrap()]);
+    assert!(code == Some(1) && said.contains("nothing of") && !target.exists(), "{said}");
     let (code, _, said) = run(&["rescue", dir.path().join("nowhere").to_str().unwrap(), "x"]);
     assert!(code == Some(2) && said.contains("there is no store"), "{said}");
 }
@@ -361,7 +365,14 @@ async fn a_release_of_which_a_part_is_lost_cannot_be_had() {
     });
     assert!(lost_one.is_some(), "no page has only increments of the robot");
     assert!(rescue(&source, &target, &|_| ()).unwrap().lost() > 0);
-    assert!(RedbLog::open(&target).unwrap().has_lost(&museum()).unwrap());
+    let lost = RedbLog::open(&target).unwrap().lost(&museum()).unwrap();
+    let checked = check(&target, site.dir.path(), &|_| ()).unwrap();
+    assert!(lost > 0 && checked.damage.is_none() && checked.authors[0].lost_before == lost, "{checked:?}");
+    let folded = checked.authors.iter().find(|author| author.author == ANA).map(|author| author.folded);
+    assert!(folded.is_some_and(|folded| folded >= lost), "{checked:?}");
+    let words = Command::new(env!("CARGO_BIN_EXE_map-server")).arg("check").arg(&target).output().unwrap();
+    let words = String::from_utf8(words.stdout).unwrap();
+    assert!(words.contains(" are folded") && words.contains("an earlier rescue did not find"), "{words}");
     site.server = Server::start(&target, &site.endpoint);
     until_up(&site.session).await;
     assert_eq!(site.run(&["release", "list", "museum"])["releases"][0]["available"], false);

@@ -196,6 +196,9 @@ async fn a_renamed_map_has_everything_and_the_old_one_says_where_it_went() {
     // Given again, nothing else is done; another map is not overwritten.
     site.run(&["rename", "museum", "hall", "--reason", "mistyped"]);
     assert!(site.complaint(&["rename", "hall", "museum", "--reason", "x"]).contains("there is a map museum already"));
+    let taken = ["rename", "hall", "museum", "--reason", "x", "--connect", &site.endpoint];
+    let code = std::process::Command::new(env!("CARGO_BIN_EXE_map-server")).args(taken).status().unwrap().code();
+    assert_eq!(code, Some(2), "the same would fail again");
     assert!(site.complaint(&["rename", "hall", "hall", "--reason", "x"]).contains("is its name already"));
     let order = DeletionOrder {
         grace_s: 60,

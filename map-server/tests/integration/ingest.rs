@@ -7,7 +7,7 @@ use fht_proto::codec::envelope::{FORMAT_VERSION, Message, seal};
 use fht_proto::{AuthorId, Increment, MapName, Op, encode};
 use map_server::catalog::Catalog;
 use map_server::config::Limits;
-use map_server::ingest::{Arrival, Ingest, Refusal, WriterQueue, check};
+use map_server::ingest::{Arrival, Ingest, Refusal, WriterOutcome, WriterQueue, check};
 use map_server::store::{FILE_NAME, IncrementLog, IncrementOrigin, Record, RedbLog, StoreError, Stored};
 use proptest::prelude::*;
 use std::path::Path;
@@ -162,6 +162,7 @@ fn a_writer_is_told_why_it_is_refused() {
     let taken = bench.ingest.take_arrivals(vec![forged.clone(), forged, future, elsewhere], NOW_US).unwrap();
     let told: Vec<_> = taken.notices.iter().map(|notice| (notice.author, notice.reply.code)).collect();
     assert_eq!(told, [(ANA, ErrorCode::Conflict), (BEN, ErrorCode::Future)], "once each, and only whom a key names");
+    assert!(taken.notices.iter().all(|notice| notice.reply.message.starts_with("increment 1: ")), "{taken:?}");
     for number in ["0", "02", "two", "2/x"] {
         let mut bench = Bench::open(tempfile::tempdir().unwrap().path(), Limits::default());
         let misspelt = Arrival { key: format!("fht/museum/inc/{ANA}/{number}"), ..arrival(ANA, 2) };
@@ -170,6 +171,17 @@ fn a_writer_is_told_why_it_is_refused() {
         assert!(matches!(&notices[..], [told] if told.author == ANA && is_told(&told.reply)), "{number}: {notices:?}");
     }
     assert!(taken.notices.iter().all(|notice| notice.map == museum() && notice.reply.code.is_permanent_refusal()));
+}
+
+#[test]
+fn what_is_stored_is_counted_apart_from_what_is_refused_or_waits() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut bench = Bench::open(dir.path(), Limits::default());
+    let forged = arrival_of(&Increment { hlc_us: 5, ..increment(ANA, 1) });
+    let mut counts = |arrivals| bench.ingest.take_arrivals(arrivals, NOW_US).unwrap().written[&(museum(), ANA)];
+    let first = counts(vec![arrival(ANA, 1), arrival(ANA, 2), forged, arrival(ANA, 4)]);
+    assert_eq!(first, WriterOutcome { stored: 2, refused: 1 }, "the last one waits");
+    assert_eq!(counts(vec![arrival(ANA, 3)]), WriterOutcome { stored: 2, refused: 0 });
 }
 
 #[test]

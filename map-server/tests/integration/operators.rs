@@ -120,7 +120,7 @@ async fn whoever_does_not_ask_first_is_told_by_the_server() {
         site.session.put(key(BEN, 1), encode(&increment).unwrap()).await.unwrap();
         let told = tokio::time::timeout(Duration::from_secs(10), refusals.recv_async()).await.unwrap().unwrap();
         let told: ErrorReply = serde_json::from_slice(&told.payload().to_bytes()).unwrap();
-        assert!(told.code == ErrorCode::BadRequest && told.message.starts_with("zone bad: "), "{told}");
+        assert!(told.code == ErrorCode::BadRequest && told.message.starts_with("increment 1: zone bad: "), "{told}");
         tokio::time::sleep(Duration::from_millis(1100)).await; // it is told each reason once a second
     }
 }
@@ -166,6 +166,15 @@ async fn a_release_that_does_not_add_up_to_its_digest_is_not_used() {
     head_when(&site.session, |head| head.vector.get(stranger) == 1).await;
     let releases: ReleasesReply = serde_json::from_value(site.run(&["release", "list", "museum"])).unwrap();
     assert!(releases.releases[0].enabled && !releases.releases[0].available, "{releases:?}");
+    let words = |command: &[&str]| {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_map-server"));
+        program.args(command).args(["--connect", &site.endpoint]);
+        String::from_utf8(program.output().unwrap().stdout).unwrap()
+    };
+    for command in [&["maps"][..], &["robots", "museum"], &["release", "list", "museum"]] {
+        let said = words(command);
+        assert!(said.contains("not used: not all of it is here") && !said.contains("robots use"), "{said}");
+    }
     // The newest state is what robots get, and it is said that it is not the release.
     let path = site.path("from=0,0;to=5,0").await.unwrap();
     assert!(path.version == 7 && path.release.is_none(), "{path:?}");
@@ -383,6 +392,24 @@ async fn an_address_in_use_is_named_wherever_it_was_said() {
     assert!(code == Some(1) && said.contains(&named), "{code:?}: {said}");
     let (code, said) = ended(&["maps", "--zenoh-config", file]);
     assert!(code == Some(2) && said.contains(&named) && said.contains("only connects"), "{code:?}: {said}");
+}
+
+#[test]
+fn what_cannot_be_listened_on_or_reached_is_told_in_words() {
+    let (dir, nobody) = (tempfile::tempdir().unwrap(), free_endpoint());
+    let data = dir.path().join("data");
+    let serve = |more: &[&str]| ended(&[&["--data", data.to_str().unwrap(), "--open"][..], more].concat());
+    for (listen, expected, why) in [
+        ("tcp/192.0.2.1:17502", 2, "no interface of this machine has this address"),
+        ("tcp/nosuch.invalid:17502", 2, "no computer has this name"),
+        ("unixsock-stream//nonexistent/x", 1, "there is no such folder"),
+    ] {
+        let (code, said) = serve(&["--listen", listen]);
+        assert!(code == Some(expected) && said.contains(&format!("cannot listen on {listen}: {why}")), "{said}");
+    }
+    let (code, said) = serve(&["--listen", &free_endpoint(), "--connect", &nobody, "--wait", "1"]);
+    let expected = format!("no server or router at {nobody} within 1 s: {nobody}: nobody listens there");
+    assert!(code == Some(1) && said.contains(&expected), "{code:?}: {said}");
 }
 
 #[test]

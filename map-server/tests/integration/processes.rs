@@ -193,6 +193,29 @@ async fn a_second_server_with_a_log_of_its_own_says_that_another_answers() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_server_that_listens_says_for_how_long_no_router_is_there() {
+    const WAITING: &str = "waiting for a server or router: ";
+    let dir = tempfile::tempdir().unwrap();
+    let (endpoint, router) = (free_endpoint(), free_endpoint());
+    let logs = [dir.path().join("server.log"), dir.path().join("router.log")];
+    let said = || std::fs::read_to_string(&logs[0]).unwrap();
+    let _server = Server::with(&dir.path().join("a"), &endpoint, &["--connect", &router], &logs[0]);
+    let begin = Instant::now();
+    while said().matches(WAITING).count() < 2 {
+        assert!(begin.elapsed() < Duration::from_secs(60), "{}", said());
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    assert!(said().contains(&format!("{WAITING}{router}: nobody listens there")), "{}", said());
+    assert!(said().contains(&format!(", on {endpoint}, connecting to {router}")), "{}", said());
+    let _router = Server::with(&dir.path().join("b"), &router, &[], &logs[1]);
+    // Zenoh tries again every four seconds at least.
+    tokio::time::sleep(Duration::from_secs(7)).await;
+    let before = said().matches(WAITING).count();
+    tokio::time::sleep(Duration::from_secs(7)).await;
+    assert_eq!(said().matches(WAITING).count(), before, "{}", said());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn routers_know_the_keys_of_each_map() {
     let (dir, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint());
     let _server = Server::start(dir.path(), &endpoint);

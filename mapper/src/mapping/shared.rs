@@ -67,6 +67,13 @@ impl Mapper {
         self.newcomer.is_none()
     }
 
+    /// Whether there is anything to say of where the robot is: a robot that begins a map has
+    /// nothing to say before its first frame.
+    #[must_use]
+    pub fn has_whereabouts(&self) -> bool {
+        self.latest.is_some() || !self.is_placed()
+    }
+
     /// What the robot says of where it is.
     #[must_use]
     pub fn whereabouts(&self) -> PoseReport {
@@ -87,7 +94,8 @@ impl Mapper {
                 map_from_base: Some(latest.map_from_base),
                 ..PoseReport::default()
             },
-            _ => PoseReport {
+            (None, None) => PoseReport::default(),
+            (None, Some(_)) => PoseReport {
                 state: LocalizationState::Lost,
                 lost_because: Some("what it sees contradicts the map that it writes".to_owned()),
                 ..PoseReport::default()
@@ -280,5 +288,31 @@ impl Others {
             self.team.told = Arc::new(told);
         }
         news
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fht_sim::{SimConfig, Simulator, load};
+
+    #[test]
+    fn who_begins_a_map_is_not_lost_before_its_first_frame() {
+        let world = Arc::new(load("museum", None, 1).unwrap());
+        let start = world.start();
+        let sim = SimConfig { camera_every: 0, ..SimConfig::default() };
+        let mut simulator = Simulator::new(world, sim, start, 1);
+        let mut mapper = Mapper::new(MapperConfig::default(), AuthorId(1), None).unwrap();
+        assert!(!mapper.has_whereabouts());
+        assert_eq!(mapper.whereabouts(), PoseReport::default());
+        mapper.step(&simulator.sense_first()).unwrap();
+        assert!(mapper.has_whereabouts());
+        let said = mapper.whereabouts();
+        assert_eq!((said.state, said.lost_because), (LocalizationState::Localized, None));
+        // Who joins says at once that it looks for its place, and gives no reason for it.
+        let newcomer = Mapper::joining(MapperConfig::default(), AuthorId(2), None, None).unwrap();
+        assert!(newcomer.has_whereabouts());
+        let said = newcomer.whereabouts();
+        assert_eq!((said.state, said.lost_because), (LocalizationState::NotLocalized, None));
     }
 }

@@ -132,8 +132,9 @@ pub(super) struct ExploreArgs {
     /// Give up after this much simulated time, seconds [default: 14400].
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub(super) max_sim: Option<f64>,
-    /// Print a line of JSON about every simulated second: sim_s, free_area_m2, nodes, written,
-    /// acknowledged, placed.
+    /// Print a line of JSON about every simulated second, and one with the final numbers when the
+    /// run has ended: sim_s, free_area_m2, nodes, written, acknowledged, placed. The figures of the
+    /// run come after it with --json.
     #[arg(long)]
     pub(super) progress_json: bool,
     // Last, since its heading holds for all that comes after it.
@@ -167,6 +168,8 @@ mod tests {
             }
             assert!(parse(flag, "1.5").is_ok(), "{flag}");
         }
+        let turned = parse("--start", "1,0,900").err().map(|error| error.to_string()).unwrap_or_default();
+        assert!(turned.contains("from -360 to 360 degrees"), "{turned}");
         assert!(parse("--rate", "1e-21").is_err() && parse("--rate", "0").is_err());
     }
 }

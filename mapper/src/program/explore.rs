@@ -6,7 +6,7 @@ use super::picture::PictureTask;
 use super::report::ExploreReport;
 use super::scoring::ExplorationScore;
 use crate::mapping::Mapper;
-use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask, RunError};
+use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingSummary, MappingTask, RunError};
 use fht_perception::robot::{Paced, RobotError, SilenceConfig};
 use fht_program::stop::Stop;
 use fht_shared_world::{JoinError, WorldExit, seat};
@@ -100,26 +100,41 @@ pub struct ExploreProgress {
 /// Time between two looks at the progress, microseconds.
 const WATCH_EVERY_US: u64 = 1_000_000;
 
+impl ExploreProgress {
+    fn of(mapper: &Mapper, sim_us: u64, written: u64, acknowledged: u64) -> Self {
+        let counts = mapper.map().counts();
+        Self {
+            sim_s: sim_us as f64 * 1e-6,
+            free_area_m2: mapper.free_area_m2(),
+            nodes: counts.main_nodes + counts.support_nodes,
+            written,
+            acknowledged,
+            placed: mapper.is_placed(),
+        }
+    }
+}
+
 /// Tells `watch` about once a simulated second.
 struct Watcher<W> {
     watch: W,
     next_us: u64,
+    last_us: u64,
+}
+
+impl<W: FnMut(ExploreProgress)> Watcher<W> {
+    /// The run has ended, and what it wrote has come as far as it does.
+    fn finish(&mut self, summary: &MappingSummary, mapper: &Mapper) {
+        (self.watch)(ExploreProgress::of(mapper, self.last_us, summary.written, summary.acknowledged()));
+    }
 }
 
 impl<W: FnMut(ExploreProgress)> MappingObserver for Watcher<W> {
     fn on_frame(&mut self, mapped: &MappedFrame<'_>) -> ControlFlow<()> {
-        let (time_us, mapper) = (mapped.frame.time_us, mapped.mapper);
+        let time_us = mapped.frame.time_us;
+        self.last_us = time_us;
         if time_us >= self.next_us {
             self.next_us = time_us + WATCH_EVERY_US;
-            let counts = mapper.map().counts();
-            (self.watch)(ExploreProgress {
-                sim_s: time_us as f64 * 1e-6,
-                free_area_m2: mapper.free_area_m2(),
-                nodes: counts.main_nodes + counts.support_nodes,
-                written: mapped.written,
-                acknowledged: mapped.acknowledged,
-                placed: mapper.is_placed(),
-            });
+            (self.watch)(ExploreProgress::of(mapped.mapper, time_us, mapped.written, mapped.acknowledged));
         }
         ControlFlow::Continue(())
     }
@@ -139,7 +154,7 @@ impl MappingObserver for LeavesAtEnd {
 }
 
 /// Explores, publishes, and scores the result. `watch` is called about once a simulated second from
-/// the loop's thread.
+/// the loop's thread, and once more when all has ended.
 ///
 /// # Errors
 /// [`ExploreError`]; an exploration that ended is reported even if the server could not be reached
@@ -156,12 +171,13 @@ pub async fn explore(
     let simulator = Simulator::new(world, SimConfig { camera_every, ..sim }, start, setup.seed);
     let (simulator, exit) = seat(simulator, &setup, &mapping.robot)?;
     let score = ExplorationScore::new(&simulator, setup.map_origin);
-    let watcher = Watcher { watch, next_us: 0 };
+    let watcher = Watcher { watch, next_us: 0, last_us: 0 };
     // Its sensors are never silent, however slow the simulated time.
     let mapping = MappingTask { silence: SilenceConfig::patient(), stop: task.stop, ..mapping };
     let observer = (keeper, (watcher, (score, LeavesAtEnd(exit))));
     let outcome = run::explore(mapping, Paced::new(simulator, task.rate), observer).await?;
-    let MappingOutcome { mut summary, mapper, observer: (keeper, (_, (score, _))), .. } = outcome;
+    let MappingOutcome { mut summary, mapper, observer: (keeper, (mut watcher, (score, _))), .. } = outcome;
+    watcher.finish(&summary, &mapper);
     if let Some(error) = summary.robot_error.take() {
         return Err(error.into());
     }

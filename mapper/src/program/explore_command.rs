@@ -6,8 +6,8 @@ use super::report::ExploreReport;
 use super::running::{RunEnd, exploring_spinner, increments, runtime};
 use super::settings::MapperFile;
 use fht_program::{ProgramFailure, Stop, print_line};
-use fht_sim::SimConfig;
 use fht_sim::scoring::TrajectoryError;
+use fht_sim::{SimConfig, check_world};
 use fht_worker::Pace;
 use indicatif::ProgressBar;
 use std::path::{Path, PathBuf};
@@ -36,6 +36,8 @@ impl ExploreArgs {
 
     /// These flags over what the file says.
     fn task(&self, file: MapperFile, stop: Stop) -> Result<ExploreTask, String> {
+        // What is no world gives no map its name.
+        check_world(&self.setup.world).map_err(|error| error.to_string())?;
         let mut mapping = self.run.over(&file, Path::new(&self.setup.world))?;
         mapping.cameras &= !self.no_cameras;
         mapping.spool = self.spool_over(mapping.spool)?;
@@ -98,12 +100,8 @@ pub(super) fn explore_world(args: &ExploreArgs, file: MapperFile, stop: Stop) ->
     let outcome = runtime.block_on(explore(task, watch));
     bar.finish_and_clear();
     let report = outcome.map_err(|error| ProgramFailure::of(error.is_input(), error))?;
-    let in_words = |report: &ExploreReport| {
-        if !args.progress_json {
-            print_report(report);
-        }
-    };
-    let given = args.run.report.give(&report, in_words);
+    let in_words = (!args.progress_json).then_some(print_report as fn(&ExploreReport));
+    let given = args.run.give(&report, in_words);
     let end = RunEnd {
         map: &report.map,
         is_offline: args.run.offline,
@@ -165,9 +163,22 @@ mod tests {
             pace = 'real_time'
             slam.grid.max_range_m = 5";
         let file = fht_program::parse(text, Path::new("robot.toml")).unwrap();
+        task_over(flags, file).unwrap()
+    }
+
+    fn task_over(flags: &[&str], file: MapperFile) -> Result<ExploreTask, String> {
         let cli = Cli::try_parse_from(["mapper", "explore"].iter().chain(flags)).unwrap();
         let Some(Command::Explore(args)) = cli.command else { panic!("another command") };
-        args.task(file, Stop::default()).unwrap()
+        args.task(file, Stop::default())
+    }
+
+    #[test]
+    fn what_is_no_world_is_refused_before_a_map_is_named_after_it() {
+        for more in [&[][..], &["--map", "hall"]] {
+            let flags = [&["--offline", "--world", "my office"][..], more].concat();
+            let said = task_over(&flags, MapperFile::default()).err().unwrap_or_default();
+            assert!(said.starts_with("unknown world 'my office'"), "{said}");
+        }
     }
 
     #[test]

@@ -33,6 +33,9 @@ impl KeepError {
 /// What was left of what was to be left.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Kept {
+    /// The recording of the run, if one was made.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recording: Option<PathBuf>,
     /// The picture of the map, if one was made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<PathBuf>,
@@ -44,6 +47,9 @@ pub struct Kept {
 
 impl Kept {
     pub(super) fn print(&self) {
+        if let Some(recording) = &self.recording {
+            print_line!("recording   {}", recording.display());
+        }
         if let Some(picture) = &self.picture {
             print_line!("picture     {}", picture.display());
         }
@@ -79,13 +85,13 @@ impl RunKeeper {
     pub(super) fn finish(mut self, frames: usize) -> Result<Kept, KeepError> {
         let recorded = self.recorder.finish().map_err(KeepError::from);
         let drawn = self.picture.finish().map_err(KeepError::from);
-        let (picture, failure) = match (recorded, drawn) {
+        let (recording, picture, failure) = match (recorded, drawn) {
             (Err(failure), _) if frames <= 1 => return Err(failure),
-            (Err(failure), drawn) => (drawn.ok().flatten(), Some(failure)),
-            (Ok(()), Err(failure)) => (None, Some(failure)),
-            (Ok(()), Ok(picture)) => (picture, None),
+            (Err(failure), drawn) => (None, drawn.ok().flatten(), Some(failure)),
+            (Ok(recording), Err(failure)) => (recording, None, Some(failure)),
+            (Ok(recording), Ok(picture)) => (recording, picture, None),
         };
-        Ok(Kept { picture, not_kept: failure.map(|failure| failure.to_string()) })
+        Ok(Kept { recording, picture, not_kept: failure.map(|failure| failure.to_string()) })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::explore::Ending;
 use crate::mapping::Mapper;
-use crate::publish::ServerLoss;
+use crate::publish::{EarlierDelivery, ServerLoss};
 use crate::run::MappingSummary;
 use fht_program::print_line;
 use fht_proto::{Digest, VersionVector};
@@ -42,6 +42,10 @@ pub struct MapFigures {
     /// What the server has lost of what it had acknowledged.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loss: Option<ServerLoss>,
+    /// What an earlier run of this robot had left in its spool, and was delivered first. It is
+    /// not among the bytes below.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub earlier: Option<EarlierDelivery>,
     /// Digest of this robot's own map.
     pub digest: Digest,
     /// Bytes of all increments, each counted once.
@@ -66,11 +70,12 @@ impl MapFigures {
             version: summary.version,
             vector: summary.vector.clone(),
             written: summary.written,
-            acknowledged: published.map_or(0, |published| published.acknowledged),
+            acknowledged: summary.acknowledged(),
             delivered: summary.is_delivered(),
             refusal: summary.refusal(),
             is_unanswered: published.is_some_and(|published| published.is_unanswered),
             loss: published.and_then(|published| published.loss),
+            earlier: published.and_then(|published| published.earlier),
             digest: mapper.map().digest(),
             map_bytes: published.map_or(0, |published| published.map_bytes),
             wire_bytes: published.map_or(0, |published| published.wire_bytes),
@@ -89,5 +94,8 @@ impl MapFigures {
             self.version
         );
         print_line!("bytes       {} of increments, {} on the wire", self.map_bytes, self.wire_bytes);
+        if let Some(EarlierDelivery { increments, bytes }) = self.earlier {
+            print_line!("earlier     {increments} increments of an earlier run delivered, {bytes} bytes");
+        }
     }
 }

@@ -92,12 +92,13 @@ impl RunRecorder {
         Ok(Self { path: path.map(Path::to_owned), recorder: None, outcome: None })
     }
 
-    /// Whether all was written, after the run's end.
+    /// The bag in which all was written, after the run's end; none if nothing was to be recorded.
     ///
     /// # Errors
     /// The first [`WriteError`] of the run; what was written before it can be read.
-    pub(super) fn finish(&mut self) -> Result<(), WriteError> {
-        self.outcome.take().transpose().map(|_| ())
+    pub(super) fn finish(&mut self) -> Result<Option<PathBuf>, WriteError> {
+        let written = self.outcome.take().transpose()?;
+        Ok(written.and(self.path.take()))
     }
 }
 

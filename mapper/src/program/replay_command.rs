@@ -4,7 +4,7 @@ use super::replay::{ReplayReport, ReplaySnapshot, ReplayTask, replay};
 use super::running::{RunArgs, RunEnd, increments, runtime};
 use super::settings::MapperFile;
 use clap::Args;
-use fht_bag::{BagInfo, FrameConfig, TopicConfig, examine};
+use fht_bag::{BagInfo, FrameConfig, TopicConfig, examine, files_of};
 use fht_program::{ProgramFailure, Stop, print_line};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
@@ -107,6 +107,8 @@ impl ReplayArgs {
 
     /// These flags over what the file says.
     fn task(&self, file: MapperFile, stop: Stop) -> Result<ReplayTask, String> {
+        // What is no bag gives no map its name.
+        files_of(&self.bag).map_err(|error| error.to_string())?;
         let mapping = self.run.over(&file, &self.bag)?;
         let mut frames = self.frames.over(file.bag)?;
         frames.topics.cameras = frames.topics.cameras.filter(|_| mapping.cameras);
@@ -139,7 +141,7 @@ pub(super) fn replay_bag(args: &ReplayArgs, file: MapperFile, stop: Stop) -> Res
     let report = runtime.block_on(replay(task, watch));
     let report = report.map_err(|error| ProgramFailure::of(error.is_input(), error))?;
     bar.finish_and_clear();
-    let given = args.run.report.give(&report, print_replay);
+    let given = args.run.give(&report, Some(print_replay));
     if report.has_cameras && report.bag.panoramas == 0 {
         fht_program::tell_line!(
             "mapper: none of the pictures could be used, so the map has no main nodes; try --no-cameras"
@@ -216,5 +218,20 @@ fn print_info(info: &BagInfo) {
     }
     for broken in &info.broken {
         print_line!("broken    {broken}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::arguments::{Cli, Command};
+    use super::*;
+    use clap::Parser;
+
+    #[test]
+    fn what_is_no_bag_is_refused_before_a_map_is_named_after_it() {
+        let cli = Cli::try_parse_from(["mapper", "replay", "my run.mcap", "--offline"]).unwrap();
+        let Some(Command::Replay(args)) = cli.command else { panic!("another command") };
+        let said = args.task(MapperFile::default(), Stop::default()).err().unwrap_or_default();
+        assert!(said.starts_with("cannot read my run.mcap"), "{said}");
     }
 }

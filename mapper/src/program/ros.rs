@@ -6,6 +6,7 @@ use super::nav2_guide::ExplorerGuide;
 use super::picture::PictureTask;
 use super::ros_outputs::MapOutputs;
 use super::until_silent::UntilSilent;
+use crate::mapping::Mapper;
 use crate::run::{self, MappedFrame, MappingObserver, MappingOutcome, MappingTask, RunError};
 use fht_perception::robot::{RobotError, SilenceConfig};
 use fht_program::stop::Stop;
@@ -132,6 +133,19 @@ pub struct RosSnapshot {
     pub acknowledged: u64,
 }
 
+impl RosSnapshot {
+    fn of(mapper: &Mapper, robot_us: u64, written: u64, acknowledged: u64) -> Self {
+        let counts = mapper.map().counts();
+        Self {
+            robot_s: robot_us as f64 * 1e-6,
+            free_area_m2: mapper.free_area_m2(),
+            nodes: counts.main_nodes + counts.support_nodes,
+            written,
+            acknowledged,
+        }
+    }
+}
+
 /// Counts the way, and tells `watch` about once a second.
 struct Travel<W> {
     watch: W,
@@ -152,22 +166,15 @@ impl<W: FnMut(RosSnapshot)> MappingObserver for Travel<W> {
         self.last_odom = Some(odom_from_base);
         if mapped.elapsed_us >= self.next_us {
             self.next_us = mapped.elapsed_us + WATCH_EVERY_US;
-            let counts = mapped.mapper.map().counts();
-            (self.watch)(RosSnapshot {
-                robot_s: mapped.elapsed_us as f64 * 1e-6,
-                free_area_m2: mapped.mapper.free_area_m2(),
-                nodes: counts.main_nodes + counts.support_nodes,
-                written: mapped.written,
-                acknowledged: mapped.acknowledged,
-            });
+            (self.watch)(RosSnapshot::of(mapped.mapper, mapped.elapsed_us, mapped.written, mapped.acknowledged));
         }
         ControlFlow::Continue(())
     }
 }
 
 /// Explores with the robot and publishes the map. `watch` is called about once a second of the
-/// robot's clock. The robot stops when its sensors have been silent for half a second, and at the
-/// end.
+/// robot's clock, and once more when all has ended. The robot stops when its sensors have been
+/// silent for half a second, and at the end.
 ///
 /// # Errors
 /// [`RosExploreError`]; an exploration that ended is reported even if the server could not be
@@ -206,7 +213,8 @@ pub async fn explore_robot(
             MappingOutcome { summary, mapper, robot: robot.into_inner(), observer }
         }
     };
-    let MappingOutcome { mut summary, mapper, robot, observer: (keeper, (travel, (outputs, _))) } = outcome;
+    let MappingOutcome { mut summary, mapper, robot, observer: (keeper, (mut travel, (outputs, _))) } = outcome;
+    (travel.watch)(RosSnapshot::of(&mapper, travel.last_us, summary.written, summary.acknowledged()));
     if let Some(error) = summary.robot_error.take() {
         return Err(RosExploreError::Robot { error, trouble: robot.trouble() });
     }

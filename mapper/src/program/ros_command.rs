@@ -92,12 +92,8 @@ pub(super) fn explore_ros(
     let report = runtime.block_on(explore_robot(task, watch));
     let report = report.map_err(|error| ProgramFailure::of(error.is_input(), error))?;
     bar.finish_and_clear();
-    let in_words = |report: &RosExploreReport| {
-        if !args.progress_json {
-            print_report(report);
-        }
-    };
-    let given = args.run.report.give(&report, in_words);
+    let in_words = (!args.progress_json).then_some(print_report as fn(&RosExploreReport));
+    let given = args.run.give(&report, in_words);
     let end = RunEnd {
         map: &report.map,
         is_offline: args.run.offline,

@@ -16,6 +16,7 @@ use fht_program::flags::{check_files, new_file, number, output_file, png_file, s
 use fht_proto::{MapName, RobotName};
 use fht_session::check_owner;
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -114,6 +115,15 @@ impl RunArgs {
         let title = seed.map_or_else(|| format!("{kind}: {name}"), |seed| format!("{kind}: {name}, seed {seed}"));
         let file = named.clone().unwrap_or_else(|| default_file(kind, &source.to_string_lossy(), seed));
         Some(PictureTask { file, title })
+    }
+
+    /// Prints and writes the figures: as JSON, or as `in_words` does, and then the file that they
+    /// were written to is named, too.
+    pub(super) fn give<T: Serialize>(&self, report: &T, in_words: Option<fn(&T)>) -> Result<(), String> {
+        self.report.give(report, |report| in_words.into_iter().for_each(|print| print(report)))?;
+        let named = self.report.report.as_ref().filter(|_| in_words.is_some() && !self.report.json);
+        named.into_iter().for_each(|file| fht_program::print_line!("report      {}", file.display()));
+        Ok(())
     }
 
     /// Refuses a run that would destroy one of the files that it reads, which are `inputs` and

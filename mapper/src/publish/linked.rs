@@ -2,8 +2,8 @@
 
 use crate::mapping::Mapper;
 use crate::publish::{
-    DeliverError, Outbox, Progress, PublishError, RunOrigin, Spool, SpoolError, WindowConfig, deliver, find_head,
-    outbox,
+    DeliverError, EarlierDelivery, Outbox, Progress, PublishError, RunOrigin, Spool, SpoolError, WindowConfig, deliver,
+    find_head, outbox,
 };
 use crate::team::{EnterError, MapEntry, Peers};
 use fht_client::{Presence, ReplicaError};
@@ -25,6 +25,8 @@ const SERVER_PATIENCE: Duration = Duration::from_secs(30);
 const ROLL_CALL: Duration = Duration::from_secs(1);
 /// A robot that is gone without a word is there for so long: a session's lease, and a little more.
 const LEASE: Duration = Duration::from_secs(12);
+/// While it waits for the name, it says so again after each such time.
+const REMARK_EVERY: Duration = Duration::from_secs(5);
 /// How long it may take to put into the spool what is not acknowledged in the end.
 const LEAVE_TIME: Duration = Duration::from_secs(10);
 /// How long a run that was interrupted waits for acknowledgements that are under way, and for its
@@ -134,7 +136,16 @@ pub struct Linked {
     session: Session,
     spool: Option<Spool>,
     head: Option<Head>,
+    earlier: Option<EarlierDelivery>,
     token: LivelinessToken,
+}
+
+/// Why it is waited for a name, and for how long at most.
+fn waits_for_name(robot: &str, at_most: Duration) -> String {
+    format!(
+        "waiting for the name {robot}, {:.0} s at most: a robot called so is there, or has lost its power a moment ago",
+        at_most.as_secs_f64()
+    )
 }
 
 /// Waits until no other robot has the name. One that lost its power has it until its session's
@@ -142,9 +153,16 @@ pub struct Linked {
 async fn free_name(presence: Presence) -> Result<Presence, LinkedError> {
     let wait = move || {
         let began = Instant::now();
+        let mut remark_due = Duration::ZERO;
         while presence.is_taken(ROLL_CALL).map_err(PublishError::from)? {
-            if began.elapsed() >= LEASE {
+            let waited = began.elapsed();
+            if waited >= LEASE {
                 return Err(LinkedError::NameTaken(presence.robot().to_owned()));
+            }
+            if waited >= remark_due {
+                remark_due = waited + REMARK_EVERY;
+                // Robots show it, unlike most of what publishing has to say.
+                tracing::warn!(target: "mapper::notice", "{}", waits_for_name(presence.robot(), LEASE - waited));
             }
             std::thread::sleep(ROLL_CALL);
         }
@@ -177,10 +195,14 @@ impl Linked {
         });
         let patience = wait.map_or(SERVER_PATIENCE, |wait| wait.saturating_sub(began.elapsed()));
         let head = find_head(&session, map, patience).await;
+        let mut earlier = None;
         let head = match &spool {
             Some(spool) => {
                 head.map_err(|error| DeliverError::Publish { error, file: spool.file().to_owned() })?;
-                deliver(&session, map, robot, spool, window, SERVER_PATIENCE).await?
+                let waiting = EarlierDelivery::of(&spool.backlog()?);
+                let head = deliver(&session, map, robot, spool, window, SERVER_PATIENCE).await?;
+                earlier = waiting;
+                head
             }
             None => head?,
         };
@@ -188,7 +210,7 @@ impl Linked {
             return Err(PublishError::Refused(deletion.refusal(map)).into());
         }
         let token = presence.declare().map_err(PublishError::from)?;
-        Ok(Self { head, session, spool, token, publication })
+        Ok(Self { head, earlier, session, spool, token, publication })
     }
 
     /// Insists that nobody has written the map before.
@@ -231,7 +253,7 @@ impl Linked {
         entry: MapEntry,
         work: impl FnOnce(&Outbox) -> R + Send + 'static,
     ) -> Result<(R, Progress), LinkedError> {
-        let Self { publication, session, head, spool, token } = self;
+        let Self { publication, session, head, earlier, spool, token } = self;
         let Publication { map, robot, window, linger, stop, .. } = publication;
         let _order = stop.in_order();
         let (MapEntry::Found { stored } | MapEntry::Join { stored }) = entry;
@@ -279,7 +301,7 @@ impl Linked {
             said = goodbye => said?,
             () = hurried => {}
         }
-        Ok((outcome, published))
+        Ok((outcome, Progress { earlier, ..published }))
     }
 }
 
@@ -343,6 +365,12 @@ impl<'a> Handover<'a> {
 mod tests {
     use super::*;
     use fht_proto::api::reply::{ErrorCode, ErrorReply};
+
+    #[test]
+    fn who_waits_for_a_name_says_for_which_and_how_long() {
+        let said = waits_for_name("twin", Duration::from_millis(11_600));
+        assert!(said.contains("the name twin, 12 s at most"), "{said}");
+    }
 
     #[test]
     fn who_is_refused_is_told_where_the_rest_is_and_how_it_is_sent() {

@@ -1,5 +1,6 @@
 //! How far publishing has come.
 
+use crate::publish::Backlog;
 use fht_proto::api::reply::{ErrorReply, Head};
 use serde::{Deserialize, Serialize};
 
@@ -22,6 +23,27 @@ pub struct Progress {
     pub is_unanswered: bool,
     /// The server has less than it had acknowledged, whenever it is asked.
     pub loss: Option<ServerLoss>,
+    /// What an earlier run had left, and was delivered before this run began.
+    pub earlier: Option<EarlierDelivery>,
+}
+
+/// What an earlier run of the robot had left in its spool, and the server has now.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct EarlierDelivery {
+    /// How many increments.
+    pub increments: usize,
+    /// Their bytes, each counted once.
+    pub bytes: u64,
+}
+
+impl EarlierDelivery {
+    /// Of all that is waiting; none if nothing is.
+    #[must_use]
+    pub fn of(waiting: &Backlog) -> Option<Self> {
+        let bytes = waiting.encoded.values().map(|bytes| bytes.len() as u64).sum();
+        let increments = waiting.encoded.len();
+        (increments > 0).then_some(Self { increments, bytes })
+    }
 }
 
 /// A server has less of an author's increments than it had acknowledged: an older state was
@@ -73,6 +95,14 @@ pub fn why_not_acknowledged(refusal: Option<&str>, is_unanswered: bool, loss: Op
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_an_earlier_run_has_left_is_counted() {
+        assert_eq!(EarlierDelivery::of(&Backlog::after(7)), None);
+        let encoded = [(8, vec![0; 100]), (9, vec![0; 50])].into();
+        let left = EarlierDelivery::of(&Backlog { acknowledged: 7, encoded });
+        assert_eq!(left, Some(EarlierDelivery { increments: 2, bytes: 150 }));
+    }
 
     #[test]
     fn a_server_that_is_gone_is_not_suspected_of_access_control() {

@@ -39,6 +39,12 @@ impl MappingSummary {
         self.published.as_ref().is_some_and(|published| published.acknowledged >= self.written)
     }
 
+    /// Number up to which the server has acknowledged everything.
+    #[must_use]
+    pub fn acknowledged(&self) -> u64 {
+        self.published.as_ref().map_or(0, |published| published.acknowledged)
+    }
+
     /// Why the server has not taken what it was sent last, if it says so.
     #[must_use]
     pub fn refusal(&self) -> Option<String> {

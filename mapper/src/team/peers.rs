@@ -351,6 +351,9 @@ impl Peers {
     }
 
     fn publish_whereabouts(&self, mapper: &Mapper) {
+        if !mapper.has_whereabouts() {
+            return;
+        }
         self.presence.publish(&mapper.whereabouts(), self.vector(mapper), None);
         self.tell_goal(mapper.goal());
     }

@@ -209,7 +209,8 @@ pub struct RobotView {
     pub behind: u64,
     /// For how long it has lacked any, seconds.
     pub behind_s: f64,
-    /// Whether it has lacked some, or has run another release than the enabled one, for too long.
+    /// Whether it is there, and has lacked some, or has run another release than the enabled one,
+    /// for too long.
     pub late: bool,
 }
 
@@ -224,6 +225,10 @@ pub struct FleetReply {
     /// The release enabled, as `name@author`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enabled: Option<String>,
+    /// Whether that release is not used, since not all of it is here, or its digest is wrong:
+    /// robots go on with what they ran.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub enabled_unused: bool,
     /// By name.
     pub robots: Vec<RobotView>,
     /// Whether there are more.

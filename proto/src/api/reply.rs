@@ -24,7 +24,7 @@ pub use journal::{JournalCursor, JournalEntry, JournalReply};
 pub use known_names::known_names;
 pub use nodes::{NodeView, NodesCursor, NodesReply};
 pub use path::{Obeyed, PathReply, SpeedLimit, Waypoint};
-pub use place::{PlaceRef, parse_angle, parse_point};
+pub use place::{PlaceRef, check_yaw, parse_angle, parse_point};
 pub use release::{ReleaseView, ReleasesReply};
 pub use rules::{BlockedView, DatumView, FloorPlanView, IgnoredView, PlaceView, RuleView, RulesReply, ZoneView};
 pub use series::{

@@ -262,6 +262,18 @@ pub fn split_first(bytes: &[u8]) -> Result<(&[u8], &[u8]), CodecError> {
     bytes.split_at_checked(end).ok_or_else(length_error)
 }
 
+/// What is wrong with a body. Postcard drops what the types themselves say.
+fn in_words(error: postcard::Error) -> String {
+    match error {
+        postcard::Error::SerdeDeCustom => {
+            "it has something that this format does not have: an unknown operation, or a \
+             name that is none (of a place or zone: a letter, then letters, digits, _ or -; 64 characters at most)"
+                .to_owned()
+        }
+        error => error.to_string(),
+    }
+}
+
 /// Takes a message out of its envelope and validates it. Never panics, whatever the bytes.
 ///
 /// # Errors
@@ -286,12 +298,33 @@ pub fn decode<M: Message>(bytes: &[u8]) -> Result<M, CodecError> {
     if crc32fast::hash(&bytes[..bytes.len() - 4]) != u32::from_le_bytes(checksum) {
         return Err(CodecError::Checksum);
     }
-    let (wire, left) =
-        postcard::take_from_bytes::<M::Wire>(body).map_err(|error| CodecError::Body(error.to_string()))?;
+    let (wire, left) = postcard::take_from_bytes::<M::Wire>(body).map_err(|error| CodecError::Body(in_words(error)))?;
     if !left.is_empty() {
         return Err(CodecError::Body(format!("{} bytes are left over", left.len())));
     }
     let message = M::from_wire(wire);
     message.validate()?;
     Ok(message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::geometry::FixedPose;
+
+    #[test]
+    fn what_a_body_may_not_have_is_told() -> Result<(), Box<dyn std::error::Error>> {
+        let ops = vec![Op::SetPlace { name: "xdock".parse()?, pose: Some(FixedPose::default()) }];
+        let increment = Increment { author: AuthorId(1), number: 1, hlc_us: 1, ops };
+        let body = postcard::to_stdvec(&increment.to_wire())?;
+        assert!(decode::<Increment>(&seal(FORMAT_VERSION, Increment::KIND, &body)?).is_ok());
+        let at = body.windows(5).position(|part| part == b"xdock").unwrap_or_default();
+        let with = |first: u8| [&body[..at], &[first], &body[at + 1..]].concat();
+        for body in [with(b'2'), with(b' '), vec![1, 1, 1, 1, 77, 0, 0]] {
+            let refused = decode::<Increment>(&seal(FORMAT_VERSION, Increment::KIND, &body)?);
+            let said = refused.map_or_else(|error| error.to_string(), |_| String::new());
+            assert!(said.contains("an unknown operation, or a name that is none"), "{said}");
+        }
+        Ok(())
+    }
 }

@@ -1,11 +1,12 @@
 //! A robot's sensor frames as the topics of a bag.
 
 use super::metadata::Durability;
-use super::odometry::OdometryMessages;
 use super::writer::{BagWriter, WriteError};
 use fht_perception::frame::{Panorama, SensorFrame};
 use fht_perception::pose::Pose2;
-use fht_ros_frames::{CAMERAS, Compression, compress, header_message, optical_rotation, pose_message, scan_message};
+use fht_ros_frames::{
+    CAMERAS, Compression, OdometryMessages, compress, header_message, optical_rotation, pose_message, scan_message,
+};
 use fht_ros_messages::msg::{CompressedImage, LaserScanMsg, Pose, TfMessage, TransformStamped};
 use std::f64::consts::FRAC_PI_2;
 

@@ -8,6 +8,7 @@ use fht_program::Waiting;
 use fht_proto::MapName;
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::{DiffReply, ErrorCode, Head, StateView};
+use fht_session::{ConnectError, ListenTrouble};
 use serde::de::DeserializeOwned;
 use std::time::Duration;
 use zenoh::Session;
@@ -27,7 +28,9 @@ pub(super) async fn connect(link: &ServerEndpoints, waiting: &Waiting) -> Result
     let patience = waiting.for_session().unwrap_or(FOR_EVER);
     let session = network::open(&ServerEndpoints { patience: Some(patience), ..link.clone() }).await;
     session.map_err(|error| match error {
-        ServerSessionError::InUse { listen } => OperatorError::Listens { listen },
+        ServerSessionError::Link(ConnectError::Listen { listen, trouble: ListenTrouble::InUse }) => {
+            OperatorError::Listens { listen }
+        }
         error => error.into(),
     })
 }

@@ -31,7 +31,7 @@ pub(super) async fn rename(session: &Session, old: &MapName, order: DeletionOrde
     let usage = |text: String| Err(OperatorError::Usage(text));
     let Some(new) = order.moved_to.clone() else { return usage("a map is renamed to a name".to_owned()) };
     let meanwhile = DeletionOrder { grace_s: order.grace_s.max(UNTIL_SEEN_S), ..order.clone() };
-    let mut last = delete(session, old, &meanwhile).await?;
+    let mut last = delete(session, old, &meanwhile).await.map_err(name_is_taken)?;
     let copied = match head(session, &new).await {
         // Robots may write to it already.
         Ok(copied) if copied.vector.covers(&last.vector) => copied,
@@ -47,6 +47,15 @@ pub(super) async fn rename(session: &Session, old: &MapName, order: DeletionOrde
         last = delete(session, old, &order).await?;
     }
     Ok(Renamed { old: last, new: copied, still_here })
+}
+
+/// A name that another map has, or that the map has gone elsewhere from, is wrong input: what was
+/// given would fail again.
+fn name_is_taken(error: OperatorError) -> OperatorError {
+    match error {
+        OperatorError::Refused(reply) if reply.code == ErrorCode::Conflict => OperatorError::Usage(reply.message),
+        error => error,
+    }
 }
 
 /// Keeps a map that the server has not renamed: why not.

@@ -2,6 +2,7 @@
 
 use crate::program::operator::asking::ANSWER_TIMEOUT;
 use crate::program::operator::error::OperatorError;
+use crate::program::operator::words::use_in_words;
 use fht_client::ask_fleet_async;
 use fht_proto::MapName;
 use fht_proto::api::fleet::{FleetReply, RobotRole, RobotView};
@@ -16,8 +17,8 @@ pub(super) async fn fleet(session: &Session, map: &MapName) -> Result<FleetReply
 
 /// The table, one line per robot.
 pub(super) fn table(fleet: &FleetReply) -> String {
-    let enabled = fleet.enabled.as_deref().unwrap_or("the newest state");
-    let mut lines = vec![format!("map {}, version {}, robots use {enabled}", fleet.map, fleet.version)];
+    let used = use_in_words(fleet.enabled.as_deref(), fleet.enabled_unused);
+    let mut lines = vec![format!("map {}, version {}, {used}", fleet.map, fleet.version)];
     if fleet.robots.is_empty() {
         lines.push("no robots have been here since the server started".to_owned());
         return lines.join("\n");

@@ -5,9 +5,10 @@ use crate::program::operator::error::OperatorError;
 use crate::program::operator::transfer::fetch_state;
 use fht_map::{DoubtfulWords, check_place, check_zone};
 use fht_proto::api::keys::{Key, Topic};
-use fht_proto::api::reply::{DatumView, FloorPlanView, NodesReply, RulesReply, known_names, parse_angle, parse_point};
+use fht_proto::api::reply::{
+    DatumView, FloorPlanView, NodesReply, RulesReply, check_yaw, known_names, parse_angle, parse_point,
+};
 use fht_proto::{EdgeKey, FixedPoint, FixedPose, Label, MapName, NodeId, Op, Zone, ZoneRule};
-use std::f64::consts::TAU;
 use zenoh::Session;
 
 pub(super) async fn list(session: &Session, map: &MapName) -> Result<RulesReply, OperatorError> {
@@ -20,11 +21,7 @@ pub(super) fn parse_pose(text: &str) -> Result<FixedPose, String> {
         Some((at, _)) => {
             let wrong = || format!("'{text}' is not x,y,yaw in metres and degrees (or radians: 1.57rad)");
             let yaw_rad = parse_angle(&text[at + 1..]).ok_or_else(wrong)?;
-            if yaw_rad.abs() > TAU {
-                let yaw_deg = yaw_rad.to_degrees();
-                return Err(format!("a yaw of {yaw_deg}° is none: it must be from -360 to 360 degrees"));
-            }
-            (&text[..at], yaw_rad)
+            (&text[..at], check_yaw(yaw_rad)?)
         }
         None => (text, 0.0),
     };

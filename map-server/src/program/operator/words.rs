@@ -3,6 +3,18 @@
 use fht_proto::api::reply::{Head, MapsReply, ReleaseView, ReleasesReply, RuleView, RulesReply};
 use std::time::{Duration, UNIX_EPOCH};
 
+/// Why a release that is enabled is not used.
+const NOT_USED: &str = "not used: not all of it is here, or its digest is wrong";
+
+/// What robots use; `is_unused`: whether that is not the release which is enabled.
+pub(super) fn use_in_words(enabled: Option<&str>, is_unused: bool) -> String {
+    match enabled {
+        None => "robots use the newest state".to_owned(),
+        Some(release) if is_unused => format!("release {release} is enabled, but {NOT_USED}"),
+        Some(release) => format!("robots use {release}"),
+    }
+}
+
 /// So many of something, whose name only needs an `s` where there are several.
 pub(super) fn counted(count: u64, one: &str) -> String {
     let end = if count == 1 { "" } else { "s" };
@@ -18,14 +30,14 @@ pub(super) fn maps_in_words(reply: &MapsReply) -> String {
             return format!("{}: damaged, and offline: see map-server check", head.map);
         }
         format!(
-            "{}: version {}, {}, {}, {}, {}, robots use {}, {} refused",
+            "{}: version {}, {}, {}, {}, {}, {}, {} refused",
             head.map,
             head.version,
             counted(head.main_nodes as u64, "main node"),
             counted(head.support_nodes as u64, "support node"),
             counted(head.edges as u64, "edge"),
             counted(head.bytes, "byte"),
-            head.enabled.as_deref().unwrap_or("the newest state"),
+            use_in_words(head.enabled.as_deref(), head.enabled_unused),
             counted(head.refused, "increment")
         ) + &clock_in_words(head).map(|words| format!("; {words}")).unwrap_or_default()
             + &deletion_in_words(head)
@@ -73,7 +85,7 @@ pub(super) fn releases_in_words(reply: &ReleasesReply) -> String {
     }
     let line = |release: &ReleaseView| {
         let mark = if release.enabled { "ENABLED" } else { "" };
-        let lack = if release.available { "" } else { "not used: not all of it is here, or its digest is wrong" };
+        let lack = if release.available { "" } else { NOT_USED };
         let line = format!("{}@{}  version {:<6} {mark} {lack}", release.name, release.author, release.version);
         line.trim_end().to_owned()
     };

@@ -24,6 +24,10 @@ pub struct Head {
     /// The release that robots are to use, as `name@author`; none: this state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enabled: Option<String>,
+    /// Whether that release is not used, since not all of it is here, or its digest is wrong:
+    /// robots go on with what they ran.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub enabled_unused: bool,
     /// That the map will be deleted; none: it will not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub deletion: Option<MapDeletion>,
@@ -68,6 +72,7 @@ impl Head {
             digest: Digest([0; 32]),
             clock_us: 0,
             enabled: None,
+            enabled_unused: false,
             deletion: None,
             main_nodes: 0,
             support_nodes: 0,

@@ -41,6 +41,17 @@ pub fn parse_angle(text: &str) -> Option<f64> {
     }
 }
 
+/// A yaw of at most a whole turn, radians. Whoever writes a larger one means something else.
+///
+/// # Errors
+/// A sentence with the yaw in degrees.
+pub fn check_yaw(yaw_rad: f64) -> Result<f64, String> {
+    if yaw_rad.abs() > std::f64::consts::TAU {
+        return Err(format!("a yaw of {}° is none: it must be from -360 to 360 degrees", yaw_rad.to_degrees()));
+    }
+    Ok(yaw_rad)
+}
+
 /// Parses `x,y` (metres).
 ///
 /// # Errors

@@ -127,7 +127,10 @@ fn texts(payload: &[u8]) -> Result<Vec<(String, String)>, ErrorReply> {
         return Err(bad_request(format!("{length} bytes are too many for a goal: at most {most}")));
     }
     let Fields(fields) = serde_json::from_slice(payload).map_err(|error| {
-        bad_request(format!("the payload is no goal in JSON, such as {{id: 7, to: dock}}: {error}"))
+        bad_request(format!(
+            "the payload is no goal in JSON, an object with id, and to, or x and y; names and texts in double quotes: \
+             {error}"
+        ))
     })?;
     let text = |(name, value): (String, Value)| match value {
         Value::Null => None,

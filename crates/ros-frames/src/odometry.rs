@@ -1,63 +1,82 @@
 //! Odometry as ROS 2 filters and controllers need it: with the velocity in the robot's frame, and
 //! with how uncertain pose and velocity are.
 
+use crate::odometry_uncertainty::PoseUncertainty;
+use crate::plane::{header_message, pose_message};
 use fht_perception::pose::{Pose2, wrap_angle};
-use fht_ros_frames::{header_message, pose_message};
 use fht_ros_messages::msg::{Covariance, OdometryMsg, PoseWithCovariance, TwistWithCovariance, Vector3};
 
-/// Error of wheels in distance and in rotation, a fraction: the standard deviation that the
-/// simulator's robot has, and more than a calibrated one.
+/// Error of wheels in speed, a fraction: the standard deviation that the simulator's robot has, and
+/// more than a calibrated one.
 const SCALE_SIGMA: f64 = 0.02;
-/// Random walk of the heading, radians per √metre: 0.5°.
-const HEADING_WALK: f64 = 0.5 * std::f64::consts::PI / 180.0;
-/// Least standard deviation of a position, metres.
-const POSITION_SIGMA_M: f64 = 0.01;
-/// Least standard deviation of a heading, radians: 0.5°.
-const HEADING_SIGMA_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// Least standard deviation of a speed along either axis, metres per second.
 const SPEED_SIGMA_MPS: f64 = 0.02;
 /// Least standard deviation of a turning rate, radians per second.
 const TURN_SIGMA_RADPS: f64 = 0.02;
 /// Variance of what nothing was measured of.
 const UNKNOWN: f64 = 1e6;
+/// Where x, y and yaw are among the six axes of a message.
+const PLANE: [usize; 3] = [0, 1, 5];
 
 /// Makes messages of poses, one after the other.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct OdometryMessages {
+#[derive(Clone, Debug)]
+pub struct OdometryMessages {
+    odom_frame: String,
+    base_frame: String,
     last: Option<(u64, Pose2)>,
-    /// Way driven so far, metres.
-    driven_m: f64,
-    /// Angles turned so far, left or right, radians.
-    turned_rad: f64,
+    uncertainty: PoseUncertainty,
+}
+
+impl Default for OdometryMessages {
+    /// In the frames of REP-105: `odom` and `base_link`.
+    fn default() -> Self {
+        Self::in_frames("odom", "base_link")
+    }
 }
 
 impl OdometryMessages {
+    /// Of poses of one frame in another.
+    #[must_use]
+    pub fn in_frames(odom_frame: &str, base_frame: &str) -> Self {
+        Self {
+            odom_frame: odom_frame.to_owned(),
+            base_frame: base_frame.to_owned(),
+            last: None,
+            uncertainty: PoseUncertainty::default(),
+        }
+    }
+
     /// The message of a pose at `time_us`. Its velocity is that of the way since the pose before:
-    /// on a circle's arc. At the first pose it is unknown.
-    pub(crate) fn next(&mut self, time_us: u64, odom_from_base: &Pose2) -> OdometryMsg {
+    /// on a circle's arc. At the first pose it is unknown. Its covariance grows with the way, as
+    /// odometry is never corrected.
+    #[must_use]
+    pub fn next(&mut self, time_us: u64, odom_from_base: &Pose2) -> OdometryMsg {
         let before = self.last.replace((time_us, *odom_from_base));
         let since = before.and_then(|(before_us, before)| {
             let seconds = time_us.checked_sub(before_us).filter(|micros| *micros > 0)? as f64 * 1e-6;
             Some((before.inverse() * odom_from_base, seconds))
         });
-        if let Some((moved, _)) = &since {
-            self.driven_m += moved.translation.vector.norm();
-            self.turned_rad += moved.rotation.angle().abs();
+        if let Some((_, before)) = &before {
+            self.uncertainty.carry(before, odom_from_base);
         }
         OdometryMsg {
-            header: header_message(time_us, "odom"),
-            child_frame_id: "base_link".to_owned(),
+            header: header_message(time_us, &self.odom_frame),
+            child_frame_id: self.base_frame.clone(),
             pose: PoseWithCovariance { pose: pose_message(odom_from_base), covariance: self.pose_covariance() },
             twist: since.map_or_else(unknown_twist, |(moved, seconds)| twist(&moved, seconds)),
         }
     }
 
-    /// Grows with the way, as odometry is never corrected. In the frame `odom`.
+    /// In the odometry's frame.
     fn pose_covariance(&self) -> Covariance {
-        let yaw =
-            HEADING_SIGMA_RAD.powi(2) + HEADING_WALK.powi(2) * self.driven_m + (SCALE_SIGMA * self.turned_rad).powi(2);
-        let position = POSITION_SIGMA_M.powi(2) + self.driven_m.powi(2) * (SCALE_SIGMA.powi(2) + yaw);
-        diagonal([position, position, yaw])
+        let known = self.uncertainty.covariance();
+        let mut covariance = diagonal([0.0; 3]);
+        for (row, axis) in PLANE.into_iter().enumerate() {
+            for (column, other) in PLANE.into_iter().enumerate() {
+                covariance[axis][other] = known[(row, column)];
+            }
+        }
+        covariance
     }
 }
 
@@ -131,12 +150,14 @@ mod tests {
                 assert!((2..5).all(|axis| axes[axis][axis] >= UNKNOWN), "z, roll and pitch");
             }
             if let Some(last) = last {
-                assert!([0, 1, 5].iter().all(|&axis| covariance[axis][axis] > last[axis][axis]));
+                assert!(covariance[5][5] > last[5][5], "the heading becomes less certain");
             }
+            assert!((0..6).all(|row| (0..6).all(|column| covariance[row][column] == covariance[column][row])));
+            assert!(frame == 0 || covariance[0][5] != 0.0, "a wrong heading leads aside");
             last = Some(covariance);
         }
         let last = last.unwrap_or_default();
-        assert!((0.05..0.5).contains(&last[0][0].sqrt()), "after 4 m: {} m", last[0][0].sqrt());
+        assert!((0.03..0.3).contains(&last[0][0].sqrt()), "after 4 m: {} m", last[0][0].sqrt());
         assert!((0.01..0.2).contains(&last[5][5].sqrt()), "after 5 rad: {} rad", last[5][5].sqrt());
     }
 }
