@@ -202,6 +202,13 @@ impl Refusal {
         };
         ErrorReply::new(code, &self.to_string())
     }
+
+    /// Whether it is for what this increment holds, and not for its map, its author, or the room.
+    #[must_use]
+    pub fn is_of_contents(&self) -> bool {
+        use ErrorCode::{BadRequest, Conflict, Future, NotCanonical, TooLong};
+        matches!(self.reply().code, BadRequest | Conflict | Future | NotCanonical | TooLong)
+    }
 }
 
 /// The map that a key names, even if the key is otherwise invalid.

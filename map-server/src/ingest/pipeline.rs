@@ -167,12 +167,12 @@ impl Ingest {
     }
 
     /// What the writer is told, if the key names one and it was not told the same a moment ago:
-    /// which increment it is, and why.
+    /// why, and which increment it is.
     fn notice(&mut self, key: &str, refusal: &Refusal) -> Option<RefusalNotice> {
         let (map, author) = writer_of(key)?;
         let mut reply = refusal.reply();
         // A number that is none is what is wrong, and is not told.
-        if let Ok(Key::Increment { number, .. }) = key.parse() {
+        if let (true, Ok(Key::Increment { number, .. })) = (refusal.is_of_contents(), key.parse()) {
             reply.message = format!("increment {number}: {}", reply.message);
         }
         let notice = RefusalNotice { map, author, reply };
