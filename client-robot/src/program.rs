@@ -39,7 +39,7 @@ use crate::mission::MissionGoal;
 use fht_perception::pose::{Point2, parse as parse_pose};
 use fht_program::flags::{missing_command, parse_args};
 use fht_program::{ProgramFailure, Stop, Waiting, logging};
-use fht_proto::api::reply::{ErrorReply, PlaceRef};
+use fht_proto::api::reply::{ErrorReply, PlaceRef, parse_point};
 use fht_proto::api::request::bad_request;
 use std::ffi::OsString;
 use std::path::Path;
@@ -138,7 +138,8 @@ fn parse_goal(text: &str, seed: u64) -> Result<MissionGoal, ErrorReply> {
     if text == mission::RANDOM {
         return Ok(MissionGoal::FarNode(seed));
     }
-    if text.matches(',').count() == 2 {
+    if let Some((at, _)) = text.match_indices(',').nth(1) {
+        parse_point(&text[..at])?;
         return parse_pose(text).map(MissionGoal::Pose).map_err(bad_request);
     }
     Ok(match text.parse::<PlaceRef>()? {
@@ -162,6 +163,7 @@ mod tests {
         };
         assert!(matches!(&turned, Ok(MissionGoal::Pose(pose)) if is_turned(pose)), "{turned:?}");
         assert!(goal("5,3,900").is_err_and(|said| said.contains("from -360 to 360 degrees")));
+        assert!(goal("1e9,0,90").is_err_and(|said| said.contains("outside of all maps")));
         assert!(goal("5,3,north").is_err_and(|said| said.contains("x,y,yaw")));
         assert!(matches!(goal("dock"), Ok(MissionGoal::Named(_))));
         assert!(matches!(goal("random"), Ok(MissionGoal::FarNode(1))));

@@ -1,14 +1,11 @@
 //! Odometry as ROS 2 filters and controllers need it: with the velocity in the robot's frame, and
 //! with how uncertain pose and velocity are.
 
-use crate::odometry_uncertainty::PoseUncertainty;
+use crate::odometry_uncertainty::{PoseUncertainty, SCALE_SIGMA};
 use crate::plane::{header_message, pose_message};
 use fht_perception::pose::{Pose2, wrap_angle};
 use fht_ros_messages::msg::{Covariance, OdometryMsg, PoseWithCovariance, TwistWithCovariance, Vector3};
 
-/// Error of wheels in speed, a fraction: the standard deviation that the simulator's robot has, and
-/// more than a calibrated one.
-const SCALE_SIGMA: f64 = 0.02;
 /// Least standard deviation of a speed along either axis, metres per second.
 const SPEED_SIGMA_MPS: f64 = 0.02;
 /// Least standard deviation of a turning rate, radians per second.

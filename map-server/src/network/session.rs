@@ -99,7 +99,8 @@ pub fn to_zenoh(link: &ServerEndpoints) -> Result<Config, ConfigurationError> {
         }
         // For all but clients, Zenoh itself has to end the waiting.
         Some(patience) => {
-            set(&mut config, "connect/timeout_ms", &patience.as_millis().to_string())?;
+            // With 0 it would not wait at all, and say less of why.
+            set(&mut config, "connect/timeout_ms", &patience.as_millis().max(1).to_string())?;
             set(&mut config, "connect/exit_on_failure", "true")?;
         }
     }

@@ -174,17 +174,15 @@ fn print_restored(restored: &Restored, json: bool) -> Result<(), ProgramFailure>
 /// How much there is of an author's increments. Of folded ones nobody can say which are there.
 fn author_in_words(author: &RescuedAuthor, what: &str) -> String {
     let RescuedAuthor { last, lost, first_lost, folded, .. } = author;
+    let folded_ones = format!("{folded} are folded (which of these there were cannot be told any more)");
     if *lost == 0 && *folded > 0 {
-        return format!(
-            "{last} increments, of which {folded} are folded (which of these there were cannot be told any more) and {} \
-             {what}",
-            last.saturating_sub(*folded)
-        );
+        return format!("{last} increments, of which {folded_ones} and {} {what}", last.saturating_sub(*folded));
     }
     let numbers: Vec<String> = first_lost.iter().map(ToString::to_string).collect();
     let more = if *lost > first_lost.len() as u64 { " …" } else { "" };
     let lost_ones = if *lost == 0 { String::new() } else { format!(" (number {}{more})", numbers.join(", ")) };
-    format!("{} of {last} increments {what}, {lost} lost{lost_ones}", last - lost)
+    let folded_ones = if *folded == 0 { String::new() } else { format!("; {folded_ones}") };
+    format!("{} of {last} increments {what}, {lost} lost{lost_ones}{folded_ones}", last - lost)
 }
 
 fn print(found: &Rescued, subject: &str, what: &str, json: bool) -> Result<(), ProgramFailure> {

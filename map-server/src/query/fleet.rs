@@ -196,8 +196,10 @@ impl Fleet {
 }
 
 fn lacks_anything(status: &RobotStatus, head: &Head) -> bool {
-    // Explorers work on the newest state, whichever release is enabled.
-    let is_elsewhere = status.role == RobotRole::Client && status.release != head.enabled;
+    // Explorers work on the newest state, whichever release is enabled. One that is not used can be
+    // run by nobody.
+    let is_to_change = status.role == RobotRole::Client && !head.enabled_unused;
+    let is_elsewhere = is_to_change && status.release != head.enabled;
     lacking(&head.vector, &status.vector) > 0 || is_elsewhere
 }
 
@@ -253,8 +255,10 @@ mod tests {
         let released = head(5, Some("a@00000001"));
         assert!(!view(&released, 120).late);
         assert!(view(&released, 131).late, "it runs another release than the one enabled");
+        assert!(!view(&Head { enabled_unused: true, ..released.clone() }, 132).late, "nobody can run it");
+        assert!(!view(&released, 133).late && view(&released, 145).late);
         fleet.set_alive(&old.map, "r1", false);
-        assert!(!view(&released, 132).late && view(&released, 132).behind_s > 10.0, "it has ended");
+        assert!(!view(&released, 146).late && view(&released, 146).behind_s > 10.0, "it has ended");
     }
 
     #[test]

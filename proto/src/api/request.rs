@@ -282,7 +282,7 @@ fn question<'a>(
         }
         Topic::Match => {
             let given = Parameters::of("match", parameters, &["limit", "fmt"])?;
-            let missing = || bad_request("match needs a descriptor in the payload: ask over Zenoh".to_owned());
+            let missing = || bad_request("match needs a descriptor in the payload, over Zenoh".to_owned());
             let descriptor = decode(payload.ok_or_else(missing)?)
                 .map_err(|error| bad_request(format!("the payload is not a descriptor: {error}")))?;
             Ok(Question::Match {

@@ -266,8 +266,9 @@ pub fn split_first(bytes: &[u8]) -> Result<(&[u8], &[u8]), CodecError> {
 fn in_words(error: postcard::Error) -> String {
     match error {
         postcard::Error::SerdeDeCustom => {
-            "it has something that this format does not have: an unknown operation, or a \
-             name that is none (of a place or zone: a letter, then letters, digits, _ or -; 64 characters at most)"
+            "it has something that this format does not have: an unknown operation, a scan or descriptor that does not \
+             unpack, or a name that is none (of a place or zone: a letter, then letters, digits, _ or -; 64 characters \
+             at most)"
                 .to_owned()
         }
         error => error.to_string(),
@@ -323,7 +324,10 @@ mod tests {
         for body in [with(b'2'), with(b' '), vec![1, 1, 1, 1, 77, 0, 0]] {
             let refused = decode::<Increment>(&seal(FORMAT_VERSION, Increment::KIND, &body)?);
             let said = refused.map_or_else(|error| error.to_string(), |_| String::new());
-            assert!(said.contains("an unknown operation, or a name that is none"), "{said}");
+            assert!(
+                said.contains("an unknown operation, a scan or descriptor that does not unpack, or a name"),
+                "{said}"
+            );
         }
         Ok(())
     }
