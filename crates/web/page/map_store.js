@@ -61,10 +61,17 @@ export class MapStore {
     const { x, y } = [...nodes.values()].at(-1) ?? { x: near[0], y: near[1] };
     Object.assign(this, { nodes, version, truncated: after !== "", near, reach: Math.hypot(x - near[0], y - near[1]) });
     this.redraw();
-    this.head = await ask(this.map, "head");
+    await this.loadHead();
     await Promise.all([this.loadRules(), this.loadWalls(), this.loadJournal()]);
     this.isLoaded = true;
     this.changed();
+  }
+
+  // A head that comes while another is asked for is newer than the answer may be.
+  async loadHead() {
+    const before = this.head;
+    const head = await ask(this.map, "head");
+    if (this.head === before) this.head = head;
   }
 
   // Somebody looks elsewhere: of a large map other nodes are near then.
