@@ -86,12 +86,6 @@ impl RedbLog {
     }
 }
 
-impl Drop for RedbLog {
-    fn drop(&mut self) {
-        self.open.get_mut().unwrap_or_else(PoisonError::into_inner).close();
-    }
-}
-
 /// The note that increments of a map are lost.
 fn lost_key(map: &MapName) -> String {
     format!("lost/{map}")

@@ -18,6 +18,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 const FORMAT_KEY: &str = "format";
 /// Format 1 had no compacted series.
@@ -148,9 +149,12 @@ impl StoreDisk for FileOnDisk {
 /// An open file and what has become of its disk since.
 #[derive(Debug)]
 pub(super) struct OpenStore {
-    // There until it is closed: closing a damaged file may panic, too.
+    // There until it is closed.
     database: Option<Database>,
     fault: Arc<Fault>,
+    file: Arc<dyn StorageBackend>,
+    /// Whether the storage library has stumbled over the file.
+    is_damaged: AtomicBool,
 }
 
 impl OpenStore {
@@ -165,8 +169,9 @@ impl OpenStore {
         if let Some(reason) = reason {
             fault.note(&reason, false);
         }
-        let file = SteadyFile::new(file, Arc::clone(&fault)).map_err(failed)?;
-        let opened = guarded(|| Database::builder().create_with_backend(file));
+        let file: Arc<dyn StorageBackend> = file.into();
+        let steady = SteadyFile::new(Arc::clone(&file), Arc::clone(&fault)).map_err(failed)?;
+        let opened = guarded(|| Database::builder().create_with_backend(steady));
         let database = opened.map_err(|panic| broken(damage(&panic)))?.map_err(|error| match error {
             DatabaseError::DatabaseAlreadyOpen => StoreError::InUse { dir: dir.to_owned() },
             DatabaseError::Storage(redb::StorageError::Corrupted(reason)) => broken(reason),
@@ -177,7 +182,7 @@ impl OpenStore {
             }
             other => StoreError::Open { dir: dir.to_owned(), reason: other.to_string() },
         })?;
-        let store = Self { database: Some(database), fault };
+        let store = Self { database: Some(database), fault, file, is_damaged: AtomicBool::new(false) };
         let made = match store.format().map_err(|error| error.of_file(path))? {
             Some(FORMAT) => Ok(()),
             // Format 2 only adds tables.
@@ -226,7 +231,13 @@ impl OpenStore {
         work: impl FnOnce(&ReadTransaction) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
         let read = guarded(|| work(&self.database("read")?.begin_read().map_err(reading)?));
-        read.unwrap_or_else(|panic| Err(StoreError::Disk { action: "read", reason: damage(&panic) }))
+        read.unwrap_or_else(|panic| Err(self.damaged("read", &panic)))
+    }
+
+    /// A panic of the storage library, as an error.
+    fn damaged(&self, action: &'static str, panic: &str) -> StoreError {
+        self.is_damaged.store(true, Ordering::Relaxed);
+        StoreError::Disk { action, reason: damage(panic) }
     }
 
     /// Does `work` in one commit. On success it is durable.
@@ -246,8 +257,7 @@ impl OpenStore {
             work(&write)?;
             write.commit().map_err(writing)
         };
-        let written =
-            guarded(commit).unwrap_or_else(|panic| Err(StoreError::Disk { action: "written", reason: damage(&panic) }));
+        let written = guarded(commit).unwrap_or_else(|panic| Err(self.damaged("written", &panic)));
         if let Err(error) = &written {
             self.fault.note(&error.to_string(), false);
         }
@@ -275,9 +285,15 @@ impl OpenStore {
             self.fault.renew(&reason);
             return Err(StoreError::ReadOnly { reason });
         }
+        // Nothing heals by itself what is damaged.
+        if self.is_damaged.load(Ordering::Relaxed) {
+            return Err(StoreError::ReadOnly { reason: fault.reason });
+        }
         self.close();
         let rewritten = if fault.is_unsynced { rewrite(disk) } else { Ok(()) };
-        *self = Self::open(disk)?;
+        let opened = Self::open(disk);
+        *self.is_damaged.get_mut() |= matches!(opened, Err(StoreError::Broken { .. }));
+        *self = opened?;
         if let Err(error) = rewritten {
             self.fault.note(&error.to_string(), true);
         }
@@ -291,14 +307,27 @@ impl OpenStore {
     /// Checks the sums of everything in the file; none: it is closed.
     pub(super) fn check_sums(&mut self) -> Result<Option<bool>, String> {
         let whole = guarded(|| self.database.as_mut().map(Database::check_integrity));
-        whole.map_err(|panic| damage(&panic))?.transpose().map_err(|error| error.to_string())
+        whole.map_err(|panic| self.damaged("read", &panic).to_string())?.transpose().map_err(|error| error.to_string())
     }
 
+    /// Closes the file. Of one that is damaged only the lock is given back: the storage library
+    /// would write to it once more, and where it stumbles twice nobody can catch it.
     pub(super) fn close(&mut self) {
-        let database = self.database.take();
-        if let Err(panic) = guarded(|| drop(database)) {
+        let Some(database) = self.database.take() else { return };
+        if *self.is_damaged.get_mut() {
+            std::mem::forget(database);
+            if let Err(error) = self.file.close() {
+                tracing::debug!("the lock of the store stays until the program ends: {error}");
+            }
+        } else if let Err(panic) = guarded(|| drop(database)) {
             tracing::error!("the store could not be closed: {}", damage(&panic));
         }
+    }
+}
+
+impl Drop for OpenStore {
+    fn drop(&mut self) {
+        self.close();
     }
 }
 

@@ -132,7 +132,7 @@ fn to_usize(length: u64) -> usize {
 /// The bytes of a store, which can be written whatever the disk does.
 #[derive(Debug)]
 pub(super) struct SteadyFile {
-    file: Box<dyn StorageBackend>,
+    file: Arc<dyn StorageBackend>,
     fault: Arc<Fault>,
     /// None while the disk works.
     unwritten: RwLock<Option<Unwritten>>,
@@ -140,7 +140,7 @@ pub(super) struct SteadyFile {
 
 impl SteadyFile {
     /// Over a file that works as far as anybody knows, or not, if `fault` says so.
-    pub(super) fn new(file: Box<dyn StorageBackend>, fault: Arc<Fault>) -> io::Result<Self> {
+    pub(super) fn new(file: Arc<dyn StorageBackend>, fault: Arc<Fault>) -> io::Result<Self> {
         let steady = Self { file, fault, unwritten: RwLock::default() };
         if steady.fault.get().is_some() {
             steady.in_memory(|_, _| Ok(()))?;
