@@ -100,6 +100,18 @@ impl Catalog {
     /// # Errors
     /// As [`load_what_reads`](Self::load_what_reads).
     pub fn load_with(log: &dyn IncrementLog, operators: KnownOperators) -> Result<Self, StoreError> {
+        let catalog = Self::load_in_parts(log, operators);
+        let is_damaged = match &catalog {
+            Ok(catalog) => !catalog.damaged.read().unwrap_or_else(PoisonError::into_inner).is_empty(),
+            Err(error) => matches!(error, StoreError::Damaged { .. }),
+        };
+        if is_damaged {
+            log.distrust();
+        }
+        catalog
+    }
+
+    fn load_in_parts(log: &dyn IncrementLog, operators: KnownOperators) -> Result<Self, StoreError> {
         let maps = replay(log, None, &operators)?;
         let mut deletions = log.reader().deletions()?;
         // A map that was deleted and is there has begun anew.

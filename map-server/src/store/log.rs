@@ -213,6 +213,9 @@ pub trait IncrementLog: Send + Sync + Debug {
         None
     }
 
+    /// Tells it that some of what was read is not what was stored: of the rest nobody knows.
+    fn distrust(&self) {}
+
     /// What will keep it from being written if nobody sees to it: little room on its disk.
     fn warning(&self) -> Option<String> {
         None

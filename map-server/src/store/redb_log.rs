@@ -212,6 +212,10 @@ impl IncrementLog for RedbLog {
         self.opened().fault()
     }
 
+    fn distrust(&self) {
+        self.opened().distrust();
+    }
+
     fn look(&self) {
         let open = self.opened();
         if open.fault().is_none()

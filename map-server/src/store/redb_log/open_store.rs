@@ -155,6 +155,8 @@ pub(super) struct OpenStore {
     file: Arc<dyn StorageBackend>,
     /// Whether the storage library has stumbled over the file.
     is_damaged: AtomicBool,
+    /// Whether what was read of it is not what was written.
+    is_distrusted: AtomicBool,
 }
 
 impl OpenStore {
@@ -182,7 +184,13 @@ impl OpenStore {
             }
             other => StoreError::Open { dir: dir.to_owned(), reason: other.to_string() },
         })?;
-        let store = Self { database: Some(database), fault, file, is_damaged: AtomicBool::new(false) };
+        let store = Self {
+            database: Some(database),
+            fault,
+            file,
+            is_damaged: AtomicBool::default(),
+            is_distrusted: AtomicBool::default(),
+        };
         let made = match store.format().map_err(|error| error.of_file(path))? {
             Some(FORMAT) => Ok(()),
             // Format 2 only adds tables.
@@ -232,6 +240,11 @@ impl OpenStore {
     ) -> Result<T, StoreError> {
         let read = guarded(|| work(&self.database("read")?.begin_read().map_err(reading)?));
         read.unwrap_or_else(|panic| Err(self.damaged("read", &panic)))
+    }
+
+    /// Notes that what was read is not what was written.
+    pub(super) fn distrust(&self) {
+        self.is_distrusted.store(true, Ordering::Relaxed);
     }
 
     /// A panic of the storage library, as an error.
@@ -293,7 +306,9 @@ impl OpenStore {
         let rewritten = if fault.is_unsynced { rewrite(disk) } else { Ok(()) };
         let opened = Self::open(disk);
         *self.is_damaged.get_mut() |= matches!(opened, Err(StoreError::Broken { .. }));
+        let is_distrusted = *self.is_distrusted.get_mut();
         *self = opened?;
+        *self.is_distrusted.get_mut() = is_distrusted;
         if let Err(error) = rewritten {
             self.fault.note(&error.to_string(), true);
         }
@@ -310,11 +325,12 @@ impl OpenStore {
         whole.map_err(|panic| self.damaged("read", &panic).to_string())?.transpose().map_err(|error| error.to_string())
     }
 
-    /// Closes the file. Of one that is damaged only the lock is given back: the storage library
-    /// would write to it once more, and where it stumbles twice nobody can catch it.
+    /// Closes the file. Of one in which something is damaged only the lock is given back: the
+    /// storage library would write to it once more, and where it stumbles twice nobody can catch
+    /// it.
     pub(super) fn close(&mut self) {
         let Some(database) = self.database.take() else { return };
-        if *self.is_damaged.get_mut() {
+        if *self.is_damaged.get_mut() || *self.is_distrusted.get_mut() {
             std::mem::forget(database);
             if let Err(error) = self.file.close() {
                 tracing::debug!("the lock of the store stays until the program ends: {error}");
