@@ -103,7 +103,7 @@ impl Catalog {
         let catalog = Self::load_in_parts(log, operators);
         let is_damaged = match &catalog {
             Ok(catalog) => !catalog.damaged.read().unwrap_or_else(PoisonError::into_inner).is_empty(),
-            Err(error) => matches!(error, StoreError::Damaged { .. }),
+            Err(error) => matches!(error, StoreError::Damaged { .. } | StoreError::Disk { action: "read", .. }),
         };
         if is_damaged {
             log.distrust();

@@ -213,7 +213,7 @@ pub trait IncrementLog: Send + Sync + Debug {
         None
     }
 
-    /// Tells it that some of what was read is not what was stored: of the rest nobody knows.
+    /// Tells it that something does not read, or not as it was stored: of the rest nobody knows.
     fn distrust(&self) {}
 
     /// What will keep it from being written if nobody sees to it: little room on its disk.
