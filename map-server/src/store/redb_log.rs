@@ -25,6 +25,7 @@ mod tables;
 pub(crate) use ends::end_sum;
 pub(crate) use open_store::LOCK_NAME;
 pub use open_store::{FILE_NAME, StoreDisk};
+pub(in crate::store) use tables::damage;
 
 use crate::store::error::StoreError;
 use crate::store::log::{

@@ -153,6 +153,7 @@ pub(super) struct OpenStore {
     database: Option<Database>,
     fault: Arc<Fault>,
     file: Arc<dyn StorageBackend>,
+    path: Arc<Path>,
     /// Whether the storage library has stumbled over the file.
     is_damaged: AtomicBool,
     /// Whether what was read of it is not what was written.
@@ -162,9 +163,9 @@ pub(super) struct OpenStore {
 impl OpenStore {
     /// The store on a disk, brought to the newest layout.
     pub(super) fn open(disk: &dyn StoreDisk) -> Result<Self, StoreError> {
-        let path = disk.path();
-        let dir = path.parent().unwrap_or(path);
-        let broken = |reason: String| StoreError::Broken { file: path.to_owned(), reason };
+        let path: Arc<Path> = disk.path().into();
+        let dir = path.parent().unwrap_or(&path);
+        let broken = |reason: String| StoreError::Broken { file: path.to_path_buf(), reason };
         let failed = |error: io::Error| StoreError::Open { dir: dir.to_owned(), reason: error.to_string() };
         let (file, reason) = disk.open().map_err(failed)?;
         let fault = Arc::new(Fault::default());
@@ -173,7 +174,7 @@ impl OpenStore {
         }
         let file: Arc<dyn StorageBackend> = file.into();
         let steady = SteadyFile::new(Arc::clone(&file), Arc::clone(&fault)).map_err(failed)?;
-        let opened = guarded(|| Database::builder().create_with_backend(steady));
+        let opened = guarded(&path, || Database::builder().create_with_backend(steady));
         let database = opened.map_err(|panic| broken(damage(&panic)))?.map_err(|error| match error {
             DatabaseError::DatabaseAlreadyOpen => StoreError::InUse { dir: dir.to_owned() },
             DatabaseError::Storage(redb::StorageError::Corrupted(reason)) => broken(reason),
@@ -188,10 +189,11 @@ impl OpenStore {
             database: Some(database),
             fault,
             file,
+            path: Arc::clone(&path),
             is_damaged: AtomicBool::default(),
             is_distrusted: AtomicBool::default(),
         };
-        let made = match store.format().map_err(|error| error.of_file(path))? {
+        let made = match store.format().map_err(|error| error.of_file(&path))? {
             Some(FORMAT) => Ok(()),
             // Format 2 only adds tables.
             None | Some(1) => store.write(make_tables),
@@ -238,7 +240,7 @@ impl OpenStore {
         &self,
         work: impl FnOnce(&ReadTransaction) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
-        let read = guarded(|| work(&self.database("read")?.begin_read().map_err(reading)?));
+        let read = guarded(&self.path, || work(&self.database("read")?.begin_read().map_err(reading)?));
         read.unwrap_or_else(|panic| Err(self.damaged("read", &panic)))
     }
 
@@ -270,7 +272,7 @@ impl OpenStore {
             work(&write)?;
             write.commit().map_err(writing)
         };
-        let written = guarded(commit).unwrap_or_else(|panic| Err(self.damaged("written", &panic)));
+        let written = guarded(&self.path, commit).unwrap_or_else(|panic| Err(self.damaged("written", &panic)));
         if let Err(error) = &written {
             self.fault.note(&error.to_string(), false);
         }
@@ -321,13 +323,12 @@ impl OpenStore {
 
     /// Checks the sums of everything in the file; none: it is closed.
     pub(super) fn check_sums(&mut self) -> Result<Option<bool>, String> {
-        let whole = guarded(|| self.database.as_mut().map(Database::check_integrity));
+        let whole = guarded(&self.path, || self.database.as_mut().map(Database::check_integrity));
         whole.map_err(|panic| self.damaged("read", &panic).to_string())?.transpose().map_err(|error| error.to_string())
     }
 
     /// Closes the file. Of one in which something is damaged only the lock is given back: the
-    /// storage library would write to it once more, and where it stumbles twice nobody can catch
-    /// it.
+    /// storage library would write to it once more.
     pub(super) fn close(&mut self) {
         let Some(database) = self.database.take() else { return };
         if *self.is_damaged.get_mut() || *self.is_distrusted.get_mut() {
@@ -335,7 +336,7 @@ impl OpenStore {
             if let Err(error) = self.file.close() {
                 tracing::debug!("the lock of the store stays until the program ends: {error}");
             }
-        } else if let Err(panic) = guarded(|| drop(database)) {
+        } else if let Err(panic) = guarded(&self.path, || drop(database)) {
             tracing::error!("the store could not be closed: {}", damage(&panic));
         }
     }

@@ -18,6 +18,6 @@ pub(super) fn writing(error: impl Into<redb::Error>) -> StoreError {
     StoreError::Disk { action: "written", reason: error.into().to_string() }
 }
 
-pub(super) fn damage(panic: &str) -> String {
+pub(in crate::store) fn damage(panic: &str) -> String {
     format!("the file is damaged ({panic})")
 }
