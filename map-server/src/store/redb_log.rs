@@ -31,11 +31,11 @@ use crate::store::error::StoreError;
 use crate::store::log::{
     CompactedRecord, CompactionFloor, DeletionRecord, IncrementLog, LogReader, Piece, Record, Stored, Visit, gaps,
 };
+use directory::DirectoryLock;
 use fht_proto::{AuthorId, MapName, VersionVector};
 use open_store::OpenStore;
 use redb::{ReadTransaction, ReadableTable, WriteTransaction};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
 use std::ops::ControlFlow;
 use std::sync::{PoisonError, RwLock, RwLockReadGuard};
 use tables::{COMPACTED, FLOOR_VERSIONS, FLOORS, INCREMENTS, LOG, META, reading, writing};
@@ -53,7 +53,7 @@ pub struct RedbLog {
     /// With less room left there is a warning, bytes.
     min_free_bytes: u64,
     // Held until the store is closed: only one server at a time.
-    lock: Option<File>,
+    lock: Option<DirectoryLock>,
 }
 
 impl RedbLog {

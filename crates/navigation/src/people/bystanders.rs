@@ -1,7 +1,7 @@
 //! Who is about: what has been seen moving, where it is now, and how fast. Who stops is remembered
 //! while something is seen there, for a while; after that it is a piece of furniture.
 
-use super::moving_returns::{MovingReturnConfig, MovingReturns};
+use super::moving_returns::{Movers, MovingReturnConfig, MovingReturns};
 use fht_perception::frame::{LaserScan, SensorFrame};
 use fht_perception::grid::OccupancyGrid;
 use fht_perception::pose::{Point2, Pose2};
@@ -79,6 +79,8 @@ pub struct Bystanders {
     config: BystanderConfig,
     returns: MovingReturns,
     tracks: Vec<Track>,
+    /// Who has come near since the last frame and is not followed: base frame.
+    coming: Vec<Point2>,
     odom_from_base: Pose2,
     has_met: bool,
 }
@@ -95,6 +97,7 @@ impl Bystanders {
             config,
             returns: MovingReturns::default(),
             tracks: Vec::new(),
+            coming: Vec::new(),
             odom_from_base: Pose2::identity(),
             has_met: false,
         }
@@ -112,9 +115,11 @@ impl Bystanders {
     /// back.
     pub fn hide<'a>(&mut self, frame: &'a SensorFrame) -> Cow<'a, SensorFrame> {
         let SensorFrame { time_us, odom_from_base, scan, .. } = frame;
-        let moving = self.returns.find(odom_from_base, scan, *time_us, &self.config.returns);
+        let Movers { moving, coming } = self.returns.find(odom_from_base, scan, *time_us, &self.config.returns);
         self.odom_from_base = *odom_from_base;
         self.follow(&moving, scan, *time_us);
+        let unfollowed: Vec<bool> = coming.iter().zip(&moving).map(|(is_coming, moves)| *is_coming && !moves).collect();
+        self.coming = middles(&unfollowed, scan, self.config.returns.gap_m, |beam| end_point(scan, beam));
         if !self.has_met || !moving.contains(&true) {
             return Cow::Borrowed(frame);
         }
@@ -134,7 +139,12 @@ impl Bystanders {
             velocity: base_from_odom.rotation * track.velocity,
             is_walking: track.velocity.norm() >= self.config.standing_mps,
         };
-        self.tracks.iter().filter(|_| self.has_met).map(see).collect()
+        let come = |position: &Point2| Bystander { position: *position, velocity: Vector2::zeros(), is_walking: true };
+        if self.has_met {
+            self.tracks.iter().map(see).chain(self.coming.iter().map(come)).collect()
+        } else {
+            Vec::new()
+        }
     }
 
     /// Takes the ground where people stand for occupied, on a copy of a grid: ways are to lead
@@ -154,11 +164,8 @@ impl Bystanders {
     }
 
     fn follow(&mut self, moving: &[bool], scan: &LaserScan, time_us: u64) {
-        let odom_from_sensor = self.odom_from_base * scan.base_from_sensor;
-        let end = |index: usize| {
-            let (sin, cos) = scan.angle(index).sin_cos();
-            odom_from_sensor * (Point2::new(cos, sin) * f64::from(scan.ranges_m[index]))
-        };
+        let odom_from_base = self.odom_from_base;
+        let end = |beam: usize| odom_from_base * end_point(scan, beam);
         for middle in middles(moving, scan, self.config.returns.gap_m, end) {
             self.take(middle, time_us);
         }
@@ -224,6 +231,12 @@ impl Bystanders {
             }
         }
     }
+}
+
+/// Where a beam ends, base frame.
+fn end_point(scan: &LaserScan, beam: usize) -> Point2 {
+    let (sin, cos) = scan.angle(beam).sin_cos();
+    scan.base_from_sensor * (Point2::new(cos, sin) * f64::from(scan.ranges_m[beam]))
 }
 
 /// The middles of what moves and hangs together.

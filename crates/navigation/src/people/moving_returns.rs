@@ -38,6 +38,12 @@ pub struct MovingReturnConfig {
     /// A scan of which more than this share is new tells of this robot and not of others: its
     /// wheels have slipped. Default 0.4.
     pub most_share: f64,
+    /// Who is this near may have come from behind somebody else, where older scans saw nothing:
+    /// here the newest of them counts alone, metres. Default 0.8.
+    pub near_m: f64,
+    /// Its beams must have gone on by this much, metres. Default 0.12: who walks comes so far within
+    /// two scans, and a wall is not so rough.
+    pub nearer_m: f64,
 }
 
 impl Default for MovingReturnConfig {
@@ -54,6 +60,8 @@ impl Default for MovingReturnConfig {
             widest_m: 0.9,
             reach_m: 8.0,
             most_share: 0.4,
+            near_m: 0.8,
+            nearer_m: 0.12,
         }
     }
 }
@@ -66,8 +74,9 @@ struct Past {
 
 impl Past {
     /// Whether the beams towards a place, and those beside it as far as the wheels may be off, went
-    /// on beyond it. `turned_rad` is how far the robot has turned since.
-    fn saw_through(&self, place: Point2, turned_rad: f64, config: &MovingReturnConfig) -> bool {
+    /// on beyond it by `beyond_m`. The robot is at `odom_from_sensor` now.
+    fn saw_through(&self, place: Point2, odom_from_sensor: &Pose2, beyond_m: f64, config: &MovingReturnConfig) -> bool {
+        let turned_rad = self.odom_from_sensor.rotation.angle_to(&odom_from_sensor.rotation).abs();
         let to = self.odom_from_sensor.inverse_transform_point(&place);
         let (distance_m, scan) = (to.coords.norm(), &self.scan);
         let step_rad = scan.angle_increment.abs().max(1e-6);
@@ -81,10 +90,18 @@ impl Past {
             return false; // it did not look there
         }
         let beams = (beam + count - aside..=beam + count + aside).map(|beam| f64::from(scan.ranges_m[beam % count]));
-        let least_m = distance_m + config.beyond_m;
+        let least_m = distance_m + beyond_m;
         // Of NaN nothing is known.
         beams.into_iter().all(|range_m| !range_m.is_nan() && range_m.min(scan.range_max_m) > least_m)
     }
+}
+
+/// The returns of a scan, beam by beam.
+pub(super) struct Movers {
+    /// What gave them moves.
+    pub(super) moving: Vec<bool>,
+    /// It is near, and was not there a moment ago.
+    pub(super) coming: Vec<bool>,
 }
 
 /// Compares scans with those before.
@@ -94,14 +111,14 @@ pub(super) struct MovingReturns {
 }
 
 impl MovingReturns {
-    /// Which returns of a scan something moving gave, beam by beam. Time must not go back.
+    /// Which returns of a scan something moving gave. Time must not go back.
     pub(super) fn find(
         &mut self,
         odom_from_base: &Pose2,
         scan: &LaserScan,
         time_us: u64,
         config: &MovingReturnConfig,
-    ) -> Vec<bool> {
+    ) -> Movers {
         let odom_from_sensor = odom_from_base * scan.base_from_sensor;
         let age_s = |past: &Past| time_us.saturating_sub(past.time_us) as f64 * 1e-6;
         while self.past.front().is_some_and(|past| age_s(past) > config.most_age_s) {
@@ -109,19 +126,33 @@ impl MovingReturns {
         }
         let is_judged = |range: f32| scan.is_return(range) && f64::from(range) < config.reach_m;
         let older: Vec<&Past> = self.past.iter().filter(|past| age_s(past) >= config.least_age_s).collect();
-        let is_new = |(index, &range): (usize, &f32)| {
+        let place = |index: usize| {
             let (sin, cos) = scan.angle(index).sin_cos();
-            let place = odom_from_sensor * (Point2::new(cos, sin) * f64::from(range));
-            let turned_rad = |past: &Past| past.odom_from_sensor.rotation.angle_to(&odom_from_sensor.rotation).abs();
-            let through = older.iter().filter(|past| past.saw_through(place, turned_rad(past), config));
-            is_judged(range) && through.take(config.least_scans).count() >= config.least_scans
+            odom_from_sensor * (Point2::new(cos, sin) * f64::from(scan.ranges_m[index]))
         };
-        let new: Vec<bool> = scan.ranges_m.iter().enumerate().map(is_new).collect();
-        let moving = grown(&new, scan, config);
+        let is_new = |index: usize| {
+            let saw_through =
+                |past: &&&Past| past.saw_through(place(index), &odom_from_sensor, config.beyond_m, config);
+            let through = older.iter().filter(saw_through);
+            is_judged(scan.ranges_m[index]) && through.take(config.least_scans).count() >= config.least_scans
+        };
+        let newest = self.past.back();
+        let is_nearer = |index: usize| {
+            let range = scan.ranges_m[index];
+            let is_near = scan.is_return(range) && f64::from(range) < config.near_m;
+            let saw_through = |past: &Past| past.saw_through(place(index), &odom_from_sensor, config.nearer_m, config);
+            is_near && newest.is_some_and(saw_through)
+        };
+        let found = |is_found: &dyn Fn(usize) -> bool| {
+            let found: Vec<bool> = (0..scan.ranges_m.len()).map(is_found).collect();
+            grown(&found, scan, config)
+        };
+        let (moving, coming) = (found(&is_new), found(&is_nearer));
         self.past.push_back(Past { time_us, odom_from_sensor, scan: scan.clone() });
         let returns = scan.ranges_m.iter().filter(|range| scan.is_return(**range)).count();
         let count = moving.iter().filter(|is_moving| **is_moving).count();
-        if count as f64 > config.most_share * returns as f64 { vec![false; moving.len()] } else { moving }
+        let moving = if count as f64 > config.most_share * returns as f64 { vec![false; moving.len()] } else { moving };
+        Movers { moving, coming }
     }
 }
 
@@ -161,6 +192,7 @@ fn width_m(scan: &LaserScan, first: usize, last: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fht_perception::pose::pose;
 
     /// A room of 8 m by 8 m, seen from its middle, with somebody at a place or nobody.
     fn room(somebody: Option<Point2>) -> LaserScan {
@@ -179,7 +211,7 @@ mod tests {
         let (mut moving, config) = (MovingReturns::default(), MovingReturnConfig::default());
         let scan = |frame| room(somebody(frame));
         let find = |frame: u64| moving.find(&Pose2::identity(), &scan(frame), frame * 200_000, &config);
-        (0..15).map(find).map(|found| found.iter().filter(|is_moving| **is_moving).count()).collect()
+        (0..15).map(find).map(|found| found.moving.iter().filter(|is_moving| **is_moving).count()).collect()
     }
 
     #[test]
@@ -201,6 +233,42 @@ mod tests {
         let (mut moving, config) = (MovingReturns::default(), MovingReturnConfig::default());
         let small = LaserScan::all_round(360, |cos, sin| 2.0 / cos.abs().max(sin.abs()));
         (0..4).for_each(|frame| drop(moving.find(&Pose2::identity(), &room(None), frame * 200_000, &config)));
-        assert!(moving.find(&Pose2::identity(), &small, 900_000, &config).iter().all(|is_moving| !is_moving));
+        assert!(moving.find(&Pose2::identity(), &small, 900_000, &config).moving.iter().all(|is_moving| !is_moving));
+    }
+
+    #[test]
+    fn who_comes_from_behind_somebody_is_coming_before_it_is_sure_that_he_moves() {
+        let (mut moving, config) = (MovingReturns::default(), MovingReturnConfig::default());
+        // Somebody stands 0.9 m ahead, and another comes out from behind him.
+        for (frame, ahead_m) in [0.9, 0.9, 0.9, 0.9, 0.75].into_iter().enumerate() {
+            let scan = room(Some(Point2::new(ahead_m, 0.0)));
+            let found = moving.find(&Pose2::identity(), &scan, frame as u64 * 200_000, &config);
+            let count = |returns: &[bool]| returns.iter().filter(|is| **is).count();
+            assert_eq!(count(&found.moving), 0, "frame {frame}");
+            assert_eq!(count(&found.coming) > 10, frame == 4, "frame {frame}");
+        }
+    }
+
+    #[test]
+    fn what_the_robot_drives_towards_does_not_come() {
+        let (mut moving, config) = (MovingReturns::default(), MovingReturnConfig::default());
+        for frame in 0..14_u32 {
+            // At 0.5 m/s past a pillar, to a wall, turning.
+            let ahead_m = 0.1 * f64::from(frame);
+            let odom_from_base = pose(ahead_m, 0.0, 0.05 * f64::from(frame));
+            let scan = LaserScan::all_round(360, |cos, sin| {
+                let (sin_yaw, cos_yaw) = odom_from_base.rotation.angle().sin_cos();
+                let (cos, sin) = (cos * cos_yaw - sin * sin_yaw, sin * cos_yaw + cos * sin_yaw);
+                let wall_m = [((2.0 - ahead_m) / cos, cos), (0.4 / sin, sin), (-0.6 / sin, -sin)];
+                let wall_m = wall_m.into_iter().filter(|(_, towards)| *towards > 1e-6).map(|(range, _)| range);
+                let to = Point2::new(1.0 - ahead_m, 0.25);
+                let along = to.x * cos + to.y * sin;
+                let beside = to.coords.norm_squared() - along * along;
+                let pillar = (along > 0.0 && beside < 0.01).then(|| along - (0.01 - beside).sqrt());
+                pillar.unwrap_or_else(|| wall_m.fold(6.0, f64::min))
+            });
+            let found = moving.find(&odom_from_base, &scan, u64::from(frame) * 200_000, &config);
+            assert!(found.coming.iter().all(|is_coming| !is_coming), "frame {frame}");
+        }
     }
 }

@@ -8,6 +8,19 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::PoisonError;
 
+/// Keeps others from using a store in a directory until it is dropped.
+#[derive(Debug)]
+pub(crate) struct DirectoryLock(File);
+
+impl Drop for DirectoryLock {
+    fn drop(&mut self) {
+        // To close the file would not do: a program that is just being started has a copy of it.
+        if let Err(error) = self.0.unlock() {
+            tracing::debug!("the lock of the directory stays until the program ends: {error}");
+        }
+    }
+}
+
 /// The file while it is being made.
 const UNFINISHED_NAME: &str = "maps.redb.new";
 
@@ -46,12 +59,11 @@ impl RedbLog {
         Ok(log)
     }
 
-    /// Makes `dir` if it is absent, and keeps others from using a store in it until the file is
-    /// dropped.
+    /// Makes `dir` if it is absent, and keeps others from using a store in it.
     ///
     /// # Errors
     /// [`StoreError::InUse`], [`StoreError::Open`].
-    pub(crate) fn lock(dir: &Path) -> Result<File, StoreError> {
+    pub(crate) fn lock(dir: &Path) -> Result<DirectoryLock, StoreError> {
         let failed = |error: io::Error| StoreError::Open { dir: dir.to_owned(), reason: error.to_string() };
         std::fs::create_dir_all(dir).map_err(failed)?;
         let name = dir.join(LOCK_NAME);
@@ -63,7 +75,7 @@ impl RedbLog {
         });
         let lock = lock.map_err(failed)?;
         match lock.try_lock() {
-            Ok(()) => Ok(lock),
+            Ok(()) => Ok(DirectoryLock(lock)),
             Err(TryLockError::WouldBlock) => Err(StoreError::InUse { dir: dir.to_owned() }),
             Err(TryLockError::Error(error)) => Err(failed(error)),
         }
