@@ -20,5 +20,5 @@ pub use log::{
     Stored, Visit,
 };
 pub use memory::MemoryLog;
+pub(crate) use redb_log::{DirectoryLock, LOCK_NAME, end_sum};
 pub use redb_log::{FILE_NAME, RedbLog, StoreDisk};
-pub(crate) use redb_log::{LOCK_NAME, end_sum};

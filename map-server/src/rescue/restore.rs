@@ -9,7 +9,7 @@ use crate::ingest::Ingest;
 use crate::rescue::placement::replace;
 use crate::rescue::report::{RescueError, RescuedAuthor, file_error};
 use crate::rescue::{ForAWhile, Scratch, examine, file_of, rebuild};
-use crate::store::{FILE_NAME, IncrementLog, MemoryLog, RedbLog, StoreError};
+use crate::store::{DirectoryLock, FILE_NAME, IncrementLog, MemoryLog, RedbLog, StoreError};
 use fht_proto::api::reply::ErrorReply;
 use fht_proto::codec::archive::{Archive, ArchiveError};
 use fht_proto::{AuthorId, Digest, MapName};
@@ -218,7 +218,7 @@ pub fn restore(backup: &Path, dir: &Path, made: ForAWhile<'_>) -> Result<Restore
     }
     let is_new = !dir.exists();
     // Held to the end: no server begins meanwhile.
-    let lock = RedbLog::lock(dir)?;
+    let lock = DirectoryLock::take(dir)?;
     let outcome = Scratch::new(dir, made).map_err(RestoreError::from).and_then(|scratch| {
         let authors = make(&backup, scratch.path())?;
         let replaced = replace(&scratch.path().join(FILE_NAME), &file)?;

@@ -2,7 +2,6 @@
 //! and panics where that does not hold. Here that is an error like any other.
 
 use crate::store::error::StoreError;
-use crate::store::redb_log::damage;
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, set_hook, take_hook};
 use std::path::Path;
@@ -45,6 +44,11 @@ pub(crate) fn guarded<T>(file: &Arc<Path>, work: impl FnOnce() -> T) -> Result<T
     let outcome = catch_unwind(AssertUnwindSafe(work));
     let guard = GUARDS.with_borrow_mut(Vec::pop);
     outcome.map_err(|_| guard.and_then(|guard| guard.panic).unwrap_or_else(|| "a panic".to_owned()))
+}
+
+/// What a panic over a damaged file is called.
+pub(crate) fn damage(panic: &str) -> String {
+    format!("the file is damaged ({panic})")
 }
 
 /// What becomes of a panic.

@@ -16,22 +16,21 @@
 
 mod deletions;
 mod directory;
+mod directory_lock;
 mod ends;
 mod file_mark;
 mod open_store;
 mod steady_file;
 mod tables;
 
+pub(crate) use directory_lock::{DirectoryLock, LOCK_NAME};
 pub(crate) use ends::end_sum;
-pub(crate) use open_store::LOCK_NAME;
 pub use open_store::{FILE_NAME, StoreDisk};
-pub(in crate::store) use tables::damage;
 
 use crate::store::error::StoreError;
 use crate::store::log::{
     CompactedRecord, CompactionFloor, DeletionRecord, IncrementLog, LogReader, Piece, Record, Stored, Visit, gaps,
 };
-use directory::DirectoryLock;
 use fht_proto::{AuthorId, MapName, VersionVector};
 use open_store::OpenStore;
 use redb::{ReadTransaction, ReadableTable, WriteTransaction};

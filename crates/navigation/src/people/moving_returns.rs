@@ -41,8 +41,8 @@ pub struct MovingReturnConfig {
     /// Who is this near may have come from behind somebody else, where older scans saw nothing:
     /// here the newest of them counts alone, metres. Default 0.8.
     pub near_m: f64,
-    /// Its beams must have gone on by this much, metres. Default 0.12: who walks comes so far within
-    /// two scans, and a wall is not so rough.
+    /// Its beams must have gone on by this much, metres. Default 0.12: between two scans somebody
+    /// comes so far, and no wall is so rough.
     pub nearer_m: f64,
 }
 

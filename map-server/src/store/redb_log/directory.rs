@@ -2,24 +2,12 @@
 
 use crate::store::error::StoreError;
 use crate::store::redb_log::RedbLog;
-use crate::store::redb_log::open_store::{FILE_NAME, FileOnDisk, LOCK_NAME};
-use std::fs::{File, TryLockError};
+use crate::store::redb_log::directory_lock::{DirectoryLock, LOCK_NAME};
+use crate::store::redb_log::open_store::{FILE_NAME, FileOnDisk};
+use std::fs::File;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::PoisonError;
-
-/// Keeps others from using a store in a directory until it is dropped.
-#[derive(Debug)]
-pub(crate) struct DirectoryLock(File);
-
-impl Drop for DirectoryLock {
-    fn drop(&mut self) {
-        // To close the file would not do: a program that is just being started has a copy of it.
-        if let Err(error) = self.0.unlock() {
-            tracing::debug!("the lock of the directory stays until the program ends: {error}");
-        }
-    }
-}
 
 /// The file while it is being made.
 const UNFINISHED_NAME: &str = "maps.redb.new";
@@ -34,7 +22,7 @@ impl RedbLog {
     /// [`StoreError::Empty`], [`StoreError::Broken`].
     pub fn open(dir: &Path) -> Result<Self, StoreError> {
         let failed = |error: io::Error| StoreError::Open { dir: dir.to_owned(), reason: error.to_string() };
-        let lock = Self::lock(dir)?;
+        let lock = DirectoryLock::take(dir)?;
         let path = dir.join(FILE_NAME);
         if !path.try_exists().map_err(failed)? {
             // Made under another name: a server that is killed meanwhile leaves nothing that the
@@ -59,29 +47,7 @@ impl RedbLog {
         Ok(log)
     }
 
-    /// Makes `dir` if it is absent, and keeps others from using a store in it.
-    ///
-    /// # Errors
-    /// [`StoreError::InUse`], [`StoreError::Open`].
-    pub(crate) fn lock(dir: &Path) -> Result<DirectoryLock, StoreError> {
-        let failed = |error: io::Error| StoreError::Open { dir: dir.to_owned(), reason: error.to_string() };
-        std::fs::create_dir_all(dir).map_err(failed)?;
-        let name = dir.join(LOCK_NAME);
-        // On a disk that takes nothing the lock of an earlier server will do, or the directory,
-        // where nobody has left one.
-        let lock = File::create(&name).or_else(|error| match error.kind() {
-            ErrorKind::ReadOnlyFilesystem => File::open(&name).or_else(|_| File::open(dir)).map_err(|_| error),
-            _ => File::open(&name).map_err(|_| error),
-        });
-        let lock = lock.map_err(failed)?;
-        match lock.try_lock() {
-            Ok(()) => Ok(DirectoryLock(lock)),
-            Err(TryLockError::WouldBlock) => Err(StoreError::InUse { dir: dir.to_owned() }),
-            Err(TryLockError::Error(error)) => Err(failed(error)),
-        }
-    }
-
-    /// Takes away a directory that [`Self::lock`] has made, if nothing has come into it.
+    /// Takes away a directory that [`DirectoryLock::take`] has made, if nothing has come into it.
     pub(crate) fn unmake(dir: &Path) {
         // What does not go does no harm.
         let _ = std::fs::remove_file(dir.join(LOCK_NAME));

@@ -1,13 +1,11 @@
 //! The open file of a store on a disk that may fail, opened anew after a fault.
 
 use crate::store::error::StoreError;
-use crate::store::guard::guarded;
+use crate::store::guard::{damage, guarded};
 use crate::store::redb_log::ends;
 use crate::store::redb_log::file_mark::{FileMark, MarkedFile};
 use crate::store::redb_log::steady_file::{Fault, FaultReason, SteadyFile};
-use crate::store::redb_log::tables::{
-    COMPACTED, FLOOR_VERSIONS, FLOORS, INCREMENTS, LOG, META, damage, reading, writing,
-};
+use crate::store::redb_log::tables::{COMPACTED, FLOOR_VERSIONS, FLOORS, INCREMENTS, LOG, META, reading, writing};
 use redb::backends::FileBackend;
 use redb::{
     Database, DatabaseError, ReadTransaction, ReadableDatabase, StorageBackend, TableDefinition, TableError,
@@ -25,8 +23,6 @@ const FORMAT_KEY: &str = "format";
 const FORMAT: u64 = 2;
 /// The file in the data directory.
 pub const FILE_NAME: &str = "maps.redb";
-/// Locked by the server that uses the directory.
-pub(crate) const LOCK_NAME: &str = "lock";
 
 /// Holds what is written to find out whether the disk takes it.
 const PROBE: TableDefinition<'_, u64, &[u8]> = TableDefinition::new("probe");

@@ -17,7 +17,3 @@ pub(super) fn reading(error: impl Into<redb::Error>) -> StoreError {
 pub(super) fn writing(error: impl Into<redb::Error>) -> StoreError {
     StoreError::Disk { action: "written", reason: error.into().to_string() }
 }
-
-pub(in crate::store) fn damage(panic: &str) -> String {
-    format!("the file is damaged ({panic})")
-}
