@@ -63,7 +63,7 @@ enum Noted {
 /// Keeps what the first panic of a work said.
 fn note(panic: &PanicHookInfo<'_>) -> Noted {
     let said = panic.payload_as_str().unwrap_or("a panic");
-    GUARDS.with_borrow_mut(|guards| match guards.last_mut() {
+    let of_guard = |guards: &RefCell<Vec<Guard>>| match guards.borrow_mut().last_mut() {
         None => Noted::Elsewhere,
         Some(Guard { file, panic: Some(first) }) => {
             Noted::Fatal(StoreError::Broken { file: file.to_path_buf(), reason: damage(first) })
@@ -72,7 +72,9 @@ fn note(panic: &PanicHookInfo<'_>) -> Noted {
             guard.panic = Some(said.lines().next().unwrap_or_default().chars().take(200).collect());
             Noted::ToBeCaught
         }
-    })
+    };
+    // A thread that ends has none any more.
+    GUARDS.try_with(of_guard).unwrap_or(Noted::Elsewhere)
 }
 
 #[cfg(test)]

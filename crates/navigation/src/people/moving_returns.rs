@@ -126,22 +126,23 @@ impl MovingReturns {
         }
         let is_judged = |range: f32| scan.is_return(range) && f64::from(range) < config.reach_m;
         let older: Vec<&Past> = self.past.iter().filter(|past| age_s(past) >= config.least_age_s).collect();
-        let place = |index: usize| {
-            let (sin, cos) = scan.angle(index).sin_cos();
-            odom_from_sensor * (Point2::new(cos, sin) * f64::from(scan.ranges_m[index]))
+        let place = |(beam, range): (usize, &f32)| {
+            let (sin, cos) = scan.angle(beam).sin_cos();
+            odom_from_sensor * (Point2::new(cos, sin) * f64::from(*range))
         };
-        let is_new = |index: usize| {
-            let saw_through =
-                |past: &&&Past| past.saw_through(place(index), &odom_from_sensor, config.beyond_m, config);
-            let through = older.iter().filter(saw_through);
-            is_judged(scan.ranges_m[index]) && through.take(config.least_scans).count() >= config.least_scans
+        let places: Vec<Point2> = scan.ranges_m.iter().enumerate().map(place).collect();
+        let went_on = |past: &Past, beam: usize, beyond_m: f64| {
+            past.saw_through(places[beam], &odom_from_sensor, beyond_m, config)
+        };
+        let is_new = |beam: usize| {
+            let through = older.iter().filter(|past| went_on(past, beam, config.beyond_m));
+            is_judged(scan.ranges_m[beam]) && through.take(config.least_scans).count() >= config.least_scans
         };
         let newest = self.past.back();
-        let is_nearer = |index: usize| {
-            let range = scan.ranges_m[index];
+        let is_nearer = |beam: usize| {
+            let range = scan.ranges_m[beam];
             let is_near = scan.is_return(range) && f64::from(range) < config.near_m;
-            let saw_through = |past: &Past| past.saw_through(place(index), &odom_from_sensor, config.nearer_m, config);
-            is_near && newest.is_some_and(saw_through)
+            is_near && newest.is_some_and(|past| went_on(past, beam, config.nearer_m))
         };
         let found = |is_found: &dyn Fn(usize) -> bool| {
             let found: Vec<bool> = (0..scan.ranges_m.len()).map(is_found).collect();
