@@ -46,8 +46,8 @@ pub fn output_file(text: &str) -> Result<PathBuf, OutputFileError> {
     if file.is_dir() {
         return Err(OutputFileError::Folder);
     }
-    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
-    if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+    let folder = folder_of(&file);
+    if !folder.is_dir() {
         return Err(OutputFileError::NoFolder(folder.to_owned()));
     }
     try_writing(&file).map_err(OutputFileError::Refused)?;
@@ -82,23 +82,28 @@ pub fn folder(text: &str) -> Result<PathBuf, OutputFileError> {
     if folder.exists() && !folder.is_dir() { Err(OutputFileError::NotFolder) } else { Ok(folder) }
 }
 
-/// Makes the file with something in it, and takes it away again. A file that is there is opened for
-/// writing, and stays as it is.
+/// Whether a file can be written. One that is there is opened for writing, and stays as it is. For
+/// one that is not, its folder takes a file without a name, of which nothing is left whenever the
+/// program ends.
 fn try_writing(file: &Path) -> io::Result<()> {
     // What will be a folder may end in a slash.
     let file = file.components().as_path();
-    match OpenOptions::new().write(true).create_new(true).open(file) {
-        Ok(mut made) => {
-            // A full disk has room for names.
-            let written = made.write_all(b"\n");
-            std::fs::remove_file(file)?;
-            written
-        }
-        // What is no file, such as a pipe, is opened only when there is something for it.
-        Err(error) if error.kind() == ErrorKind::AlreadyExists && !file.is_file() => Ok(()),
-        Err(error) if error.kind() == ErrorKind::AlreadyExists => OpenOptions::new().write(true).open(file).map(|_| ()),
-        Err(error) => Err(error),
+    if file.as_os_str().is_empty() {
+        return Err(ErrorKind::NotFound.into());
     }
+    match file.symlink_metadata() {
+        // A full disk has room for names.
+        Err(error) if error.kind() == ErrorKind::NotFound => tempfile::tempfile_in(folder_of(file))?.write_all(b"\n"),
+        Err(error) => Err(error),
+        // What is no file, such as a pipe, is opened only when there is something for it.
+        Ok(_) if !file.is_file() => Ok(()),
+        Ok(_) => OpenOptions::new().write(true).open(file).map(|_| ()),
+    }
+}
+
+/// The folder that a file is in, or will be.
+fn folder_of(file: &Path) -> &Path {
+    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 #[cfg(test)]
@@ -118,6 +123,7 @@ mod tests {
         assert_eq!(said("").as_deref(), Some("it is a folder"));
         assert!(said("missing/report.json").is_some_and(|said| said.starts_with("there is no folder")));
         assert!(said(&"x".repeat(300)).is_some_and(|said| said.starts_with("it cannot be written: ")));
+        assert!(complaint(output_file("")).is_some_and(|said| said.starts_with("it cannot be written: ")));
         // Looking has left nothing behind, and changes nothing that is there.
         assert_eq!(std::fs::read_dir(dir.path())?.count(), 0);
         std::fs::write(dir.path().join("old.json"), "{}")?;
