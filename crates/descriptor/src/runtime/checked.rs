@@ -1,8 +1,12 @@
 //! A library whose hash is known, as a file that nobody can change between the check and the load.
 
+#[cfg(target_os = "linux")]
+use rustix::io::Errno;
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+#[cfg(target_os = "linux")]
+use std::time::{Duration, Instant};
 
 /// A library whose bytes have the hash that was asked for. They lie in a sealed copy in memory, so
 /// that what was checked is what is loaded, whatever becomes of the file on the disk.
@@ -51,11 +55,28 @@ impl CheckedLibrary {
 #[cfg(target_os = "linux")]
 fn sealed_copy(bytes: &[u8]) -> io::Result<File> {
     use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, memfd_create};
+    const SEALS: SealFlags = SealFlags::WRITE.union(SealFlags::GROW).union(SealFlags::SHRINK).union(SealFlags::SEAL);
     let copy = memfd_create("onnxruntime", MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING)?;
     let mut copy = File::from(copy);
     copy.write_all(bytes)?;
-    fcntl_add_seals(&copy, SealFlags::WRITE | SealFlags::GROW | SealFlags::SHRINK | SealFlags::SEAL)?;
+    while_busy(|| fcntl_add_seals(&copy, SEALS))?;
     Ok(copy)
+}
+
+/// Tries to seal until the system is done with the memory: where it moves pages about, on a busy
+/// machine, it refuses for a moment (`EBUSY`).
+#[cfg(target_os = "linux")]
+fn while_busy(mut seal: impl FnMut() -> Result<(), Errno>) -> Result<(), Errno> {
+    /// A copy that cannot be sealed for longer is a fault.
+    const LONGEST: Duration = Duration::from_secs(10);
+    const TRY_AGAIN: Duration = Duration::from_millis(10);
+    let began = Instant::now();
+    loop {
+        match seal() {
+            Err(Errno::BUSY) if began.elapsed() < LONGEST => std::thread::sleep(TRY_AGAIN),
+            other => return other,
+        }
+    }
 }
 
 #[cfg(not(target_os = "linux"))]
@@ -65,8 +86,16 @@ fn sealed_copy(_: &[u8]) -> io::Result<File> {
 
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
-    use super::CheckedLibrary;
+    use super::{CheckedLibrary, while_busy};
+    use rustix::io::Errno;
     use std::io::{Read, Write};
+
+    #[test]
+    fn a_copy_that_cannot_be_sealed_just_now_is_sealed_a_little_later() {
+        let mut answers = [Err(Errno::BUSY), Err(Errno::BUSY), Ok(())].into_iter();
+        assert_eq!(while_busy(|| answers.next().unwrap()), Ok(()));
+        assert_eq!(while_busy(|| Err(Errno::PERM)), Err(Errno::PERM));
+    }
 
     #[test]
     fn what_was_checked_is_what_is_loaded_and_nobody_changes_it() {
