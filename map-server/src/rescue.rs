@@ -20,9 +20,9 @@ pub use report::{RescueError, Rescued, RescuedAuthor};
 pub use restore::{RestoreError, Restored, check_archive, check_archives, restore};
 
 use crate::catalog::Catalog;
-use crate::store::{FILE_NAME, LOCK_NAME, RedbLog, StoreError};
+use crate::store::{DirectoryLock, FILE_NAME, RedbLog, StoreError};
 use report::file_error;
-use std::fs::{File, TryLockError};
+use std::fs::File;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc;
@@ -77,11 +77,8 @@ fn file_of(source: &Path) -> Result<PathBuf, RescueError> {
     if !file.is_file() {
         return Err(RescueError::NoStore(source.to_owned()));
     }
-    // Nothing is written: the disk may be full, or mounted for reading.
     let dir = file.parent().unwrap_or(&file);
-    let is_used = File::open(dir.join(LOCK_NAME))
-        .is_ok_and(|lock| matches!(lock.try_lock_shared(), Err(TryLockError::WouldBlock)));
-    if is_used { Err(StoreError::InUse { dir: dir.to_owned() }.into()) } else { Ok(file) }
+    if DirectoryLock::is_taken(dir) { Err(StoreError::InUse { dir: dir.to_owned() }.into()) } else { Ok(file) }
 }
 
 /// Copies everything that still reads of the store in `source`, a data directory or its file, into

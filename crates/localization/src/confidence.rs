@@ -17,6 +17,9 @@ pub struct ConfidenceConfig {
     /// Share of the pieces of wall that a wrong place explains by chance, when it is looked for in
     /// a whole map. Default 0.6.
     pub explained_by_chance: f64,
+    /// A piece that cannot be outweighs so many that are explained. Default 2: at a wrong place
+    /// that is much like the true one few pieces cannot be, but more than at the true one.
+    pub contradicted_weight: f64,
     /// A ground of 1 explains more than that by this many standard deviations, as if each piece of
     /// wall were explained or not by the toss of a coin. Default 1.5.
     pub explained_sigmas: f64,
@@ -43,6 +46,7 @@ impl Default for ConfidenceConfig {
     fn default() -> Self {
         Self {
             explained_by_chance: 0.6,
+            contradicted_weight: 2.0,
             explained_sigmas: 1.5,
             full_spread_m: 2.0,
             distinct_pieces: 16.0,
@@ -73,7 +77,7 @@ impl ConfidenceConfig {
     pub fn ground(&self, for_it: &PlaceEvidence) -> f64 {
         /// A pose that only the odometry holds may be off by some degrees.
         const NOT_HELD: f64 = 0.5;
-        let right = for_it.explained - for_it.too_short - for_it.too_long;
+        let right = for_it.explained - self.contradicted_weight * (for_it.too_short + for_it.too_long);
         let deviation = 0.5 / for_it.walls.max(1.0).sqrt();
         let sigmas = (right - self.explained_by_chance) / deviation;
         let explained = sigmas * (for_it.spread_m / self.full_spread_m).min(1.0) / self.explained_sigmas;
@@ -126,6 +130,14 @@ mod tests {
             let probability = config.probability(&place);
             assert!((0.0..0.95).contains(&probability), "{probability} of {place:?}");
         }
+    }
+
+    #[test]
+    fn what_cannot_be_says_more_than_what_is_not_explained() {
+        let config = ConfidenceConfig::default();
+        let unknown = PlaceEvidence { explained: 0.70, too_short: 0.0, ..sure() };
+        let contradicted = PlaceEvidence { explained: 0.73, too_long: 0.03, ..unknown };
+        assert!(config.probability(&contradicted) < config.probability(&unknown));
     }
 
     #[test]

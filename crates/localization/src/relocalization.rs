@@ -343,8 +343,8 @@ impl Relocalizer {
             ?pictures,
             "likeliest place"
         );
-        let most = config.max_contradicted + config.max_contradicted_per_view * self.views.len() as f64;
-        if confidence < config.min_confidence || contradicted > most || pictures == PictureWord::Refuses {
+        let is_contradicted = contradicted > config.max_contradicted;
+        if confidence < config.min_confidence || is_contradicted || pictures == PictureWord::Refuses {
             return candidates;
         }
         let challengers = grounds.challengers(best, points, &config.distinction);

@@ -49,7 +49,13 @@ impl LaserScan {
     #[must_use]
     pub fn points_in_base(&self) -> Vec<Point2> {
         let returns = self.ranges_m.iter().enumerate().filter(|&(_, &range)| self.is_return(range));
-        returns.map(|(index, &range)| self.end_in_base(index, f64::from(range))).collect()
+        returns.map(|(index, _)| self.beam_end_in_base(index)).collect()
+    }
+
+    /// Where beam `index` ends, in the frame of the robot's base; no place if it did not return.
+    #[must_use]
+    pub fn beam_end_in_base(&self, index: usize) -> Point2 {
+        self.end_in_base(index, f64::from(self.ranges_m[index]))
     }
 
     /// What a robot must not drive into, in the frame of its base: the ends of the beams that

@@ -3,6 +3,7 @@
 
 use crate::store::error::StoreError;
 use std::cell::RefCell;
+use std::io::{Write, stderr};
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, set_hook, take_hook};
 use std::path::Path;
 use std::sync::{Arc, Once};
@@ -35,7 +36,8 @@ pub(crate) fn guarded<T>(file: &Arc<Path>, work: impl FnOnce() -> T) -> Result<T
             Noted::Elsewhere => usual(panic),
             Noted::ToBeCaught => {}
             Noted::Fatal(error) => {
-                eprintln!("map-server: {error}");
+                // Where standard error takes nothing the exit code says it.
+                let _ = writeln!(stderr(), "map-server: {error}");
                 std::process::exit(1);
             }
         }));

@@ -46,13 +46,10 @@ pub struct RelocalizationConfig {
     /// A fix is at least this probable. Default 0.982, at a ground of
     /// 1: of 2,600 looks in three logs that said so much all were right.
     pub min_confidence: f64,
-    /// Greatest share of beams that cannot be, before any view. Default 0.015: where nothing was
-    /// moved it is below 0.01, and in rooms that no main node looked into the best that is found
-    /// elsewhere has 0.05 and more.
+    /// Greatest share of beams that cannot be. Default 0.04: where nothing was moved it is below
+    /// 0.01, and in rooms that no main node looked into the best that is found elsewhere has 0.05
+    /// and more.
     pub max_contradicted: f64,
-    /// So much more for each view: furniture may have been moved, if all the rest fits for long.
-    /// Default 0.0015.
-    pub max_contradicted_per_view: f64,
     /// Greatest standard deviation of the declared position along any direction, metres. Default
     /// 0.15.
     pub max_sigma_m: f64,
@@ -84,8 +81,7 @@ impl Default for RelocalizationConfig {
             square_m: 0.5,
             confidence: ConfidenceConfig::default(),
             min_confidence: 0.982,
-            max_contradicted: 0.015,
-            max_contradicted_per_view: 0.0015,
+            max_contradicted: 0.04,
             max_sigma_m: 0.15,
             weigh: WeighConfig::default(),
             distinction: DistinctionConfig::default(),

@@ -119,7 +119,7 @@ impl Bystanders {
         self.odom_from_base = *odom_from_base;
         self.follow(&moving, scan, *time_us);
         let unfollowed: Vec<bool> = coming.iter().zip(&moving).map(|(is_coming, moves)| *is_coming && !moves).collect();
-        self.coming = middles(&unfollowed, scan, self.config.returns.gap_m, |beam| end_point(scan, beam));
+        self.coming = middles(&unfollowed, scan, self.config.returns.gap_m, |beam| scan.beam_end_in_base(beam));
         if !self.has_met || !moving.contains(&true) {
             return Cow::Borrowed(frame);
         }
@@ -165,7 +165,7 @@ impl Bystanders {
 
     fn follow(&mut self, moving: &[bool], scan: &LaserScan, time_us: u64) {
         let odom_from_base = self.odom_from_base;
-        let end = |beam: usize| odom_from_base * end_point(scan, beam);
+        let end = |beam: usize| odom_from_base * scan.beam_end_in_base(beam);
         for middle in middles(moving, scan, self.config.returns.gap_m, end) {
             self.take(middle, time_us);
         }
@@ -231,12 +231,6 @@ impl Bystanders {
             }
         }
     }
-}
-
-/// Where a beam ends, base frame.
-fn end_point(scan: &LaserScan, beam: usize) -> Point2 {
-    let (sin, cos) = scan.angle(beam).sin_cos();
-    scan.base_from_sensor * (Point2::new(cos, sin) * f64::from(scan.ranges_m[beam]))
 }
 
 /// The middles of what moves and hangs together.

@@ -73,10 +73,15 @@ struct Past {
 }
 
 impl Past {
-    /// Whether the beams towards a place, and those beside it as far as the wheels may be off, went
-    /// on beyond it by `beyond_m`. The robot is at `odom_from_sensor` now.
-    fn saw_through(&self, place: Point2, odom_from_sensor: &Pose2, beyond_m: f64, config: &MovingReturnConfig) -> bool {
+    /// How many beams the wheels may be off, now that the robot is at `odom_from_sensor`.
+    fn beams_off(&self, odom_from_sensor: &Pose2, config: &MovingReturnConfig) -> usize {
         let turned_rad = self.odom_from_sensor.rotation.angle_to(&odom_from_sensor.rotation).abs();
+        (config.turn_error * turned_rad / self.scan.angle_increment.abs().max(1e-6)).ceil() as usize
+    }
+
+    /// Whether the beams towards a place, and beside it one more than the wheels are `off`, went on
+    /// beyond it by `beyond_m`.
+    fn saw_through(&self, place: Point2, off: usize, beyond_m: f64) -> bool {
         let to = self.odom_from_sensor.inverse_transform_point(&place);
         let (distance_m, scan) = (to.coords.norm(), &self.scan);
         let step_rad = scan.angle_increment.abs().max(1e-6);
@@ -85,7 +90,7 @@ impl Past {
         let is_full = (count as f64 - turn).abs() < 1.5;
         let angle = (to.y.atan2(to.x) - scan.angle_min) / scan.angle_increment;
         let beam = angle.rem_euclid(turn).round() as usize;
-        let aside = 1 + (config.turn_error * turned_rad / step_rad).ceil() as usize;
+        let aside = 1 + off;
         if 2 * aside >= count || (!is_full && !(aside..count - aside).contains(&beam)) {
             return false; // it did not look there
         }
@@ -125,24 +130,20 @@ impl MovingReturns {
             self.past.pop_front();
         }
         let is_judged = |range: f32| scan.is_return(range) && f64::from(range) < config.reach_m;
-        let older: Vec<&Past> = self.past.iter().filter(|past| age_s(past) >= config.least_age_s).collect();
-        let place = |(beam, range): (usize, &f32)| {
-            let (sin, cos) = scan.angle(beam).sin_cos();
-            odom_from_sensor * (Point2::new(cos, sin) * f64::from(*range))
-        };
-        let places: Vec<Point2> = scan.ranges_m.iter().enumerate().map(place).collect();
-        let went_on = |past: &Past, beam: usize, beyond_m: f64| {
-            past.saw_through(places[beam], &odom_from_sensor, beyond_m, config)
-        };
+        let off = |past: &Past| past.beams_off(&odom_from_sensor, config);
+        let older = self.past.iter().filter(|past| age_s(past) >= config.least_age_s);
+        let older: Vec<(&Past, usize)> = older.map(|past| (past, off(past))).collect();
+        let place = |beam: usize| odom_from_base * scan.beam_end_in_base(beam);
+        let places: Vec<Point2> = (0..scan.ranges_m.len()).map(place).collect();
         let is_new = |beam: usize| {
-            let through = older.iter().filter(|past| went_on(past, beam, config.beyond_m));
+            let through = older.iter().filter(|(past, off)| past.saw_through(places[beam], *off, config.beyond_m));
             is_judged(scan.ranges_m[beam]) && through.take(config.least_scans).count() >= config.least_scans
         };
-        let newest = self.past.back();
+        let newest = self.past.back().map(|past| (past, off(past)));
         let is_nearer = |beam: usize| {
             let range = scan.ranges_m[beam];
             let is_near = scan.is_return(range) && f64::from(range) < config.near_m;
-            is_near && newest.is_some_and(|past| went_on(past, beam, config.nearer_m))
+            is_near && newest.is_some_and(|(past, off)| past.saw_through(places[beam], off, config.nearer_m))
         };
         let found = |is_found: &dyn Fn(usize) -> bool| {
             let found: Vec<bool> = (0..scan.ranges_m.len()).map(is_found).collect();
@@ -173,21 +174,13 @@ fn grown(new: &[bool], scan: &LaserScan, config: &MovingReturnConfig) -> Vec<boo
         }
         let count = new[from..to].iter().filter(|is_new| **is_new).count();
         let is_much = count >= config.least_returns && count as f64 >= config.least_share * (to - from) as f64;
-        if is_much && width_m(scan, from, to - 1) <= config.widest_m {
+        let width_m = || (scan.beam_end_in_base(from) - scan.beam_end_in_base(to - 1)).norm();
+        if is_much && width_m() <= config.widest_m {
             moving[from..to].fill(true);
         }
         from = to;
     }
     moving
-}
-
-/// Distance between the ends of two beams, metres.
-fn width_m(scan: &LaserScan, first: usize, last: usize) -> f64 {
-    let end = |index: usize| {
-        let (sin, cos) = scan.angle(index).sin_cos();
-        Point2::new(cos, sin) * f64::from(scan.ranges_m[index])
-    };
-    (end(first) - end(last)).norm()
 }
 
 #[cfg(test)]

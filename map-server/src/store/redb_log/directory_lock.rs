@@ -34,6 +34,17 @@ impl DirectoryLock {
             Err(TryLockError::Error(error)) => Err(failed(error)),
         }
     }
+
+    /// Whether somebody uses the store in `dir`. Nothing is written: the disk may be full, or
+    /// mounted for reading.
+    pub(crate) fn is_taken(dir: &Path) -> bool {
+        let Ok(lock) = File::open(dir.join(LOCK_NAME)) else { return false };
+        let tried = lock.try_lock_shared();
+        if tried.is_ok() {
+            drop(Self(lock));
+        }
+        matches!(tried, Err(TryLockError::WouldBlock))
+    }
 }
 
 impl Drop for DirectoryLock {

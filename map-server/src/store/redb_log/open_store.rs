@@ -16,7 +16,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicU8, Ordering};
 
 const FORMAT_KEY: &str = "format";
 /// Format 1 had no compacted series.
@@ -150,10 +150,18 @@ pub(super) struct OpenStore {
     fault: Arc<Fault>,
     file: Arc<dyn StorageBackend>,
     path: Arc<Path>,
-    /// Whether the storage library has stumbled over the file.
-    is_damaged: AtomicBool,
-    /// Whether what was read of it is not what was written.
-    is_distrusted: AtomicBool,
+    /// A [`Condition`], as a number.
+    condition: AtomicU8,
+}
+
+/// What is known of the content of a file; it never gets better.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Condition {
+    Sound,
+    /// What was read of it is not what was written.
+    Misread,
+    /// The storage library has stumbled over it.
+    Damaged,
 }
 
 impl OpenStore {
@@ -186,8 +194,7 @@ impl OpenStore {
             fault,
             file,
             path: Arc::clone(&path),
-            is_damaged: AtomicBool::default(),
-            is_distrusted: AtomicBool::default(),
+            condition: AtomicU8::new(Condition::Sound as u8),
         };
         let made = match store.format().map_err(|error| error.of_file(&path))? {
             Some(FORMAT) => Ok(()),
@@ -242,12 +249,20 @@ impl OpenStore {
 
     /// Notes that what was read is not what was written.
     pub(super) fn distrust(&self) {
-        self.is_distrusted.store(true, Ordering::Relaxed);
+        self.worsen(Condition::Misread);
+    }
+
+    fn worsen(&self, condition: Condition) {
+        self.condition.fetch_max(condition as u8, Ordering::Relaxed);
+    }
+
+    fn is_at_least(&self, condition: Condition) -> bool {
+        self.condition.load(Ordering::Relaxed) >= condition as u8
     }
 
     /// A panic of the storage library, as an error.
     fn damaged(&self, action: &'static str, panic: &str) -> StoreError {
-        self.is_damaged.store(true, Ordering::Relaxed);
+        self.worsen(Condition::Damaged);
         StoreError::Disk { action, reason: damage(panic) }
     }
 
@@ -297,16 +312,18 @@ impl OpenStore {
             return Err(StoreError::ReadOnly { reason });
         }
         // Nothing heals by itself what is damaged.
-        if self.is_damaged.load(Ordering::Relaxed) {
+        if self.is_at_least(Condition::Damaged) {
             return Err(StoreError::ReadOnly { reason: fault.reason });
         }
         self.close();
         let rewritten = if fault.is_unsynced { rewrite(disk) } else { Ok(()) };
         let opened = Self::open(disk);
-        *self.is_damaged.get_mut() |= matches!(opened, Err(StoreError::Broken { .. }));
-        let is_distrusted = *self.is_distrusted.get_mut();
+        if matches!(opened, Err(StoreError::Broken { .. })) {
+            self.worsen(Condition::Damaged);
+        }
+        let before = *self.condition.get_mut();
         *self = opened?;
-        *self.is_distrusted.get_mut() = is_distrusted;
+        self.condition.fetch_max(before, Ordering::Relaxed);
         if let Err(error) = rewritten {
             self.fault.note(&error.to_string(), true);
         }
@@ -327,7 +344,7 @@ impl OpenStore {
     /// storage library would write to it once more.
     pub(super) fn close(&mut self) {
         let Some(database) = self.database.take() else { return };
-        if *self.is_damaged.get_mut() || *self.is_distrusted.get_mut() {
+        if self.is_at_least(Condition::Misread) {
             std::mem::forget(database);
             if let Err(error) = self.file.close() {
                 tracing::debug!("the lock of the store stays until the program ends: {error}");
