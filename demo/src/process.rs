@@ -349,11 +349,10 @@ pub fn this_executable() -> std::io::Result<PathBuf> {
     std::env::current_exe()
 }
 
-/// A loopback endpoint that was free a moment ago.
+/// A loopback endpoint that only this process, or who it tells, will use.
 ///
 /// # Errors
 /// When no port is free.
 pub fn free_endpoint() -> std::io::Result<String> {
-    let listener = std::net::TcpListener::bind(("127.0.0.1", 0))?;
-    Ok(format!("tcp/{}", listener.local_addr()?))
+    Ok(format!("tcp/{}", fht_reserved_port::reserve()?))
 }

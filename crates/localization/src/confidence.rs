@@ -26,9 +26,10 @@ pub struct ConfidenceConfig {
     /// The pieces count in full if the views are this far apart, metres: from one place all are
     /// seen with the same errors. Default 2.
     pub full_spread_m: f64,
-    /// A ground of 1 has so many pieces of wall right more than any rival has, or the place itself,
-    /// moved. Default 16.
-    pub distinct_pieces: f64,
+    /// A ground of 1 has more pieces of wall right than any rival has, or the place itself, moved,
+    /// by this many standard deviations, as if each piece of which the two speak differently took
+    /// a side by the toss of a coin. Default 2.75.
+    pub distinct_sigmas: f64,
     /// A ground of 1 has views this far apart, metres. Default 0.7.
     pub spread_m: f64,
     /// How sharply the weakest ground stands out: all together are worth their soft minimum, -ln
@@ -49,7 +50,7 @@ impl Default for ConfidenceConfig {
             contradicted_weight: 2.0,
             explained_sigmas: 1.5,
             full_spread_m: 2.0,
-            distinct_pieces: 16.0,
+            distinct_sigmas: 2.75,
             spread_m: 0.7,
             sharpness: 4.0,
             even: 0.0,
@@ -65,11 +66,11 @@ impl ConfidenceConfig {
         1.0 / (1.0 + (-self.slope * (self.ground(for_it) - self.even)).exp())
     }
 
-    /// How probable a place is against one that has so many more pieces of wall right: their odds,
-    /// 1 for as many.
+    /// How probable a place is against one that has more pieces of wall right, by so many standard
+    /// deviations: their odds, 1 for as many.
     #[must_use]
-    pub fn odds(&self, pieces_less: f64) -> f64 {
-        (-self.slope * (pieces_less.max(0.0) / self.distinct_pieces).sqrt()).exp()
+    pub fn odds(&self, sigmas_less: f64) -> f64 {
+        (-self.slope * sigmas_less.max(0.0) / self.distinct_sigmas).exp()
     }
 
     /// A place's grounds together: 1 suffices, less than 0 speaks against it.
@@ -81,9 +82,7 @@ impl ConfidenceConfig {
         let deviation = 0.5 / for_it.walls.max(1.0).sqrt();
         let sigmas = (right - self.explained_by_chance) / deviation;
         let explained = sigmas * (for_it.spread_m / self.full_spread_m).min(1.0) / self.explained_sigmas;
-        let pieces = for_it.over_moved.min(for_it.over_rivals);
-        // Pieces that lie side by side are explained together.
-        let distinct = pieces.signum() * (pieces.abs() / self.distinct_pieces).sqrt();
+        let distinct = for_it.over_moved_sigmas.min(for_it.over_rivals_sigmas) / self.distinct_sigmas;
         let apart = for_it.spread_m / self.spread_m;
         let held = if for_it.is_held { f64::INFINITY } else { NOT_HELD };
         let grounds = [explained, distinct, apart, held];
@@ -104,8 +103,8 @@ mod tests {
             explained: 0.95,
             too_short: 0.01,
             too_long: 0.0,
-            over_rivals: f64::INFINITY,
-            over_moved: 40.0,
+            over_rivals_sigmas: f64::INFINITY,
+            over_moved_sigmas: 6.0,
             spread_m: 2.0,
             is_held: true,
         }
@@ -119,11 +118,11 @@ mod tests {
             PlaceEvidence { explained: 0.62, ..sure() },
             PlaceEvidence { too_short: 0.3, ..sure() },
             PlaceEvidence { too_long: 0.3, ..sure() },
-            PlaceEvidence { over_rivals: 3.0, ..sure() },
-            PlaceEvidence { over_moved: 3.0, ..sure() },
-            PlaceEvidence { over_rivals: -5.0, ..sure() },
+            PlaceEvidence { over_rivals_sigmas: 1.2, ..sure() },
+            PlaceEvidence { over_moved_sigmas: 1.2, ..sure() },
+            PlaceEvidence { over_rivals_sigmas: -1.5, ..sure() },
             PlaceEvidence { spread_m: 0.3, ..sure() },
-            PlaceEvidence { walls: 4.0, over_moved: 3.0, ..sure() },
+            PlaceEvidence { walls: 4.0, over_moved_sigmas: 1.7, ..sure() },
             PlaceEvidence { is_held: false, ..sure() },
         ];
         for place in doubtful {
@@ -144,7 +143,7 @@ mod tests {
     fn grounds_that_are_nearly_as_weak_count_together() {
         let config = ConfidenceConfig::default();
         // A ground of 1.02, and nothing else that could be wrong.
-        let one_weak = PlaceEvidence { over_moved: 16.7, ..sure() };
+        let one_weak = PlaceEvidence { over_moved_sigmas: 2.81, ..sure() };
         assert!(config.probability(&one_weak) > 0.982);
         // What is explained is worth 1.2 now.
         let two_weak = PlaceEvidence { walls: 50.0, explained: 0.73, ..one_weak };
@@ -154,14 +153,14 @@ mod tests {
 
     #[test]
     fn of_two_places_that_are_alike_either_may_be_right() {
-        let tie = PlaceEvidence { over_rivals: 0.0, ..sure() };
+        let tie = PlaceEvidence { over_rivals_sigmas: 0.0, ..sure() };
         assert!((0.45..=0.5).contains(&ConfidenceConfig::default().probability(&tie)));
     }
 
     #[test]
     fn odds_fall_with_what_a_place_has_less() {
         let config = ConfidenceConfig::default();
-        let odds = [0.0, 2.0, 8.0, 16.0].map(|less| config.odds(less));
+        let odds = [0.0, 1.0, 2.0, 2.75].map(|less| config.odds(less));
         assert!((odds[0] - 1.0).abs() < 1e-12 && odds.windows(2).all(|pair| pair[1] < pair[0]), "{odds:?}");
         assert!(odds[3] < 0.02, "{odds:?}");
     }

@@ -19,7 +19,7 @@ use crate::hypotheses::{Hypothesis, SensedView, held, odometry_poses, points_see
 use crate::landmarks::Landmarks;
 use crate::place_evidence::{Judged, PlaceEvidence};
 use crate::pose_fix::{Fix, fix_pose};
-use crate::wall_squares::WallSquares;
+use crate::wall_squares::{Voices, WallSquares};
 use fht_perception::candidate::{Candidate, PossiblePlace};
 use fht_perception::evidence_grid::Beams;
 use fht_perception::frame::LaserScan;
@@ -299,12 +299,11 @@ impl Relocalizer {
     /// little can. A place that has clearly more pieces of wall right than the first is likelier.
     fn put_clearest_first(&mut self) {
         let squares = WallSquares::of(&self.views, self.config.square_m);
-        let right = self.hypotheses.iter().map(|place| squares.tally(place.verdicts.iter()).net());
-        let right: Vec<f64> = right.collect();
+        let voices: Vec<Voices> = self.hypotheses.iter().map(|place| squares.voices(&place.verdicts)).collect();
         // Among equals the first.
-        let clearest = (0..right.len()).rev().max_by(|a, b| right[*a].total_cmp(&right[*b]));
+        let clearest = (0..voices.len()).rev().max_by(|a, b| voices[*a].net().total_cmp(&voices[*b].net()));
         let Some(clearest) = clearest else { return };
-        if right[clearest] - right[0] >= self.config.confidence.distinct_pieces {
+        if voices[clearest].sigmas_over(&voices[0]) >= self.config.confidence.distinct_sigmas {
             self.hypotheses[..=clearest].rotate_right(1);
         }
     }
@@ -374,15 +373,14 @@ impl Relocalizer {
         grounds: &Grounds<'_>,
     ) -> f64 {
         let config = &self.config;
-        let over_rivals = if pictures == PictureWord::Tells {
+        let over_rivals_sigmas = if pictures == PictureWord::Tells {
             let squares = WallSquares::of(&self.views, config.square_m);
-            let right = |place: &Hypothesis| squares.tally(place.verdicts.iter()).net();
             let alike = rivals.filter(|rival| !grounds.pictures_tell_from(best, rival, &config.distinction));
-            alike.map(|rival| right(best) - right(rival)).fold(f64::INFINITY, f64::min)
+            squares.voices(&best.verdicts).least_sigmas_over(alike.map(|rival| squares.voices(&rival.verdicts)))
         } else {
-            for_it.over_rivals
+            for_it.over_rivals_sigmas
         };
-        config.confidence.probability(&PlaceEvidence { over_rivals, ..for_it })
+        config.confidence.probability(&PlaceEvidence { over_rivals_sigmas, ..for_it })
     }
 
     /// How far apart the views are.

@@ -31,10 +31,27 @@ pub(crate) struct Tally {
     pub too_long: f64,
 }
 
-impl Tally {
-    /// How many more it has right than wrong.
+/// What a place says of each piece of wall, from 1 (the map has it) to −1 (it cannot be).
+pub(crate) struct Voices(Vec<f64>);
+
+impl Voices {
+    /// How many more pieces it has right than wrong.
     pub fn net(&self) -> f64 {
-        self.explained - self.too_short - self.too_long
+        self.0.iter().sum()
+    }
+
+    /// How many standard deviations more pieces it has right than `other` of the same pieces, as if
+    /// each piece of which they speak differently took a side by the toss of a coin (the sign test;
+    /// for yes and no it is McNemar's). 0 if they say the same.
+    pub fn sigmas_over(&self, other: &Self) -> f64 {
+        let differences = || self.0.iter().zip(&other.0).map(|(here, there)| here - there);
+        let variance: f64 = differences().map(|difference| difference * difference).sum();
+        if variance > 0.0 { differences().sum::<f64>() / variance.sqrt() } else { 0.0 }
+    }
+
+    /// The same over that of several others that is least behind; infinite without others.
+    pub fn least_sigmas_over(&self, others: impl Iterator<Item = Self>) -> f64 {
+        others.map(|other| self.sigmas_over(&other)).fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -55,7 +72,21 @@ impl WallSquares {
     }
 
     /// What a place says, by the verdicts on each beam of each view.
-    pub fn tally<'a>(&self, verdicts: impl Iterator<Item = &'a Vec<Option<BeamVerdict>>>) -> Tally {
+    pub fn tally(&self, verdicts: &[Vec<Option<BeamVerdict>>]) -> Tally {
+        self.shares(verdicts).fold(Tally::default(), |all, piece| Tally {
+            explained: all.explained + piece.explained,
+            too_short: all.too_short + piece.too_short,
+            too_long: all.too_long + piece.too_long,
+        })
+    }
+
+    /// What a place says of each piece, by the same.
+    pub fn voices(&self, verdicts: &[Vec<Option<BeamVerdict>>]) -> Voices {
+        Voices(self.shares(verdicts).map(|piece| piece.explained - piece.too_short - piece.too_long).collect())
+    }
+
+    /// Of each piece, the shares of its beams.
+    fn shares(&self, verdicts: &[Vec<Option<BeamVerdict>>]) -> impl Iterator<Item = Tally> {
         let mut sums = vec![(Tally::default(), 0_u32); self.count];
         for (squares, verdicts) in self.of_beams.iter().zip(verdicts) {
             for (square, verdict) in squares.iter().zip(verdicts) {
@@ -70,13 +101,47 @@ impl WallSquares {
                 }
             }
         }
-        sums.iter().fold(Tally::default(), |all, (sum, beams)| {
-            let beams = f64::from((*beams).max(1));
-            Tally {
-                explained: all.explained + sum.explained / beams,
-                too_short: all.too_short + sum.too_short / beams,
-                too_long: all.too_long + sum.too_long / beams,
-            }
+        sums.into_iter().map(|(sum, beams)| {
+            let beams = f64::from(beams.max(1));
+            Tally { explained: sum.explained / beams, too_short: sum.too_short / beams, too_long: sum.too_long / beams }
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn pieces_of_which_both_say_the_same_tell_nothing() {
+        let (here, there) = (Voices(vec![1.0; 9]), Voices(vec![0.0; 9]));
+        assert!((here.sigmas_over(&there) - 3.0).abs() < 1e-12, "nine to none");
+        let with_common = |voices: &Voices| Voices(voices.0.iter().copied().chain([1.0; 50]).collect());
+        assert!((with_common(&here).sigmas_over(&with_common(&there)) - 3.0).abs() < 1e-12);
+        assert_eq!(here.sigmas_over(&here), 0.0);
+        assert_eq!(here.least_sigmas_over(std::iter::empty()), f64::INFINITY);
+    }
+
+    #[test]
+    fn pieces_that_speak_for_the_other_place_weaken_those_that_speak_for_this_one() {
+        // Twelve more either way: of twelve, and of 36.
+        let all = Voices(vec![1.0; 12]).sigmas_over(&Voices(vec![0.0; 12]));
+        let (mut here, mut there) = (vec![1.0; 24], vec![0.0; 24]);
+        here.extend([0.0; 12]);
+        there.extend([1.0; 12]);
+        let torn = Voices(here).sigmas_over(&Voices(there));
+        assert!((all - 12.0 / 12.0_f64.sqrt()).abs() < 1e-12 && (torn - 12.0 / 6.0).abs() < 1e-12, "{all}, {torn}");
+    }
+
+    proptest! {
+        #[test]
+        fn what_one_has_more_the_other_has_less(pairs in prop::collection::vec((-1.0..=1.0, -1.0..=1.0), 0..50)) {
+            let (here, there): (Vec<f64>, Vec<f64>) = pairs.into_iter().unzip();
+            let (here, there) = (Voices(here), Voices(there));
+            let sigmas = here.sigmas_over(&there);
+            prop_assert!((sigmas + there.sigmas_over(&here)).abs() < 1e-9);
+            prop_assert!(sigmas.abs() <= (here.0.len() as f64).sqrt() + 1e-9);
+        }
     }
 }

@@ -23,8 +23,7 @@ async fn open(mode: &str, key: &str, endpoint: &str) -> Session {
 
 /// A robot's router, and two sessions at it.
 async fn graph() -> (Session, [Session; 2]) {
-    let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-    let endpoint = format!("tcp/127.0.0.1:{port}");
+    let endpoint = format!("tcp/{}", fht_reserved_port::reserve().unwrap());
     let router = open("router", "listen", &endpoint).await;
     let sessions = [open("client", "connect", &endpoint).await, open("client", "connect", &endpoint).await];
     (router, sessions)

@@ -4,13 +4,11 @@ use fht_session::{
     ConnectError, SessionConfig, check_owner, check_server, check_serving, homecoming, open_configured, read_config,
     set_endpoints, without_source_paths,
 };
-use std::net::TcpListener;
 use std::time::{Duration, Instant};
 use zenoh::Config;
 
 fn free_endpoint() -> String {
-    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
-    format!("tcp/{}", listener.local_addr().expect("an address"))
+    format!("tcp/{}", fht_reserved_port::reserve().expect("a port"))
 }
 
 fn config(mode: &str, listen: &[&str], connect: &[&str]) -> Config {

@@ -44,10 +44,10 @@ pub struct Look {
     pub too_short: f64,
     /// [`PlaceEvidence::too_long`].
     pub too_long: f64,
-    /// [`PlaceEvidence::over_rivals`].
-    pub over_rivals: f64,
-    /// [`PlaceEvidence::over_moved`].
-    pub over_moved: f64,
+    /// [`PlaceEvidence::over_rivals_sigmas`].
+    pub over_rivals_sigmas: f64,
+    /// [`PlaceEvidence::over_moved_sigmas`].
+    pub over_moved_sigmas: f64,
     /// [`PlaceEvidence::spread_m`].
     pub spread_m: f64,
     /// [`PlaceEvidence::is_held`].
@@ -56,8 +56,27 @@ pub struct Look {
 
 impl Look {
     fn evidence(&self) -> PlaceEvidence {
-        let &Self { walls, explained, too_short, too_long, over_rivals, over_moved, spread_m, is_held, .. } = self;
-        PlaceEvidence { walls, explained, too_short, too_long, over_rivals, over_moved, spread_m, is_held }
+        let &Self {
+            walls,
+            explained,
+            too_short,
+            too_long,
+            over_rivals_sigmas,
+            over_moved_sigmas,
+            spread_m,
+            is_held,
+            ..
+        } = self;
+        PlaceEvidence {
+            walls,
+            explained,
+            too_short,
+            too_long,
+            over_rivals_sigmas,
+            over_moved_sigmas,
+            spread_m,
+            is_held,
+        }
     }
 }
 
@@ -151,8 +170,8 @@ mod tests {
             explained: 1.0,
             too_short: 0.0,
             too_long: 0.0,
-            over_rivals: f64::INFINITY,
-            over_moved: 16.0 * ground * ground,
+            over_rivals_sigmas: f64::INFINITY,
+            over_moved_sigmas: 2.75 * ground,
             spread_m: 10.0,
             is_held: true,
         }

@@ -8,7 +8,7 @@ use fht_proto::{
 use map_server::{ServerConfig, ServerEndpoints, ServerError};
 use std::future::Future;
 use std::io::{BufRead, BufReader};
-use std::net::{SocketAddr, TcpListener};
+use std::net::SocketAddr;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
@@ -74,8 +74,7 @@ pub struct Site {
 impl Site {
     /// A corridor of so many nodes.
     pub async fn with(nodes: u32) -> Self {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let (endpoint, dir) = (format!("tcp/127.0.0.1:{port}"), tempfile::tempdir().unwrap());
+        let (endpoint, dir) = (format!("tcp/{}", fht_reserved_port::reserve().unwrap()), tempfile::tempdir().unwrap());
         let link = ServerEndpoints { listen: vec![endpoint.clone()], ..Default::default() };
         let config = ServerConfig::new(dir.path().join("maps"), link);
         let (stop, stopped) = oneshot::channel::<()>();

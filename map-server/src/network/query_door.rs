@@ -78,14 +78,13 @@ mod tests {
     use crate::query::AnswerSources;
     use crate::store::MemoryLog;
     use fht_proto::api::reply::MapsReply;
-    use std::net::TcpListener;
     use std::time::Duration;
     use tokio::runtime::Handle;
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn who_asks_before_everything_is_read_is_answered_after_it() {
-        let free = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
-        let endpoint = format!("tcp/{}", free.unwrap_or_else(|error| panic!("{error}")));
+        let free = fht_reserved_port::reserve().unwrap_or_else(|error| panic!("{error}"));
+        let endpoint = format!("tcp/{free}");
         let listening = ServerEndpoints { listen: vec![endpoint.clone()], ..ServerEndpoints::default() };
         let server = open(&listening).await.unwrap_or_else(|error| panic!("{error}"));
         let door = QueryDoor::declare(&server).await.unwrap_or_else(|error| panic!("{error}"));

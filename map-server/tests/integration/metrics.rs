@@ -4,7 +4,7 @@
 use crate::support::{ANA, Server, bytes, client, free_endpoint, head_when, key, until_up};
 use std::collections::BTreeSet;
 use std::io::{Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -41,7 +41,7 @@ fn figures(address: SocketAddr) -> String {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn others_read_the_figures_and_the_dashboard_asks_for_those_that_there_are() {
     let (dir, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint());
-    let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let address = fht_reserved_port::reserve().unwrap();
     let args = ["--web", &address.to_string()];
     let _server = Server::with(&dir.path().join("data"), &endpoint, &args, &dir.path().join("log"));
     let session = client(&endpoint).await;

@@ -154,10 +154,10 @@ async fn a_query_is_one_trace_with_what_came_of_it() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_collector_that_is_away_or_slow_costs_nobody_an_answer() {
-    let taken = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let away = fht_reserved_port::reserve().unwrap();
     // It accepts, and says nothing.
     let silent = TcpListener::bind("127.0.0.1:0").unwrap();
-    for (collector, is_told) in [(taken, true), (silent.local_addr().unwrap(), false)] {
+    for (collector, is_told) in [(away, true), (silent.local_addr().unwrap(), false)] {
         let (dir, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint());
         let collector = format!("http://{collector}");
         let environment = [

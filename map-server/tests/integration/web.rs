@@ -6,7 +6,7 @@ use fht_proto::api::fleet::{LocalizationState, RobotPose};
 use fht_proto::api::reply::{Head, RulesReply};
 use serde_json::Value;
 use std::io::{Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpStream};
 use std::process::Command;
 use std::time::{Duration, Instant};
 use zenoh::Session;
@@ -24,7 +24,7 @@ struct Paged {
 impl Paged {
     async fn start(more: &[&str]) -> Self {
         let (dir, endpoint) = (tempfile::tempdir().unwrap(), free_endpoint());
-        let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+        let address = fht_reserved_port::reserve().unwrap();
         let text = address.to_string();
         let args = [&["--web", text.as_str()], more].concat();
         let server = Server::with(&dir.path().join("data"), &endpoint, &args, &dir.path().join("log"));
@@ -325,7 +325,7 @@ async fn a_list_of_roles_goes_before_the_name_of_an_operator() {
     std::fs::write(&roles, "{explorers: ['ana'], operators: ['desk']}").unwrap();
     let endpoint = free_endpoint();
     for (operator, rights) in [("ada", "look"), ("ana", "look"), ("desk", "change")] {
-        let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+        let address = fht_reserved_port::reserve().unwrap();
         let text = address.to_string();
         let args = ["--web", text.as_str(), "--web-operator", operator, "--roles", roles.to_str().unwrap()];
         let server = Server::with(&dir.path().join("data"), &endpoint, &args, &dir.path().join("log"));

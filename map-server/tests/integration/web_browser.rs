@@ -7,7 +7,6 @@ use fht_proto::api::keys::Key;
 use fht_proto::{EdgeKey, FixedPose, Increment, MapName, NodeKind, Op, Rect, encode};
 use serde_json::{Value, json};
 use std::fmt::Write;
-use std::net::TcpListener;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -71,7 +70,7 @@ fn run(script: &str, flags: &[String], folder: Option<&Path>) -> String {
     let python = crate::packages::environment(&folder_of_python, &["eclipse-zenoh==1.10.2"]).join("python");
 
     let dir = tempfile::tempdir().unwrap();
-    let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let address = fht_reserved_port::reserve().unwrap();
     let mut begin = increments("museum", 1..=12);
     begin.extend(increments("lab", 1..=3));
     let measured = script == "speed.mjs";

@@ -9,7 +9,7 @@ use fht_proto::AuthorId;
 use map_server::access::{Roles, parse};
 use serde_json::Value;
 use std::collections::BTreeSet;
-use std::net::TcpListener;
+use std::net::{TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -347,19 +347,18 @@ fn the_health_checks_see_a_listener_a_connection_and_an_answer() {
     let compose = |file: &str| serde_saphyr::from_str::<Value>(&read(file)).unwrap();
     let (site, stateless) = (compose("compose.yaml"), compose("compose-stateless.yaml"));
     let of = |compose: &Value, service: &str| compose["services"][service]["healthcheck"]["test"].clone();
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap();
+    let address = fht_reserved_port::reserve().unwrap();
     let healthy = |test: Value| {
         let test = test[1].as_str().unwrap();
         assert!(test.contains("1D17"), "7447");
         let test = test.replace("1D17", &format!("{:04X}", address.port()));
         Command::new("sh").args(["-c", &test]).status().unwrap().success()
     };
+    assert!(!healthy(of(&site, "router-a")), "nobody listens");
+    let _listener = TcpListener::bind(address).unwrap();
     assert!(healthy(of(&site, "router-a")) && !healthy(of(&stateless, "maps-1")));
-    let connection = std::net::TcpStream::connect(address).unwrap();
+    let _connection = TcpStream::connect(address).unwrap();
     assert!(healthy(of(&stateless, "maps-1")));
-    drop((listener, connection));
-    assert!(!healthy(of(&site, "router-a")));
     // The server itself is asked.
     let asked: Vec<String> = serde_json::from_value(of(&site, "maps")).unwrap();
     assert_eq!((asked[0].as_str(), asked[1].as_str()), ("CMD", "map-server"));

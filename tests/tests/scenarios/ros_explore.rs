@@ -35,8 +35,7 @@ fn mapper(args: &[&str]) -> Child {
 
 /// A robot's router, and a session at it.
 async fn graph() -> (String, zenoh::Session) {
-    let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-    let endpoint = format!("tcp/127.0.0.1:{port}");
+    let endpoint = format!("tcp/{}", fht_reserved_port::reserve().unwrap());
     let mut config = zenoh::Config::default();
     config.insert_json5("mode", "'router'").unwrap();
     config.insert_json5("scouting/multicast/enabled", "false").unwrap();

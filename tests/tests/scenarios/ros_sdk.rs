@@ -187,7 +187,7 @@ async fn the_peer_is_a_robot(node: &RosNode, peer: &mut Peer) {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_foreign_peer_hears_us_and_is_heard() {
-    let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let port = fht_reserved_port::reserve().unwrap().port();
     let _router = router(port).await;
     let link = SessionConfig::from_options(vec![format!("tcp/127.0.0.1:{port}")], None);
     let session = fht_session::open(&link).await.unwrap();

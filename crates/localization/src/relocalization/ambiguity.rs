@@ -2,11 +2,12 @@
 
 use super::RelocalizationConfig;
 use crate::hypotheses::{Hypothesis, SensedView, is_near};
-use crate::wall_squares::WallSquares;
+use crate::wall_squares::{Voices, WallSquares};
 use fht_perception::candidate::Candidate;
 use fht_perception::pose::Pose2;
 
-/// The places than which none has enough pieces of wall right more, most probable first.
+/// The places that the one with most pieces of wall right is not clearly ahead of, most probable
+/// first.
 pub(super) fn not_told_apart(
     hypotheses: &[Hypothesis],
     views: &[SensedView],
@@ -14,15 +15,15 @@ pub(super) fn not_told_apart(
 ) -> Vec<Candidate> {
     let Some(last) = views.last() else { return Vec::new() };
     let squares = WallSquares::of(views, config.square_m);
-    let right = |place: &Hypothesis| squares.tally(place.verdicts.iter()).net();
-    let mut places: Vec<(f64, Pose2)> = hypotheses.iter().map(|place| (right(place), place.map_from_base())).collect();
-    places.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let most = places.first().map_or(0.0, |(right, _)| *right);
+    let voices = |place: &Hypothesis| (squares.voices(&place.verdicts), place.map_from_base());
+    let mut places: Vec<(Voices, Pose2)> = hypotheses.iter().map(voices).collect();
+    places.sort_by(|a, b| b.0.net().total_cmp(&a.0.net()));
     let mut kept: Vec<(f64, Pose2)> = Vec::new();
-    for (right, at) in places {
-        let is_known = kept.iter().any(|(_, other)| is_near(other, &at, config.same_m, config.same_rad));
-        if most - right < config.confidence.distinct_pieces && !is_known {
-            kept.push((config.confidence.odds(most - right), at));
+    for (voices, at) in &places {
+        let is_known = kept.iter().any(|(_, other)| is_near(other, at, config.same_m, config.same_rad));
+        let sigmas_less = places[0].0.sigmas_over(voices);
+        if sigmas_less < config.confidence.distinct_sigmas && !is_known {
+            kept.push((config.confidence.odds(sigmas_less), *at));
         }
     }
     let sum: f64 = kept.iter().map(|(odds, _)| odds).sum();
@@ -40,9 +41,9 @@ pub(super) fn odds_of_others(
     const MOST: usize = 5;
     let squares = WallSquares::of(views, config.square_m);
     let others = hypotheses.iter().take(MOST).skip(1);
-    let right: Vec<f64> = others.map(|place| squares.tally(place.verdicts.iter()).net()).collect();
-    let most = right.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    right.iter().map(|right| config.confidence.odds(most - right)).collect()
+    let voices: Vec<Voices> = others.map(|place| squares.voices(&place.verdicts)).collect();
+    let Some(most) = voices.iter().max_by(|a, b| a.net().total_cmp(&b.net())) else { return Vec::new() };
+    voices.iter().map(|other| config.confidence.odds(most.sigmas_over(other))).collect()
 }
 
 /// How probable each place is when the first one is right with `confidence`: what that leaves goes

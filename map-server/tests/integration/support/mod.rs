@@ -11,7 +11,6 @@ use fht_proto::{
     AuthorId, Descriptor, EdgeKey, FixedPose, Increment, MapName, ModelId, NodeId, NodeKind, Op, Rect, ScanRecord,
     Signature, VersionVector, encode,
 };
-use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -81,10 +80,9 @@ pub fn expected(counts: &[(AuthorId, u64)]) -> (MapState, VersionVector) {
     (state, vector)
 }
 
-/// An endpoint with a free port.
+/// An endpoint with a port that nobody else gets.
 pub fn free_endpoint() -> String {
-    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-    format!("tcp/127.0.0.1:{port}")
+    format!("tcp/{}", fht_reserved_port::reserve().unwrap())
 }
 
 /// A server process, killed when dropped.

@@ -8,7 +8,6 @@ use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op, e
 use fht_session::SessionConfig;
 use map_server::access::{Roles, configuration, object, parse};
 use map_server::{ServerConfig, ServerEndpoints, ServerError};
-use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
@@ -101,9 +100,9 @@ pub fn fleet() -> Roles {
         .unwrap()
 }
 
-/// A loopback endpoint that was free a moment ago.
+/// A loopback endpoint that nobody else gets.
 pub fn free_endpoint() -> String {
-    format!("tls/{}", TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap())
+    format!("tls/{}", fht_reserved_port::reserve().unwrap())
 }
 
 fn list(endpoints: &[&str]) -> String {

@@ -4,7 +4,6 @@ use fht_map::MapState;
 use fht_proto::api::keys::{Key, Topic};
 use fht_proto::api::reply::{Head, Series};
 use fht_proto::{AuthorId, FixedPose, Increment, MapName, NodeId, NodeKind, Op, VersionVector, encode};
-use std::net::TcpListener;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use zenoh::{Session, Wait};
@@ -69,8 +68,7 @@ pub fn serve(session: &Session, map: &MapName, log: &Arc<Mutex<Vec<Increment>>>)
 }
 
 pub async fn listen() -> (Session, String) {
-    let port = TcpListener::bind("127.0.0.1:0").and_then(|socket| socket.local_addr()).expect("a port").port();
-    let endpoint = format!("tcp/127.0.0.1:{port}");
+    let endpoint = format!("tcp/{}", fht_reserved_port::reserve().expect("a port"));
     let mut config = zenoh::Config::default();
     config.insert_json5("mode", "\"router\"").expect("mode");
     config.insert_json5("listen/endpoints", &format!("[\"{endpoint}\"]")).expect("endpoint");

@@ -40,8 +40,8 @@ fn of(log: &str, map: &str, drive: &JudgedDrive, look: &JudgedStatement) -> Look
         explained: for_it.explained,
         too_short: for_it.too_short,
         too_long: for_it.too_long,
-        over_rivals: for_it.over_rivals,
-        over_moved: for_it.over_moved,
+        over_rivals_sigmas: for_it.over_rivals_sigmas,
+        over_moved_sigmas: for_it.over_moved_sigmas,
         spread_m: for_it.spread_m,
         is_held: for_it.is_held,
     }
