@@ -349,7 +349,7 @@ pub fn this_executable() -> std::io::Result<PathBuf> {
     std::env::current_exe()
 }
 
-/// A loopback endpoint that only this process, or who it tells, will use.
+/// A loopback endpoint whose port the system gives to nobody else while this process runs.
 ///
 /// # Errors
 /// When no port is free.

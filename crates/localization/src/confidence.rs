@@ -26,9 +26,9 @@ pub struct ConfidenceConfig {
     /// The pieces count in full if the views are this far apart, metres: from one place all are
     /// seen with the same errors. Default 2.
     pub full_spread_m: f64,
-    /// A ground of 1 has more pieces of wall right than any rival has, or the place itself, moved,
-    /// by this many standard deviations, as if each piece of which the two speak differently took
-    /// a side by the toss of a coin. Default 2.75.
+    /// A ground of 1 is this many standard deviations ahead of any rival, and of the place itself,
+    /// moved, by the votes of pieces of wall. Pieces that lie side by side vote together, so these
+    /// are fewer deviations than they seem. Default 2.75.
     pub distinct_sigmas: f64,
     /// A ground of 1 has views this far apart, metres. Default 0.7.
     pub spread_m: f64,
@@ -63,14 +63,16 @@ impl ConfidenceConfig {
     /// How probable a place is, 0 to 1, by what speaks for it.
     #[must_use]
     pub fn probability(&self, for_it: &PlaceEvidence) -> f64 {
-        1.0 / (1.0 + (-self.slope * (self.ground(for_it) - self.even)).exp())
+        let probability = 1.0 / (1.0 + (-self.slope * (self.ground(for_it) - self.even)).exp());
+        // Not a number where a configuration asks for 0 of something.
+        if probability.is_nan() { 0.0 } else { probability }
     }
 
-    /// How probable a place is against one that has more pieces of wall right, by so many standard
-    /// deviations: their odds, 1 for as many.
+    /// How probable a place is against one that it is behind by so many standard deviations: their
+    /// odds, 1 if they are even.
     #[must_use]
-    pub fn odds(&self, sigmas_less: f64) -> f64 {
-        (-self.slope * sigmas_less.max(0.0) / self.distinct_sigmas).exp()
+    pub fn odds(&self, sigmas_behind: f64) -> f64 {
+        (-self.slope * sigmas_behind.max(0.0) / self.distinct_sigmas).exp()
     }
 
     /// A place's grounds together: 1 suffices, less than 0 speaks against it.

@@ -7,7 +7,7 @@
 
 use crate::hypotheses::{Hypothesis, SensedView};
 use crate::landmarks::Landmarks;
-use crate::wall_squares::{Voices, WallSquares};
+use crate::wall_squares::{Votes, WallSquares};
 use fht_perception::evidence_grid::{BeamVerdict, EvidenceConfig};
 use fht_perception::pose::{Pose2, pose};
 use std::f64::consts::FRAC_PI_4;
@@ -26,9 +26,9 @@ pub struct PlaceEvidence {
     pub too_short: f64,
     /// Share of them that lie behind a wall of the map, 0 to 1.
     pub too_long: f64,
-    /// Standard deviations by which the place has more pieces right than its strongest rival: those
-    /// that it explains, without those that cannot be. As if each piece of which the two speak
-    /// differently took a side by the toss of a coin. Infinite without a rival.
+    /// By how many standard deviations more pieces vote for the place than for its strongest rival,
+    /// as if each that votes differently took a side by the toss of a coin. Pieces that are
+    /// explained vote for a place, those that cannot be vote against it. Infinite without a rival.
     pub over_rivals_sigmas: f64,
     /// The same over the place itself, moved by 1 m or 2 m in the direction that costs least.
     pub over_moved_sigmas: f64,
@@ -55,7 +55,7 @@ impl Judged<'_> {
         spread_m: f64,
     ) -> PlaceEvidence {
         let here = self.squares.tally(&best.verdicts);
-        let voices = self.squares.voices(&best.verdicts);
+        let votes = self.squares.votes(&best.verdicts);
         let directions = (0..8).map(|eighth| FRAC_PI_4 * f64::from(eighth));
         let moves = directions.flat_map(|angle| MOVES_M.map(|m| pose(m * angle.cos(), m * angle.sin(), 0.0)));
         let walls = (self.squares.count as f64).max(1.0);
@@ -64,19 +64,19 @@ impl Judged<'_> {
             explained: here.explained / walls,
             too_short: here.too_short / walls,
             too_long: here.too_long / walls,
-            over_rivals_sigmas: voices.least_sigmas_over(rivals.map(|rival| self.squares.voices(&rival.verdicts))),
-            over_moved_sigmas: voices.least_sigmas_over(moves.map(|by| self.moved(best, &by))),
+            over_rivals_sigmas: votes.least_sigmas_over(rivals.map(|rival| self.squares.votes(&rival.verdicts))),
+            over_moved_sigmas: votes.least_sigmas_over(moves.map(|by| self.moved(best, &by))),
             spread_m,
             is_held: best.is_held,
         }
     }
 
     /// What the place says if it is moved on the map.
-    fn moved(&self, place: &Hypothesis, by: &Pose2) -> Voices {
+    fn moved(&self, place: &Hypothesis, by: &Pose2) -> Votes {
         let known = &self.landmarks.walls().known;
         let views = place.at.iter().zip(self.views);
         let verdicts: Vec<Vec<Option<BeamVerdict>>> =
             views.map(|(at, view)| known.judge(&view.beams, &(by * at), self.evidence)).collect();
-        self.squares.voices(&verdicts)
+        self.squares.votes(&verdicts)
     }
 }

@@ -19,7 +19,7 @@ use crate::hypotheses::{Hypothesis, SensedView, held, odometry_poses, points_see
 use crate::landmarks::Landmarks;
 use crate::place_evidence::{Judged, PlaceEvidence};
 use crate::pose_fix::{Fix, fix_pose};
-use crate::wall_squares::{Voices, WallSquares};
+use crate::wall_squares::{Votes, WallSquares};
 use fht_perception::candidate::{Candidate, PossiblePlace};
 use fht_perception::evidence_grid::Beams;
 use fht_perception::frame::LaserScan;
@@ -296,14 +296,16 @@ impl Relocalizer {
     }
 
     /// The order is by what contradicts a place, which favours places at the edge of the map, where
-    /// little can. A place that has clearly more pieces of wall right than the first is likelier.
+    /// little can. A place is likelier for which clearly more pieces of wall vote.
     fn put_clearest_first(&mut self) {
         let squares = WallSquares::of(&self.views, self.config.square_m);
-        let voices: Vec<Voices> = self.hypotheses.iter().map(|place| squares.voices(&place.verdicts)).collect();
+        let votes: Vec<Votes> = self.hypotheses.iter().map(|place| squares.votes(&place.verdicts)).collect();
+        let Some(first) = votes.first() else { return };
+        let ahead: Vec<f64> = votes.iter().map(|other| other.sigmas_over(first)).collect();
         // Among equals the first.
-        let clearest = (0..voices.len()).rev().max_by(|a, b| voices[*a].net().total_cmp(&voices[*b].net()));
+        let clearest = (0..ahead.len()).rev().max_by(|a, b| ahead[*a].total_cmp(&ahead[*b]));
         let Some(clearest) = clearest else { return };
-        if voices[clearest].sigmas_over(&voices[0]) >= self.config.confidence.distinct_sigmas {
+        if ahead[clearest] >= self.config.confidence.distinct_sigmas {
             self.hypotheses[..=clearest].rotate_right(1);
         }
     }
@@ -376,7 +378,7 @@ impl Relocalizer {
         let over_rivals_sigmas = if pictures == PictureWord::Tells {
             let squares = WallSquares::of(&self.views, config.square_m);
             let alike = rivals.filter(|rival| !grounds.pictures_tell_from(best, rival, &config.distinction));
-            squares.voices(&best.verdicts).least_sigmas_over(alike.map(|rival| squares.voices(&rival.verdicts)))
+            squares.votes(&best.verdicts).least_sigmas_over(alike.map(|rival| squares.votes(&rival.verdicts)))
         } else {
             for_it.over_rivals_sigmas
         };

@@ -31,21 +31,24 @@ pub(crate) struct Tally {
     pub too_long: f64,
 }
 
-/// What a place says of each piece of wall, from 1 (the map has it) to −1 (it cannot be).
-pub(crate) struct Voices(Vec<f64>);
+/// How each piece of wall votes for a place, from 1 (the map has it) to −1 (it cannot be).
+pub(crate) struct Votes(Vec<f64>);
 
-impl Voices {
+impl Votes {
     /// How many more pieces it has right than wrong.
     pub fn net(&self) -> f64 {
         self.0.iter().sum()
     }
 
-    /// How many standard deviations more pieces it has right than `other` of the same pieces, as if
-    /// each piece of which they speak differently took a side by the toss of a coin (the sign test;
-    /// for yes and no it is McNemar's). 0 if they say the same.
+    /// By how many standard deviations more pieces vote for this place than for `other`, of the
+    /// same pieces, as if each that votes differently took a side by the toss of a coin (a sign
+    /// test; if all vote yes or no it is McNemar's). 0 if all vote the same.
     pub fn sigmas_over(&self, other: &Self) -> f64 {
+        debug_assert_eq!(self.0.len(), other.0.len(), "votes of the same pieces");
         let differences = || self.0.iter().zip(&other.0).map(|(here, there)| here - there);
-        let variance: f64 = differences().map(|difference| difference * difference).sum();
+        // A part of a vote counts as a vote that is cast in so many of all cases: to differ by
+        // little in many pieces is not to differ in many.
+        let variance: f64 = differences().map(|difference| difference.abs().max(difference * difference)).sum();
         if variance > 0.0 { differences().sum::<f64>() / variance.sqrt() } else { 0.0 }
     }
 
@@ -80,9 +83,9 @@ impl WallSquares {
         })
     }
 
-    /// What a place says of each piece, by the same.
-    pub fn voices(&self, verdicts: &[Vec<Option<BeamVerdict>>]) -> Voices {
-        Voices(self.shares(verdicts).map(|piece| piece.explained - piece.too_short - piece.too_long).collect())
+    /// How each piece votes for a place, by the same.
+    pub fn votes(&self, verdicts: &[Vec<Option<BeamVerdict>>]) -> Votes {
+        Votes(self.shares(verdicts).map(|piece| piece.explained - piece.too_short - piece.too_long).collect())
     }
 
     /// Of each piece, the shares of its beams.
@@ -114,23 +117,23 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn pieces_of_which_both_say_the_same_tell_nothing() {
-        let (here, there) = (Voices(vec![1.0; 9]), Voices(vec![0.0; 9]));
+    fn pieces_that_vote_the_same_tell_nothing() {
+        let (here, there) = (Votes(vec![1.0; 9]), Votes(vec![0.0; 9]));
         assert!((here.sigmas_over(&there) - 3.0).abs() < 1e-12, "nine to none");
-        let with_common = |voices: &Voices| Voices(voices.0.iter().copied().chain([1.0; 50]).collect());
+        let with_common = |votes: &Votes| Votes(votes.0.iter().copied().chain([1.0; 50]).collect());
         assert!((with_common(&here).sigmas_over(&with_common(&there)) - 3.0).abs() < 1e-12);
         assert_eq!(here.sigmas_over(&here), 0.0);
         assert_eq!(here.least_sigmas_over(std::iter::empty()), f64::INFINITY);
     }
 
     #[test]
-    fn pieces_that_speak_for_the_other_place_weaken_those_that_speak_for_this_one() {
+    fn pieces_that_vote_for_the_other_place_weaken_those_that_vote_for_this_one() {
         // Twelve more either way: of twelve, and of 36.
-        let all = Voices(vec![1.0; 12]).sigmas_over(&Voices(vec![0.0; 12]));
+        let all = Votes(vec![1.0; 12]).sigmas_over(&Votes(vec![0.0; 12]));
         let (mut here, mut there) = (vec![1.0; 24], vec![0.0; 24]);
         here.extend([0.0; 12]);
         there.extend([1.0; 12]);
-        let torn = Voices(here).sigmas_over(&Voices(there));
+        let torn = Votes(here).sigmas_over(&Votes(there));
         assert!((all - 12.0 / 12.0_f64.sqrt()).abs() < 1e-12 && (torn - 12.0 / 6.0).abs() < 1e-12, "{all}, {torn}");
     }
 
@@ -138,10 +141,20 @@ mod tests {
         #[test]
         fn what_one_has_more_the_other_has_less(pairs in prop::collection::vec((-1.0..=1.0, -1.0..=1.0), 0..50)) {
             let (here, there): (Vec<f64>, Vec<f64>) = pairs.into_iter().unzip();
-            let (here, there) = (Voices(here), Voices(there));
+            let (here, there) = (Votes(here), Votes(there));
             let sigmas = here.sigmas_over(&there);
             prop_assert!((sigmas + there.sigmas_over(&here)).abs() < 1e-9);
             prop_assert!(sigmas.abs() <= (here.0.len() as f64).sqrt() + 1e-9);
+        }
+
+        #[test]
+        fn to_differ_by_less_is_to_be_less_sure(differences in prop::collection::vec(-1.0..=1.0, 0..50), share in 0.0..=1.0) {
+            let sigmas = |share: f64| {
+                let here: Vec<f64> = differences.iter().map(|difference| share * difference).collect();
+                let there = Votes(vec![0.0; here.len()]);
+                Votes(here).sigmas_over(&there)
+            };
+            prop_assert!(sigmas(share).abs() <= sigmas(1.0).abs() + 1e-9, "{} of {}", sigmas(share), sigmas(1.0));
         }
     }
 }

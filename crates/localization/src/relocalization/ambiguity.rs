@@ -2,11 +2,11 @@
 
 use super::RelocalizationConfig;
 use crate::hypotheses::{Hypothesis, SensedView, is_near};
-use crate::wall_squares::{Voices, WallSquares};
+use crate::wall_squares::{Votes, WallSquares};
 use fht_perception::candidate::Candidate;
 use fht_perception::pose::Pose2;
 
-/// The places that the one with most pieces of wall right is not clearly ahead of, most probable
+/// The places that are not clearly behind the one with most pieces of wall right, most probable
 /// first.
 pub(super) fn not_told_apart(
     hypotheses: &[Hypothesis],
@@ -15,15 +15,16 @@ pub(super) fn not_told_apart(
 ) -> Vec<Candidate> {
     let Some(last) = views.last() else { return Vec::new() };
     let squares = WallSquares::of(views, config.square_m);
-    let voices = |place: &Hypothesis| (squares.voices(&place.verdicts), place.map_from_base());
-    let mut places: Vec<(Voices, Pose2)> = hypotheses.iter().map(voices).collect();
-    places.sort_by(|a, b| b.0.net().total_cmp(&a.0.net()));
+    let votes: Vec<Votes> = hypotheses.iter().map(|place| squares.votes(&place.verdicts)).collect();
+    let Some(most) = votes.iter().max_by(|a, b| a.net().total_cmp(&b.net())) else { return Vec::new() };
+    let behind = votes.iter().map(|of_place| most.sigmas_over(of_place));
+    let mut places: Vec<(f64, Pose2)> = behind.zip(hypotheses.iter().map(Hypothesis::map_from_base)).collect();
+    places.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut kept: Vec<(f64, Pose2)> = Vec::new();
-    for (voices, at) in &places {
-        let is_known = kept.iter().any(|(_, other)| is_near(other, at, config.same_m, config.same_rad));
-        let sigmas_less = places[0].0.sigmas_over(voices);
-        if sigmas_less < config.confidence.distinct_sigmas && !is_known {
-            kept.push((config.confidence.odds(sigmas_less), *at));
+    for (sigmas_behind, at) in places {
+        let is_known = kept.iter().any(|(_, other)| is_near(other, &at, config.same_m, config.same_rad));
+        if sigmas_behind < config.confidence.distinct_sigmas && !is_known {
+            kept.push((config.confidence.odds(sigmas_behind), at));
         }
     }
     let sum: f64 = kept.iter().map(|(odds, _)| odds).sum();
@@ -41,9 +42,9 @@ pub(super) fn odds_of_others(
     const MOST: usize = 5;
     let squares = WallSquares::of(views, config.square_m);
     let others = hypotheses.iter().take(MOST).skip(1);
-    let voices: Vec<Voices> = others.map(|place| squares.voices(&place.verdicts)).collect();
-    let Some(most) = voices.iter().max_by(|a, b| a.net().total_cmp(&b.net())) else { return Vec::new() };
-    voices.iter().map(|other| config.confidence.odds(most.sigmas_over(other))).collect()
+    let votes: Vec<Votes> = others.map(|place| squares.votes(&place.verdicts)).collect();
+    let Some(most) = votes.iter().max_by(|a, b| a.net().total_cmp(&b.net())) else { return Vec::new() };
+    votes.iter().map(|other| config.confidence.odds(most.sigmas_over(other))).collect()
 }
 
 /// How probable each place is when the first one is right with `confidence`: what that leaves goes

@@ -43,8 +43,7 @@ pub struct RelocalizationConfig {
     pub square_m: f64,
     /// How probable a place is.
     pub confidence: ConfidenceConfig,
-    /// A fix is at least this probable. Default 0.982, at a ground of
-    /// 1: of 2,600 looks in three logs that said so much all were right.
+    /// A fix is at least this probable. Default 0.982, at a ground of 1.
     pub min_confidence: f64,
     /// Greatest share of beams that cannot be. Default 0.04: where nothing was moved it is below
     /// 0.01, and in rooms that no main node looked into the best that is found elsewhere has 0.05

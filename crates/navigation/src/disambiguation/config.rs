@@ -38,7 +38,8 @@ pub struct DisambiguationConfig {
     pub margin_m: f64,
     /// Side of the pieces of wall that count as one, metres. Default 0.5.
     pub square_m: f64,
-    /// Candidates are told apart by so many pieces of wall. Default 16.
+    /// A place from which candidates differ by so many pieces of wall tells all. Default 16: half
+    /// of them would do if the robot saw each as the map says.
     pub distinct_pieces: f64,
     /// Places that give less than this share of that are not driven to. Default 0.15.
     pub least_told: f64,
