@@ -56,26 +56,15 @@ pub struct Look {
 
 impl Look {
     fn evidence(&self) -> PlaceEvidence {
-        let &Self {
-            walls,
-            explained,
-            too_short,
-            too_long,
-            over_rivals_sigmas,
-            over_moved_sigmas,
-            spread_m,
-            is_held,
-            ..
-        } = self;
         PlaceEvidence {
-            walls,
-            explained,
-            too_short,
-            too_long,
-            over_rivals_sigmas,
-            over_moved_sigmas,
-            spread_m,
-            is_held,
+            walls: self.walls,
+            explained: self.explained,
+            too_short: self.too_short,
+            too_long: self.too_long,
+            over_rivals_sigmas: self.over_rivals_sigmas,
+            over_moved_sigmas: self.over_moved_sigmas,
+            spread_m: self.spread_m,
+            is_held: self.is_held,
         }
     }
 }
