@@ -17,6 +17,9 @@ pub struct PathFollowingConfig {
     pub goal_reach_m: f64,
     /// Points farther than this are not looked for, metres. Default 6.5, within the LiDAR's 7.
     pub see_m: f64,
+    /// Between points that are farther apart there are more, metres: each lies where the robot has
+    /// looked, or soon will. Default 2.
+    pub spacing_m: f64,
     /// Half the width that must be free on the way to a point for it to count as seen, metres.
     /// Default 0.16.
     pub half_width_m: f64,
@@ -41,6 +44,7 @@ impl PathFollowingConfig {
             node_reach_m: 0.5,
             goal_reach_m: 0.1,
             see_m: 6.5,
+            spacing_m: 2.0,
             half_width_m: footprint.mesh_clearance_m(),
             replan_m: 0.3,
             replan_rad: 4.0_f64.to_radians(),
@@ -64,6 +68,8 @@ pub struct Target {
 pub struct FollowedPath {
     config: PathFollowingConfig,
     path: PlannedPath,
+    /// Its points, and more where they are far apart: map frame.
+    points: Vec<Point2>,
     next: usize,
     planned_with: Pose2,
 }
@@ -72,9 +78,11 @@ impl FollowedPath {
     /// Starts along `path`, planned while the robot took `map_from_odom` for true.
     #[must_use]
     pub fn new(config: PathFollowingConfig, path: PlannedPath, map_from_odom: Pose2) -> Self {
+        let corners: Vec<Point2> = path.points.iter().map(|point| point.position).collect();
+        let points = spaced(&corners, config.spacing_m);
         // The first point is where the robot stands.
-        let next = usize::from(path.points.len() > 1);
-        Self { config, path, next, planned_with: map_from_odom }
+        let next = usize::from(points.len() > 1);
+        Self { config, path, points, next, planned_with: map_from_odom }
     }
 
     /// The path.
@@ -98,9 +106,9 @@ impl FollowedPath {
     /// reached or if the path is empty.
     pub fn target(&mut self, map_from_odom: &Pose2, odom_from_base: &Pose2, grid: &OccupancyGrid) -> Option<Target> {
         let here = Point2::from(odom_from_base.translation.vector);
-        let last = self.path.points.len().checked_sub(1)?;
+        let last = self.points.len().checked_sub(1)?;
         let odom_from_map = map_from_odom.inverse();
-        let at = |index: usize| odom_from_map * self.path.points[index].position;
+        let at = |index: usize| odom_from_map * self.points[index];
         let distance = |index: usize| (at(index) - here).norm();
 
         let is_seen = |&index: &usize| {
@@ -112,7 +120,7 @@ impl FollowedPath {
         while self.next < last && (at(self.next) - here).norm() <= self.config.node_reach_m {
             self.next += 1;
         }
-        let at = odom_from_map * self.path.points[self.next].position;
+        let at = odom_from_map * self.points[self.next];
         let distance_m = (at - here).norm();
         let is_goal = self.next == last;
         if is_goal && distance_m <= self.config.goal_reach_m {
@@ -125,18 +133,32 @@ impl FollowedPath {
     /// on along the path.
     #[must_use]
     pub fn left_m(&self, map_from_odom: &Pose2, here: Point2) -> f64 {
-        let ahead = self.path.points.get(self.next..).unwrap_or_default();
-        let to_next = ahead.first().map_or(0.0, |point| (point.position - map_from_odom * here).norm());
-        to_next + ahead.windows(2).map(|pair| (pair[1].position - pair[0].position).norm()).sum::<f64>()
+        let ahead = self.points.get(self.next..).unwrap_or_default();
+        let to_next = ahead.first().map_or(0.0, |point| (point - map_from_odom * here).norm());
+        to_next + ahead.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum::<f64>()
     }
 
     /// Heads for the point after the next one, as when the next one itself cannot be reached. False
     /// at the path's end.
     pub fn skip(&mut self) -> bool {
-        let can = self.next + 1 < self.path.points.len();
+        let can = self.next + 1 < self.points.len();
         self.next += usize::from(can);
         can
     }
+}
+
+/// The corners of a path, and between those that are farther apart than `spacing_m` as many more as
+/// it takes.
+fn spaced(corners: &[Point2], spacing_m: f64) -> Vec<Point2> {
+    /// Nobody drives farther in one line.
+    const MOST: f64 = 10_000.0;
+    let between = corners.windows(2).flat_map(|pair| {
+        let way = pair[1] - pair[0];
+        // Casts saturate, and NaN is none.
+        let parts = (way.norm() / spacing_m.max(0.1)).ceil().clamp(1.0, MOST) as usize;
+        (1..=parts).map(move |part| if part == parts { pair[1] } else { pair[0] + way * (part as f64 / parts as f64) })
+    });
+    corners.first().copied().into_iter().chain(between).collect()
 }
 
 #[cfg(test)]
@@ -192,6 +214,21 @@ mod tests {
         let target = route.target(&map_from_odom, &Pose2::identity(), &room()).expect("not there yet");
         assert!((target.in_odom - Point2::new(1.0, 1.4)).norm() < 1e-9);
         assert!(!target.is_goal);
+    }
+
+    #[test]
+    fn on_a_long_straight_way_there_is_a_point_within_reach_to_head_for() {
+        let route = path(&[(0.0, 0.0), (0.3, 0.0), (0.3, 20.0)]);
+        let mut route = FollowedPath::new(PathFollowingConfig::default(), route, Pose2::identity());
+        let length_m = route.left_m(&Pose2::identity(), Point2::origin());
+        assert!((length_m - 20.3).abs() < 1e-9, "{length_m}");
+        for driven in 0..19 {
+            let here = pose(0.3, f64::from(driven), 0.0);
+            // What it has seen is of another place.
+            let target = route.target(&Pose2::identity(), &here, &room()).expect("not there yet");
+            assert!(target.distance_m < 3.0 && !target.is_goal || driven > 17, "{target:?} after {driven} m");
+        }
+        assert_eq!(route.path().points.len(), 3);
     }
 
     #[test]

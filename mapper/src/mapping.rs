@@ -241,7 +241,12 @@ impl Mapper {
         }
         self.latest = Some(Located { time_us, map_from_base, anchored, tracking: update.tracking });
         if self.newcomer.is_some() {
-            self.find_itself(frame, &anchored, update.tracking);
+            if self.bystanders.has_just_met()
+                && let Some(newcomer) = &mut self.newcomer
+            {
+                newcomer.joining.forget_views();
+            }
+            self.find_itself(&self.bystanders.hide_standing(frame), &anchored, update.tracking);
             self.frame += 1;
             return Ok(self.slam.locate(&anchored));
         }
@@ -281,7 +286,8 @@ impl Mapper {
 
     /// Main nodes: from the panorama before this one, whose descriptor is ready by now.
     fn observe_place(&mut self, frame: &SensorFrame, anchored: &Anchored) {
-        let seen = SensedPlace { anchored: *anchored, frame: self.frame, scan: frame.scan.to_record() };
+        let scan = self.bystanders.hide_standing(frame).scan.to_record();
+        let seen = SensedPlace { anchored: *anchored, frame: self.frame, scan };
         let Some(camera) = &mut self.camera else {
             // No cameras: every frame is a place without an appearance.
             return self.take_place(seen, None, 1.0, frame.time_us);

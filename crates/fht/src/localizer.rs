@@ -8,6 +8,7 @@ use fht_localization::LiveLandmarks;
 use fht_localization::localizer::{Localization, Localizer, LocalizerConfig};
 use fht_navigation::disambiguation::{Ambiguity, DisambiguationConfig};
 use fht_navigation::local_map::{LocalMap, LocalMapConfig};
+use fht_navigation::people::{BystanderConfig, Bystanders};
 use fht_navigation::searching::Searcher;
 use fht_navigation::steering::SteeringConfig;
 use fht_navigation::wandering::WanderingConfig;
@@ -48,6 +49,7 @@ impl Map {
             map: self.clone(),
             live: LiveLandmarks::start(Taking::WhenThere, self.inner.replica.generation()),
             localizer: Localizer::new(config),
+            bystanders: Bystanders::new(BystanderConfig::default()),
             local_map: LocalMap::new(LocalMapConfig::default()),
             searcher: Searcher::new(
                 DisambiguationConfig::of(footprint),
@@ -136,6 +138,7 @@ pub struct MapLocalizer {
     map: Map,
     live: LiveLandmarks,
     localizer: Localizer,
+    bystanders: Bystanders,
     local_map: LocalMap,
     searcher: Searcher,
     last_us: Option<u64>,
@@ -167,12 +170,17 @@ impl MapLocalizer {
         self.last_us = Some(frame.time_us);
         self.follow_map();
         let (landmarks, localizer) = (self.live.landmarks(), &mut self.localizer);
+        let lasting = self.bystanders.hide(frame);
+        if self.bystanders.has_just_met() {
+            localizer.forget_views();
+        }
+        let walls = self.bystanders.hide_standing(&lasting);
         #[cfg(feature = "descriptor")]
         let localization =
-            localizer.update(landmarks, frame, || describe(self.cameras.as_mut()?, frame.panorama.as_ref()?));
+            localizer.update(landmarks, &walls, || describe(self.cameras.as_mut()?, frame.panorama.as_ref()?));
         #[cfg(not(feature = "descriptor"))]
-        let localization = localizer.update(landmarks, frame, || None::<Descriptor>);
-        self.local_map.integrate(&localization.odometry, &frame.scan);
+        let localization = localizer.update(landmarks, &walls, || None::<Descriptor>);
+        self.local_map.integrate(&localization.odometry, &lasting.scan);
         let knows = localization.map_from_odom.is_some();
         if knows {
             self.searcher.end();

@@ -148,6 +148,15 @@ impl Localizer {
         }
     }
 
+    /// What was seen so far tells nothing of the place, as when people have stood in it who were
+    /// taken for walls. A place that is known stays known; else it looks anew with the next frame.
+    pub fn forget_views(&mut self) {
+        self.relocalizer.clear();
+        if self.tracker.is_none() {
+            self.observed_at_m = None;
+        }
+    }
+
     /// Takes in a frame. `describe` is asked for the descriptor of the frame's panorama only when
     /// it will be used.
     pub fn update(

@@ -47,11 +47,11 @@ pub(crate) struct Judged<'a> {
 }
 
 impl Judged<'_> {
-    /// What speaks for `best` against `rivals`.
+    /// What speaks for `best` against rivals that have these votes.
     pub fn place<'a>(
         &self,
         best: &Hypothesis,
-        rivals: impl Iterator<Item = &'a Hypothesis>,
+        rivals: impl Iterator<Item = &'a Votes>,
         spread_m: f64,
     ) -> PlaceEvidence {
         let here = self.squares.tally(&best.verdicts);
@@ -64,7 +64,7 @@ impl Judged<'_> {
             explained: here.explained / walls,
             too_short: here.too_short / walls,
             too_long: here.too_long / walls,
-            over_rivals_sigmas: votes.least_sigmas_over(rivals.map(|rival| self.squares.votes(&rival.verdicts))),
+            over_rivals_sigmas: votes.least_sigmas_over(rivals),
             over_moved_sigmas: votes.least_sigmas_over(moves.map(|by| self.moved(best, &by))),
             spread_m,
             is_held: best.is_held,

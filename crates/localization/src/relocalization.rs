@@ -155,11 +155,14 @@ impl Relocalizer {
             hypothesis.hold_earlier(&self.views, landmarks, &self.config.matching, &self.config.weigh);
         }
         self.sort();
-        self.put_clearest_first();
-        self.ambiguity = not_told_apart(&self.hypotheses, &self.views, &self.config);
-        self.others_odds = odds_of_others(&self.hypotheses, &self.views, &self.config);
-        self.evidence = self.hypotheses.first().map(|best| self.weigh(best, landmarks));
-        self.judge(&points, landmarks)
+        let squares = WallSquares::of(&self.views, self.config.square_m);
+        let mut votes: Vec<Votes> = self.hypotheses.iter().map(|place| squares.votes(&place.verdicts)).collect();
+        self.put_clearest_first(&mut votes);
+        let odom_from_base = &observation.odometry.odom_from_base;
+        self.ambiguity = not_told_apart(&self.hypotheses, &votes, odom_from_base, &self.config);
+        self.others_odds = odds_of_others(&votes, &self.config.confidence);
+        self.evidence = self.hypotheses.first().map(|best| self.weigh(best, &votes, &squares, landmarks));
+        self.judge(&points, &squares, landmarks)
     }
 
     /// Looks around a place that somebody pointed at.
@@ -297,9 +300,7 @@ impl Relocalizer {
 
     /// The order is by what contradicts a place, which favours places at the edge of the map, where
     /// little can. A place is likelier for which clearly more pieces of wall vote.
-    fn put_clearest_first(&mut self) {
-        let squares = WallSquares::of(&self.views, self.config.square_m);
-        let votes: Vec<Votes> = self.hypotheses.iter().map(|place| squares.votes(&place.verdicts)).collect();
+    fn put_clearest_first(&mut self, votes: &mut [Votes]) {
         let Some(first) = votes.first() else { return };
         let ahead: Vec<f64> = votes.iter().map(|other| other.sigmas_over(first)).collect();
         // Among equals the first.
@@ -307,32 +308,34 @@ impl Relocalizer {
         let Some(clearest) = clearest else { return };
         if ahead[clearest] >= self.config.confidence.distinct_sigmas {
             self.hypotheses[..=clearest].rotate_right(1);
+            votes[..=clearest].rotate_right(1);
         }
     }
 
     /// What speaks for `best`. The order of the hypotheses is by all that was seen, this by walls.
-    fn weigh(&self, best: &Hypothesis, landmarks: &Landmarks) -> PlaceEvidence {
-        let squares = &WallSquares::of(&self.views, self.config.square_m);
+    fn weigh(&self, best: &Hypothesis, votes: &[Votes], squares: &WallSquares, landmarks: &Landmarks) -> PlaceEvidence {
         let judged = Judged { views: &self.views, squares, landmarks, evidence: &self.config.weigh.evidence };
-        judged.place(best, self.rivals(&best.map_from_base()), self.spread_m())
+        let rivals = self.hypotheses.iter().zip(votes).filter(|(other, _)| self.is_elsewhere(other, best));
+        judged.place(best, rivals.map(|(_, votes)| votes), self.spread_m())
     }
 
     /// Hypotheses of other places than this.
-    fn rivals(&self, map_from_base: &Pose2) -> impl Iterator<Item = &Hypothesis> {
-        let RelocalizationConfig { same_m, same_rad, .. } = self.config;
-        let at = *map_from_base;
-        self.hypotheses.iter().filter(move |other| !other.is_near(&at, same_m, same_rad))
+    fn rivals<'a>(&'a self, place: &'a Hypothesis) -> impl Iterator<Item = &'a Hypothesis> {
+        self.hypotheses.iter().filter(move |other| self.is_elsewhere(other, place))
     }
 
-    fn judge(&self, points: &[Point2], landmarks: &Landmarks) -> Belief {
+    fn is_elsewhere(&self, one: &Hypothesis, other: &Hypothesis) -> bool {
+        !one.is_near(&other.map_from_base(), self.config.same_m, self.config.same_rad)
+    }
+
+    fn judge(&self, points: &[Point2], squares: &WallSquares, landmarks: &Landmarks) -> Belief {
         let config = &self.config;
         let Some((best, for_it)) = self.hypotheses.first().zip(self.evidence) else { return Belief::NotLocalized };
         let RelocalizationConfig { matching, weigh, same_m, same_rad, .. } = config;
         let same = (*same_m, *same_rad);
         let grounds = Grounds { views: &self.views, landmarks, matching, weigh, same };
         let pictures = grounds.pictures(best, &config.distinction);
-        let at = best.map_from_base();
-        let confidence = self.confidence(for_it, best, self.rivals(&at), pictures, &grounds);
+        let confidence = self.confidence(for_it, best, self.rivals(best), pictures, squares, &grounds);
         let candidates = Belief::Candidates { hypotheses: self.hypotheses.len(), confidence };
         let contradicted = best.evidence().contradicted_share();
         tracing::debug!(
@@ -350,9 +353,10 @@ impl Relocalizer {
         }
         let challengers = grounds.challengers(best, points, &config.distinction);
         let is_told = if pictures == PictureWord::Tells {
-            self.confidence(for_it, best, challengers.iter(), pictures, &grounds) >= config.min_confidence
+            let told = self.confidence(for_it, best, challengers.iter(), pictures, squares, &grounds);
+            told >= config.min_confidence
         } else {
-            grounds.walls_tell(best, self.rivals(&at), &config.distinction)
+            grounds.walls_tell(best, self.rivals(best), &config.distinction)
                 && grounds.walls_tell(best, challengers.iter(), &config.distinction)
         };
         if !is_told {
@@ -372,13 +376,14 @@ impl Relocalizer {
         best: &Hypothesis,
         rivals: impl Iterator<Item = &'a Hypothesis>,
         pictures: PictureWord,
+        squares: &WallSquares,
         grounds: &Grounds<'_>,
     ) -> f64 {
         let config = &self.config;
         let over_rivals_sigmas = if pictures == PictureWord::Tells {
-            let squares = WallSquares::of(&self.views, config.square_m);
             let alike = rivals.filter(|rival| !grounds.pictures_tell_from(best, rival, &config.distinction));
-            squares.votes(&best.verdicts).least_sigmas_over(alike.map(|rival| squares.votes(&rival.verdicts)))
+            let votes = alike.map(|rival| squares.votes(&rival.verdicts));
+            squares.votes(&best.verdicts).least_sigmas_over(votes)
         } else {
             for_it.over_rivals_sigmas
         };

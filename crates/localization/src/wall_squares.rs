@@ -9,6 +9,7 @@ use crate::hypotheses::SensedView;
 use fht_perception::evidence_grid::BeamVerdict;
 use fht_perception::pose::Point2;
 use fht_perception::square::{SquareIndex, square_of};
+use std::borrow::Borrow;
 use std::collections::BTreeMap;
 
 /// Which piece of wall each beam of some views ends at.
@@ -53,8 +54,8 @@ impl Votes {
     }
 
     /// The same over that of several others that is least behind; infinite without others.
-    pub fn least_sigmas_over(&self, others: impl Iterator<Item = Self>) -> f64 {
-        others.map(|other| self.sigmas_over(&other)).fold(f64::INFINITY, f64::min)
+    pub fn least_sigmas_over(&self, others: impl Iterator<Item = impl Borrow<Self>>) -> f64 {
+        others.map(|other| self.sigmas_over(other.borrow())).fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -123,7 +124,7 @@ mod tests {
         let with_common = |votes: &Votes| Votes(votes.0.iter().copied().chain([1.0; 50]).collect());
         assert!((with_common(&here).sigmas_over(&with_common(&there)) - 3.0).abs() < 1e-12);
         assert_eq!(here.sigmas_over(&here), 0.0);
-        assert_eq!(here.least_sigmas_over(std::iter::empty()), f64::INFINITY);
+        assert_eq!(here.least_sigmas_over(std::iter::empty::<Votes>()), f64::INFINITY);
     }
 
     #[test]

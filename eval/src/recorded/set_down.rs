@@ -4,6 +4,7 @@ use crate::recorded::log::RecordedLog;
 use fht_localization::PlaceEvidence;
 use fht_localization::landmarks::Landmarks;
 use fht_localization::localizer::{Localizer, LocalizerConfig};
+use fht_navigation::people::{BystanderConfig, Bystanders};
 use fht_perception::pose::Pose2;
 
 /// What a robot says after a look around.
@@ -53,6 +54,7 @@ pub fn set_down(
     config: &LocalizerConfig,
 ) -> LogDrive {
     let mut localizer = Localizer::new(config.clone());
+    let mut bystanders = Bystanders::new(BystanderConfig::default());
     let mut drive = LogDrive { start, end: start, statements: Vec::new(), fix: None };
     let mut said = None;
     for (frame, sensed) in log.frames.iter().enumerate().skip(start) {
@@ -61,7 +63,11 @@ pub fn set_down(
             break;
         }
         drive.end = frame;
-        let localization = localizer.update(landmarks, sensed, || None);
+        let lasting = bystanders.hide(sensed);
+        if bystanders.has_just_met() {
+            localizer.forget_views();
+        }
+        let localization = localizer.update(landmarks, &bystanders.hide_standing(&lasting), || None);
         let stated = localization.confidence;
         let declared = localization.map_from_base();
         let likeliest = declared.or_else(|| localizer.candidates().first().map(|place| place.map_from_base));

@@ -9,13 +9,13 @@
 
 use super::config::PasserByConfig;
 use fht_map::NodeRef;
+use fht_navigation::people::{ScanSegment, standing_alone};
 use fht_perception::frame::LaserScan;
 use fht_perception::grid::{Cell, CellState, OccupancyGrid};
 use fht_perception::pose::{Point2, from_fixed};
 use fht_perception::square::{SquareIndex, square_of};
 use fht_proto::{NodeId, Op, Signature};
 use std::collections::{BTreeMap, HashMap};
-use std::ops::Range;
 
 /// The operation that takes people who have left out of a node's scan; none if it shows nobody.
 pub(super) fn without_them(node: &NodeRef<'_>, grid: &OccupancyGrid, config: &PasserByConfig) -> Option<Op> {
@@ -28,24 +28,21 @@ pub(super) fn without_them(node: &NodeRef<'_>, grid: &OccupancyGrid, config: &Pa
             && is_open(grid, map_from_sensor * (Point2::new(cos, sin) * f64::from(range)), config.slack_m)
     };
     let gone: Vec<bool> = scan.ranges_m.iter().enumerate().map(is_gone).collect();
-    let runs = runs_of(&gone, |a, b| a == b).filter(|run| gone[run.start] && run.len() >= config.least_returns);
-    blanked(node, runs, config)
-}
-
-/// Ranges of neighbours that hang together.
-fn runs_of<T>(items: &[T], hang: impl Fn(&T, &T) -> bool) -> impl Iterator<Item = Range<usize>> {
-    items.chunk_by(hang).scan(0, |from, run| {
+    let runs = gone.chunk_by(|a, b| a == b).scan(0, |from, run| {
         *from += run.len();
         Some(*from - run.len()..*from)
-    })
+    });
+    let runs = runs.filter(|run| gone[run.start] && run.len() >= config.least_returns);
+    blanked(node, runs.flatten(), config)
 }
 
-/// The operation that takes some returns out of a node's scan; none if there are none, or too many.
-fn blanked(node: &NodeRef<'_>, runs: impl Iterator<Item = Range<usize>>, config: &PasserByConfig) -> Option<Op> {
+/// The operation that takes the returns of some beams out of a node's scan; none if there are none,
+/// or too many.
+fn blanked(node: &NodeRef<'_>, beams: impl Iterator<Item = usize>, config: &PasserByConfig) -> Option<Op> {
     let signature = node.signature?;
     let mut record = signature.scan.clone();
     let returns = |ranges_mm: &[u16]| ranges_mm.iter().filter(|mm| **mm > 0).count();
-    runs.for_each(|run| record.ranges_mm[run].fill(0));
+    beams.for_each(|beam| record.ranges_mm[beam] = 0);
     let (all, left) = (returns(&signature.scan.ranges_mm), returns(&record.ranges_mm));
     let is_some = left < all && (all - left) as f64 <= config.most_share * all as f64;
     let signature = || Signature { descriptor: signature.descriptor.clone(), scan: record };
@@ -88,27 +85,16 @@ impl Sightings {
     /// person's width, alone, and not seen at another time.
     pub(super) fn without_doubtful(&self, node: &NodeRef<'_>, frame: u64, config: &PasserByConfig) -> Option<Op> {
         let scan = LaserScan::from_record(&node.signature?.scan);
-        let map_from_sensor = from_fixed(node.pose) * scan.base_from_sensor;
-        let range_m = |index: usize| Some(f64::from(scan.ranges_m[index])).filter(|range_m| range_m.is_finite());
-        let end = |index: usize| {
-            let (sin, cos) = scan.angle(index).sin_cos();
-            map_from_sensor * (Point2::new(cos, sin) * range_m(index).unwrap_or(0.0))
+        let map_from_base = from_fixed(node.pose);
+        // Of beams of which nothing is known somebody may be what hid them.
+        let unknown: Vec<bool> = scan.ranges_m.iter().map(|range_m| range_m.is_nan()).collect();
+        let is_confirmed = |thing: &ScanSegment| {
+            let mut places = thing.beams().map(|beam| map_from_base * scan.beam_end_in_base(beam));
+            places.any(|place| self.confirm(place, frame, config.apart_frames))
         };
-        let count = scan.ranges_m.len();
-        let is_farther = |index: usize, than: usize| {
-            // No return is farther than any.
-            range_m(index % count).unwrap_or(f64::INFINITY) > range_m(than).unwrap_or(f64::INFINITY) + config.alone_m
-        };
-        let runs = runs_of(&scan.ranges_m, |a, b| (a - b).abs() < config.alone_m as f32);
-        let is_doubtful = |run: &Range<usize>| {
-            let (first, last) = (run.start, run.end - 1);
-            range_m(first).is_some()
-                && is_farther(first + count - 1, first)
-                && is_farther(last + 1, last)
-                && (end(first) - end(last)).norm() <= config.widest_m
-                && !run.clone().any(|index| self.confirm(end(index), frame, config.apart_frames))
-        };
-        blanked(node, runs.filter(is_doubtful), config)
+        let things = standing_alone(&scan, &unknown, config.widest_m, config.alone_m);
+        let doubtful = things.into_iter().filter(|thing| !is_confirmed(thing));
+        blanked(node, doubtful.flat_map(ScanSegment::beams), config)
     }
 }
 

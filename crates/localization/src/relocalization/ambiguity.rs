@@ -1,24 +1,22 @@
 //! Which places all that was seen does not tell apart.
 
 use super::RelocalizationConfig;
-use crate::hypotheses::{Hypothesis, SensedView, is_near};
-use crate::wall_squares::{Votes, WallSquares};
+use crate::confidence::ConfidenceConfig;
+use crate::hypotheses::{Hypothesis, is_near};
+use crate::wall_squares::Votes;
 use fht_perception::candidate::Candidate;
 use fht_perception::pose::Pose2;
 
-/// The places that are not clearly behind the one with most pieces of wall right, most probable
-/// first.
+/// The places of `hypotheses`, which have these votes, that are not clearly behind the one with
+/// most pieces of wall right, most probable first.
 pub(super) fn not_told_apart(
     hypotheses: &[Hypothesis],
-    views: &[SensedView],
+    votes: &[Votes],
+    odom_from_base: &Pose2,
     config: &RelocalizationConfig,
 ) -> Vec<Candidate> {
-    let Some(last) = views.last() else { return Vec::new() };
-    let squares = WallSquares::of(views, config.square_m);
-    let votes: Vec<Votes> = hypotheses.iter().map(|place| squares.votes(&place.verdicts)).collect();
-    let Some(most) = votes.iter().max_by(|a, b| a.net().total_cmp(&b.net())) else { return Vec::new() };
-    let behind = votes.iter().map(|of_place| most.sigmas_over(of_place));
-    let mut places: Vec<(f64, Pose2)> = behind.zip(hypotheses.iter().map(Hypothesis::map_from_base)).collect();
+    let at = hypotheses.iter().map(Hypothesis::map_from_base);
+    let mut places: Vec<(f64, Pose2)> = sigmas_behind_the_most(votes).into_iter().zip(at).collect();
     places.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut kept: Vec<(f64, Pose2)> = Vec::new();
     for (sigmas_behind, at) in places {
@@ -28,23 +26,23 @@ pub(super) fn not_told_apart(
         }
     }
     let sum: f64 = kept.iter().map(|(odds, _)| odds).sum();
-    let base_from_odom = last.odometry.odom_from_base.inverse();
+    let base_from_odom = odom_from_base.inverse();
     kept.into_iter().map(|(odds, at)| Candidate { map_from_odom: at * base_from_odom, share: odds / sum }).collect()
 }
 
-/// Odds of the places after the first, against the one of them that has most pieces of wall right.
-pub(super) fn odds_of_others(
-    hypotheses: &[Hypothesis],
-    views: &[SensedView],
-    config: &RelocalizationConfig,
-) -> Vec<f64> {
+/// Odds of the places after the first, by the votes of all, against the one of them that has most
+/// pieces of wall right.
+pub(super) fn odds_of_others(votes: &[Votes], confidence: &ConfidenceConfig) -> Vec<f64> {
     /// More places would tell nobody anything.
     const MOST: usize = 5;
-    let squares = WallSquares::of(views, config.square_m);
-    let others = hypotheses.iter().take(MOST).skip(1);
-    let votes: Vec<Votes> = others.map(|place| squares.votes(&place.verdicts)).collect();
+    let others = votes.get(1..votes.len().min(MOST)).unwrap_or_default();
+    sigmas_behind_the_most(others).into_iter().map(|sigmas| confidence.odds(sigmas)).collect()
+}
+
+/// By how many standard deviations each is behind the one with most pieces of wall right.
+fn sigmas_behind_the_most(votes: &[Votes]) -> Vec<f64> {
     let Some(most) = votes.iter().max_by(|a, b| a.net().total_cmp(&b.net())) else { return Vec::new() };
-    votes.iter().map(|other| config.confidence.odds(most.sigmas_over(other))).collect()
+    votes.iter().map(|of_place| most.sigmas_over(of_place)).collect()
 }
 
 /// How probable each place is when the first one is right with `confidence`: what that leaves goes

@@ -2,6 +2,7 @@
 //! while something is seen there, for a while; after that it is a piece of furniture.
 
 use super::moving_returns::{Movers, MovingReturnConfig, MovingReturns};
+use super::standing_alone::standing_alone;
 use fht_perception::frame::{LaserScan, SensorFrame};
 use fht_perception::grid::OccupancyGrid;
 use fht_perception::pose::{Point2, Pose2};
@@ -32,6 +33,9 @@ pub struct BystanderConfig {
     pub least_sights: usize,
     /// Who is slower than this stands, metres per second. Default 0.25.
     pub standing_mps: f64,
+    /// Where people walk, what stands alone and is no wider than this may be somebody, metres.
+    /// Default 0.6.
+    pub somebody_m: f64,
 }
 
 impl Default for BystanderConfig {
@@ -45,6 +49,7 @@ impl Default for BystanderConfig {
             walked_m: 0.7,
             least_sights: 3,
             standing_mps: 0.25,
+            somebody_m: 0.6,
         }
     }
 }
@@ -66,6 +71,8 @@ struct Track {
     first: Point2,
     /// How often he was seen moving since.
     sights: usize,
+    /// He was seen moving for the first time in the newest frame.
+    is_new: bool,
     /// Odometry frame.
     position: Point2,
     velocity: Vector2<f64>,
@@ -83,6 +90,19 @@ pub struct Bystanders {
     coming: Vec<Point2>,
     odom_from_base: Pose2,
     has_met: bool,
+    has_just_met: bool,
+}
+
+/// Returns within so many radii of somebody's place are his.
+const NEAR_RADII: f64 = 1.5;
+
+/// A frame in which nothing is known of some beams.
+fn without(frame: &SensorFrame, hidden: &[bool]) -> SensorFrame {
+    let mut frame = frame.clone();
+    for (range, _) in frame.scan.ranges_m.iter_mut().zip(hidden).filter(|(_, is_hidden)| **is_hidden) {
+        *range = f32::NAN;
+    }
+    frame
 }
 
 fn seconds(from_us: u64, to_us: u64) -> f64 {
@@ -100,6 +120,7 @@ impl Bystanders {
             coming: Vec::new(),
             odom_from_base: Pose2::identity(),
             has_met: false,
+            has_just_met: false,
         }
     }
 
@@ -110,6 +131,13 @@ impl Bystanders {
         self.has_met
     }
 
+    /// Whether that is so since the newest frame: some of what stood about before may have been
+    /// people.
+    #[must_use]
+    pub fn has_just_met(&self) -> bool {
+        self.has_just_met
+    }
+
     /// Takes in a frame, and gives it back without the returns of what moves: of these beams
     /// nothing is known then, so that nothing that walks is matched or drawn. Time must not go
     /// back.
@@ -117,17 +145,39 @@ impl Bystanders {
         let SensorFrame { time_us, odom_from_base, scan, .. } = frame;
         let Movers { moving, coming } = self.returns.find(odom_from_base, scan, *time_us, &self.config.returns);
         self.odom_from_base = *odom_from_base;
+        let had_met = self.has_met;
         self.follow(&moving, scan, *time_us);
+        self.has_just_met = self.has_met && !had_met;
         let unfollowed: Vec<bool> = coming.iter().zip(&moving).map(|(is_coming, moves)| *is_coming && !moves).collect();
         self.coming = middles(&unfollowed, scan, self.config.returns.gap_m, |beam| scan.beam_end_in_base(beam));
         if !self.has_met || !moving.contains(&true) {
             return Cow::Borrowed(frame);
         }
-        let mut hidden = frame.clone();
-        for (range, _) in hidden.scan.ranges_m.iter_mut().zip(&moving).filter(|(_, is_moving)| **is_moving) {
-            *range = f32::NAN;
+        Cow::Owned(without(frame, &moving))
+    }
+
+    /// The newest frame, as [`Bystanders::hide`] gave it, without the returns of what may be
+    /// somebody either: who has walked and stands now, and narrow things that stand alone. By these
+    /// nobody finds a place. What they are to a grid is another question: a robot must not drive
+    /// into them.
+    #[must_use]
+    pub fn hide_standing<'a>(&self, frame: &'a SensorFrame) -> Cow<'a, SensorFrame> {
+        if !self.has_met {
+            return Cow::Borrowed(frame);
         }
-        Cow::Owned(hidden)
+        let SensorFrame { odom_from_base, scan, .. } = frame;
+        let is_near = |at: &Point2| {
+            self.tracks.iter().any(|track| (track.position - at).norm() < NEAR_RADII * self.config.radius_m)
+        };
+        let is_track = |beam: usize| {
+            let range_m = scan.ranges_m[beam];
+            range_m.is_nan() || scan.is_return(range_m) && is_near(&(odom_from_base * scan.beam_end_in_base(beam)))
+        };
+        let mut hidden: Vec<bool> = (0..scan.ranges_m.len()).map(is_track).collect();
+        for thing in standing_alone(scan, &hidden, self.config.somebody_m, self.config.returns.gap_m) {
+            thing.beams().for_each(|beam| hidden[beam] = true);
+        }
+        Cow::Owned(without(frame, &hidden))
     }
 
     /// Those about, in the frame of the robot's base at the newest frame.
@@ -137,7 +187,8 @@ impl Bystanders {
         let see = |track: &Track| Bystander {
             position: base_from_odom * track.position,
             velocity: base_from_odom.rotation * track.velocity,
-            is_walking: track.velocity.norm() >= self.config.standing_mps,
+            // How fast somebody walks is known from the second sight on.
+            is_walking: track.velocity.norm() >= self.config.standing_mps || track.is_new,
         };
         let come = |position: &Point2| Bystander { position: *position, velocity: Vector2::zeros(), is_walking: true };
         if self.has_met {
@@ -166,6 +217,7 @@ impl Bystanders {
     fn follow(&mut self, moving: &[bool], scan: &LaserScan, time_us: u64) {
         let odom_from_base = self.odom_from_base;
         let end = |beam: usize| odom_from_base * scan.beam_end_in_base(beam);
+        self.tracks.iter_mut().for_each(|track| track.is_new = false);
         for middle in middles(moving, scan, self.config.returns.gap_m, end) {
             self.take(middle, time_us);
         }
@@ -174,7 +226,7 @@ impl Bystanders {
             (0..scan.ranges_m.len()).filter(|&beam| scan.is_return(scan.ranges_m[beam])).map(end).collect();
         for track in tracks.iter_mut().filter(|track| track.seen_us < time_us) {
             // Who is not seen moving stands, if something is seen where he was last.
-            let reach_m = 1.5 * config.radius_m;
+            let reach_m = NEAR_RADII * config.radius_m;
             let near: Vec<&Point2> = returns.iter().filter(|at| (*at - track.position).norm() < reach_m).collect();
             if seconds(track.moved_us, time_us) > 0.5 {
                 track.velocity = Vector2::zeros();
@@ -223,6 +275,7 @@ impl Bystanders {
                 self.tracks.push(Track {
                     first: here,
                     sights: 0,
+                    is_new: true,
                     position: here,
                     velocity,
                     seen_us: time_us,
@@ -298,6 +351,25 @@ mod tests {
         assert!((standing[0].position - Point2::new(1.6, 0.0)).norm() < 0.15, "{standing:?}");
         (40..400).for_each(|number| drop(about.hide(&frame(number, place(number)))));
         assert!(about.around().is_empty(), "a piece of furniture by now");
+    }
+
+    #[test]
+    fn who_stands_is_hidden_where_a_place_is_found_once_somebody_has_walked() {
+        let mut about = Bystanders::new(BystanderConfig::default());
+        let mut met = Vec::new();
+        for number in 0..400 {
+            let frame = frame(number, place(number));
+            let lasting = about.hide(&frame);
+            let walls = about.hide_standing(&lasting);
+            let hidden = walls.scan.ranges_m.iter().filter(|range| range.is_nan()).count();
+            // Before he is known to be somebody, and after he is forgotten, he stands alone.
+            assert_eq!(hidden > 5, about.has_met(), "{hidden} hidden in frame {number}");
+            assert!(hidden < 30, "{hidden} hidden in frame {number}");
+            if about.has_just_met() {
+                met.push(number);
+            }
+        }
+        assert!(matches!(met[..], [4..8]), "{met:?}");
     }
 
     #[test]

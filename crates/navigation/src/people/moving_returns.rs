@@ -1,9 +1,11 @@
 //! The returns of a scan that something moving gave: they end where beams of a moment ago went on.
 
+use super::segments::{beams_in_turn, is_all_round, segments};
 use fht_perception::frame::LaserScan;
 use fht_perception::pose::{Point2, Pose2};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
+use std::f64::consts::TAU;
 
 /// Which returns count as those of something that moves.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -70,34 +72,39 @@ struct Past {
     time_us: u64,
     odom_from_sensor: Pose2,
     scan: LaserScan,
+    /// Beams in a whole turn, in parts.
+    beams_in_turn: f64,
+    /// The scanner looks all round: beside its last beam is its first.
+    is_full: bool,
 }
 
 impl Past {
-    /// How many beams the wheels may be off, now that the robot is at `odom_from_sensor`.
-    fn beams_off(&self, odom_from_sensor: &Pose2, config: &MovingReturnConfig) -> usize {
-        let turned_rad = self.odom_from_sensor.rotation.angle_to(&odom_from_sensor.rotation).abs();
-        (config.turn_error * turned_rad / self.scan.angle_increment.abs().max(1e-6)).ceil() as usize
+    fn new(time_us: u64, odom_from_sensor: Pose2, scan: LaserScan) -> Self {
+        Self { time_us, odom_from_sensor, beams_in_turn: beams_in_turn(&scan), is_full: is_all_round(&scan), scan }
     }
 
-    /// Whether the beams towards a place, and beside it one more than the wheels are `off`, went on
-    /// beyond it by `beyond_m`.
-    fn saw_through(&self, place: Point2, off: usize, beyond_m: f64) -> bool {
+    /// How many beams on each side of that towards a place count, now that the robot is at
+    /// `odom_from_sensor`: one more than the wheels may be off.
+    fn beams_aside(&self, odom_from_sensor: &Pose2, config: &MovingReturnConfig) -> usize {
+        let turned_rad = self.odom_from_sensor.rotation.angle_to(&odom_from_sensor.rotation).abs();
+        1 + (config.turn_error * turned_rad / TAU * self.beams_in_turn).ceil() as usize
+    }
+
+    /// Whether the beams towards a place, and so many on each side, went on beyond it by
+    /// `beyond_m`.
+    fn saw_through(&self, place: Point2, aside: usize, beyond_m: f64) -> bool {
         let to = self.odom_from_sensor.inverse_transform_point(&place);
-        let (distance_m, scan) = (to.coords.norm(), &self.scan);
-        let step_rad = scan.angle_increment.abs().max(1e-6);
-        let turn = std::f64::consts::TAU / step_rad;
+        let (least_m, scan) = (to.coords.norm() + beyond_m, &self.scan);
         let count = scan.ranges_m.len();
-        let is_full = (count as f64 - turn).abs() < 1.5;
         let angle = (to.y.atan2(to.x) - scan.angle_min) / scan.angle_increment;
-        let beam = angle.rem_euclid(turn).round() as usize;
-        let aside = 1 + off;
-        if 2 * aside >= count || (!is_full && !(aside..count - aside).contains(&beam)) {
+        let beam = angle.rem_euclid(self.beams_in_turn).round() as usize;
+        if 2 * aside >= count || (!self.is_full && !(aside..count - aside).contains(&beam)) {
             return false; // it did not look there
         }
-        let beams = (beam + count - aside..=beam + count + aside).map(|beam| f64::from(scan.ranges_m[beam % count]));
-        let least_m = distance_m + beyond_m;
+        let mut ranges =
+            (beam + count - aside..=beam + count + aside).map(|beam| f64::from(scan.ranges_m[beam % count]));
         // Of NaN nothing is known.
-        beams.into_iter().all(|range_m| !range_m.is_nan() && range_m.min(scan.range_max_m) > least_m)
+        ranges.all(|range_m| !range_m.is_nan() && range_m.min(scan.range_max_m) > least_m)
     }
 }
 
@@ -130,57 +137,52 @@ impl MovingReturns {
             self.past.pop_front();
         }
         let is_judged = |range: f32| scan.is_return(range) && f64::from(range) < config.reach_m;
-        let off = |past: &Past| past.beams_off(&odom_from_sensor, config);
+        let aside = |past: &Past| past.beams_aside(&odom_from_sensor, config);
         let older = self.past.iter().filter(|past| age_s(past) >= config.least_age_s);
-        let older: Vec<(&Past, usize)> = older.map(|past| (past, off(past))).collect();
+        let older: Vec<(&Past, usize)> = older.map(|past| (past, aside(past))).collect();
         let place = |beam: usize| odom_from_base * scan.beam_end_in_base(beam);
         let places: Vec<Point2> = (0..scan.ranges_m.len()).map(place).collect();
         let is_new = |beam: usize| {
-            let through = older.iter().filter(|(past, off)| past.saw_through(places[beam], *off, config.beyond_m));
+            let through = older.iter().filter(|(past, aside)| past.saw_through(places[beam], *aside, config.beyond_m));
             is_judged(scan.ranges_m[beam]) && through.take(config.least_scans).count() >= config.least_scans
         };
-        let newest = self.past.back().map(|past| (past, off(past)));
+        let newest = self.past.back().map(|past| (past, aside(past)));
         let is_nearer = |beam: usize| {
             let range = scan.ranges_m[beam];
             let is_near = scan.is_return(range) && f64::from(range) < config.near_m;
-            is_near && newest.is_some_and(|(past, off)| past.saw_through(places[beam], off, config.nearer_m))
+            is_near && newest.is_some_and(|(past, aside)| past.saw_through(places[beam], aside, config.nearer_m))
         };
-        let found = |is_found: &dyn Fn(usize) -> bool| {
-            let found: Vec<bool> = (0..scan.ranges_m.len()).map(is_found).collect();
-            grown(&found, scan, config)
-        };
-        let (moving, coming) = (found(&is_new), found(&is_nearer));
-        self.past.push_back(Past { time_us, odom_from_sensor, scan: scan.clone() });
+        let found = |is_found: &dyn Fn(usize) -> bool| (0..scan.ranges_m.len()).map(is_found).collect::<Vec<bool>>();
         let returns = scan.ranges_m.iter().filter(|range| scan.is_return(**range)).count();
-        let count = moving.iter().filter(|is_moving| **is_moving).count();
-        let moving = if count as f64 > config.most_share * returns as f64 { vec![false; moving.len()] } else { moving };
+        let few = |found: Vec<bool>| {
+            let count = found.iter().filter(|is_found| **is_found).count();
+            if count as f64 > config.most_share * returns as f64 { vec![false; found.len()] } else { found }
+        };
+        let moving = few(grown(&found(&is_new), scan, config));
+        let coming = few(side_by_side(&found(&is_nearer), config.least_returns));
+        self.past.push_back(Past::new(time_us, odom_from_sensor, scan.clone()));
         Movers { moving, coming }
     }
 }
 
 /// What hangs together, is no wider than somebody, and is new in good part.
 fn grown(new: &[bool], scan: &LaserScan, config: &MovingReturnConfig) -> Vec<bool> {
-    let ranges = &scan.ranges_m;
     let mut moving = vec![false; new.len()];
-    let mut from = 0;
-    while from < ranges.len() {
-        let hangs = |index: usize| {
-            let step = f64::from(ranges[index]) - f64::from(ranges[index - 1]);
-            scan.is_return(ranges[index]) && step.abs() < config.gap_m
-        };
-        let mut to = from + 1;
-        while scan.is_return(ranges[from]) && to < ranges.len() && hangs(to) {
-            to += 1;
+    for segment in segments(scan, config.gap_m) {
+        let count = segment.beams().filter(|beam| new[*beam]).count();
+        let is_much = count >= config.least_returns && count as f64 >= config.least_share * segment.count as f64;
+        if is_much && segment.width_m(scan) <= config.widest_m {
+            segment.beams().for_each(|beam| moving[beam] = true);
         }
-        let count = new[from..to].iter().filter(|is_new| **is_new).count();
-        let is_much = count >= config.least_returns && count as f64 >= config.least_share * (to - from) as f64;
-        let width_m = || (scan.beam_end_in_base(from) - scan.beam_end_in_base(to - 1)).norm();
-        if is_much && width_m() <= config.widest_m {
-            moving[from..to].fill(true);
-        }
-        from = to;
     }
     moving
+}
+
+/// Those of which so many lie side by side. Who comes near may hang together with others, or with a
+/// wall.
+fn side_by_side(found: &[bool], least: usize) -> Vec<bool> {
+    let runs = found.chunk_by(|a, b| a == b);
+    runs.flat_map(|run| std::iter::repeat_n(run[0] && run.len() >= least, run.len())).collect()
 }
 
 #[cfg(test)]
@@ -240,6 +242,24 @@ mod tests {
             let count = |returns: &[bool]| returns.iter().filter(|is| **is).count();
             assert_eq!(count(&found.moving), 0, "frame {frame}");
             assert_eq!(count(&found.coming) > 10, frame == 4, "frame {frame}");
+        }
+    }
+
+    #[test]
+    fn who_comes_beside_somebody_who_stands_is_coming_too() {
+        let (mut moving, config) = (MovingReturns::default(), MovingReturnConfig::default());
+        // A row of people stands 0.75 m ahead, and one of them steps forward.
+        for (frame, ahead_m) in [0.75, 0.75, 0.75, 0.75, 0.55].into_iter().enumerate() {
+            let others = [-0.6, -0.3, 0.3, 0.6].map(|aside_m| Point2::new(0.75, aside_m));
+            let row = others.map(|at| room(Some(at)));
+            let mut scan = room(Some(Point2::new(ahead_m, 0.0)));
+            for other in &row {
+                let nearer = scan.ranges_m.iter_mut().zip(&other.ranges_m);
+                nearer.for_each(|(range_m, other_m)| *range_m = range_m.min(*other_m));
+            }
+            let found = moving.find(&Pose2::identity(), &scan, frame as u64 * 200_000, &config);
+            let coming = found.coming.iter().filter(|is_coming| **is_coming).count();
+            assert_eq!(coming > 8, frame == 4, "{coming} in frame {frame}");
         }
     }
 
