@@ -70,6 +70,8 @@ pub struct FollowedPath {
     path: PlannedPath,
     /// Its points, and more where they are far apart: map frame.
     points: Vec<Point2>,
+    /// Of each, whether it is one of the path's.
+    is_corner: Vec<bool>,
     next: usize,
     planned_with: Pose2,
 }
@@ -79,10 +81,10 @@ impl FollowedPath {
     #[must_use]
     pub fn new(config: PathFollowingConfig, path: PlannedPath, map_from_odom: Pose2) -> Self {
         let corners: Vec<Point2> = path.points.iter().map(|point| point.position).collect();
-        let points = spaced(&corners, config.spacing_m);
+        let (points, is_corner): (Vec<Point2>, Vec<bool>) = spaced(&corners, config.spacing_m).into_iter().unzip();
         // The first point is where the robot stands.
         let next = usize::from(points.len() > 1);
-        Self { config, path, points, next, planned_with: map_from_odom }
+        Self { config, path, points, is_corner, next, planned_with: map_from_odom }
     }
 
     /// The path.
@@ -138,6 +140,16 @@ impl FollowedPath {
         to_next + ahead.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum::<f64>()
     }
 
+    /// If there is no way to the next point, and it is none of the path's own: heads for the one
+    /// after it, if that is not too far to be seen. Something may stand on a straight way that can
+    /// be driven round. `here` is the robot in the odometry frame.
+    pub fn skip_between(&mut self, map_from_odom: &Pose2, here: Point2) -> bool {
+        let is_between = self.is_corner.get(self.next) == Some(&false);
+        let after = self.points.get(self.next + 1);
+        let is_near = after.is_some_and(|after| (after - map_from_odom * here).norm() <= self.config.see_m);
+        is_between && is_near && self.skip()
+    }
+
     /// Heads for the point after the next one, as when the next one itself cannot be reached. False
     /// at the path's end.
     pub fn skip(&mut self) -> bool {
@@ -147,18 +159,19 @@ impl FollowedPath {
     }
 }
 
-/// The corners of a path, and between those that are farther apart than `spacing_m` as many more as
-/// it takes.
-fn spaced(corners: &[Point2], spacing_m: f64) -> Vec<Point2> {
-    /// Nobody drives farther in one line.
+/// The corners of a path, and between those that are farther apart than `spacing_m` as many more
+/// points as it takes; and of each whether it is a corner.
+fn spaced(corners: &[Point2], spacing_m: f64) -> Vec<(Point2, bool)> {
+    /// So many points between two corners are enough, however far apart they are.
     const MOST: f64 = 10_000.0;
     let between = corners.windows(2).flat_map(|pair| {
         let way = pair[1] - pair[0];
         // Casts saturate, and NaN is none.
         let parts = (way.norm() / spacing_m.max(0.1)).ceil().clamp(1.0, MOST) as usize;
-        (1..=parts).map(move |part| if part == parts { pair[1] } else { pair[0] + way * (part as f64 / parts as f64) })
+        let between = (1..parts).map(move |part| (pair[0] + way * (part as f64 / parts as f64), false));
+        between.chain(std::iter::once((pair[1], true)))
     });
-    corners.first().copied().into_iter().chain(between).collect()
+    corners.first().map(|first| (*first, true)).into_iter().chain(between).collect()
 }
 
 #[cfg(test)]
@@ -224,11 +237,21 @@ mod tests {
         assert!((length_m - 20.3).abs() < 1e-9, "{length_m}");
         for driven in 0..19 {
             let here = pose(0.3, f64::from(driven), 0.0);
-            // What it has seen is of another place.
             let target = route.target(&Pose2::identity(), &here, &room()).expect("not there yet");
             assert!(target.distance_m < 3.0 && !target.is_goal || driven > 17, "{target:?} after {driven} m");
         }
         assert_eq!(route.path().points.len(), 3);
+    }
+
+    #[test]
+    fn what_stands_on_a_point_between_is_driven_round() {
+        let (far, here) = (path(&[(0.0, 0.0), (20.0, 0.0)]), Point2::origin());
+        let mut route = FollowedPath::new(PathFollowingConfig::default(), far, Pose2::identity());
+        let skipped = (0..20).take_while(|_| route.skip_between(&Pose2::identity(), here)).count();
+        assert_eq!(skipped, 2, "from 2 m to 6 m, and no farther than it sees");
+        let corners = path(&[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]);
+        let mut route = FollowedPath::new(PathFollowingConfig::default(), corners, Pose2::identity());
+        assert!(!route.skip_between(&Pose2::identity(), here));
     }
 
     #[test]

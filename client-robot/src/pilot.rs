@@ -327,6 +327,7 @@ impl Pilot {
                 route.skip();
                 (Twist::default(), None)
             }
+            Steering::NoWay if route.skip_between(&now.map_from_odom, now.here()) => (Twist::default(), None),
             Steering::NoWay => self.no_way(now, &target, left_m, paths),
         }
     }

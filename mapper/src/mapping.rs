@@ -286,7 +286,10 @@ impl Mapper {
 
     /// Main nodes: from the panorama before this one, whose descriptor is ready by now.
     fn observe_place(&mut self, frame: &SensorFrame, anchored: &Anchored) {
-        let scan = self.bystanders.hide_standing(frame).scan.to_record();
+        if self.camera.is_some() && frame.panorama.is_none() {
+            return;
+        }
+        let scan = self.bystanders.hide_doubtful(frame).scan.to_record();
         let seen = SensedPlace { anchored: *anchored, frame: self.frame, scan };
         let Some(camera) = &mut self.camera else {
             // No cameras: every frame is a place without an appearance.

@@ -28,12 +28,13 @@ impl GivingWay {
         self.bystanders.hide(frame)
     }
 
-    /// Whether somebody has walked by for the first time.
+    /// Whether somebody has walked by for the first time: what stood about before may have been
+    /// people.
     pub(super) fn have_just_come(&self) -> bool {
         self.bystanders.has_just_met()
     }
 
-    /// That frame without what may be somebody who stands: to find the place by.
+    /// That frame without who stands: to find the place by.
     pub(super) fn hide_standing<'a>(&self, lasting: &'a SensorFrame) -> Cow<'a, SensorFrame> {
         self.bystanders.hide_standing(lasting)
     }

@@ -47,15 +47,15 @@ pub(crate) struct Judged<'a> {
 }
 
 impl Judged<'_> {
-    /// What speaks for `best` against rivals that have these votes.
+    /// What speaks for `best`, which has these votes, against rivals that have those.
     pub fn place<'a>(
         &self,
         best: &Hypothesis,
+        votes: &Votes,
         rivals: impl Iterator<Item = &'a Votes>,
         spread_m: f64,
     ) -> PlaceEvidence {
         let here = self.squares.tally(&best.verdicts);
-        let votes = self.squares.votes(&best.verdicts);
         let directions = (0..8).map(|eighth| FRAC_PI_4 * f64::from(eighth));
         let moves = directions.flat_map(|angle| MOVES_M.map(|m| pose(m * angle.cos(), m * angle.sin(), 0.0)));
         let walls = (self.squares.count as f64).max(1.0);

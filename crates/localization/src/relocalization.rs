@@ -312,11 +312,12 @@ impl Relocalizer {
         }
     }
 
-    /// What speaks for `best`. The order of the hypotheses is by all that was seen, this by walls.
+    /// What speaks for the first hypothesis, `best`, by the votes of all. Their order is by all
+    /// that was seen, this by walls.
     fn weigh(&self, best: &Hypothesis, votes: &[Votes], squares: &WallSquares, landmarks: &Landmarks) -> PlaceEvidence {
         let judged = Judged { views: &self.views, squares, landmarks, evidence: &self.config.weigh.evidence };
         let rivals = self.hypotheses.iter().zip(votes).filter(|(other, _)| self.is_elsewhere(other, best));
-        judged.place(best, rivals.map(|(_, votes)| votes), self.spread_m())
+        judged.place(best, &votes[0], rivals.map(|(_, votes)| votes), self.spread_m())
     }
 
     /// Hypotheses of other places than this.

@@ -22,4 +22,4 @@ pub use bystanders::{Bystander, BystanderConfig, Bystanders};
 pub use distance::{DistanceConfig, keep_distance};
 pub use moving_returns::MovingReturnConfig;
 pub use segments::ScanSegment;
-pub use standing_alone::standing_alone;
+pub use standing_alone::{StandingAlone, standing_alone};

@@ -4,12 +4,13 @@
 //! A return that ends where the robot's grid has free floor by now, with nothing occupied near, was
 //! somebody's. Who was seen walking is not in the scan in the first place
 //! ([`Bystanders`](fht_navigation::people::Bystanders)); this is for who stood, and left. Where
-//! people walk, things of a person's width that stand alone are left out as well, unless another
-//! node has seen them at another time.
+//! people walk, things of a person's width that stand alone are left out as well: at once, when
+//! somebody has walked by; and at the end of what was seen before, unless another node has seen
+//! them at another time.
 
 use super::config::PasserByConfig;
 use fht_map::NodeRef;
-use fht_navigation::people::{ScanSegment, standing_alone};
+use fht_navigation::people::{ScanSegment, StandingAlone, standing_alone};
 use fht_perception::frame::LaserScan;
 use fht_perception::grid::{Cell, CellState, OccupancyGrid};
 use fht_perception::pose::{Point2, from_fixed};
@@ -86,13 +87,12 @@ impl Sightings {
     pub(super) fn without_doubtful(&self, node: &NodeRef<'_>, frame: u64, config: &PasserByConfig) -> Option<Op> {
         let scan = LaserScan::from_record(&node.signature?.scan);
         let map_from_base = from_fixed(node.pose);
-        // Of beams of which nothing is known somebody may be what hid them.
-        let unknown: Vec<bool> = scan.ranges_m.iter().map(|range_m| range_m.is_nan()).collect();
         let is_confirmed = |thing: &ScanSegment| {
             let mut places = thing.beams().map(|beam| map_from_base * scan.beam_end_in_base(beam));
             places.any(|place| self.confirm(place, frame, config.apart_frames))
         };
-        let things = standing_alone(&scan, &unknown, config.widest_m, config.alone_m);
+        let PasserByConfig { widest_m, alone_m: gap_m, least_returns, .. } = *config;
+        let things = standing_alone(&scan, &[], &StandingAlone { widest_m, gap_m, least_returns });
         let doubtful = things.into_iter().filter(|thing| !is_confirmed(thing));
         blanked(node, doubtful.flat_map(ScanSegment::beams), config)
     }

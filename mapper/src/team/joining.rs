@@ -112,6 +112,7 @@ impl Joining {
     /// ([`Localizer::forget_views`](fht_localization::localizer::Localizer::forget_views)).
     pub fn forget_views(&mut self) {
         self.localizer.forget_views();
+        self.claim = None;
     }
 
     /// Takes in a frame at which the robot was at `run_from_base` in its own frame. Where that

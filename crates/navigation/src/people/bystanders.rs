@@ -2,7 +2,8 @@
 //! while something is seen there, for a while; after that it is a piece of furniture.
 
 use super::moving_returns::{Movers, MovingReturnConfig, MovingReturns};
-use super::standing_alone::standing_alone;
+use super::segments::ScanSegment;
+use super::standing_alone::{StandingAlone, standing_alone};
 use fht_perception::frame::{LaserScan, SensorFrame};
 use fht_perception::grid::OccupancyGrid;
 use fht_perception::pose::{Point2, Pose2};
@@ -31,11 +32,14 @@ pub struct BystanderConfig {
     pub walked_m: f64,
     /// … and was seen moving so often after the first time. Default 3.
     pub least_sights: usize,
-    /// Who is slower than this stands, metres per second. Default 0.25.
+    /// Who is slower than this stands, metres per second. Default 0.25. Who has just been seen
+    /// moving for the first time walks, however fast.
     pub standing_mps: f64,
     /// Where people walk, what stands alone and is no wider than this may be somebody, metres.
     /// Default 0.6.
     pub somebody_m: f64,
+    /// If more than this share of all returns stand alone, they are posts and racks. Default 0.5.
+    pub most_alone: f64,
 }
 
 impl Default for BystanderConfig {
@@ -50,6 +54,7 @@ impl Default for BystanderConfig {
             least_sights: 3,
             standing_mps: 0.25,
             somebody_m: 0.6,
+            most_alone: 0.5,
         }
     }
 }
@@ -73,6 +78,8 @@ struct Track {
     sights: usize,
     /// He was seen moving for the first time in the newest frame.
     is_new: bool,
+    /// He has truly walked: no thing was taken for him.
+    has_walked: bool,
     /// Odometry frame.
     position: Point2,
     velocity: Vector2<f64>,
@@ -95,6 +102,11 @@ pub struct Bystanders {
 
 /// Returns within so many radii of somebody's place are his.
 const NEAR_RADII: f64 = 1.5;
+
+/// A frame in which nothing is known of some beams, if there are any.
+fn hide_beams<'a>(frame: &'a SensorFrame, hidden: &[bool]) -> Cow<'a, SensorFrame> {
+    if hidden.contains(&true) { Cow::Owned(without(frame, hidden)) } else { Cow::Borrowed(frame) }
+}
 
 /// A frame in which nothing is known of some beams.
 fn without(frame: &SensorFrame, hidden: &[bool]) -> SensorFrame {
@@ -125,14 +137,15 @@ impl Bystanders {
     }
 
     /// Whether anybody has walked by so far. Where nobody does nobody stands either, and what looks
-    /// like somebody is a thing: until then nothing is hidden, and nobody is about.
+    /// like somebody is a thing: until then nothing is hidden, and only
+    /// who comes near all of a sudden is about.
     #[must_use]
     pub fn has_met(&self) -> bool {
         self.has_met
     }
 
-    /// Whether that is so since the newest frame: some of what stood about before may have been
-    /// people.
+    /// Whether the newest frame was the first to show that: some of what stood about before may
+    /// have been people.
     #[must_use]
     pub fn has_just_met(&self) -> bool {
         self.has_just_met
@@ -156,28 +169,42 @@ impl Bystanders {
         Cow::Owned(without(frame, &moving))
     }
 
-    /// The newest frame, as [`Bystanders::hide`] gave it, without the returns of what may be
-    /// somebody either: who has walked and stands now, and narrow things that stand alone. By these
-    /// nobody finds a place. What they are to a grid is another question: a robot must not drive
-    /// into them.
+    /// The newest frame, as [`Bystanders::hide`] gave it, without the returns of those who have
+    /// walked and stand now: they are no walls to find a place by. A robot must not drive into
+    /// them, so a grid keeps them.
     #[must_use]
     pub fn hide_standing<'a>(&self, frame: &'a SensorFrame) -> Cow<'a, SensorFrame> {
-        if !self.has_met {
-            return Cow::Borrowed(frame);
+        hide_beams(frame, &self.standing(frame))
+    }
+
+    /// The same without narrow things that stand alone either, once people have walked by: each may
+    /// be somebody who has stood there all along. For what is kept: others have no use for what may
+    /// be gone tomorrow.
+    #[must_use]
+    pub fn hide_doubtful<'a>(&self, frame: &'a SensorFrame) -> Cow<'a, SensorFrame> {
+        let mut hidden = self.standing(frame);
+        if self.has_met {
+            let BystanderConfig { returns, somebody_m, most_alone, .. } = &self.config;
+            let MovingReturnConfig { gap_m, least_returns, .. } = *returns;
+            let alone = StandingAlone { widest_m: *somebody_m, gap_m, least_returns };
+            let things = standing_alone(&frame.scan, &hidden, &alone);
+            let alone: Vec<usize> = things.into_iter().flat_map(ScanSegment::beams).collect();
+            let all = frame.scan.ranges_m.iter().filter(|range_m| frame.scan.is_return(**range_m)).count();
+            if alone.len() as f64 <= most_alone * all as f64 {
+                alone.into_iter().for_each(|beam| hidden[beam] = true);
+            }
         }
+        hide_beams(frame, &hidden)
+    }
+
+    /// Of each beam of the newest frame, whether it ends at somebody who has walked and stands now.
+    fn standing(&self, frame: &SensorFrame) -> Vec<bool> {
         let SensorFrame { odom_from_base, scan, .. } = frame;
-        let is_near = |at: &Point2| {
-            self.tracks.iter().any(|track| (track.position - at).norm() < NEAR_RADII * self.config.radius_m)
-        };
-        let is_track = |beam: usize| {
-            let range_m = scan.ranges_m[beam];
-            range_m.is_nan() || scan.is_return(range_m) && is_near(&(odom_from_base * scan.beam_end_in_base(beam)))
-        };
-        let mut hidden: Vec<bool> = (0..scan.ranges_m.len()).map(is_track).collect();
-        for thing in standing_alone(scan, &hidden, self.config.somebody_m, self.config.returns.gap_m) {
-            thing.beams().for_each(|beam| hidden[beam] = true);
-        }
-        Cow::Owned(without(frame, &hidden))
+        let stand: Vec<Point2> = self.tracks.iter().filter(|it| it.has_walked).map(|it| it.position).collect();
+        let is_near = |at: Point2| stand.iter().any(|it| (it - at).norm() < NEAR_RADII * self.config.radius_m);
+        let is_return = |beam: usize| scan.is_return(scan.ranges_m[beam]);
+        let ends = |beam: usize| odom_from_base * scan.beam_end_in_base(beam);
+        (0..scan.ranges_m.len()).map(|beam| is_return(beam) && is_near(ends(beam))).collect()
     }
 
     /// Those about, in the frame of the robot's base at the newest frame.
@@ -191,11 +218,9 @@ impl Bystanders {
             is_walking: track.velocity.norm() >= self.config.standing_mps || track.is_new,
         };
         let come = |position: &Point2| Bystander { position: *position, velocity: Vector2::zeros(), is_walking: true };
-        if self.has_met {
-            self.tracks.iter().map(see).chain(self.coming.iter().map(come)).collect()
-        } else {
-            Vec::new()
-        }
+        // Whoever comes near is kept away from, be it the first one.
+        let tracks = self.tracks.iter().filter(|_| self.has_met);
+        tracks.map(see).chain(self.coming.iter().map(come)).collect()
     }
 
     /// Takes the ground where people stand for occupied, on a copy of a grid: ways are to lead
@@ -268,7 +293,8 @@ impl Bystanders {
                 (track.position, track.seen_us, track.moved_us) = (here, time_us, time_us);
                 track.sights += 1;
                 let is_walk = (here - track.first).norm() >= self.config.walked_m;
-                self.has_met |= is_walk && track.sights >= self.config.least_sights;
+                track.has_walked |= is_walk && track.sights >= self.config.least_sights;
+                self.has_met |= track.has_walked;
             }
             None => {
                 let velocity = Vector2::zeros();
@@ -276,6 +302,7 @@ impl Bystanders {
                     first: here,
                     sights: 0,
                     is_new: true,
+                    has_walked: false,
                     position: here,
                     velocity,
                     seen_us: time_us,
@@ -354,17 +381,18 @@ mod tests {
     }
 
     #[test]
-    fn who_stands_is_hidden_where_a_place_is_found_once_somebody_has_walked() {
+    fn who_stands_is_hidden_once_he_has_walked_and_in_what_is_kept_for_good() {
         let mut about = Bystanders::new(BystanderConfig::default());
         let mut met = Vec::new();
         for number in 0..400 {
             let frame = frame(number, place(number));
             let lasting = about.hide(&frame);
-            let walls = about.hide_standing(&lasting);
-            let hidden = walls.scan.ranges_m.iter().filter(|range| range.is_nan()).count();
+            let count = |frame: &SensorFrame| frame.scan.ranges_m.iter().filter(|range| range.is_nan()).count();
+            let (standing, doubtful) = (count(&about.hide_standing(&lasting)), count(&about.hide_doubtful(&lasting)));
             // Before he is known to be somebody, and after he is forgotten, he stands alone.
-            assert_eq!(hidden > 5, about.has_met(), "{hidden} hidden in frame {number}");
-            assert!(hidden < 30, "{hidden} hidden in frame {number}");
+            assert_eq!(doubtful > 5, about.has_met(), "{doubtful} hidden in frame {number}");
+            assert_eq!(standing > 5, about.has_met() && number < 300, "{standing} hidden in frame {number}");
+            assert!(standing <= doubtful && doubtful < 30, "{standing}, {doubtful} hidden in frame {number}");
             if about.has_just_met() {
                 met.push(number);
             }

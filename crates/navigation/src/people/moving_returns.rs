@@ -154,12 +154,16 @@ impl MovingReturns {
         };
         let found = |is_found: &dyn Fn(usize) -> bool| (0..scan.ranges_m.len()).map(is_found).collect::<Vec<bool>>();
         let returns = scan.ranges_m.iter().filter(|range| scan.is_return(**range)).count();
-        let few = |found: Vec<bool>| {
+        let unless_most = |found: Vec<bool>, all: usize| {
             let count = found.iter().filter(|is_found| **is_found).count();
-            if count as f64 > config.most_share * returns as f64 { vec![false; found.len()] } else { found }
+            if count as f64 > config.most_share * all as f64 { vec![false; found.len()] } else { found }
         };
-        let moving = few(grown(&found(&is_new), scan, config));
-        let coming = few(side_by_side(&found(&is_nearer), config.least_returns));
+        let moving = unless_most(grown(&found(&is_new), scan, config), returns);
+        let nearer = found(&is_nearer);
+        let beside = side_by_side(&nearer, config.least_returns);
+        let coming = grown(&nearer, scan, config).into_iter().zip(beside).map(|(one, other)| one || other).collect();
+        // In the open those who come may be all that returns.
+        let coming = unless_most(coming, scan.ranges_m.len());
         self.past.push_back(Past::new(time_us, odom_from_sensor, scan.clone()));
         Movers { moving, coming }
     }
