@@ -162,12 +162,12 @@ impl FollowedPath {
 /// The corners of a path, and between those that are farther apart than `spacing_m` as many more
 /// points as it takes; and of each whether it is a corner.
 fn spaced(corners: &[Point2], spacing_m: f64) -> Vec<(Point2, bool)> {
-    /// So many points between two corners are enough, however far apart they are.
-    const MOST: f64 = 10_000.0;
+    /// Nobody has looked along a line so long, metres: it is as blocked as it seems.
+    const LONGEST_M: f64 = 100.0;
     let between = corners.windows(2).flat_map(|pair| {
         let way = pair[1] - pair[0];
-        // Casts saturate, and NaN is none.
-        let parts = (way.norm() / spacing_m.max(0.1)).ceil().clamp(1.0, MOST) as usize;
+        let way_m = Some(way.norm()).filter(|way_m| (0.0..=LONGEST_M).contains(way_m));
+        let parts = way_m.map_or(1, |way_m| (way_m / spacing_m.max(0.1)).ceil().max(1.0) as usize);
         let between = (1..parts).map(move |part| (pair[0] + way * (part as f64 / parts as f64), false));
         between.chain(std::iter::once((pair[1], true)))
     });

@@ -187,10 +187,7 @@ impl Pilot {
         }
         self.last_us = Some(frame.time_us);
         let lasting = self.people.hide(frame);
-        if self.people.have_just_come() {
-            self.localizer.forget_views();
-        }
-        let localization = self.localizer.update(landmarks, &self.people.hide_standing(&lasting), describe);
+        let localization = self.localizer.update(landmarks, &lasting, describe);
         self.local_map.integrate(&localization.odometry, &lasting.scan);
         let started = *self.started_us.get_or_insert(frame.time_us);
         let seconds = frame.time_us.saturating_sub(started) as f64 / 1e6;

@@ -241,12 +241,7 @@ impl Mapper {
         }
         self.latest = Some(Located { time_us, map_from_base, anchored, tracking: update.tracking });
         if self.newcomer.is_some() {
-            if self.bystanders.has_just_met()
-                && let Some(newcomer) = &mut self.newcomer
-            {
-                newcomer.joining.forget_views();
-            }
-            self.find_itself(&self.bystanders.hide_standing(frame), &anchored, update.tracking);
+            self.find_itself(frame, &anchored, update.tracking);
             self.frame += 1;
             return Ok(self.slam.locate(&anchored));
         }

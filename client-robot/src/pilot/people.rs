@@ -28,17 +28,6 @@ impl GivingWay {
         self.bystanders.hide(frame)
     }
 
-    /// Whether somebody has walked by for the first time: what stood about before may have been
-    /// people.
-    pub(super) fn have_just_come(&self) -> bool {
-        self.bystanders.has_just_met()
-    }
-
-    /// That frame without who stands: to find the place by.
-    pub(super) fn hide_standing<'a>(&self, lasting: &'a SensorFrame) -> Cow<'a, SensorFrame> {
-        self.bystanders.hide_standing(lasting)
-    }
-
     /// The command near people, and whether the robot stands for them and may go on doing so.
     pub(super) fn keep_distance(&mut self, wanted: Twist, time_us: u64) -> (Twist, bool) {
         let command = keep_distance(wanted, &self.bystanders.around(), &self.distance);

@@ -171,15 +171,11 @@ impl MapLocalizer {
         self.follow_map();
         let (landmarks, localizer) = (self.live.landmarks(), &mut self.localizer);
         let lasting = self.bystanders.hide(frame);
-        if self.bystanders.has_just_met() {
-            localizer.forget_views();
-        }
-        let walls = self.bystanders.hide_standing(&lasting);
         #[cfg(feature = "descriptor")]
         let localization =
-            localizer.update(landmarks, &walls, || describe(self.cameras.as_mut()?, frame.panorama.as_ref()?));
+            localizer.update(landmarks, &lasting, || describe(self.cameras.as_mut()?, frame.panorama.as_ref()?));
         #[cfg(not(feature = "descriptor"))]
-        let localization = localizer.update(landmarks, &walls, || None::<Descriptor>);
+        let localization = localizer.update(landmarks, &lasting, || None::<Descriptor>);
         self.local_map.integrate(&localization.odometry, &lasting.scan);
         let knows = localization.map_from_odom.is_some();
         if knows {

@@ -98,8 +98,6 @@ pub struct Localizer {
     lost: Option<LostReason>,
     /// Where somebody says that the robot is, until the next frame.
     pointed_at: Option<Pose2>,
-    /// The same as `map_from_odom`, until the robot knows.
-    pointed_odom: Option<Pose2>,
 }
 
 impl Localizer {
@@ -119,7 +117,6 @@ impl Localizer {
             evidence: None,
             lost: None,
             pointed_at: None,
-            pointed_odom: None,
             config,
         }
     }
@@ -151,19 +148,6 @@ impl Localizer {
         }
     }
 
-    /// What was seen so far tells nothing of the place, as when people have stood in it who were
-    /// taken for walls. A place that is known stays known; else it looks anew with the next frame,
-    /// and where somebody pointed at, too.
-    pub fn forget_views(&mut self) {
-        self.relocalizer.clear();
-        if self.tracker.is_none() {
-            self.observed_at_m = None;
-            if let Some(map_from_odom) = self.pointed_odom {
-                self.relocalizer.point_at(map_from_odom);
-            }
-        }
-    }
-
     /// Takes in a frame. `describe` is asked for the descriptor of the frame's panorama only when
     /// it will be used.
     pub fn update(
@@ -179,9 +163,7 @@ impl Localizer {
         self.track(landmarks, &odometry, &points, &frame.scan);
 
         if let Some(map_from_base) = self.pointed_at.take() {
-            let map_from_odom = map_from_base * odometry.odom_from_base.inverse();
-            self.pointed_odom = Some(map_from_odom);
-            self.relocalizer.point_at(map_from_odom);
+            self.relocalizer.point_at(map_from_base * odometry.odom_from_base.inverse());
             self.observed_at_m = None;
         }
         let mut is_new_fix = false;
@@ -247,7 +229,7 @@ impl Localizer {
         } else {
             self.relocalizer.clear();
         }
-        (self.pointed_at, self.pointed_odom) = (None, None);
+        self.pointed_at = None;
         self.observed_at_m = None;
     }
 
@@ -294,6 +276,5 @@ impl Localizer {
         self.tracker = Some(Tracker::new(self.config.track.clone(), fix.map_from_base, fix.covariance, odometry));
         self.state = LocalizationState::Localized;
         self.lost = None;
-        self.pointed_odom = None;
     }
 }

@@ -64,10 +64,7 @@ pub fn set_down(
         }
         drive.end = frame;
         let lasting = bystanders.hide(sensed);
-        if bystanders.has_just_met() {
-            localizer.forget_views();
-        }
-        let localization = localizer.update(landmarks, &bystanders.hide_standing(&lasting), || None);
+        let localization = localizer.update(landmarks, &lasting, || None);
         let stated = localization.confidence;
         let declared = localization.map_from_base();
         let likeliest = declared.or_else(|| localizer.candidates().first().map(|place| place.map_from_base));

@@ -36,10 +36,6 @@ impl Localizing for Ours<'_> {
         let has_cameras = self.has_cameras;
         let look = || if has_cameras { describe() } else { None };
         let lasting = self.bystanders.hide(frame);
-        if self.bystanders.has_just_met() {
-            self.localizer.forget_views();
-        }
-        let walls = self.bystanders.hide_standing(&lasting);
-        self.localizer.update(self.landmarks, &walls, look).map_from_base()
+        self.localizer.update(self.landmarks, &lasting, look).map_from_base()
     }
 }

@@ -108,13 +108,6 @@ impl Joining {
         self.landmarks.is_empty()
     }
 
-    /// What was seen so far tells nothing of the place
-    /// ([`Localizer::forget_views`](fht_localization::localizer::Localizer::forget_views)).
-    pub fn forget_views(&mut self) {
-        self.localizer.forget_views();
-        self.claim = None;
-    }
-
     /// Takes in a frame at which the robot was at `run_from_base` in its own frame. Where that
     /// frame lies in the map, once it is known.
     pub fn update(
