@@ -284,7 +284,7 @@ impl Mapper {
         if self.camera.is_some() && frame.panorama.is_none() {
             return;
         }
-        let scan = self.bystanders.hide_doubtful(frame).scan.to_record();
+        let scan = self.bystanders.hide_doubtful(frame).to_record();
         let seen = SensedPlace { anchored: *anchored, frame: self.frame, scan };
         let Some(camera) = &mut self.camera else {
             // No cameras: every frame is a place without an appearance.

@@ -102,18 +102,13 @@ pub struct Bystanders {
 /// Returns within so many radii of somebody's place are his.
 const NEAR_RADII: f64 = 1.5;
 
-/// A frame in which nothing is known of some beams, if there are any.
-fn hide_beams<'a>(frame: &'a SensorFrame, hidden: &[bool]) -> Cow<'a, SensorFrame> {
-    if hidden.contains(&true) { Cow::Owned(without(frame, hidden)) } else { Cow::Borrowed(frame) }
-}
-
-/// A frame in which nothing is known of some beams.
-fn without(frame: &SensorFrame, hidden: &[bool]) -> SensorFrame {
-    let mut frame = frame.clone();
-    for (range, _) in frame.scan.ranges_m.iter_mut().zip(hidden).filter(|(_, is_hidden)| **is_hidden) {
+/// A scan in which nothing is known of some beams.
+fn without(scan: &LaserScan, hidden: &[bool]) -> LaserScan {
+    let mut scan = scan.clone();
+    for (range, _) in scan.ranges_m.iter_mut().zip(hidden).filter(|(_, is_hidden)| **is_hidden) {
         *range = f32::NAN;
     }
-    frame
+    scan
 }
 
 fn seconds(from_us: u64, to_us: u64) -> f64 {
@@ -135,8 +130,8 @@ impl Bystanders {
     }
 
     /// Whether anybody has walked by so far. Where nobody does nobody stands either, and what looks
-    /// like somebody is a thing: until then nothing is hidden, and only
-    /// who comes near all of a sudden is about.
+    /// like somebody is a thing: until then nothing is hidden, and only who comes near all of a
+    /// sudden is about.
     #[must_use]
     pub fn has_met(&self) -> bool {
         self.has_met
@@ -155,27 +150,29 @@ impl Bystanders {
         if !self.has_met || !moving.contains(&true) {
             return Cow::Borrowed(frame);
         }
-        Cow::Owned(without(frame, &moving))
+        let (scan, panorama) = (without(scan, &moving), frame.panorama.clone());
+        Cow::Owned(SensorFrame { time_us: *time_us, odom_from_base: *odom_from_base, scan, panorama })
     }
 
-    /// The newest frame, as [`Bystanders::hide`] gave it, for what is kept: without those who have
-    /// walked and stand now and, once people have walked by, without narrow things that stand
-    /// alone, each of which may be somebody who has stood there all along.
+    /// The scan of the newest frame, as [`Bystanders::hide`] gave that, for what is kept: without
+    /// those who have walked and stand now and, once people have walked by, without narrow things
+    /// that stand alone, each of which may be somebody who has stood there all along.
     #[must_use]
-    pub fn hide_doubtful<'a>(&self, frame: &'a SensorFrame) -> Cow<'a, SensorFrame> {
-        let mut hidden = self.standing(frame);
-        if self.has_met {
-            let BystanderConfig { returns, somebody_m, most_alone, .. } = &self.config;
-            let MovingReturnConfig { gap_m, least_returns, .. } = *returns;
-            let alone = StandingAlone { widest_m: *somebody_m, gap_m, least_returns };
-            let things = standing_alone(&frame.scan, &hidden, &alone);
-            let alone: Vec<usize> = things.into_iter().flat_map(ScanSegment::beams).collect();
-            let all = frame.scan.ranges_m.iter().filter(|range_m| frame.scan.is_return(**range_m)).count();
-            if alone.len() as f64 <= most_alone * all as f64 {
-                alone.into_iter().for_each(|beam| hidden[beam] = true);
-            }
+    pub fn hide_doubtful<'a>(&self, frame: &'a SensorFrame) -> Cow<'a, LaserScan> {
+        if !self.has_met {
+            return Cow::Borrowed(&frame.scan); // Until then nobody has walked.
         }
-        hide_beams(frame, &hidden)
+        let mut hidden = self.standing(frame);
+        let BystanderConfig { returns, somebody_m, most_alone, .. } = &self.config;
+        let MovingReturnConfig { gap_m, least_returns, .. } = *returns;
+        let alone = StandingAlone { widest_m: *somebody_m, gap_m, least_returns };
+        let things = standing_alone(&frame.scan, &hidden, &alone);
+        let alone: Vec<usize> = things.into_iter().flat_map(ScanSegment::beams).collect();
+        let all = frame.scan.ranges_m.iter().filter(|range_m| frame.scan.is_return(**range_m)).count();
+        if alone.len() as f64 <= most_alone * all as f64 {
+            alone.into_iter().for_each(|beam| hidden[beam] = true);
+        }
+        Cow::Owned(without(&frame.scan, &hidden))
     }
 
     /// Of each beam of the newest frame, whether it ends at somebody who has walked and stands now.
@@ -368,7 +365,7 @@ mod tests {
             let frame = frame(number, place(number));
             let lasting = about.hide(&frame);
             let kept = about.hide_doubtful(&lasting);
-            let hidden = kept.scan.ranges_m.iter().filter(|range| range.is_nan()).count();
+            let hidden = kept.ranges_m.iter().filter(|range| range.is_nan()).count();
             // Before he is known to be somebody, and after he is forgotten, he stands alone.
             assert_eq!(hidden > 5, about.has_met(), "{hidden} hidden in frame {number}");
             assert!(hidden < 30, "{hidden} hidden in frame {number}");
