@@ -187,6 +187,7 @@ impl Pilot {
         }
         self.last_us = Some(frame.time_us);
         let lasting = self.people.hide(frame);
+        self.localizer.expect_people(self.people.walkers());
         let localization = self.localizer.update(landmarks, &lasting, describe);
         self.local_map.integrate(&localization.odometry, &lasting.scan);
         let started = *self.started_us.get_or_insert(frame.time_us);

@@ -28,6 +28,11 @@ impl GivingWay {
         self.bystanders.hide(frame)
     }
 
+    /// How many have walked by of late.
+    pub(super) fn walkers(&self) -> usize {
+        self.bystanders.walkers()
+    }
+
     /// The command near people, and whether the robot stands for them and may go on doing so.
     pub(super) fn keep_distance(&mut self, wanted: Twist, time_us: u64) -> (Twist, bool) {
         let command = keep_distance(wanted, &self.bystanders.around(), &self.distance);

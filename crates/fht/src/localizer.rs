@@ -171,6 +171,7 @@ impl MapLocalizer {
         self.follow_map();
         let (landmarks, localizer) = (self.live.landmarks(), &mut self.localizer);
         let lasting = self.bystanders.hide(frame);
+        localizer.expect_people(self.bystanders.walkers());
         #[cfg(feature = "descriptor")]
         let localization =
             localizer.update(landmarks, &lasting, || describe(self.cameras.as_mut()?, frame.panorama.as_ref()?));

@@ -80,7 +80,7 @@ impl ConfidenceConfig {
     pub fn ground(&self, for_it: &PlaceEvidence) -> f64 {
         /// A pose that only the odometry holds may be off by some degrees.
         const NOT_HELD: f64 = 0.5;
-        let right = for_it.explained - self.contradicted_weight * (for_it.too_short + for_it.too_long);
+        let right = for_it.explained - self.contradicted_weight * for_it.contradicted();
         let deviation = 0.5 / for_it.walls.max(1.0).sqrt();
         let sigmas = (right - self.explained_by_chance) / deviation;
         let explained = sigmas * (for_it.spread_m / self.full_spread_m).min(1.0) / self.explained_sigmas;
@@ -104,6 +104,7 @@ mod tests {
             walls: 80.0,
             explained: 0.95,
             too_short: 0.01,
+            somebody: 0.0,
             too_long: 0.0,
             over_rivals_sigmas: f64::INFINITY,
             over_moved_sigmas: 6.0,

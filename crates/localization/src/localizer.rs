@@ -148,6 +148,11 @@ impl Localizer {
         }
     }
 
+    /// So many people have walked by of late: about as many stand, where the map is free.
+    pub fn expect_people(&mut self, walkers: usize) {
+        self.relocalizer.expect_people(walkers);
+    }
+
     /// Takes in a frame. `describe` is asked for the descriptor of the frame's panorama only when
     /// it will be used.
     pub fn update(

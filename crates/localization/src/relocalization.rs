@@ -69,6 +69,8 @@ pub struct Relocalizer {
     others_odds: Vec<f64>,
     /// Where somebody says that the odometry frame is on the map, until it was looked there.
     pointed_at: Option<Pose2>,
+    /// How many have walked by of late.
+    walkers: usize,
 }
 
 impl Relocalizer {
@@ -83,6 +85,7 @@ impl Relocalizer {
             ambiguity: Vec::new(),
             others_odds: Vec::new(),
             pointed_at: None,
+            walkers: 0,
         }
     }
 
@@ -135,6 +138,11 @@ impl Relocalizer {
     /// view it is looked around there, too. What fits is one more hypothesis, weighed as all are.
     pub fn point_at(&mut self, map_from_odom: Pose2) {
         self.pointed_at = Some(map_from_odom);
+    }
+
+    /// So many people have walked by of late: about as many stand, where the map is free.
+    pub fn expect_people(&mut self, walkers: usize) {
+        self.walkers = walkers;
     }
 
     /// Takes in what the robot senses now and says what it knows then.
@@ -336,20 +344,27 @@ impl Relocalizer {
         let same = (*same_m, *same_rad);
         let grounds = Grounds { views: &self.views, landmarks, matching, weigh, same };
         let pictures = grounds.pictures(best, &config.distinction);
-        let confidence = self.confidence(for_it, best, self.rivals(best), pictures, squares, &grounds);
-        let candidates = Belief::Candidates { hypotheses: self.hypotheses.len(), confidence };
-        let contradicted = best.evidence().contradicted_share();
+        let confidence = |for_it| self.confidence(for_it, best, self.rivals(best), pictures, squares, &grounds);
+        let among_people = for_it.among_people(config.pieces_per_walker * self.walkers as f64);
+        let is_enough = |for_it: &PlaceEvidence, confidence: f64, least: f64| {
+            confidence >= least && for_it.contradicted() <= config.max_contradicted
+        };
+        // What may be people weighs as all that cannot be, unless nothing else leaves a doubt.
+        let (without, with) = (confidence(for_it), confidence(among_people));
+        let is_sure = is_enough(&for_it, without, config.min_confidence);
+        let is_sure_among_people = !is_sure && is_enough(&among_people, with, config.min_confidence_among_people);
+        let (for_it, confidence) = if is_sure_among_people { (among_people, with) } else { (for_it, without) };
+        let candidates = Belief::Candidates { hypotheses: self.hypotheses.len(), confidence: without };
         tracing::debug!(
             hypotheses = self.hypotheses.len(),
             views = self.views.len(),
+            walkers = self.walkers,
             confidence,
-            contradicted,
             ?for_it,
             ?pictures,
             "likeliest place"
         );
-        let is_contradicted = contradicted > config.max_contradicted;
-        if confidence < config.min_confidence || is_contradicted || pictures == PictureWord::Refuses {
+        if !(is_sure || is_sure_among_people) || pictures == PictureWord::Refuses {
             return candidates;
         }
         let challengers = grounds.challengers(best, points, &config.distinction);

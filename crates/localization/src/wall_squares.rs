@@ -18,6 +18,8 @@ pub(crate) struct WallSquares {
     of_beams: Vec<Vec<Option<usize>>>,
     /// How many pieces there are.
     pub count: usize,
+    /// Side of a square, metres.
+    side_m: f64,
 }
 
 /// What a place says of pieces of wall: how many of them it explains, and so on. A piece at which
@@ -26,9 +28,11 @@ pub(crate) struct WallSquares {
 pub(crate) struct Tally {
     /// Pieces that the map has.
     pub explained: f64,
-    /// Pieces that stand where the map is free.
+    /// Pieces that stand where the map is free, and are nobody.
     pub too_short: f64,
-    /// Pieces that lie behind a wall of the map.
+    /// Pieces that stand there, and may be somebody.
+    pub somebody: f64,
+    /// Pieces of the map's walls that were seen through.
     pub too_long: f64,
 }
 
@@ -72,21 +76,44 @@ impl WallSquares {
             };
             of_beams.push(view.beams.ends().map(&mut number).collect());
         }
-        Self { of_beams, count: numbers.len() }
+        Self { of_beams, count: numbers.len(), side_m }
     }
 
     /// What a place says, by the verdicts on each beam of each view.
     pub fn tally(&self, verdicts: &[Vec<Option<BeamVerdict>>]) -> Tally {
-        self.shares(verdicts).fold(Tally::default(), |all, piece| Tally {
+        let seen = self.shares(verdicts).fold(Tally::default(), |all, piece| Tally {
             explained: all.explained + piece.explained,
             too_short: all.too_short + piece.too_short,
+            somebody: all.somebody + piece.somebody,
             too_long: all.too_long + piece.too_long,
-        })
+        });
+        Tally { too_long: self.passed(verdicts), ..seen }
+    }
+
+    /// Pieces of the map's walls that beams passed through. However much a wall hides that is gone,
+    /// or was somebody, it is one thing that is wrong.
+    fn passed(&self, verdicts: &[Vec<Option<BeamVerdict>>]) -> f64 {
+        let mut pieces: BTreeMap<SquareIndex, (f64, f64)> = BTreeMap::new();
+        for verdict in verdicts.iter().flatten().flatten() {
+            let (wall, passed) = match verdict {
+                BeamVerdict::TooLong(wall) => (wall, 1.0),
+                BeamVerdict::Explained(wall) => (wall, 0.0),
+                BeamVerdict::TooShort | BeamVerdict::Somebody | BeamVerdict::Silent => continue,
+            };
+            let (sum, beams) = pieces.entry(square_of(*wall, self.side_m)).or_default();
+            *sum += passed;
+            *beams += 1.0;
+        }
+        pieces.values().map(|(passed, beams)| passed / beams).sum()
     }
 
     /// How each piece votes for a place, by the same.
     pub fn votes(&self, verdicts: &[Vec<Option<BeamVerdict>>]) -> Votes {
-        Votes(self.shares(verdicts).map(|piece| piece.explained - piece.too_short - piece.too_long).collect())
+        Votes(
+            self.shares(verdicts)
+                .map(|piece| piece.explained - piece.too_short - piece.somebody - piece.too_long)
+                .collect(),
+        )
     }
 
     /// Of each piece, the shares of its beams.
@@ -98,16 +125,22 @@ impl WallSquares {
                 let (sum, beams) = &mut sums[*square];
                 *beams += 1;
                 match verdict {
-                    BeamVerdict::Explained => sum.explained += 1.0,
+                    BeamVerdict::Explained(_) => sum.explained += 1.0,
                     BeamVerdict::TooShort => sum.too_short += 1.0,
-                    BeamVerdict::TooLong => sum.too_long += 1.0,
+                    BeamVerdict::Somebody => sum.somebody += 1.0,
+                    BeamVerdict::TooLong(_) => sum.too_long += 1.0,
                     BeamVerdict::Silent => {}
                 }
             }
         }
         sums.into_iter().map(|(sum, beams)| {
             let beams = f64::from(beams.max(1));
-            Tally { explained: sum.explained / beams, too_short: sum.too_short / beams, too_long: sum.too_long / beams }
+            Tally {
+                explained: sum.explained / beams,
+                too_short: sum.too_short / beams,
+                somebody: sum.somebody / beams,
+                too_long: sum.too_long / beams,
+            }
         })
     }
 }
@@ -136,6 +169,21 @@ mod tests {
         there.extend([1.0; 12]);
         let torn = Votes(here).sigmas_over(&Votes(there));
         assert!((all - 12.0 / 12.0_f64.sqrt()).abs() < 1e-12 && (torn - 12.0 / 6.0).abs() < 1e-12, "{all}, {torn}");
+    }
+
+    #[test]
+    fn however_much_is_seen_through_a_wall_it_is_one_wall() {
+        let (near, there) = (Point2::new(0.1, 0.1), Point2::new(3.2, 0.1));
+        let tally = |verdicts: Vec<BeamVerdict>| {
+            let of_beams = vec![(0..verdicts.len()).map(Some).collect()];
+            let squares = WallSquares { of_beams, count: verdicts.len(), side_m: 0.5 };
+            squares.tally(&[verdicts.into_iter().map(Some).collect()])
+        };
+        let gone = tally([vec![BeamVerdict::TooLong(near); 9], vec![BeamVerdict::Explained(there)]].concat());
+        assert!((gone.too_long - 1.0).abs() < 1e-12 && (gone.explained - 1.0).abs() < 1e-12, "{gone:?}");
+        // As many end at it as go on: half of it is gone.
+        let half = tally([vec![BeamVerdict::TooLong(near); 4], vec![BeamVerdict::Explained(near); 4]].concat());
+        assert!((half.too_long - 0.5).abs() < 1e-12, "{half:?}");
     }
 
     proptest! {

@@ -7,19 +7,13 @@
 //! | module | idea |
 //! | --- | --- |
 //! | `moving_returns` | the returns of a scan that something moving gave |
-//! | `standing_alone` | those of narrow things that stand alone, which may be somebody |
-//! | `segments` | returns that hang together |
 //! | `bystanders` | who is about, walking or standing |
 //! | `distance` | commands that keep a distance from them |
 
 mod bystanders;
 mod distance;
 mod moving_returns;
-mod segments;
-mod standing_alone;
 
 pub use bystanders::{Bystander, BystanderConfig, Bystanders};
 pub use distance::{DistanceConfig, keep_distance};
 pub use moving_returns::MovingReturnConfig;
-pub use segments::ScanSegment;
-pub use standing_alone::{StandingAlone, standing_alone};

@@ -8,6 +8,8 @@
 use crate::frame::LaserScan;
 use crate::grid::CellState;
 use crate::pose::{Point2, Pose2};
+use crate::segments::ScanSegment;
+use crate::standing_alone::{StandingAlone, standing_alone};
 use fht_proto::{FixedPoint, Rect};
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
@@ -241,6 +243,8 @@ struct Beam {
     least_m: f64,
     /// Greatest range around it; infinite where a beam did not return.
     greatest_m: f64,
+    /// It ends at something narrow that stands alone.
+    is_alone: bool,
 }
 
 /// Beams of a scan, thinned.
@@ -259,13 +263,16 @@ impl Beams {
             scan.ranges_m.iter().map(|&range| scan.is_return(range).then_some(f64::from(range))).collect();
         let aside = (config.aside_rad / scan.angle_increment.abs().max(1e-6)).round() as usize;
         let picked = config.directions.clamp(1, count.max(1));
+        let mut is_alone = vec![false; count];
+        let things = standing_alone(scan, &[], &StandingAlone::default());
+        things.into_iter().flat_map(ScanSegment::beams).for_each(|index| is_alone[index] = true);
         let beam = |number: usize| {
             let index = number * count / picked;
             let around = &ranges[index.saturating_sub(aside)..(index + aside + 1).min(count)];
             let least_m = around.iter().flatten().copied().fold(f64::INFINITY, f64::min);
             let greatest_m = around.iter().map(|range| range.unwrap_or(f64::INFINITY)).fold(0.0, f64::max);
             let angle = scan.angle_min + index as f64 * scan.angle_increment + scan.base_from_sensor.rotation.angle();
-            Beam { angle, range_m: ranges[index], least_m, greatest_m }
+            Beam { angle, range_m: ranges[index], least_m, greatest_m, is_alone: is_alone[index] }
         };
         let beams = if count == 0 { Vec::new() } else { (0..picked).map(beam).collect() };
         Self { from: Point2::from(scan.base_from_sensor.translation.vector), beams }
@@ -280,15 +287,17 @@ impl Beams {
     }
 }
 
-/// What one beam says of a pose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What one beam says of a pose. Places are in the map frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BeamVerdict {
-    /// It ends at a wall of the map.
-    Explained,
-    /// It ends where the map is free: somebody stands there, or the pose is wrong.
+    /// It ends at a wall of the map, here.
+    Explained(Point2),
+    /// It ends where the map is free: something stands there, or the pose is wrong.
     TooShort,
-    /// It goes on behind a wall of the map: glass, a wall that is gone, or the pose is wrong.
-    TooLong,
+    /// The same, and what it ends at is narrow and stands alone: it may be somebody.
+    Somebody,
+    /// It goes on behind a wall of the map, here: glass, a wall that is gone, or the pose is wrong.
+    TooLong(Point2),
     /// It ends where nobody looked.
     Silent,
 }
@@ -311,8 +320,8 @@ impl Evidence {
         let mut evidence = Self::default();
         for verdict in verdicts.iter().flatten() {
             match verdict {
-                BeamVerdict::Explained => evidence.explained += 1,
-                BeamVerdict::TooShort | BeamVerdict::TooLong => evidence.contradicted += 1,
+                BeamVerdict::Explained(_) => evidence.explained += 1,
+                BeamVerdict::TooShort | BeamVerdict::Somebody | BeamVerdict::TooLong(_) => evidence.contradicted += 1,
                 BeamVerdict::Silent => evidence.silent += 1,
             }
         }
@@ -375,10 +384,13 @@ impl EvidenceGrid {
             let nearest = around.iter().map(|ray| ray.free_m).fold(f64::INFINITY, f64::min);
             let is_behind = around.iter().all(|ray| ray.is_wall) && beam.least_m > farthest + config.margin_m;
             let is_before = beam.greatest_m < nearest - config.margin_m;
+            let end = from + ahead(beam) * range_m;
             Some(if is_behind {
-                BeamVerdict::TooLong
-            } else if self.cell(from + ahead(beam) * range_m) & NEAR_WALL != 0 {
-                BeamVerdict::Explained
+                BeamVerdict::TooLong(from + ahead(beam) * rays[index].free_m)
+            } else if self.cell(end) & NEAR_WALL != 0 {
+                BeamVerdict::Explained(end)
+            } else if is_before && beam.is_alone {
+                BeamVerdict::Somebody
             } else if is_before {
                 BeamVerdict::TooShort
             } else {
@@ -446,6 +458,33 @@ mod tests {
         for wrong in [pose(-1.0, 0.7, 2.0), pose(1.0, -0.7, 2.0 + std::f64::consts::PI), pose(0.0, 0.0, 2.0)] {
             let there = known.weigh(&beams, &wrong, &config);
             assert!(there.contradicted_share() > 0.15, "{wrong}: {there:?}");
+        }
+    }
+
+    #[test]
+    fn who_stands_in_a_room_may_be_somebody() {
+        let (known, config) = (known(), EvidenceConfig::default());
+        let at = pose(-1.0, -0.5, 0.0);
+        // Somebody stands 1 m ahead.
+        let mut seen = scan(&at);
+        for (index, range_m) in seen.ranges_m.iter_mut().enumerate() {
+            let off = (index as i32 + 180).rem_euclid(360) - 180;
+            *range_m = if off.abs() <= 8 { 1.0 } else { *range_m };
+        }
+        let verdicts = known.judge(&Beams::of(&seen, &config), &at, &config);
+        let count = |verdict| verdicts.iter().flatten().filter(|it| **it == verdict).count();
+        assert!(count(BeamVerdict::Somebody) >= 2 && count(BeamVerdict::TooShort) == 0, "{verdicts:?}");
+    }
+
+    #[test]
+    fn what_was_seen_through_is_where_the_map_has_it() {
+        let (mut known, config) = (known(), EvidenceConfig::default());
+        let at = pose(-1.0, -0.5, 0.0);
+        // Somebody stood there when the map was made.
+        let ghost = Point2::new(-1.0, -0.5);
+        known.put_wall(ghost);
+        for verdict in known.judge(&Beams::of(&scan(&at), &config), &at, &config).into_iter().flatten() {
+            assert!(matches!(verdict, BeamVerdict::TooLong(wall) if (wall - ghost).norm() < 0.2), "{verdict:?}");
         }
     }
 

@@ -22,6 +22,8 @@
 //! | [`drift`] | how wrong a pose becomes that is carried along a way |
 //! | [`consensus`] | which estimations agree: the heaviest clique |
 //! | [`pose_graph`] | the most likely poses under constraints, some of which may be wrong |
+//! | [`segments`] | returns of a scan that hang together |
+//! | [`mod@standing_alone`] | those of narrow things that stand alone, which may be somebody |
 //! | [`shared_view`] | whether two scans can both be right |
 //! | [`evidence_grid`] | what a scan says for or against a pose |
 //! | [`candidate`] | a place where a robot may be |
@@ -73,8 +75,10 @@ pub mod pose_graph;
 pub mod reference_map;
 pub mod robot;
 pub mod scan_odometry;
+pub mod segments;
 pub mod shared_view;
 pub mod square;
+pub mod standing_alone;
 
 pub use candidate::Candidate;
 pub use frame::{FrameError, LaserScan, Panorama, SensorFrame, Twist};

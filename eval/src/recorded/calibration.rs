@@ -42,6 +42,8 @@ pub struct Look {
     pub explained: f64,
     /// [`PlaceEvidence::too_short`].
     pub too_short: f64,
+    /// [`PlaceEvidence::somebody`].
+    pub somebody: f64,
     /// [`PlaceEvidence::too_long`].
     pub too_long: f64,
     /// [`PlaceEvidence::over_rivals_sigmas`].
@@ -60,6 +62,7 @@ impl Look {
             walls: self.walls,
             explained: self.explained,
             too_short: self.too_short,
+            somebody: self.somebody,
             too_long: self.too_long,
             over_rivals_sigmas: self.over_rivals_sigmas,
             over_moved_sigmas: self.over_moved_sigmas,
@@ -158,6 +161,7 @@ mod tests {
             walls: 400.0,
             explained: 1.0,
             too_short: 0.0,
+            somebody: 0.0,
             too_long: 0.0,
             over_rivals_sigmas: f64::INFINITY,
             over_moved_sigmas: 2.75 * ground,

@@ -64,6 +64,7 @@ pub fn set_down(
         }
         drive.end = frame;
         let lasting = bystanders.hide(sensed);
+        localizer.expect_people(bystanders.walkers());
         let localization = localizer.update(landmarks, &lasting, || None);
         let stated = localization.confidence;
         let declared = localization.map_from_base();

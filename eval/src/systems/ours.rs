@@ -36,6 +36,7 @@ impl Localizing for Ours<'_> {
         let has_cameras = self.has_cameras;
         let look = || if has_cameras { describe() } else { None };
         let lasting = self.bystanders.hide(frame);
+        self.localizer.expect_people(self.bystanders.walkers());
         self.localizer.update(self.landmarks, &lasting, look).map_from_base()
     }
 }

@@ -10,11 +10,12 @@
 
 use super::config::PasserByConfig;
 use fht_map::NodeRef;
-use fht_navigation::people::{ScanSegment, StandingAlone, standing_alone};
 use fht_perception::frame::LaserScan;
 use fht_perception::grid::{Cell, CellState, OccupancyGrid};
 use fht_perception::pose::{Point2, from_fixed};
+use fht_perception::segments::ScanSegment;
 use fht_perception::square::{SquareIndex, square_of};
+use fht_perception::standing_alone::{StandingAlone, standing_alone};
 use fht_proto::{NodeId, Op, Signature};
 use std::collections::{BTreeMap, HashMap};
 

@@ -2,14 +2,15 @@
 //! while something is seen there, for a while; after that it is a piece of furniture.
 
 use super::moving_returns::{Movers, MovingReturnConfig, MovingReturns};
-use super::segments::ScanSegment;
-use super::standing_alone::{StandingAlone, standing_alone};
 use fht_perception::frame::{LaserScan, SensorFrame};
 use fht_perception::grid::OccupancyGrid;
 use fht_perception::pose::{Point2, Pose2};
+use fht_perception::segments::ScanSegment;
+use fht_perception::standing_alone::{StandingAlone, standing_alone};
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
+use std::collections::VecDeque;
 
 /// How people are followed.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -97,6 +98,8 @@ pub struct Bystanders {
     coming: Vec<Point2>,
     odom_from_base: Pose2,
     has_met: bool,
+    /// When somebody was found to walk, of late, microseconds.
+    walked_us: VecDeque<u64>,
 }
 
 /// Returns within so many radii of somebody's place are his.
@@ -126,6 +129,7 @@ impl Bystanders {
             coming: Vec::new(),
             odom_from_base: Pose2::identity(),
             has_met: false,
+            walked_us: VecDeque::new(),
         }
     }
 
@@ -137,6 +141,13 @@ impl Bystanders {
         self.has_met
     }
 
+    /// How many have walked by within the time for which those who stand are remembered. Where so
+    /// many walk, about as many stand.
+    #[must_use]
+    pub fn walkers(&self) -> usize {
+        self.walked_us.len()
+    }
+
     /// Takes in a frame, and gives it back without the returns of what moves: of these beams
     /// nothing is known then, so that nothing that walks is matched or drawn. Time must not go
     /// back.
@@ -144,6 +155,9 @@ impl Bystanders {
         let SensorFrame { time_us, odom_from_base, scan, .. } = frame;
         let Movers { moving, coming } = self.returns.find(odom_from_base, scan, *time_us, &self.config.returns);
         self.odom_from_base = *odom_from_base;
+        while self.walked_us.front().is_some_and(|then| seconds(*then, *time_us) > self.config.standing_s) {
+            self.walked_us.pop_front();
+        }
         self.follow(&moving, scan, *time_us);
         let unfollowed: Vec<bool> = coming.iter().zip(&moving).map(|(is_coming, moves)| *is_coming && !moves).collect();
         self.coming = middles(&unfollowed, scan, self.config.returns.gap_m, |beam| scan.beam_end_in_base(beam));
@@ -271,8 +285,11 @@ impl Bystanders {
                 (track.position, track.seen_us, track.moved_us) = (here, time_us, time_us);
                 track.sights += 1;
                 let is_walk = (here - track.first).norm() >= self.config.walked_m;
-                track.has_walked |= is_walk && track.sights >= self.config.least_sights;
-                self.has_met |= track.has_walked;
+                if is_walk && track.sights >= self.config.least_sights && !track.has_walked {
+                    track.has_walked = true;
+                    self.has_met = true;
+                    self.walked_us.push_back(time_us);
+                }
             }
             None => {
                 let velocity = Vector2::zeros();

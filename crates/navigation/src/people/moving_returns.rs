@@ -1,8 +1,8 @@
 //! The returns of a scan that something moving gave: they end where beams of a moment ago went on.
 
-use super::segments::{beams_in_turn, is_all_round, segments};
 use fht_perception::frame::LaserScan;
 use fht_perception::pose::{Point2, Pose2};
+use fht_perception::segments::{beams_in_turn, is_all_round, segments};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;

@@ -39,6 +39,7 @@ fn of(log: &str, map: &str, drive: &JudgedDrive, look: &JudgedStatement) -> Look
         walls: for_it.walls,
         explained: for_it.explained,
         too_short: for_it.too_short,
+        somebody: for_it.somebody,
         too_long: for_it.too_long,
         over_rivals_sigmas: for_it.over_rivals_sigmas,
         over_moved_sigmas: for_it.over_moved_sigmas,

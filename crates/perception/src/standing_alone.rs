@@ -1,18 +1,24 @@
-//! Narrow things that stand alone: where people walk, each may be somebody who stands.
+//! Narrow things that stand alone in a scan: where people walk, each may be somebody who stands.
 
-use super::segments::{ScanSegment, segments};
-use fht_perception::frame::LaserScan;
+use crate::frame::LaserScan;
+use crate::segments::{ScanSegment, segments};
 
 /// What counts as a thing that stands alone.
 #[derive(Clone, Copy, Debug)]
 pub struct StandingAlone {
-    /// It is at most this wide, metres.
+    /// It is at most this wide, metres. Default 0.6.
     pub widest_m: f64,
     /// What is beside it is farther by at least this, metres. Returns side by side hang together
-    /// when their ranges differ by less.
+    /// when their ranges differ by less. Default 0.25.
     pub gap_m: f64,
-    /// So many returns at least: single ones are edges, and walls seen along.
+    /// So many returns at least: single ones are edges, and walls seen along. Default 3.
     pub least_returns: usize,
+}
+
+impl Default for StandingAlone {
+    fn default() -> Self {
+        Self { widest_m: 0.6, gap_m: 0.25, least_returns: 3 }
+    }
 }
 
 /// What of a scan is narrow and stands alone: on both sides what is beside it is farther, or
@@ -49,7 +55,7 @@ pub fn standing_alone(scan: &LaserScan, is_somebody: &[bool], config: &StandingA
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fht_perception::pose::Point2;
+    use crate::pose::Point2;
 
     /// A room of 8 m by 8 m with people in it, seen from its middle.
     fn room(people: &[Point2]) -> LaserScan {
@@ -64,10 +70,8 @@ mod tests {
         })
     }
 
-    const CONFIG: StandingAlone = StandingAlone { widest_m: 0.6, gap_m: 0.25, least_returns: 3 };
-
     fn count(people: &[Point2]) -> usize {
-        let alone = standing_alone(&room(people), &[], &CONFIG);
+        let alone = standing_alone(&room(people), &[], &StandingAlone::default());
         alone.iter().map(|segment| segment.beams().count()).sum()
     }
 
@@ -91,7 +95,7 @@ mod tests {
         let one = |nothing: f32| {
             let mut scan = room(&[Point2::new(2.0, 0.5)]);
             scan.ranges_m.iter_mut().filter(|range_m| **range_m > 3.0).for_each(|range_m| *range_m = nothing);
-            standing_alone(&scan, &[], &CONFIG).len()
+            standing_alone(&scan, &[], &StandingAlone::default()).len()
         };
         assert_eq!([f32::INFINITY, 9.0, f32::NAN].map(one), [1; 3]);
     }
@@ -101,9 +105,13 @@ mod tests {
         let (front, behind) = (Point2::new(1.5, 0.0), Point2::new(2.5, 0.4));
         let mut scan = room(&[front, behind]);
         let is_front: Vec<bool> = scan.ranges_m.iter().map(|range_m| *range_m < 1.6).collect();
-        assert_eq!(standing_alone(&scan, &is_front, &CONFIG).len(), 2, "he is a thing that stands alone himself");
+        assert_eq!(
+            standing_alone(&scan, &is_front, &StandingAlone::default()).len(),
+            2,
+            "he is a thing that stands alone himself"
+        );
         scan.ranges_m.iter_mut().filter(|range_m| **range_m < 1.6).for_each(|range_m| *range_m = f32::NAN);
-        assert_eq!(standing_alone(&scan, &[], &CONFIG).len(), 1, "hidden before");
+        assert_eq!(standing_alone(&scan, &[], &StandingAlone::default()).len(), 1, "hidden before");
     }
 
     #[test]
@@ -121,7 +129,7 @@ mod tests {
                 scan.ranges_m[beam] = (along - (0.04 - beside).sqrt()) as f32;
             }
         }
-        let alone = standing_alone(&scan, &[], &CONFIG);
+        let alone = standing_alone(&scan, &[], &StandingAlone::default());
         let is_wall = |beam: usize| scan.ranges_m[beam] == corridor.ranges_m[beam];
         let wall = alone.iter().flat_map(|thing| thing.beams()).filter(|beam| is_wall(*beam)).count();
         assert!(alone.len() == 1 && wall == 0, "{} things, {wall} beams of wall", alone.len());
@@ -135,6 +143,6 @@ mod tests {
             let is_door = cos > 0.0 && (ahead_m * sin).abs() < 0.25;
             if is_door { 4.0 / cos } else { 2.0 / cos.abs().max(sin.abs()) }
         });
-        assert_eq!(standing_alone(&scan, &[], &StandingAlone { widest_m: 2.0, ..CONFIG }), []);
+        assert_eq!(standing_alone(&scan, &[], &StandingAlone { widest_m: 2.0, ..StandingAlone::default() }), []);
     }
 }

@@ -1,17 +1,19 @@
 //! Returns of a scan that hang together: those side by side whose ranges differ by little.
 
-use fht_perception::frame::LaserScan;
+use crate::frame::LaserScan;
 use std::f64::consts::TAU;
 
 /// Beams in a whole turn, in parts.
-pub(super) fn beams_in_turn(scan: &LaserScan) -> f64 {
+#[must_use]
+pub fn beams_in_turn(scan: &LaserScan) -> f64 {
     /// A scanner's word of its step may be 0.
     const LEAST_STEP_RAD: f64 = 1e-6;
     TAU / scan.angle_increment.abs().max(LEAST_STEP_RAD)
 }
 
 /// Whether the scanner looks all round: beside its last beam is its first.
-pub(super) fn is_all_round(scan: &LaserScan) -> bool {
+#[must_use]
+pub fn is_all_round(scan: &LaserScan) -> bool {
     (scan.ranges_m.len() as f64 - beams_in_turn(scan)).abs() < 1.5
 }
 
@@ -20,7 +22,7 @@ pub(super) fn is_all_round(scan: &LaserScan) -> bool {
 pub struct ScanSegment {
     first: usize,
     /// How many returns.
-    pub(super) count: usize,
+    pub count: usize,
     /// Beams of the scan.
     of: usize,
 }
@@ -33,14 +35,15 @@ impl ScanSegment {
 
     /// How far its returns reach from the first of them, metres: its width, but for what lies all
     /// round.
-    pub(super) fn width_m(self, scan: &LaserScan) -> f64 {
+    #[must_use]
+    pub fn width_m(self, scan: &LaserScan) -> f64 {
         let first = scan.beam_end_in_base(self.first);
         self.beams().map(|beam| (scan.beam_end_in_base(beam) - first).norm()).fold(0.0, f64::max)
     }
 
     /// The beams beside it, each with that of its own that is next to it; none at an end of a scan
     /// that does not look all round.
-    pub(super) fn beside(self, scan: &LaserScan) -> impl Iterator<Item = (usize, usize)> {
+    pub fn beside(self, scan: &LaserScan) -> impl Iterator<Item = (usize, usize)> {
         let last = (self.first + self.count - 1) % self.of;
         let is_round = is_all_round(scan);
         let before = if self.first > 0 { Some(self.first - 1) } else { Some(self.of - 1).filter(|_| is_round) };
@@ -51,7 +54,8 @@ impl ScanSegment {
 }
 
 /// The returns of a scan, as they hang together: ranges side by side differ by less than `gap_m`.
-pub(super) fn segments(scan: &LaserScan, gap_m: f64) -> Vec<ScanSegment> {
+#[must_use]
+pub fn segments(scan: &LaserScan, gap_m: f64) -> Vec<ScanSegment> {
     let (ranges, of) = (&scan.ranges_m, scan.ranges_m.len());
     let hangs = |one: usize, other: usize| {
         let step_m = f64::from(ranges[one]) - f64::from(ranges[other]);
