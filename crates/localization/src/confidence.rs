@@ -106,6 +106,7 @@ mod tests {
             too_short: 0.01,
             somebody: 0.0,
             too_long: 0.0,
+            seen_through: 0.0,
             over_rivals_sigmas: f64::INFINITY,
             over_moved_sigmas: 6.0,
             spread_m: 2.0,

@@ -148,9 +148,10 @@ impl Localizer {
         }
     }
 
-    /// So many people have walked by of late: about as many stand, where the map is free.
+    /// So many people have walked by of late: some may stand, where the map is free. A robot that
+    /// looks for its place expects them; one that knows it gives it up for no such place.
     pub fn expect_people(&mut self, walkers: usize) {
-        self.relocalizer.expect_people(walkers);
+        self.relocalizer.expect_people(if self.tracker.is_some() { 0 } else { walkers });
     }
 
     /// Takes in a frame. `describe` is asked for the descriptor of the frame's panorama only when

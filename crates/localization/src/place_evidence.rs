@@ -26,8 +26,10 @@ pub struct PlaceEvidence {
     pub too_short: f64,
     /// Share of them that do, are narrow and stand alone: they may be people. 0 to 1.
     pub somebody: f64,
-    /// Pieces of the map's walls that were seen through, against all that were seen.
+    /// Share of them that lie behind a wall of the map, 0 to 1.
     pub too_long: f64,
+    /// Pieces of the map's walls that were seen through, against all pieces that were seen.
+    pub seen_through: f64,
     /// By how many standard deviations more pieces vote for the place than for its strongest rival,
     /// as if each that votes differently took a side by the toss of a coin. Pieces that are
     /// explained vote for a place, those that cannot be vote against it. Infinite without a rival.
@@ -40,6 +42,9 @@ pub struct PlaceEvidence {
     pub is_held: bool,
 }
 
+/// No more than this share of what was seen is people's.
+const MOST_PEOPLE: f64 = 0.33;
+
 impl PlaceEvidence {
     /// What cannot be, against all pieces that were seen.
     #[must_use]
@@ -47,20 +52,20 @@ impl PlaceEvidence {
         self.too_short + self.too_long
     }
 
-    /// The same if so many of the pieces that may be people are: they are no pieces of wall then.
+    /// The same where people walk: so many of the pieces that may be people are, at most a third of
+    /// all, and no pieces of wall. And the map may have somebody who stood there: whatever he hid,
+    /// a piece of wall that was seen through is one that is wrong.
     #[must_use]
     pub fn among_people(self, pieces: f64) -> Self {
-        let people = self.somebody.min(pieces / self.walls.max(1.0));
+        let people = self.somebody.min(pieces.max(0.0) / self.walls.max(1.0)).min(MOST_PEOPLE);
         let others = 1.0 - people;
-        if others <= 0.0 {
-            return Self { walls: 0.0, explained: 0.0, too_short: 0.0, somebody: 0.0, ..self };
-        }
         Self {
             walls: self.walls * others,
             explained: self.explained / others,
             too_short: (self.too_short - people) / others,
             somebody: (self.somebody - people) / others,
-            too_long: self.too_long / others,
+            too_long: self.seen_through / others,
+            seen_through: self.seen_through / others,
             ..self
         }
     }
@@ -93,6 +98,7 @@ impl Judged<'_> {
             too_short: (here.too_short + here.somebody) / walls,
             somebody: here.somebody / walls,
             too_long: here.too_long / walls,
+            seen_through: here.seen_through / walls,
             over_rivals_sigmas: votes.least_sigmas_over(rivals),
             over_moved_sigmas: votes.least_sigmas_over(moves.map(|by| self.moved(best, &by))),
             spread_m,
@@ -115,17 +121,32 @@ mod tests {
     use super::*;
 
     #[test]
-    fn people_are_no_pieces_of_wall() {
-        let seen =
-            PlaceEvidence { walls: 100.0, explained: 0.72, too_short: 0.12, somebody: 0.1, ..Default::default() };
-        let near = |it: PlaceEvidence, expected: [f64; 4]| {
-            let found = [it.walls, it.explained, it.too_short, it.somebody];
-            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+    fn people_are_no_pieces_of_wall_and_what_they_hid_counts_once() {
+        let seen = PlaceEvidence {
+            walls: 100.0,
+            explained: 0.6,
+            too_short: 0.12,
+            somebody: 0.1,
+            too_long: 0.2,
+            seen_through: 0.02,
+            ..Default::default()
         };
-        assert_eq!(seen.among_people(0.0), seen);
-        near(seen.among_people(4.0), [96.0, 0.75, 0.08 / 0.96, 0.06 / 0.96]);
-        near(seen.among_people(50.0), [90.0, 0.8, 0.02 / 0.9, 0.0]);
-        let all = PlaceEvidence { explained: 0.0, too_short: 1.0, somebody: 1.0, ..seen };
-        near(all.among_people(200.0), [0.0; 4]);
+        let near = |pieces: f64, expected: [f64; 5]| {
+            let it = seen.among_people(pieces);
+            let found = [it.walls, it.explained, it.too_short, it.somebody, it.too_long];
+            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+            assert!((it.contradicted() - it.too_short - it.too_long).abs() < 1e-12);
+        };
+        near(0.0, [100.0, 0.6, 0.12, 0.1, 0.02]);
+        near(4.0, [96.0, 0.6 / 0.96, 0.08 / 0.96, 0.06 / 0.96, 0.02 / 0.96]);
+        near(50.0, [90.0, 0.6 / 0.9, 0.02 / 0.9, 0.0, 0.02 / 0.9]);
+        near(-1.0, [100.0, 0.6, 0.12, 0.1, 0.02]);
+    }
+
+    #[test]
+    fn no_more_than_a_third_is_people() {
+        let crowd = PlaceEvidence { walls: 100.0, too_short: 1.0, somebody: 1.0, ..Default::default() };
+        let among = crowd.among_people(f64::INFINITY);
+        assert!((among.walls - 67.0).abs() < 1e-9 && (among.too_short - 1.0).abs() < 1e-9, "{among:?}");
     }
 }

@@ -57,6 +57,17 @@ pub enum Belief {
     Localized(Fix),
 }
 
+/// What is thought of the likeliest place, and how sure a robot must be to stand by it.
+#[derive(Clone, Copy, Debug)]
+struct Judgement {
+    for_it: PlaceEvidence,
+    confidence: f64,
+    /// Share of what was seen that cannot be.
+    contradicted: f64,
+    /// The least confidence that suffices.
+    least: f64,
+}
+
 /// Keeps hypotheses, and weighs them by views.
 pub struct Relocalizer {
     config: RelocalizationConfig,
@@ -140,7 +151,7 @@ impl Relocalizer {
         self.pointed_at = Some(map_from_odom);
     }
 
-    /// So many people have walked by of late: about as many stand, where the map is free.
+    /// So many people have walked by of late: some may stand, where the map is free.
     pub fn expect_people(&mut self, walkers: usize) {
         self.walkers = walkers;
     }
@@ -344,33 +355,33 @@ impl Relocalizer {
         let same = (*same_m, *same_rad);
         let grounds = Grounds { views: &self.views, landmarks, matching, weigh, same };
         let pictures = grounds.pictures(best, &config.distinction);
-        let confidence = |for_it| self.confidence(for_it, best, self.rivals(best), pictures, squares, &grounds);
-        let among_people = for_it.among_people(config.pieces_per_walker * self.walkers as f64);
-        let is_enough = |for_it: &PlaceEvidence, confidence: f64, least: f64| {
-            confidence >= least && for_it.contradicted() <= config.max_contradicted
-        };
-        // What may be people weighs as all that cannot be, unless nothing else leaves a doubt.
-        let (without, with) = (confidence(for_it), confidence(among_people));
-        let is_sure = is_enough(&for_it, without, config.min_confidence);
-        let is_sure_among_people = !is_sure && is_enough(&among_people, with, config.min_confidence_among_people);
-        let (for_it, confidence) = if is_sure_among_people { (among_people, with) } else { (for_it, without) };
-        let candidates = Belief::Candidates { hypotheses: self.hypotheses.len(), confidence: without };
+        let sure = |for_it| self.confidence(for_it, best, self.rivals(best), pictures, squares, &grounds);
+        let contradicted = best.evidence().contradicted_share();
+        let first = Judgement { for_it, confidence: sure(for_it), contradicted, least: config.min_confidence };
+        let candidates = Belief::Candidates { hypotheses: self.hypotheses.len(), confidence: first.confidence };
         tracing::debug!(
             hypotheses = self.hypotheses.len(),
             views = self.views.len(),
             walkers = self.walkers,
-            confidence,
-            ?for_it,
+            ?first,
             ?pictures,
             "likeliest place"
         );
-        if !(is_sure || is_sure_among_people) || pictures == PictureWord::Refuses {
+        // What may be people speaks against a place as all that cannot be, unless nothing else does.
+        let among_people = || {
+            let for_it = for_it.among_people(config.pieces_per_walker * self.walkers as f64);
+            let least = config.min_confidence_among_people.max(config.min_confidence);
+            Judgement { for_it, confidence: sure(for_it), contradicted: for_it.contradicted(), least }
+        };
+        let is_enough = |it: &Judgement| it.confidence >= it.least && it.contradicted <= config.max_contradicted;
+        let second = || (self.walkers > 0).then(among_people).filter(is_enough);
+        let Some(judged) = Some(first).filter(is_enough).or_else(second) else { return candidates };
+        if pictures == PictureWord::Refuses {
             return candidates;
         }
         let challengers = grounds.challengers(best, points, &config.distinction);
         let is_told = if pictures == PictureWord::Tells {
-            let told = self.confidence(for_it, best, challengers.iter(), pictures, squares, &grounds);
-            told >= config.min_confidence
+            self.confidence(judged.for_it, best, challengers.iter(), pictures, squares, &grounds) >= judged.least
         } else {
             grounds.walls_tell(best, self.rivals(best), &config.distinction)
                 && grounds.walls_tell(best, challengers.iter(), &config.distinction)
@@ -378,7 +389,7 @@ impl Relocalizer {
         if !is_told {
             return candidates;
         }
-        match fix_pose(best, &self.views, landmarks, confidence, &config.matching, &config.pose_fix) {
+        match fix_pose(best, &self.views, landmarks, judged.confidence, &config.matching, &config.pose_fix) {
             Some(fix) if fix.sigma_m() <= config.max_sigma_m => Belief::Localized(fix),
             _ => candidates,
         }

@@ -32,8 +32,10 @@ pub(crate) struct Tally {
     pub too_short: f64,
     /// Pieces that stand there, and may be somebody.
     pub somebody: f64,
-    /// Pieces of the map's walls that were seen through.
+    /// Pieces that lie behind a wall of the map.
     pub too_long: f64,
+    /// Pieces of the map's walls, map frame, behind which they lie.
+    pub seen_through: f64,
 }
 
 /// How each piece of wall votes for a place, from 1 (the map has it) to −1 (it cannot be).
@@ -86,13 +88,14 @@ impl WallSquares {
             too_short: all.too_short + piece.too_short,
             somebody: all.somebody + piece.somebody,
             too_long: all.too_long + piece.too_long,
+            seen_through: 0.0,
         });
-        Tally { too_long: self.passed(verdicts), ..seen }
+        Tally { seen_through: self.seen_through(verdicts), ..seen }
     }
 
-    /// Pieces of the map's walls that beams passed through. However much a wall hides that is gone,
+    /// Pieces of the map's walls that beams went through. However much a wall hides that is gone,
     /// or was somebody, it is one thing that is wrong.
-    fn passed(&self, verdicts: &[Vec<Option<BeamVerdict>>]) -> f64 {
+    fn seen_through(&self, verdicts: &[Vec<Option<BeamVerdict>>]) -> f64 {
         let mut pieces: BTreeMap<SquareIndex, (f64, f64)> = BTreeMap::new();
         for verdict in verdicts.iter().flatten().flatten() {
             let (wall, passed) = match verdict {
@@ -140,6 +143,7 @@ impl WallSquares {
                 too_short: sum.too_short / beams,
                 somebody: sum.somebody / beams,
                 too_long: sum.too_long / beams,
+                seen_through: 0.0,
             }
         })
     }
@@ -180,10 +184,10 @@ mod tests {
             squares.tally(&[verdicts.into_iter().map(Some).collect()])
         };
         let gone = tally([vec![BeamVerdict::TooLong(near); 9], vec![BeamVerdict::Explained(there)]].concat());
-        assert!((gone.too_long - 1.0).abs() < 1e-12 && (gone.explained - 1.0).abs() < 1e-12, "{gone:?}");
+        assert!((gone.seen_through - 1.0).abs() < 1e-12 && (gone.explained - 1.0).abs() < 1e-12, "{gone:?}");
         // As many end at it as go on: half of it is gone.
         let half = tally([vec![BeamVerdict::TooLong(near); 4], vec![BeamVerdict::Explained(near); 4]].concat());
-        assert!((half.too_long - 0.5).abs() < 1e-12, "{half:?}");
+        assert!((half.seen_through - 0.5).abs() < 1e-12, "{half:?}");
     }
 
     proptest! {

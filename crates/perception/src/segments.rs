@@ -22,12 +22,18 @@ pub fn is_all_round(scan: &LaserScan) -> bool {
 pub struct ScanSegment {
     first: usize,
     /// How many returns.
-    pub count: usize,
+    pub(crate) count: usize,
     /// Beams of the scan.
     of: usize,
 }
 
 impl ScanSegment {
+    /// How many returns.
+    #[must_use]
+    pub fn count(self) -> usize {
+        self.count
+    }
+
     /// The numbers of its beams, side by side.
     pub fn beams(self) -> impl Iterator<Item = usize> {
         (self.first..self.first + self.count).map(move |beam| beam % self.of)

@@ -44,6 +44,8 @@ pub struct Look {
     pub too_short: f64,
     /// [`PlaceEvidence::somebody`].
     pub somebody: f64,
+    /// [`PlaceEvidence::seen_through`].
+    pub seen_through: f64,
     /// [`PlaceEvidence::too_long`].
     pub too_long: f64,
     /// [`PlaceEvidence::over_rivals_sigmas`].
@@ -63,6 +65,7 @@ impl Look {
             explained: self.explained,
             too_short: self.too_short,
             somebody: self.somebody,
+            seen_through: self.seen_through,
             too_long: self.too_long,
             over_rivals_sigmas: self.over_rivals_sigmas,
             over_moved_sigmas: self.over_moved_sigmas,
@@ -162,6 +165,7 @@ mod tests {
             explained: 1.0,
             too_short: 0.0,
             somebody: 0.0,
+            seen_through: 0.0,
             too_long: 0.0,
             over_rivals_sigmas: f64::INFINITY,
             over_moved_sigmas: 2.75 * ground,

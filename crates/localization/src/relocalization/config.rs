@@ -45,15 +45,14 @@ pub struct RelocalizationConfig {
     pub confidence: ConfidenceConfig,
     /// A fix is at least this probable. Default 0.982, at a ground of 1.
     pub min_confidence: f64,
-    /// Greatest share of what cannot be, against all pieces of wall that were seen. Default 0.04:
-    /// where nothing was moved it is below 0.01, and in rooms that no main node looked into the
-    /// best that is found elsewhere has 0.05 and more.
+    /// Greatest share of beams that cannot be; among people, of pieces of wall. Default 0.04: where
+    /// nothing was moved it is below 0.01, and in rooms that no main node looked into the best that
+    /// is found elsewhere has 0.05 and more.
     pub max_contradicted: f64,
     /// For each who has walked by of late, so many pieces of wall may be somebody's who stands: of
     /// those that are narrow, stand alone and are not on the map. Default 4.
     pub pieces_per_walker: f64,
-    /// A fix is at least this probable if only then, when these do not contradict it, it can be.
-    /// Default 0.995.
+    /// A fix that rests on that is at least this probable. Default 0.995.
     pub min_confidence_among_people: f64,
     /// Greatest standard deviation of the declared position along any direction, metres. Default
     /// 0.15.

@@ -141,11 +141,11 @@ impl Bystanders {
         self.has_met
     }
 
-    /// How many have walked by within the time for which those who stand are remembered. Where so
-    /// many walk, about as many stand.
+    /// How many have walked by within the time for which those who stand are remembered. Who goes
+    /// behind something and comes back counts again.
     #[must_use]
     pub fn walkers(&self) -> usize {
-        self.walked_us.len()
+        self.walked_us.len().max(self.tracks.iter().filter(|track| track.has_walked).count())
     }
 
     /// Takes in a frame, and gives it back without the returns of what moves: of these beams

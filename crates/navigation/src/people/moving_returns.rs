@@ -174,7 +174,7 @@ fn grown(new: &[bool], scan: &LaserScan, config: &MovingReturnConfig) -> Vec<boo
     let mut moving = vec![false; new.len()];
     for segment in segments(scan, config.gap_m) {
         let count = segment.beams().filter(|beam| new[*beam]).count();
-        let is_much = count >= config.least_returns && count as f64 >= config.least_share * segment.count as f64;
+        let is_much = count >= config.least_returns && count as f64 >= config.least_share * segment.count() as f64;
         if is_much && segment.width_m(scan) <= config.widest_m {
             segment.beams().for_each(|beam| moving[beam] = true);
         }

@@ -40,6 +40,7 @@ fn of(log: &str, map: &str, drive: &JudgedDrive, look: &JudgedStatement) -> Look
         explained: for_it.explained,
         too_short: for_it.too_short,
         somebody: for_it.somebody,
+        seen_through: for_it.seen_through,
         too_long: for_it.too_long,
         over_rivals_sigmas: for_it.over_rivals_sigmas,
         over_moved_sigmas: for_it.over_moved_sigmas,
