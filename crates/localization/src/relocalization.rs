@@ -367,7 +367,7 @@ impl Relocalizer {
             ?pictures,
             "likeliest place"
         );
-        // What may be people speaks against a place as all that cannot be, unless nothing else does.
+        // What may be people speaks against a place, unless nothing else does.
         let among_people = || {
             let for_it = for_it.among_people(config.pieces_per_walker * self.walkers as f64);
             let least = config.min_confidence_among_people.max(config.min_confidence);

@@ -371,8 +371,10 @@ mod tests {
         let standing = about.around();
         assert!(standing.len() == 1 && !standing[0].is_walking && about.has_met(), "{standing:?}");
         assert!((standing[0].position - Point2::new(1.6, 0.0)).norm() < 0.15, "{standing:?}");
+        assert_eq!(about.walkers(), 1);
         (40..400).for_each(|number| drop(about.hide(&frame(number, place(number)))));
         assert!(about.around().is_empty(), "a piece of furniture by now");
+        assert_eq!(about.walkers(), 0, "that is long ago");
     }
 
     #[test]
