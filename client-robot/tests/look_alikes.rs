@@ -1,6 +1,9 @@
 //! Two rooms of one shape: a robot in one of them says that it may be in either, until something
 //! tells them apart.
 
+mod drawn_walls;
+
+use drawn_walls::{Wall, range_m};
 use fht_localization::landmarks::Landmarks;
 use fht_localization::relocalization::{Belief, RelocalizationConfig, Relocalizer, Sensed};
 use fht_map::MapState;
@@ -11,7 +14,6 @@ use fht_proto::{
     AuthorId, Descriptor, DescriptorModel, FixedPose, Increment, ModelId, NodeId, NodeKind, Op, Rect, Signature,
 };
 
-type Wall = [(f64, f64); 2];
 const MODEL: ModelId = ModelId(7);
 /// From one room to the other, metres.
 const APART_M: f64 = 20.0;
@@ -32,16 +34,9 @@ fn cupboard(x: f64) -> Vec<Wall> {
 fn scan(walls: &[Wall], at: &Pose2) -> LaserScan {
     let mut noise = 1_u32;
     let ranges_m = (0..360).map(|degree| {
-        let (dy, dx) = (f64::from(degree).to_radians() + at.rotation.angle()).sin_cos();
-        let meets = walls.iter().filter_map(|&[(x1, y1), (x2, y2)]| {
-            let (ex, ey, ox, oy) = (x2 - x1, y2 - y1, x1 - at.translation.x, y1 - at.translation.y);
-            let cross = dx * ey - dy * ex;
-            let (t, u) = ((ox * ey - oy * ex) / cross, (ox * dy - oy * dx) / cross);
-            (t > 0.0 && (0.0..=1.0).contains(&u)).then_some(t)
-        });
+        let (sin, cos) = f64::from(degree).to_radians().sin_cos();
         noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        let range = meets.fold(f64::INFINITY, f64::min);
-        (range + (f64::from(noise >> 16) / 65_536.0 - 0.5) * 0.03) as f32
+        (range_m(walls, at, (cos, sin)) + (f64::from(noise >> 16) / 65_536.0 - 0.5) * 0.03) as f32
     });
     LaserScan {
         base_from_sensor: pose(0.0, 0.0, 0.0),

@@ -4,12 +4,15 @@
 
 #![allow(clippy::unwrap_used)] // tests may panic
 
+mod drawn_walls;
+
 use client_robot::goals::GoalQueue;
 use client_robot::mission::{
     MapSource, MissionConfig, MissionError, MissionGoal, MissionObserver, MissionOutcome, Services, run,
 };
 use client_robot::pilot::{Pilot, PilotStep, TaskOutcome};
 use client_robot::serving::{GoalDesk, ServeError, locate, serve};
+use drawn_walls::{Wall, range_m};
 use fht_client::{FreeSpaceCache, PathSource, PlannedPath, rules_of_own};
 use fht_map::{MapState, PathEnds};
 use fht_perception::frame::{LaserScan, SensorFrame, Twist};
@@ -25,25 +28,11 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::time::Instant;
 
-type Wall = [(f64, f64); 2];
-
 /// An L-shaped room of 7 m × 6 m with a cupboard: nothing in it looks like anything else.
 fn room() -> Vec<Wall> {
     let outline = [(-3.0, -2.0), (4.0, -2.0), (4.0, 1.0), (1.0, 1.0), (1.0, 4.0), (-3.0, 4.0), (-3.0, -2.0)];
     let cupboard = [(0.8, -2.0), (0.8, -1.4), (2.0, -1.4), (2.0, -2.0)];
     outline.windows(2).chain(cupboard.windows(2)).map(|pair| [pair[0], pair[1]]).collect()
-}
-
-/// How far a beam from `at` goes, metres.
-fn range_m(walls: &[Wall], at: &Pose2, (cos, sin): (f64, f64)) -> f64 {
-    let ahead = at.rotation * nalgebra::Vector2::new(cos, sin);
-    let hits = walls.iter().filter_map(|&[(x1, y1), (x2, y2)]| {
-        let (ex, ey, ox, oy) = (x2 - x1, y2 - y1, x1 - at.translation.x, y1 - at.translation.y);
-        let cross = ahead.x * ey - ahead.y * ex;
-        let (along, on_wall) = ((ox * ey - oy * ex) / cross, (ox * ahead.y - oy * ahead.x) / cross);
-        (along > 0.0 && (0.0..=1.0).contains(&on_wall)).then_some(along)
-    });
-    hits.fold(f64::INFINITY, f64::min)
 }
 
 fn scan(walls: &[Wall], at: &Pose2) -> LaserScan {

@@ -1,6 +1,9 @@
 //! A robot finds its place in a room in which people stand whom the map does not have, once it has
 //! seen some walk.
 
+mod drawn_walls;
+
+use drawn_walls::{Wall, range_m};
 use fht_localization::landmarks::Landmarks;
 use fht_localization::relocalization::{Belief, RelocalizationConfig, Relocalizer, Sensed};
 use fht_map::MapState;
@@ -8,8 +11,6 @@ use fht_perception::frame::LaserScan;
 use fht_perception::pose::{Pose2, pose, to_fixed};
 use fht_perception::scan_odometry::Odometry;
 use fht_proto::{AuthorId, FixedPose, Increment, NodeId, NodeKind, Op, Signature};
-
-type Wall = [(f64, f64); 2];
 
 fn lines(corners: &[(f64, f64)]) -> Vec<Wall> {
     corners.windows(2).map(|pair| [pair[0], pair[1]]).collect()
@@ -39,16 +40,8 @@ fn somebody((x, y): (f64, f64)) -> Vec<Wall> {
 /// What 720 beams of 9 m see from `at`, with a noise of about 1 cm that repeats.
 fn scan(walls: &[Wall], at: &Pose2) -> LaserScan {
     LaserScan::all_round(720, |cos, sin| {
-        let (sin_yaw, cos_yaw) = at.rotation.angle().sin_cos();
-        let (dx, dy) = (cos * cos_yaw - sin * sin_yaw, sin * cos_yaw + cos * sin_yaw);
-        let meets = walls.iter().filter_map(|&[(x1, y1), (x2, y2)]| {
-            let (ex, ey, ox, oy) = (x2 - x1, y2 - y1, x1 - at.translation.x, y1 - at.translation.y);
-            let cross = dx * ey - dy * ex;
-            let (t, u) = ((ox * ey - oy * ex) / cross, (ox * dy - oy * dx) / cross);
-            (t > 0.0 && (0.0..=1.0).contains(&u)).then_some(t)
-        });
         let noise_m = 0.015 * (12_345.678 * (cos + 2.0 * sin)).sin();
-        meets.fold(f64::INFINITY, f64::min) + noise_m
+        range_m(walls, at, (cos, sin)) + noise_m
     })
 }
 

@@ -98,7 +98,7 @@ impl Judged<'_> {
             too_short: (here.too_short + here.somebody) / walls,
             somebody: here.somebody / walls,
             too_long: here.too_long / walls,
-            seen_through: here.seen_through / walls,
+            seen_through: self.squares.seen_through(&best.verdicts) / walls,
             over_rivals_sigmas: votes.least_sigmas_over(rivals),
             over_moved_sigmas: votes.least_sigmas_over(moves.map(|by| self.moved(best, &by))),
             spread_m,

@@ -34,8 +34,6 @@ pub(crate) struct Tally {
     pub somebody: f64,
     /// Pieces that lie behind a wall of the map.
     pub too_long: f64,
-    /// Pieces of the map's walls, map frame, behind which they lie.
-    pub seen_through: f64,
 }
 
 /// How each piece of wall votes for a place, from 1 (the map has it) to −1 (it cannot be).
@@ -83,19 +81,17 @@ impl WallSquares {
 
     /// What a place says, by the verdicts on each beam of each view.
     pub fn tally(&self, verdicts: &[Vec<Option<BeamVerdict>>]) -> Tally {
-        let seen = self.shares(verdicts).fold(Tally::default(), |all, piece| Tally {
+        self.shares(verdicts).fold(Tally::default(), |all, piece| Tally {
             explained: all.explained + piece.explained,
             too_short: all.too_short + piece.too_short,
             somebody: all.somebody + piece.somebody,
             too_long: all.too_long + piece.too_long,
-            seen_through: 0.0,
-        });
-        Tally { seen_through: self.seen_through(verdicts), ..seen }
+        })
     }
 
     /// Pieces of the map's walls that beams went through. However much a wall hides that is gone,
     /// or was somebody, it is one thing that is wrong.
-    fn seen_through(&self, verdicts: &[Vec<Option<BeamVerdict>>]) -> f64 {
+    pub fn seen_through(&self, verdicts: &[Vec<Option<BeamVerdict>>]) -> f64 {
         let mut pieces: BTreeMap<SquareIndex, (f64, f64)> = BTreeMap::new();
         for verdict in verdicts.iter().flatten().flatten() {
             let (wall, passed) = match verdict {
@@ -143,7 +139,6 @@ impl WallSquares {
                 too_short: sum.too_short / beams,
                 somebody: sum.somebody / beams,
                 too_long: sum.too_long / beams,
-                seen_through: 0.0,
             }
         })
     }
@@ -178,16 +173,17 @@ mod tests {
     #[test]
     fn however_much_is_seen_through_a_wall_it_is_one_wall() {
         let (near, there) = (Point2::new(0.1, 0.1), Point2::new(3.2, 0.1));
-        let tally = |verdicts: Vec<BeamVerdict>| {
+        let judge = |verdicts: Vec<BeamVerdict>| {
             let of_beams = vec![(0..verdicts.len()).map(Some).collect()];
             let squares = WallSquares { of_beams, count: verdicts.len(), side_m: 0.5 };
-            squares.tally(&[verdicts.into_iter().map(Some).collect()])
+            let verdicts = [verdicts.into_iter().map(Some).collect()];
+            (squares.seen_through(&verdicts), squares.tally(&verdicts))
         };
-        let gone = tally([vec![BeamVerdict::TooLong(near); 9], vec![BeamVerdict::Explained(there)]].concat());
-        assert!((gone.seen_through - 1.0).abs() < 1e-12 && (gone.explained - 1.0).abs() < 1e-12, "{gone:?}");
+        let (gone, tally) = judge([vec![BeamVerdict::TooLong(near); 9], vec![BeamVerdict::Explained(there)]].concat());
+        assert!((gone - 1.0).abs() < 1e-12 && (tally.explained - 1.0).abs() < 1e-12, "{gone}, {tally:?}");
         // As many end at it as go on: half of it is gone.
-        let half = tally([vec![BeamVerdict::TooLong(near); 4], vec![BeamVerdict::Explained(near); 4]].concat());
-        assert!((half.seen_through - 0.5).abs() < 1e-12, "{half:?}");
+        let (half, _) = judge([vec![BeamVerdict::TooLong(near); 4], vec![BeamVerdict::Explained(near); 4]].concat());
+        assert!((half - 0.5).abs() < 1e-12, "{half}");
     }
 
     proptest! {
