@@ -62,6 +62,11 @@ pub struct PasserByConfig {
     /// A scan of which more than this share is gone is left as it is: the map is what is wrong.
     /// Default 0.3.
     pub most_share: f64,
+    /// … unless the rest holds it: at least this share of the rest still ends at something. People
+    /// stood round the robot then. Default 0.9.
+    pub held_share: f64,
+    /// The most that may be gone of a scan that the rest holds, as a share. Default 0.7.
+    pub most_share_if_held: f64,
     /// What hangs together and stands alone, with nothing beside it that is nearer than this behind
     /// it, metres. Default 0.3.
     pub alone_m: f64,
@@ -73,7 +78,16 @@ pub struct PasserByConfig {
 
 impl Default for PasserByConfig {
     fn default() -> Self {
-        Self { slack_m: 0.15, least_returns: 2, most_share: 0.3, alone_m: 0.3, widest_m: 0.6, apart_frames: 300 }
+        Self {
+            slack_m: 0.15,
+            least_returns: 2,
+            most_share: 0.3,
+            held_share: 0.9,
+            most_share_if_held: 0.7,
+            alone_m: 0.3,
+            widest_m: 0.6,
+            apart_frames: 300,
+        }
     }
 }
 

@@ -23,30 +23,33 @@ use std::collections::{BTreeMap, HashMap};
 pub(super) fn without_them(node: &NodeRef<'_>, grid: &OccupancyGrid, config: &PasserByConfig) -> Option<Op> {
     let signature = node.signature?;
     let scan = LaserScan::from_record(&signature.scan);
-    let map_from_sensor = from_fixed(node.pose) * scan.base_from_sensor;
-    let is_gone = |(index, &range): (usize, &f32)| {
-        let (sin, cos) = scan.angle(index).sin_cos();
-        scan.is_return(range)
-            && is_open(grid, map_from_sensor * (Point2::new(cos, sin) * f64::from(range)), config.slack_m)
+    let map_from_base = from_fixed(node.pose);
+    let now = |(beam, &range_m): (usize, &f32)| {
+        scan.is_return(range_m).then(|| Ground::at(map_from_base * scan.beam_end_in_base(beam), grid, config.slack_m))
     };
-    let gone: Vec<bool> = scan.ranges_m.iter().enumerate().map(is_gone).collect();
+    let now: Vec<Option<Ground>> = scan.ranges_m.iter().enumerate().map(now).collect();
+    let gone: Vec<bool> = now.iter().map(|ground| *ground == Some(Ground::Free)).collect();
     let runs = gone.chunk_by(|a, b| a == b).scan(0, |from, run| {
         *from += run.len();
         Some(*from - run.len()..*from)
     });
     let runs = runs.filter(|run| gone[run.start] && run.len() >= config.least_returns);
-    blanked(node, runs.flatten(), config)
+    let rest: Vec<Ground> = now.iter().flatten().copied().filter(|ground| *ground != Ground::Free).collect();
+    let standing = rest.iter().filter(|ground| **ground == Ground::Occupied).count();
+    let is_held = standing as f64 >= config.held_share * rest.len() as f64;
+    let most_share = if is_held { config.most_share_if_held } else { config.most_share };
+    blanked(node, runs.flatten(), most_share)
 }
 
 /// The operation that takes the returns of some beams out of a node's scan; none if there are none,
-/// or too many.
-fn blanked(node: &NodeRef<'_>, beams: impl Iterator<Item = usize>, config: &PasserByConfig) -> Option<Op> {
+/// or if they are more than a share of all.
+fn blanked(node: &NodeRef<'_>, beams: impl Iterator<Item = usize>, most_share: f64) -> Option<Op> {
     let signature = node.signature?;
     let mut record = signature.scan.clone();
     let returns = |ranges_mm: &[u16]| ranges_mm.iter().filter(|mm| **mm > 0).count();
     beams.for_each(|beam| record.ranges_mm[beam] = 0);
     let (all, left) = (returns(&signature.scan.ranges_mm), returns(&record.ranges_mm));
-    let is_some = left < all && (all - left) as f64 <= config.most_share * all as f64;
+    let is_some = left < all && (all - left) as f64 <= most_share * all as f64;
     let signature = || Signature { descriptor: signature.descriptor.clone(), scan: record };
     is_some.then(|| Op::SetSignature { id: node.id, signature: signature() })
 }
@@ -95,20 +98,35 @@ impl Sightings {
         let PasserByConfig { widest_m, alone_m: gap_m, least_returns, .. } = *config;
         let things = standing_alone(&scan, &[], &StandingAlone { widest_m, gap_m, least_returns });
         let doubtful = things.into_iter().filter(|thing| !is_confirmed(thing));
-        blanked(node, doubtful.flat_map(ScanSegment::beams), config)
+        blanked(node, doubtful.flat_map(ScanSegment::beams), config.most_share)
     }
 }
 
-/// Whether this robot's own scans say that a place is free, and nothing stands near it.
-fn is_open(grid: &OccupancyGrid, place: Point2, slack_m: f64) -> bool {
-    let centre = grid.cell_of(place);
-    if grid.state(centre) != CellState::Free || !grid.is_own(centre) {
-        return false;
+/// What a grid says of a place where a return ended.
+#[derive(Clone, Copy, PartialEq)]
+enum Ground {
+    /// This robot's own scans say that it is free, and nothing stands near it.
+    Free,
+    /// Something stands there, or near it.
+    Occupied,
+    Unknown,
+}
+
+impl Ground {
+    /// Near is within `slack_m`.
+    fn at(place: Point2, grid: &OccupancyGrid, slack_m: f64) -> Self {
+        let centre = grid.cell_of(place);
+        let reach = (slack_m / grid.resolution_m()).ceil() as i32;
+        let around = (-reach..=reach).flat_map(|dj| (-reach..=reach).map(move |di| (di, dj)));
+        let mut near = around
+            .map(|(di, dj)| Cell { i: centre.i + di, j: centre.j + dj })
+            .filter(|&cell| (grid.centre(cell) - place).norm() <= slack_m);
+        if near.any(|cell| grid.state(cell) == CellState::Occupied) {
+            Self::Occupied
+        } else if grid.state(centre) == CellState::Free && grid.is_own(centre) {
+            Self::Free
+        } else {
+            Self::Unknown
+        }
     }
-    let reach = (slack_m / grid.resolution_m()).ceil() as i32;
-    let around = (-reach..=reach).flat_map(|dj| (-reach..=reach).map(move |di| (di, dj)));
-    let mut near = around
-        .map(|(di, dj)| Cell { i: centre.i + di, j: centre.j + dj })
-        .filter(|&cell| (grid.centre(cell) - place).norm() <= slack_m);
-    near.all(|cell| grid.state(cell) != CellState::Occupied)
 }

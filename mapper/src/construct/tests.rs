@@ -164,3 +164,43 @@ fn who_stood_before_a_node_is_left_out_of_its_scan_once_the_floor_there_is_free(
     assert_eq!(nearest_mm(&journal), Some(3000));
     assert!(builder.finish(&journal, &grid).is_empty(), "nothing is left to correct");
 }
+
+/// A scan from the middle of a room whose walls are so far off, with people at 1 m on the left and
+/// on the right.
+fn crowd(walls_m: f64) -> LaserScan {
+    LaserScan::all_round(2880, |cos, sin| {
+        let is_somebody = cos.abs() < 0.8;
+        if is_somebody { 1.0 } else { walls_m / cos.abs().max(sin.abs()) }
+    })
+}
+
+/// The returns of a node of `scan` after somebody has walked and the map is finished.
+fn kept_of(scan: &LaserScan) -> Vec<u16> {
+    let (mut builder, mut journal, grid, _) = mapped();
+    builder.expect_people();
+    let estimate = SlamEstimate { grid: &grid, poses: &[Pose2::identity()] };
+    let anchored = Anchored { keyframe: 0, keyframe_from_base: pose(0.0, 0.0, 0.0) };
+    let signature = Signature { descriptor: None, scan: scan.to_record() };
+    let (id, ops) = builder.make_node(Footing { anchored, frame: Some(7) }, Some(signature), &mut journal, &estimate);
+    journal.write(ops, 2);
+    journal.write(builder.finish(&journal, &grid), 3);
+    let signature = journal.state().node(id).expect("the node").signature.expect("its scan");
+    signature.scan.ranges_mm.iter().copied().filter(|mm| *mm > 0).collect()
+}
+
+#[test]
+fn a_crowd_that_stood_round_the_robot_is_left_out_if_the_rest_of_the_scan_still_fits() {
+    let scan = crowd(3.0);
+    let people = scan.ranges_m.iter().filter(|range_m| **range_m == 1.0).count();
+    assert!((0.5..0.65).contains(&(people as f64 / scan.ranges_m.len() as f64)), "{people}");
+    assert_eq!(kept_of(&scan).len(), scan.ranges_m.len() - people);
+    assert!(kept_of(&scan).iter().all(|mm| *mm >= 3000));
+}
+
+#[test]
+fn a_scan_of_which_nothing_fits_is_left_as_it_is() {
+    let (people, other_room) = (crowd(2.0), LaserScan::all_round(2880, |_, _| 1.0));
+    for scan in [people, other_room] {
+        assert_eq!(kept_of(&scan).len(), scan.ranges_m.len(), "the map is what is wrong, or the node's place");
+    }
+}
