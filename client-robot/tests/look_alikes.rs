@@ -7,8 +7,9 @@ use drawn_walls::{Wall, range_m};
 use fht_localization::landmarks::Landmarks;
 use fht_localization::relocalization::{Belief, RelocalizationConfig, Relocalizer, Sensed};
 use fht_map::MapState;
+use fht_perception::candidate::Candidate;
 use fht_perception::frame::LaserScan;
-use fht_perception::pose::{Pose2, pose, to_fixed};
+use fht_perception::pose::{Point2, Pose2, pose, to_fixed};
 use fht_perception::scan_odometry::Odometry;
 use fht_proto::{
     AuthorId, Descriptor, DescriptorModel, FixedPose, Increment, ModelId, NodeId, NodeKind, Op, Rect, Signature,
@@ -57,6 +58,11 @@ fn look(room: usize) -> Descriptor {
 
 /// Both rooms, each with two main nodes; `looks` says what each looks like.
 fn map(walls: &[Wall], looks: [usize; 2]) -> Landmarks {
+    map_without(walls, looks, |_| false)
+}
+
+/// The same, but nodes know nothing of what lies in a part of the world.
+fn map_without(walls: &[Wall], looks: [usize; 2], is_unknown: impl Fn(Point2) -> bool) -> Landmarks {
     let author = AuthorId(1);
     let mut ops = vec![Op::PutModel {
         model: DescriptorModel { id: MODEL, name: "test".to_owned(), dimension: 8, match_threshold_e3: 600 },
@@ -64,8 +70,15 @@ fn map(walls: &[Wall], looks: [usize; 2]) -> Landmarks {
     let places = [(0.0, 0.0, 0), (2.5, -0.5, 0), (APART_M, 0.0, 1), (APART_M + 2.5, -0.5, 1)];
     for (number, (x, y, room)) in places.into_iter().enumerate() {
         let id = NodeId { author, number: number as u32 };
-        let at: FixedPose = to_fixed(&pose(x, y, 0.7 * number as f64));
-        let record = scan(walls, &pose(x, y, 0.7 * number as f64)).to_record();
+        let map_from_node = pose(x, y, 0.7 * number as f64);
+        let at: FixedPose = to_fixed(&map_from_node);
+        let mut seen = scan(walls, &map_from_node);
+        let ends: Vec<Point2> =
+            (0..seen.ranges_m.len()).map(|beam| map_from_node * seen.beam_end_in_base(beam)).collect();
+        for (range_m, _) in seen.ranges_m.iter_mut().zip(ends).filter(|(_, end)| is_unknown(*end)) {
+            *range_m = f32::NAN;
+        }
+        let record = seen.to_record();
         ops.push(Op::PutNode { id, kind: NodeKind::Main, pose: at });
         ops.push(Op::SetFreeSpace {
             id,
@@ -156,6 +169,24 @@ fn a_place_that_looks_like_another_is_not_yet_known() {
             belief => panic!("{seen:?}: {belief:?}"),
         }
     }
+}
+
+#[test]
+fn a_room_that_was_mapped_in_part_is_not_ruled_out_by_its_twin_that_was_mapped_all_over() {
+    let walls: Vec<Wall> = room(0.0).into_iter().chain(room(APART_M)).collect();
+    // Nobody looked into the right arm of the room in which the robot is.
+    let landmarks = map_without(&walls, [0, 0], |end| end.x > APART_M + 2.0);
+    let (belief, _) = drive(&walls, &landmarks, None);
+    assert!(matches!(belief, Belief::Candidates { .. }), "{belief:?}");
+    let relocalizer = driven(&walls, &landmarks);
+    let is_true = |place: &Candidate| (start().inverse() * place.map_from_odom).translation.vector.norm() < 0.1;
+    assert!(relocalizer.ambiguity().iter().any(is_true), "{:?}", relocalizer.ambiguity());
+    // What stands in it alone decides for it all the same.
+    let walls: Vec<Wall> = walls.into_iter().chain(cupboard(APART_M)).collect();
+    let landmarks = map_without(&walls, [0, 0], |end| end.x > APART_M + 2.0);
+    let (belief, at) = drive(&walls, &landmarks, None);
+    let Belief::Localized(fix) = belief else { panic!("{belief:?}") };
+    assert!((fix.map_from_base.translation.vector - at.translation.vector).norm() < 0.03, "{fix:?}");
 }
 
 #[test]

@@ -91,6 +91,7 @@ mod pose_fix;
 pub mod preparation;
 pub mod relocalization;
 mod tracking;
+mod votes;
 mod wall_squares;
 
 pub use confidence::ConfidenceConfig;
@@ -103,3 +104,4 @@ pub use pose_fix::{Fix, PoseFixConfig};
 pub use preparation::Preparation;
 pub use relocalization::{Belief, RelocalizationConfig, Relocalizer, Sensed};
 pub use tracking::{LostReason, TrackingConfig};
+pub use votes::RivalConfig;

@@ -7,7 +7,8 @@
 
 use crate::hypotheses::{Hypothesis, SensedView};
 use crate::landmarks::Landmarks;
-use crate::wall_squares::{Votes, WallSquares};
+use crate::votes::Votes;
+use crate::wall_squares::WallSquares;
 use fht_perception::evidence_grid::{BeamVerdict, EvidenceConfig};
 use fht_perception::pose::{Pose2, pose};
 use std::f64::consts::FRAC_PI_4;
@@ -32,7 +33,11 @@ pub struct PlaceEvidence {
     pub seen_through: f64,
     /// By how many standard deviations more pieces vote for the place than for its strongest rival,
     /// as if each that votes differently took a side by the toss of a coin. Pieces that are
-    /// explained vote for a place, those that cannot be vote against it. Infinite without a rival.
+    /// explained vote for a place, those that cannot be vote against it; those that the map does not
+    /// know at a rival count the less the better that is otherwise ([`RivalConfig`]). Infinite
+    /// without a rival.
+    ///
+    /// [`RivalConfig`]: crate::RivalConfig
     pub over_rivals_sigmas: f64,
     /// The same over the place itself, moved by 1 m or 2 m in the direction that costs least.
     pub over_moved_sigmas: f64,
@@ -80,14 +85,8 @@ pub(crate) struct Judged<'a> {
 }
 
 impl Judged<'_> {
-    /// What speaks for `best`, which has these votes, against rivals that have those.
-    pub fn place<'a>(
-        &self,
-        best: &Hypothesis,
-        votes: &Votes,
-        rivals: impl Iterator<Item = &'a Votes>,
-        spread_m: f64,
-    ) -> PlaceEvidence {
+    /// What speaks for `best`, which has these votes and is this far ahead of its rivals.
+    pub fn place(&self, best: &Hypothesis, votes: &Votes, over_rivals_sigmas: f64, spread_m: f64) -> PlaceEvidence {
         let here = self.squares.tally(&best.verdicts);
         let directions = (0..8).map(|eighth| FRAC_PI_4 * f64::from(eighth));
         let moves = directions.flat_map(|angle| MOVES_M.map(|m| pose(m * angle.cos(), m * angle.sin(), 0.0)));
@@ -99,8 +98,8 @@ impl Judged<'_> {
             somebody: here.somebody / walls,
             too_long: here.too_long / walls,
             seen_through: self.squares.seen_through(&best.verdicts) / walls,
-            over_rivals_sigmas: votes.least_sigmas_over(rivals),
-            over_moved_sigmas: votes.least_sigmas_over(moves.map(|by| self.moved(best, &by))),
+            over_rivals_sigmas,
+            over_moved_sigmas: moves.map(|by| votes.sigmas_over(&self.moved(best, &by))).fold(f64::INFINITY, f64::min),
             spread_m,
             is_held: best.is_held,
         }

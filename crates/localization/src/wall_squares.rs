@@ -6,10 +6,10 @@
 //! corridor whose walls it has seen already, learns nothing.
 
 use crate::hypotheses::SensedView;
+use crate::votes::{Vote, Votes};
 use fht_perception::evidence_grid::BeamVerdict;
 use fht_perception::pose::Point2;
 use fht_perception::square::{SquareIndex, square_of};
-use std::borrow::Borrow;
 use std::collections::BTreeMap;
 
 /// Which piece of wall each beam of some views ends at.
@@ -34,33 +34,6 @@ pub(crate) struct Tally {
     pub somebody: f64,
     /// Pieces that lie behind a wall of the map.
     pub too_long: f64,
-}
-
-/// How each piece of wall votes for a place, from 1 (the map has it) to −1 (it cannot be).
-pub(crate) struct Votes(Vec<f64>);
-
-impl Votes {
-    /// How many more pieces it has right than wrong.
-    pub fn net(&self) -> f64 {
-        self.0.iter().sum()
-    }
-
-    /// By how many standard deviations more pieces vote for this place than for `other`, of the
-    /// same pieces, as if each that votes differently took a side by the toss of a coin (a sign
-    /// test; if all vote yes or no it is McNemar's). 0 if all vote the same.
-    pub fn sigmas_over(&self, other: &Self) -> f64 {
-        debug_assert_eq!(self.0.len(), other.0.len(), "votes of the same pieces");
-        let differences = || self.0.iter().zip(&other.0).map(|(here, there)| here - there);
-        // A part of a vote counts as a vote that is cast in so many of all cases: to differ by
-        // little in many pieces is not to differ in many.
-        let variance: f64 = differences().map(|difference| difference.abs().max(difference * difference)).sum();
-        if variance > 0.0 { differences().sum::<f64>() / variance.sqrt() } else { 0.0 }
-    }
-
-    /// The same over that of several others that is least behind; infinite without others.
-    pub fn least_sigmas_over(&self, others: impl Iterator<Item = impl Borrow<Self>>) -> f64 {
-        others.map(|other| self.sigmas_over(other.borrow())).fold(f64::INFINITY, f64::min)
-    }
 }
 
 impl WallSquares {
@@ -108,11 +81,9 @@ impl WallSquares {
 
     /// How each piece votes for a place, by the same.
     pub fn votes(&self, verdicts: &[Vec<Option<BeamVerdict>>]) -> Votes {
-        Votes(
-            self.shares(verdicts)
-                .map(|piece| piece.explained - piece.too_short - piece.somebody - piece.too_long)
-                .collect(),
-        )
+        let vote =
+            |piece: Tally| Vote { right: piece.explained, wrong: piece.too_short + piece.somebody + piece.too_long };
+        Votes::new(self.shares(verdicts).map(vote).collect())
     }
 
     /// Of each piece, the shares of its beams.
@@ -147,28 +118,6 @@ impl WallSquares {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
-
-    #[test]
-    fn pieces_that_vote_the_same_tell_nothing() {
-        let (here, there) = (Votes(vec![1.0; 9]), Votes(vec![0.0; 9]));
-        assert!((here.sigmas_over(&there) - 3.0).abs() < 1e-12, "nine to none");
-        let with_common = |votes: &Votes| Votes(votes.0.iter().copied().chain([1.0; 50]).collect());
-        assert!((with_common(&here).sigmas_over(&with_common(&there)) - 3.0).abs() < 1e-12);
-        assert_eq!(here.sigmas_over(&here), 0.0);
-        assert_eq!(here.least_sigmas_over(std::iter::empty::<Votes>()), f64::INFINITY);
-    }
-
-    #[test]
-    fn pieces_that_vote_for_the_other_place_weaken_those_that_vote_for_this_one() {
-        // Twelve more either way: of twelve, and of 36.
-        let all = Votes(vec![1.0; 12]).sigmas_over(&Votes(vec![0.0; 12]));
-        let (mut here, mut there) = (vec![1.0; 24], vec![0.0; 24]);
-        here.extend([0.0; 12]);
-        there.extend([1.0; 12]);
-        let torn = Votes(here).sigmas_over(&Votes(there));
-        assert!((all - 12.0 / 12.0_f64.sqrt()).abs() < 1e-12 && (torn - 12.0 / 6.0).abs() < 1e-12, "{all}, {torn}");
-    }
 
     #[test]
     fn however_much_is_seen_through_a_wall_it_is_one_wall() {
@@ -184,26 +133,5 @@ mod tests {
         // As many end at it as go on: half of it is gone.
         let (half, _) = judge([vec![BeamVerdict::TooLong(near); 4], vec![BeamVerdict::Explained(near); 4]].concat());
         assert!((half - 0.5).abs() < 1e-12, "{half}");
-    }
-
-    proptest! {
-        #[test]
-        fn what_one_has_more_the_other_has_less(pairs in prop::collection::vec((-1.0..=1.0, -1.0..=1.0), 0..50)) {
-            let (here, there): (Vec<f64>, Vec<f64>) = pairs.into_iter().unzip();
-            let (here, there) = (Votes(here), Votes(there));
-            let sigmas = here.sigmas_over(&there);
-            prop_assert!((sigmas + there.sigmas_over(&here)).abs() < 1e-9);
-            prop_assert!(sigmas.abs() <= (here.0.len() as f64).sqrt() + 1e-9);
-        }
-
-        #[test]
-        fn to_differ_by_less_is_to_be_less_sure(differences in prop::collection::vec(-1.0..=1.0, 0..50), share in 0.0..=1.0) {
-            let sigmas = |share: f64| {
-                let here: Vec<f64> = differences.iter().map(|difference| share * difference).collect();
-                let there = Votes(vec![0.0; here.len()]);
-                Votes(here).sigmas_over(&there)
-            };
-            prop_assert!(sigmas(share).abs() <= sigmas(1.0).abs() + 1e-9, "{} of {}", sigmas(share), sigmas(1.0));
-        }
     }
 }

@@ -3,7 +3,7 @@
 use super::RelocalizationConfig;
 use crate::confidence::ConfidenceConfig;
 use crate::hypotheses::{Hypothesis, is_near};
-use crate::wall_squares::Votes;
+use crate::votes::{RivalConfig, Votes};
 use fht_perception::candidate::Candidate;
 use fht_perception::pose::Pose2;
 
@@ -16,7 +16,7 @@ pub(super) fn not_told_apart(
     config: &RelocalizationConfig,
 ) -> Vec<Candidate> {
     let at = hypotheses.iter().map(Hypothesis::map_from_base);
-    let mut places: Vec<(f64, Pose2)> = sigmas_behind_the_most(votes).into_iter().zip(at).collect();
+    let mut places: Vec<(f64, Pose2)> = sigmas_behind_the_most(votes, &config.rivals).into_iter().zip(at).collect();
     places.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut kept: Vec<(f64, Pose2)> = Vec::new();
     for (sigmas_behind, at) in places {
@@ -32,17 +32,17 @@ pub(super) fn not_told_apart(
 
 /// Odds of the places after the first, by the votes of all, against the one of them that has most
 /// pieces of wall right.
-pub(super) fn odds_of_others(votes: &[Votes], confidence: &ConfidenceConfig) -> Vec<f64> {
+pub(super) fn odds_of_others(votes: &[Votes], rivals: &RivalConfig, confidence: &ConfidenceConfig) -> Vec<f64> {
     /// More places would tell nobody anything.
     const MOST: usize = 5;
     let others = votes.get(1..votes.len().min(MOST)).unwrap_or_default();
-    sigmas_behind_the_most(others).into_iter().map(|sigmas| confidence.odds(sigmas)).collect()
+    sigmas_behind_the_most(others, rivals).into_iter().map(|sigmas| confidence.odds(sigmas)).collect()
 }
 
 /// By how many standard deviations each is behind the one with most pieces of wall right.
-fn sigmas_behind_the_most(votes: &[Votes]) -> Vec<f64> {
+fn sigmas_behind_the_most(votes: &[Votes], rivals: &RivalConfig) -> Vec<f64> {
     let Some(most) = votes.iter().max_by(|a, b| a.net().total_cmp(&b.net())) else { return Vec::new() };
-    votes.iter().map(|of_place| most.sigmas_over(of_place)).collect()
+    votes.iter().map(|of_place| most.sigmas_over_rival(of_place, rivals)).collect()
 }
 
 /// How probable each place is when the first one is right with `confidence`: what that leaves goes

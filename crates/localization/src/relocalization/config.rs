@@ -4,6 +4,7 @@ use crate::confidence::ConfidenceConfig;
 use crate::distinction::DistinctionConfig;
 use crate::hypotheses::WeighConfig;
 use crate::pose_fix::PoseFixConfig;
+use crate::votes::RivalConfig;
 use fht_perception::matching::MatchConfig;
 use serde::{Deserialize, Serialize};
 
@@ -41,6 +42,8 @@ pub struct RelocalizationConfig {
     pub same_rad: f64,
     /// Side of the pieces of wall that count as one, metres. Default 0.5.
     pub square_m: f64,
+    /// When a rival may be a place that was mapped in part only.
+    pub rivals: RivalConfig,
     /// How probable a place is.
     pub confidence: ConfidenceConfig,
     /// A fix is at least this probable. Default 0.982, at a ground of 1.
@@ -83,6 +86,7 @@ impl Default for RelocalizationConfig {
             same_m: 0.5,
             same_rad: 0.25,
             square_m: 0.5,
+            rivals: RivalConfig::default(),
             confidence: ConfidenceConfig::default(),
             min_confidence: 0.982,
             max_contradicted: 0.04,
