@@ -174,7 +174,7 @@ fn a_place_that_looks_like_another_is_not_yet_known() {
 #[test]
 fn a_room_that_was_mapped_in_part_is_not_ruled_out_by_its_twin_that_was_mapped_all_over() {
     let walls: Vec<Wall> = room(0.0).into_iter().chain(room(APART_M)).collect();
-    // Nobody looked into the right arm of the room in which the robot is.
+    // No node kept what it saw in the right arm of the room in which the robot is.
     let landmarks = map_without(&walls, [0, 0], |end| end.x > APART_M + 2.0);
     let (belief, _) = drive(&walls, &landmarks, None);
     assert!(matches!(belief, Belief::Candidates { .. }), "{belief:?}");

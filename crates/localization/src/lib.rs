@@ -20,6 +20,7 @@
 //! | [`relocalization`] | looking for a place in the whole map, and when to believe it |
 //! | `hypotheses` | places where a robot may be, weighed by all that it sees on its way |
 //! | `wall_squares` | what was seen, as pieces of wall that count once |
+//! | `votes` | which of two places more of these pieces speak for |
 //! | `place_evidence` | what speaks for a place: [`PlaceEvidence`] |
 //! | `confidence` | how probable that makes it: [`ConfidenceConfig`] |
 //! | `distinction` | whether pictures or walls tell it from places that the map does not have |

@@ -7,7 +7,7 @@
 
 use crate::hypotheses::{Hypothesis, SensedView};
 use crate::landmarks::Landmarks;
-use crate::votes::Votes;
+use crate::votes::{Votes, least};
 use crate::wall_squares::WallSquares;
 use fht_perception::evidence_grid::{BeamVerdict, EvidenceConfig};
 use fht_perception::pose::{Pose2, pose};
@@ -33,9 +33,9 @@ pub struct PlaceEvidence {
     pub seen_through: f64,
     /// By how many standard deviations more pieces vote for the place than for its strongest rival,
     /// as if each that votes differently took a side by the toss of a coin. Pieces that are
-    /// explained vote for a place, those that cannot be vote against it; those that the map does not
-    /// know at a rival count the less the better that is otherwise ([`RivalConfig`]). Infinite
-    /// without a rival.
+    /// explained vote for a place, those that cannot be vote against it; those of which the map
+    /// knows nothing at the rival count the less the better that is otherwise ([`RivalConfig`]).
+    /// Infinite without a rival.
     ///
     /// [`RivalConfig`]: crate::RivalConfig
     pub over_rivals_sigmas: f64,
@@ -99,7 +99,7 @@ impl Judged<'_> {
             too_long: here.too_long / walls,
             seen_through: self.squares.seen_through(&best.verdicts) / walls,
             over_rivals_sigmas,
-            over_moved_sigmas: moves.map(|by| votes.sigmas_over(&self.moved(best, &by))).fold(f64::INFINITY, f64::min),
+            over_moved_sigmas: least(moves.map(|by| votes.sigmas_over(&self.moved(best, &by)))),
             spread_m,
             is_held: best.is_held,
         }

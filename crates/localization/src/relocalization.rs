@@ -12,14 +12,14 @@ mod pointing;
 
 pub use config::RelocalizationConfig;
 
-use self::ambiguity::{not_told_apart, odds_of_others, probabilities};
+use self::ambiguity::{not_told_apart, odds_of_others, probabilities, sigmas_ahead};
 use self::pointing::best_around;
 use crate::distinction::{Grounds, PictureWord};
 use crate::hypotheses::{Hypothesis, SensedView, held, odometry_poses, points_seen};
 use crate::landmarks::Landmarks;
 use crate::place_evidence::{Judged, PlaceEvidence};
 use crate::pose_fix::{Fix, fix_pose};
-use crate::votes::Votes;
+use crate::votes::{Votes, least};
 use crate::wall_squares::WallSquares;
 use fht_perception::candidate::{Candidate, PossiblePlace};
 use fht_perception::evidence_grid::Beams;
@@ -180,7 +180,7 @@ impl Relocalizer {
         self.put_clearest_first(&mut votes);
         let odom_from_base = &observation.odometry.odom_from_base;
         self.ambiguity = not_told_apart(&self.hypotheses, &votes, odom_from_base, &self.config);
-        self.others_odds = odds_of_others(&votes, &self.config.rivals, &self.config.confidence);
+        self.others_odds = odds_of_others(&self.hypotheses, &votes, &self.config);
         self.evidence = self.hypotheses.first().map(|best| self.weigh(best, &votes, &squares, landmarks));
         self.judge(&points, &squares, landmarks)
     }
@@ -337,8 +337,8 @@ impl Relocalizer {
     fn weigh(&self, best: &Hypothesis, votes: &[Votes], squares: &WallSquares, landmarks: &Landmarks) -> PlaceEvidence {
         let judged = Judged { views: &self.views, squares, landmarks, evidence: &self.config.weigh.evidence };
         let rivals = self.hypotheses.iter().zip(votes).filter(|(other, _)| self.is_elsewhere(other, best));
-        let ahead = rivals.map(|(_, rival)| votes[0].sigmas_over_rival(rival, &self.config.rivals));
-        judged.place(best, &votes[0], ahead.fold(f64::INFINITY, f64::min), self.spread_m())
+        let ahead = rivals.map(|rival| sigmas_ahead((best, &votes[0]), rival, &self.config));
+        judged.place(best, &votes[0], least(ahead), self.spread_m())
     }
 
     /// Hypotheses of other places than this.
@@ -412,8 +412,9 @@ impl Relocalizer {
         let over_rivals_sigmas = if pictures == PictureWord::Tells {
             let votes = squares.votes(&best.verdicts);
             let alike = rivals.filter(|rival| !grounds.pictures_tell_from(best, rival, &config.distinction));
-            let ahead = alike.map(|rival| votes.sigmas_over_rival(&squares.votes(&rival.verdicts), &config.rivals));
-            ahead.fold(f64::INFINITY, f64::min)
+            let ahead =
+                |rival: &Hypothesis| sigmas_ahead((best, &votes), (rival, &squares.votes(&rival.verdicts)), config);
+            least(alike.map(ahead))
         } else {
             for_it.over_rivals_sigmas
         };

@@ -4,26 +4,30 @@ use serde::{Deserialize, Serialize};
 
 /// When a rival may be a place that was mapped in part only.
 ///
-/// What the map does not know of a rival tells it from the likeliest place, or else every place at
+/// Where the map knows nothing, beams tell a rival from the likeliest place, or else every place at
 /// the edge of the map would do as well. But where a building repeats itself, the unknown part of a
-/// room looks as the same part of its twin does: that the twin explains it says nothing.
+/// room looks as the same part of its twin does: that the twin explains it says nothing. So these
+/// pieces of wall count the less the better the rival is otherwise.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct RivalConfig {
-    /// Pieces of wall that the map does not know at a rival tell it in full if it explains at most
-    /// this share of all pieces. Default 0.5.
-    pub explained_by_chance: f64,
-    /// They tell nothing if it explains at least this share. Default 0.8.
-    pub partly_mapped: f64,
-    /// … and tell it in full again if so many pieces more cannot be at the rival than at the place.
-    /// Default 3.
+    /// They count in full if the map explains at most this share of all pieces at the rival.
+    /// Default 0.5.
+    pub full_to: f64,
+    /// They do not count if it explains at least this share. Default 0.67.
+    pub none_from: f64,
+    /// They count in full all the same if so many pieces more cannot be at the rival than at the
+    /// likeliest place: it is no twin. Default 3.
     pub contradicted_pieces: f64,
+    /// And if it is nearer than this, and not turned, metres: then it is the place itself, moved.
+    /// Default 2.
+    pub least_apart_m: f64,
 }
 
 impl Default for RivalConfig {
     fn default() -> Self {
-        Self { explained_by_chance: 0.5, partly_mapped: 0.8, contradicted_pieces: 3.0 }
+        Self { full_to: 0.5, none_from: 0.67, contradicted_pieces: 3.0, least_apart_m: 2.0 }
     }
 }
 
@@ -76,13 +80,14 @@ impl Votes {
         sigmas(self.differences(other))
     }
 
-    /// The same over another place that may be the right one: what the map does not know there
-    /// counts the less the better that place is otherwise.
+    /// The same over a place that may be mapped in part: no more than over any other, and not
+    /// behind it where that would not be.
     pub fn sigmas_over_rival(&self, rival: &Self, config: &RivalConfig) -> f64 {
-        let pardoned = rival.partly_mapped(self.wrong, config);
+        let discount = rival.discount(self.wrong, config);
         let unknown = rival.pieces.iter().map(|vote| vote.unknown());
-        let pardon = |(difference, unknown): (f64, f64)| difference - pardoned * unknown.min(difference.max(0.0));
-        sigmas(self.differences(rival).zip(unknown).map(pardon))
+        let counted = |(difference, unknown): (f64, f64)| difference - discount * unknown.min(difference.max(0.0));
+        let plain = self.sigmas_over(rival);
+        sigmas(self.differences(rival).zip(unknown).map(counted)).clamp(plain.min(0.0), plain.max(0.0))
     }
 
     fn differences(&self, other: &Self) -> impl Iterator<Item = f64> {
@@ -90,15 +95,29 @@ impl Votes {
         self.pieces.iter().zip(&other.pieces).map(|(here, there)| here.value() - there.value())
     }
 
-    /// How far this may be a place that was mapped in part only, from 0 to 1, beside one that so
-    /// many pieces contradict.
-    fn partly_mapped(&self, wrong_there: f64, config: &RivalConfig) -> f64 {
-        let RivalConfig { explained_by_chance, partly_mapped, contradicted_pieces } = *config;
+    /// By how much less pieces count of which the map knows nothing here, from 0 to 1, beside a
+    /// place that so many pieces contradict.
+    fn discount(&self, wrong_there: f64, config: &RivalConfig) -> f64 {
         let explained = self.right / (self.pieces.len() as f64).max(1.0);
-        let fits = (explained - explained_by_chance) / (partly_mapped - explained_by_chance);
-        let is_told = (self.wrong - wrong_there) / contradicted_pieces;
-        fits.clamp(0.0, 1.0) * (1.0 - is_told).clamp(0.0, 1.0)
+        let excess = (self.wrong - wrong_there).max(0.0);
+        ramp(explained, config.full_to, config.none_from) * (1.0 - ramp(excess, 0.0, config.contradicted_pieces))
     }
+}
+
+/// From 0 at `from` to 1 at `to`; a step where the one is not below the other.
+fn ramp(value: f64, from: f64, to: f64) -> f64 {
+    if value >= to {
+        1.0
+    } else if value <= from {
+        0.0
+    } else {
+        (value - from) / (to - from)
+    }
+}
+
+/// The least of several; infinite without any.
+pub(crate) fn least(sigmas: impl Iterator<Item = f64>) -> f64 {
+    sigmas.fold(f64::INFINITY, f64::min)
 }
 
 /// The sum of differences between two votes, in standard deviations of that sum.
@@ -149,7 +168,7 @@ mod tests {
         let known = votes(&[(36, RIGHT), (9, UNKNOWN)]);
         assert!((here.sigmas_over(&known) - 3.0).abs() < 1e-12);
         assert_eq!(here.sigmas_over_rival(&known, &config), 0.0, "it is as good");
-        let half_known = votes(&[(30, RIGHT), (15, UNKNOWN)]);
+        let half_known = votes(&[(28, RIGHT), (17, UNKNOWN)]);
         let between = here.sigmas_over_rival(&half_known, &config);
         assert!(between > 0.0 && between < 2.75, "{between}");
         for told in [votes(&[(22, RIGHT), (23, UNKNOWN)]), votes(&[(36, RIGHT), (6, UNKNOWN), (3, WRONG)])] {
@@ -160,12 +179,32 @@ mod tests {
         assert_eq!(here.sigmas_over_rival(&there, &config), 0.0);
     }
 
+    #[test]
+    fn a_place_that_is_ahead_is_not_put_behind() {
+        // Five pieces more, nine that the rival does not know, and four that it knows better.
+        let here = votes(&[(41, RIGHT), (4, UNKNOWN)]);
+        let there = votes(&[(32, RIGHT), (9, UNKNOWN), (4, RIGHT)]);
+        assert!(here.sigmas_over(&there) > 1.3);
+        assert_eq!(here.sigmas_over_rival(&there, &RivalConfig::default()), 0.0);
+        assert!(there.sigmas_over_rival(&here, &RivalConfig::default()) < 0.0);
+    }
+
+    #[test]
+    fn limits_without_width_are_steps() {
+        let (here, there) = (votes(&[(45, RIGHT)]), votes(&[(36, RIGHT), (9, UNKNOWN)]));
+        let sigmas = |config| here.sigmas_over_rival(&there, &config);
+        let usual = RivalConfig::default();
+        assert_eq!(sigmas(RivalConfig { full_to: 0.8, none_from: 0.8, ..usual.clone() }), 0.0);
+        assert_eq!(sigmas(RivalConfig { full_to: 0.9, none_from: 0.9, ..usual.clone() }), here.sigmas_over(&there));
+        assert_eq!(sigmas(RivalConfig { contradicted_pieces: 0.0, ..usual }), here.sigmas_over(&there));
+    }
+
+    /// Of which the one has much that is right, as far as anything is known.
     fn any_votes() -> impl Strategy<Value = (Votes, Votes)> {
-        let vote = || {
-            (0.0..=1.0, 0.0..=1.0)
-                .prop_map(|(known, right)| Vote { right: known * right, wrong: known * (1.0 - right) })
+        let vote = |least: f64| {
+            (least..=1.0, 0.0..=1.0).prop_map(|(right, wrong)| Vote { right, wrong: 0.2 * wrong * (1.0 - right) })
         };
-        prop::collection::vec((vote(), vote()), 0..50).prop_map(|pairs| {
+        prop::collection::vec((vote(0.0), vote(0.55)), 1..50).prop_map(|pairs| {
             let (here, there) = pairs.into_iter().unzip();
             (Votes::new(here), Votes::new(there))
         })
@@ -180,8 +219,11 @@ mod tests {
         }
 
         #[test]
-        fn to_pardon_what_is_unknown_makes_nothing_surer((here, there) in any_votes()) {
-            prop_assert!(here.sigmas_over_rival(&there, &RivalConfig::default()) <= here.sigmas_over(&there) + 1e-9);
+        fn what_is_unknown_at_a_rival_makes_nothing_surer((here, there) in any_votes()) {
+            let config = RivalConfig { contradicted_pieces: 50.0, ..RivalConfig::default() };
+            prop_assert!(there.discount(here.wrong, &config) > 0.0);
+            let (plain, over) = (here.sigmas_over(&there), here.sigmas_over_rival(&there, &config));
+            prop_assert!(over <= plain.max(0.0) && over >= plain.min(0.0), "{over} of {plain}");
         }
 
         #[test]

@@ -62,11 +62,12 @@ pub struct PasserByConfig {
     /// A scan of which more than this share is gone is left as it is: the map is what is wrong.
     /// Default 0.3.
     pub most_share: f64,
-    /// … unless the rest holds it: at least this share of the rest still ends at something. People
-    /// stood round the robot then. Default 0.9.
-    pub held_share: f64,
-    /// The most that may be gone of a scan that the rest holds, as a share. Default 0.7.
-    pub most_share_if_held: f64,
+    /// At the end of a run a scan fits the map, whatever is gone, if at least this share of the
+    /// returns that are left end at something. Default 0.9.
+    pub fitting_share: f64,
+    /// Of a scan that fits so much may be gone, as a share: people stood round the robot.
+    /// Default 0.7.
+    pub most_share_if_fitting: f64,
     /// What hangs together and stands alone, with nothing beside it that is nearer than this behind
     /// it, metres. Default 0.3.
     pub alone_m: f64,
@@ -82,8 +83,8 @@ impl Default for PasserByConfig {
             slack_m: 0.15,
             least_returns: 2,
             most_share: 0.3,
-            held_share: 0.9,
-            most_share_if_held: 0.7,
+            fitting_share: 0.9,
+            most_share_if_fitting: 0.7,
             alone_m: 0.3,
             widest_m: 0.6,
             apart_frames: 300,

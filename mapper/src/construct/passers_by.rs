@@ -19,26 +19,35 @@ use fht_perception::standing_alone::{StandingAlone, standing_alone};
 use fht_proto::{NodeId, Op, Signature};
 use std::collections::{BTreeMap, HashMap};
 
-/// The operation that takes people who have left out of a node's scan; none if it shows nobody.
-pub(super) fn without_them(node: &NodeRef<'_>, grid: &OccupancyGrid, config: &PasserByConfig) -> Option<Op> {
+/// The operation that takes people who have left out of a node's scan; none if it shows nobody. At
+/// the end of a run nodes stand where they belong: then a crowd is taken out, too, if the rest of
+/// the scan still fits.
+pub(super) fn without_them(
+    node: &NodeRef<'_>,
+    grid: &OccupancyGrid,
+    is_end: bool,
+    config: &PasserByConfig,
+) -> Option<Op> {
     let signature = node.signature?;
     let scan = LaserScan::from_record(&signature.scan);
     let map_from_base = from_fixed(node.pose);
-    let now = |(beam, &range_m): (usize, &f32)| {
+    let ground = |(beam, &range_m): (usize, &f32)| {
         scan.is_return(range_m).then(|| Ground::at(map_from_base * scan.beam_end_in_base(beam), grid, config.slack_m))
     };
-    let now: Vec<Option<Ground>> = scan.ranges_m.iter().enumerate().map(now).collect();
-    let gone: Vec<bool> = now.iter().map(|ground| *ground == Some(Ground::Free)).collect();
-    let runs = gone.chunk_by(|a, b| a == b).scan(0, |from, run| {
+    let grounds: Vec<Option<Ground>> = scan.ranges_m.iter().enumerate().map(ground).collect();
+    let runs = grounds.chunk_by(|a, b| a == b).scan(0, |from, run| {
         *from += run.len();
         Some(*from - run.len()..*from)
     });
-    let runs = runs.filter(|run| gone[run.start] && run.len() >= config.least_returns);
-    let rest: Vec<Ground> = now.iter().flatten().copied().filter(|ground| *ground != Ground::Free).collect();
-    let standing = rest.iter().filter(|ground| **ground == Ground::Occupied).count();
-    let is_held = standing as f64 >= config.held_share * rest.len() as f64;
-    let most_share = if is_held { config.most_share_if_held } else { config.most_share };
-    blanked(node, runs.flatten(), most_share)
+    let gone: Vec<usize> = runs
+        .filter(|run| grounds[run.start] == Some(Ground::Free) && run.len() >= config.least_returns)
+        .flatten()
+        .collect();
+    let left = grounds.iter().flatten().count() - gone.len();
+    let fitting = grounds.iter().flatten().filter(|ground| **ground == Ground::Occupied).count();
+    let fits = left > 0 && fitting as f64 >= config.fitting_share * left as f64;
+    let most_share = if is_end && fits { config.most_share_if_fitting } else { config.most_share };
+    blanked(node, gone.into_iter(), most_share)
 }
 
 /// The operation that takes the returns of some beams out of a node's scan; none if there are none,

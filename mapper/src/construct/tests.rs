@@ -198,9 +198,14 @@ fn a_crowd_that_stood_round_the_robot_is_left_out_if_the_rest_of_the_scan_still_
 }
 
 #[test]
-fn a_scan_of_which_nothing_fits_is_left_as_it_is() {
-    let (people, other_room) = (crowd(2.0), LaserScan::all_round(2880, |_, _| 1.0));
-    for scan in [people, other_room] {
+fn a_scan_whose_rest_does_not_fit_is_left_as_it_is() {
+    // Walls where the floor is free; walls beyond those of the map; nothing but a ring.
+    for scan in [crowd(2.0), crowd(5.0), LaserScan::all_round(2880, |_, _| 1.0)] {
         assert_eq!(kept_of(&scan).len(), scan.ranges_m.len(), "the map is what is wrong, or the node's place");
     }
+    // Every second beam ahead and behind ends at somebody for himself: too few side by side to be
+    // gone, and what is left does not fit.
+    let mut torn = crowd(3.0);
+    torn.ranges_m.iter_mut().step_by(2).for_each(|range_m| *range_m = 1.0);
+    assert_eq!(kept_of(&torn).len(), torn.ranges_m.len());
 }

@@ -64,7 +64,7 @@ impl Builder {
         let rectangles = wrong.filter_map(|(_, id, _)| self.free_space_op(*id, journal, grid));
         let own = nodes.iter().filter(|(_, id, _)| self.is_own(*id));
         let nodes = own.filter_map(|(_, id, _)| journal.state().node(*id));
-        rectangles.chain(nodes.filter_map(|node| self.passers_by_op(&node, grid))).collect()
+        rectangles.chain(nodes.filter_map(|node| self.passers_by_op(&node, grid, false))).collect()
     }
 
     /// At the end, where people were about: what may be somebody is left out of the scans of this
@@ -80,8 +80,8 @@ impl Builder {
     }
 
     /// The operation that takes people who have left out of a node's scan.
-    fn passers_by_op(&self, node: &NodeRef<'_>, grid: &OccupancyGrid) -> Option<Op> {
-        self.has_people.then(|| passers_by::without_them(node, grid, &self.config.passers_by)).flatten()
+    fn passers_by_op(&self, node: &NodeRef<'_>, grid: &OccupancyGrid, is_end: bool) -> Option<Op> {
+        self.has_people.then(|| passers_by::without_them(node, grid, is_end, &self.config.passers_by)).flatten()
     }
 
     /// Keyframes have moved: the operations that move nodes with them, and the nodes.
@@ -146,7 +146,7 @@ impl Builder {
         let (alone, kept): (Vec<_>, Vec<_>) = state.nodes().partition(is_alone);
         let alone = alone.into_iter().map(|node| Op::RemoveNode { id: node.id });
         let own = kept.iter().filter(|node| self.is_own(node.id));
-        let scans: Vec<Op> = own.filter_map(|node| self.passers_by_op(node, grid)).collect();
+        let scans: Vec<Op> = own.filter_map(|node| self.passers_by_op(node, grid, true)).collect();
         let rectangles = kept.into_iter().filter_map(|node| self.free_space_op(node.id, journal, grid));
         let removals = blocked.iter().map(|edge| Op::RemoveEdge { edge: *edge });
         removals.chain(alone).chain(rectangles).chain(scans).collect()

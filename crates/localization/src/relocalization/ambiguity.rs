@@ -1,9 +1,8 @@
 //! Which places all that was seen does not tell apart.
 
 use super::RelocalizationConfig;
-use crate::confidence::ConfidenceConfig;
 use crate::hypotheses::{Hypothesis, is_near};
-use crate::votes::{RivalConfig, Votes};
+use crate::votes::Votes;
 use fht_perception::candidate::Candidate;
 use fht_perception::pose::Pose2;
 
@@ -15,11 +14,14 @@ pub(super) fn not_told_apart(
     odom_from_base: &Pose2,
     config: &RelocalizationConfig,
 ) -> Vec<Candidate> {
-    let at = hypotheses.iter().map(Hypothesis::map_from_base);
-    let mut places: Vec<(f64, Pose2)> = sigmas_behind_the_most(votes, &config.rivals).into_iter().zip(at).collect();
-    places.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let behind = sigmas_behind_the_most(hypotheses, votes, config);
+    let mut places: Vec<(f64, f64, Pose2)> = Vec::new();
+    for ((place, votes), sigmas) in hypotheses.iter().zip(votes).zip(behind) {
+        places.push((sigmas, votes.net(), place.map_from_base()));
+    }
+    places.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.total_cmp(&a.1)));
     let mut kept: Vec<(f64, Pose2)> = Vec::new();
-    for (sigmas_behind, at) in places {
+    for (sigmas_behind, _, at) in places {
         let is_known = kept.iter().any(|(_, other)| is_near(other, &at, config.same_m, config.same_rad));
         if sigmas_behind < config.confidence.distinct_sigmas && !is_known {
             kept.push((config.confidence.odds(sigmas_behind), at));
@@ -32,17 +34,33 @@ pub(super) fn not_told_apart(
 
 /// Odds of the places after the first, by the votes of all, against the one of them that has most
 /// pieces of wall right.
-pub(super) fn odds_of_others(votes: &[Votes], rivals: &RivalConfig, confidence: &ConfidenceConfig) -> Vec<f64> {
+pub(super) fn odds_of_others(hypotheses: &[Hypothesis], votes: &[Votes], config: &RelocalizationConfig) -> Vec<f64> {
     /// More places would tell nobody anything.
     const MOST: usize = 5;
-    let others = votes.get(1..votes.len().min(MOST)).unwrap_or_default();
-    sigmas_behind_the_most(others, rivals).into_iter().map(|sigmas| confidence.odds(sigmas)).collect()
+    let others = 1..votes.len().min(MOST);
+    let Some((places, votes)) = hypotheses.get(others.clone()).zip(votes.get(others)) else { return Vec::new() };
+    let behind = sigmas_behind_the_most(places, votes, config);
+    behind.into_iter().map(|sigmas| config.confidence.odds(sigmas)).collect()
 }
 
 /// By how many standard deviations each is behind the one with most pieces of wall right.
-fn sigmas_behind_the_most(votes: &[Votes], rivals: &RivalConfig) -> Vec<f64> {
-    let Some(most) = votes.iter().max_by(|a, b| a.net().total_cmp(&b.net())) else { return Vec::new() };
-    votes.iter().map(|of_place| most.sigmas_over_rival(of_place, rivals)).collect()
+fn sigmas_behind_the_most(hypotheses: &[Hypothesis], votes: &[Votes], config: &RelocalizationConfig) -> Vec<f64> {
+    let all = || hypotheses.iter().zip(votes);
+    let Some(most) = all().max_by(|(_, a), (_, b)| a.net().total_cmp(&b.net())) else { return Vec::new() };
+    all().map(|other| sigmas_ahead(most, other, config)).collect()
+}
+
+/// By how many standard deviations a place is ahead of another, by their votes.
+pub(super) fn sigmas_ahead(
+    (place, votes): (&Hypothesis, &Votes),
+    (other, votes_there): (&Hypothesis, &Votes),
+    config: &RelocalizationConfig,
+) -> f64 {
+    if place.is_near(&other.map_from_base(), config.rivals.least_apart_m, config.same_rad) {
+        votes.sigmas_over(votes_there)
+    } else {
+        votes.sigmas_over_rival(votes_there, &config.rivals)
+    }
 }
 
 /// How probable each place is when the first one is right with `confidence`: what that leaves goes
