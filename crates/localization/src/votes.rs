@@ -83,10 +83,12 @@ impl Votes {
     /// The same over a place that may be mapped in part: no more than over any other, and not
     /// behind it where that would not be.
     pub fn sigmas_over_rival(&self, rival: &Self, config: &RivalConfig) -> f64 {
-        let discount = rival.discount(self.wrong, config);
+        let (plain, discount) = (self.sigmas_over(rival), rival.discount(self.wrong, config));
+        if discount == 0.0 {
+            return plain;
+        }
         let unknown = rival.pieces.iter().map(|vote| vote.unknown());
         let counted = |(difference, unknown): (f64, f64)| difference - discount * unknown.min(difference.max(0.0));
-        let plain = self.sigmas_over(rival);
         sigmas(self.differences(rival).zip(unknown).map(counted)).clamp(plain.min(0.0), plain.max(0.0))
     }
 

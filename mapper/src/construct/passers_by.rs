@@ -17,7 +17,7 @@ use fht_perception::segments::ScanSegment;
 use fht_perception::square::{SquareIndex, square_of};
 use fht_perception::standing_alone::{StandingAlone, standing_alone};
 use fht_proto::{NodeId, Op, Signature};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// The operation that takes people who have left out of a node's scan; none if it shows nobody. At
 /// the end of a run nodes stand where they belong: then a crowd is taken out, too, if the rest of
@@ -31,22 +31,23 @@ pub(super) fn without_them(
     let signature = node.signature?;
     let scan = LaserScan::from_record(&signature.scan);
     let map_from_base = from_fixed(node.pose);
-    let ground = |(beam, &range_m): (usize, &f32)| {
-        scan.is_return(range_m).then(|| Ground::at(map_from_base * scan.beam_end_in_base(beam), grid, config.slack_m))
-    };
-    let grounds: Vec<Option<Ground>> = scan.ranges_m.iter().enumerate().map(ground).collect();
-    let runs = grounds.chunk_by(|a, b| a == b).scan(0, |from, run| {
+    let end = |beam: usize| map_from_base * scan.beam_end_in_base(beam);
+    let is_return = |beam: usize| scan.is_return(scan.ranges_m[beam]);
+    let beams = 0..scan.ranges_m.len();
+    let is_open: Vec<bool> =
+        beams.clone().map(|beam| is_return(beam) && is_open(grid, end(beam), config.slack_m)).collect();
+    let runs = is_open.chunk_by(|a, b| a == b).scan(0, |from, run| {
         *from += run.len();
         Some(*from - run.len()..*from)
     });
-    let gone: Vec<usize> = runs
-        .filter(|run| grounds[run.start] == Some(Ground::Free) && run.len() >= config.least_returns)
-        .flatten()
-        .collect();
-    let left = grounds.iter().flatten().count() - gone.len();
-    let fitting = grounds.iter().flatten().filter(|ground| **ground == Ground::Occupied).count();
-    let fits = left > 0 && fitting as f64 >= config.fitting_share * left as f64;
-    let most_share = if is_end && fits { config.most_share_if_fitting } else { config.most_share };
+    let runs = runs.filter(|run| is_open[run.start] && run.len() >= config.least_returns);
+    let gone: BTreeSet<usize> = runs.flatten().collect();
+    let fits = || {
+        let left: Vec<usize> = beams.filter(|beam| is_return(*beam) && !gone.contains(beam)).collect();
+        let fitting = left.iter().filter(|beam| is_beside_something(grid, end(**beam), config.slack_m)).count();
+        !left.is_empty() && fitting as f64 >= config.fitting_share * left.len() as f64
+    };
+    let most_share = if is_end && fits() { config.most_share_if_fitting } else { config.most_share };
     blanked(node, gone.into_iter(), most_share)
 }
 
@@ -111,31 +112,19 @@ impl Sightings {
     }
 }
 
-/// What a grid says of a place where a return ended.
-#[derive(Clone, Copy, PartialEq)]
-enum Ground {
-    /// This robot's own scans say that it is free, and nothing stands near it.
-    Free,
-    /// Something stands there, or near it.
-    Occupied,
-    Unknown,
+/// Whether this robot's own scans say that a place is free, and nothing stands near it.
+fn is_open(grid: &OccupancyGrid, place: Point2, slack_m: f64) -> bool {
+    let centre = grid.cell_of(place);
+    grid.state(centre) == CellState::Free && grid.is_own(centre) && !is_beside_something(grid, place, slack_m)
 }
 
-impl Ground {
-    /// Near is within `slack_m`.
-    fn at(place: Point2, grid: &OccupancyGrid, slack_m: f64) -> Self {
-        let centre = grid.cell_of(place);
-        let reach = (slack_m / grid.resolution_m()).ceil() as i32;
-        let around = (-reach..=reach).flat_map(|dj| (-reach..=reach).map(move |di| (di, dj)));
-        let mut near = around
-            .map(|(di, dj)| Cell { i: centre.i + di, j: centre.j + dj })
-            .filter(|&cell| (grid.centre(cell) - place).norm() <= slack_m);
-        if near.any(|cell| grid.state(cell) == CellState::Occupied) {
-            Self::Occupied
-        } else if grid.state(centre) == CellState::Free && grid.is_own(centre) {
-            Self::Free
-        } else {
-            Self::Unknown
-        }
-    }
+/// Whether something stands within `slack_m` of a place.
+fn is_beside_something(grid: &OccupancyGrid, place: Point2, slack_m: f64) -> bool {
+    let centre = grid.cell_of(place);
+    let reach = (slack_m / grid.resolution_m()).ceil() as i32;
+    let around = (-reach..=reach).flat_map(|dj| (-reach..=reach).map(move |di| (di, dj)));
+    let mut near = around
+        .map(|(di, dj)| Cell { i: centre.i + di, j: centre.j + dj })
+        .filter(|&cell| (grid.centre(cell) - place).norm() <= slack_m);
+    near.any(|cell| grid.state(cell) == CellState::Occupied)
 }

@@ -143,15 +143,20 @@ fn ground_in_a_gap_too_narrow_for_an_edge_is_covered_from_outside() {
     );
 }
 
-#[test]
-fn who_stood_before_a_node_is_left_out_of_its_scan_once_the_floor_there_is_free() {
+/// The map of [`mapped`], and a node in the middle that keeps a scan.
+fn mapped_with(scan: &LaserScan) -> (Builder, Journal, OccupancyGrid, NodeId) {
     let (mut builder, mut journal, grid, _) = mapped();
     let estimate = SlamEstimate { grid: &grid, poses: &[Pose2::identity()] };
     let anchored = Anchored { keyframe: 0, keyframe_from_base: pose(0.0, 0.0, 0.0) };
-    let signature = Signature { descriptor: None, scan: room(true).to_record() };
-    let footing = Footing { anchored, frame: Some(7) };
-    let (id, ops) = builder.make_node(footing, Some(signature), &mut journal, &estimate);
+    let signature = Signature { descriptor: None, scan: scan.to_record() };
+    let (id, ops) = builder.make_node(Footing { anchored, frame: Some(7) }, Some(signature), &mut journal, &estimate);
     journal.write(ops, 2);
+    (builder, journal, grid, id)
+}
+
+#[test]
+fn who_stood_before_a_node_is_left_out_of_its_scan_once_the_floor_there_is_free() {
+    let (mut builder, mut journal, grid, id) = mapped_with(&room(true));
     let nearest_mm = |journal: &Journal| {
         let node = journal.state().node(id).expect("the node");
         node.signature.and_then(|signature| signature.scan.ranges_mm.iter().copied().filter(|mm| *mm > 0).min())
@@ -176,13 +181,8 @@ fn crowd(walls_m: f64) -> LaserScan {
 
 /// The returns of a node of `scan` after somebody has walked and the map is finished.
 fn kept_of(scan: &LaserScan) -> Vec<u16> {
-    let (mut builder, mut journal, grid, _) = mapped();
+    let (mut builder, mut journal, grid, id) = mapped_with(scan);
     builder.expect_people();
-    let estimate = SlamEstimate { grid: &grid, poses: &[Pose2::identity()] };
-    let anchored = Anchored { keyframe: 0, keyframe_from_base: pose(0.0, 0.0, 0.0) };
-    let signature = Signature { descriptor: None, scan: scan.to_record() };
-    let (id, ops) = builder.make_node(Footing { anchored, frame: Some(7) }, Some(signature), &mut journal, &estimate);
-    journal.write(ops, 2);
     journal.write(builder.finish(&journal, &grid), 3);
     let signature = journal.state().node(id).expect("the node").signature.expect("its scan");
     signature.scan.ranges_mm.iter().copied().filter(|mm| *mm > 0).collect()

@@ -15,10 +15,9 @@ pub(super) fn not_told_apart(
     config: &RelocalizationConfig,
 ) -> Vec<Candidate> {
     let behind = sigmas_behind_the_most(hypotheses, votes, config);
-    let mut places: Vec<(f64, f64, Pose2)> = Vec::new();
-    for ((place, votes), sigmas) in hypotheses.iter().zip(votes).zip(behind) {
-        places.push((sigmas, votes.net(), place.map_from_base()));
-    }
+    let all = behind.into_iter().zip(hypotheses.iter().zip(votes));
+    let mut places: Vec<(f64, f64, Pose2)> =
+        all.map(|(sigmas, (place, votes))| (sigmas, votes.net(), place.map_from_base())).collect();
     places.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.total_cmp(&a.1)));
     let mut kept: Vec<(f64, Pose2)> = Vec::new();
     for (sigmas_behind, _, at) in places {
